@@ -1,0 +1,3 @@
+"""The task executive: goals in, outcomes out. Its public face is the command line."""
+
+__all__: list[str] = []

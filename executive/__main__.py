@@ -1,0 +1,5 @@
+"""`python -m executive` is `armtree`."""
+
+from .cli import main
+
+main()

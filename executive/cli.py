@@ -1,0 +1,137 @@
+"""The command line. What is heavy is loaded by the command that needs it."""
+
+import logging
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from .codes import INTERNAL, INTERRUPTED_EXIT, look_up
+
+if TYPE_CHECKING:
+    pass
+
+_PATH = click.Path(path_type=Path)
+
+robot_option = click.option(
+    "--robot", type=_PATH, envvar="ARMTREE_ROBOT", help="Robot file; default: the Arduinobot."
+)
+trees_option = click.option(
+    "--trees", type=_PATH, envvar="ARMTREE_TREES", help="Folder with task files of your own."
+)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="armtree")
+@click.option("-v", "--verbose", is_flag=True, help="Show the log.")
+@click.option("--debug", is_flag=True, help="Show tracebacks.")
+def cli(verbose: bool, debug: bool) -> None:
+    """Pick a task number, and the arm does it.
+
+    Exit codes: 0 done, 1 a bug of ours, 2 usage, 3 bad file, 4 goal refused, 5 planning failed,
+    6 hardware fault, 7 canceled, 8 timed out, 9 port busy, 10 recording incomplete, 130 left by
+    a second Ctrl-C.
+    """
+    level = logging.INFO if verbose else logging.CRITICAL
+    logging.basicConfig(
+        level=level, stream=sys.stderr, format="%(levelname)s %(name)s: %(message)s"
+    )
+    logging.getLogger("transitions").setLevel(logging.WARNING)
+
+
+@cli.command()
+@trees_option
+def tasks(trees: Path | None) -> None:
+    """List the tasks there are."""
+    from trees import Library, TreeError
+
+    library, wrong = Library(trees), []
+    for number in library.numbers():
+        try:
+            task = library.task(number)
+            click.echo(f"{number:>4}  {task.name:<12} {task.description}")
+        except TreeError as error:
+            wrong.append(error)
+            click.echo(f"{number:>4}  is wrong", err=True)
+    if wrong:
+        raise wrong[0]
+
+
+@cli.command()
+@click.argument("numbers", metavar="N...", nargs=-1, required=True, type=int)
+@click.option("--port", envvar="ARMTREE_PORT", help="Serial port, or: virtual.")
+@robot_option
+@trees_option
+@click.option(
+    "--recordings",
+    type=_PATH,
+    envvar="ARMTREE_RECORDINGS",
+    default=Path("recordings"),
+    show_default=True,
+    help="Folder for recordings.",
+)
+@click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning.")
+@click.option(
+    "--workers",
+    type=click.IntRange(1),
+    envvar="ARMTREE_WORKERS",
+    default=1,
+    show_default=True,
+    help="Planner processes.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event.")
+def run(
+    numbers: tuple[int, ...],
+    port: str | None,
+    robot: Path | None,
+    trees: Path | None,
+    recordings: Path,
+    seed: int,
+    workers: int,
+    as_json: bool,
+) -> None:
+    """Run tasks N in turn. Ctrl-C cancels and stops the arm; a second one leaves at once."""
+    from .setup import execute
+
+    outcomes = execute(
+        numbers,
+        port=port,
+        robot_file=robot,
+        trees=trees,
+        recordings=recordings,
+        seed=seed,
+        workers=workers,
+        as_json=as_json,
+    )
+    sys.exit(look_up(outcomes[-1].code).exit)
+
+
+@cli.command()
+@click.argument("recording", type=_PATH)
+@click.option("-o", "--output", type=_PATH, help="PNG file; default: beside the recording.")
+def plot(recording: Path, output: Path | None) -> None:
+    """Draw a recording to a PNG file."""
+    from logs.plot import plot as draw
+
+    target = output or recording.with_suffix(".png")
+    draw(recording, target)
+    click.echo(target)
+
+
+def main() -> None:
+    """Entry point of `armtree`."""
+    try:
+        cli.main(standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except click.Abort:
+        sys.exit(INTERRUPTED_EXIT)
+    except Exception as error:
+        if "--debug" in sys.argv:
+            raise
+        code = getattr(error, "code", INTERNAL)
+        words = f"a bug of ours: {error!r}; see --debug" if code == INTERNAL else str(error)
+        click.echo(f"Error: {words}", err=True)
+        sys.exit(look_up(code).exit)

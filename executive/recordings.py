@@ -1,0 +1,99 @@
+"""What is told of a run: into its recording, and to whoever watches."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import logs
+from hardware import ArmEvent, Clock, Robot
+from skills import SkillEvent
+
+from .goal import Goal
+from .records import arm_record, skill_record
+
+
+class Recordings:
+    """One recording per goal; everything told goes into the one that is open, and to the watcher.
+
+    Args:
+        folder: Where recordings are made.
+        robot: Whose arm.
+        clock: Whose time.
+        watch: Told of everything that is recorded; must be quick, from any thread.
+        failed: Called when something could not be recorded, from another thread.
+
+    Attributes:
+        path: Of the recording that is open; empty while none is.
+        frames: How many frames were sent since it was opened.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        robot: Robot,
+        clock: Clock,
+        watch: Callable[[logs.Record], None],
+        failed: Callable[[logs.LogError], None],
+    ) -> None:
+        self._folder, self._robot, self._clock = folder, robot, clock
+        self._watch, self._failed = watch, failed
+        self._recorder: logs.Recorder | None = None
+        self.path = ""
+        self.frames = 0
+
+    def open(self, goal: Goal, name: str, seed: int, files: Mapping[str, str]) -> None:
+        """Open the recording of a goal and tell of it.
+
+        Args:
+            goal: Which.
+            name: Of its task.
+            seed: For whatever draws at random.
+            files: The task's files, by name; they are attached, and the robot's too.
+
+        Raises:
+            LogError: It cannot be made.
+        """
+        self._recorder = recorder = self._create(goal.task)
+        self.path, self.frames = str(recorder.path), 0
+        for path in (self._robot.path, self._robot.urdf):
+            recorder.attach(path.name, "text/plain", path.read_bytes())
+        for file, text in files.items():
+            recorder.attach(file, "application/yaml", text.encode())
+        self.tell(logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed))
+
+    def close(self) -> None:
+        """Finish the recording that is open, if one is.
+
+        Raises:
+            LogError: Something is missing from it.
+        """
+        recorder, self._recorder, self.path = self._recorder, None, ""
+        if recorder:
+            recorder.close()
+
+    def tell(self, record: logs.Record) -> None:
+        """Record something and show it to the watcher."""
+        if isinstance(record, logs.Sent):
+            self.frames += 1
+        if self._recorder:
+            self._recorder.put(record)
+        self._watch(record)
+
+    def arm_did(self, event: ArmEvent) -> None:
+        """Tell of something the arm did."""
+        self.tell(arm_record(event, self._robot))
+
+    def skill_did(self, event: SkillEvent) -> None:
+        """Tell of something a skill did."""
+        self.tell(skill_record(event, self._robot, self._clock.now()))
+
+    def _create(self, task: int) -> logs.Recorder:
+        utc_ns = self._clock.epoch_ns() + round(self._clock.now() * 1e9)
+        while True:
+            path = logs.recording_path(self._folder, utc_ns, task)
+            try:
+                return logs.Recorder(path, self._clock.epoch_ns(), self._give_up)
+            except logs.RecordingExists:
+                utc_ns += 1_000_000
+
+    def _give_up(self, cause: Exception) -> None:
+        self._failed(logs.RecordingIncomplete(Path(self.path), 0, cause))

@@ -1,0 +1,72 @@
+"""What happens in the other rooms, as records."""
+
+import numpy as np
+
+import logs
+from hardware import ArmEvent, BytesReceived, Faulted, FrameSent, Robot, StateChanged
+from skills import Planned, Scheduled, SkillEvent
+from skills.motion import MotionError
+
+_GRID = 0.02  # of the sampled motion in a recording [s]
+
+
+def arm_record(event: ArmEvent, robot: Robot) -> logs.Record:
+    """The record of something the arm did."""
+    match event:
+        case FrameSent():
+            names = tuple(joint.name for joint in robot.actuated)
+            hold = event.scheduled is None
+            return logs.Sent(event.time, event.data, event.scheduled, hold, names, event.positions)
+        case BytesReceived():
+            return logs.Received(event.time, event.data)
+        case StateChanged():
+            return logs.Transition(event.time, event.label, event.start.value, event.goal.value)
+        case Faulted():
+            return logs.LogLine(event.time, 40, "hardware", str(event.error))
+
+
+def skill_record(event: SkillEvent, robot: Robot, now: float) -> logs.Record:
+    """The record of something a skill did, at a time [s]."""
+    match event:
+        case Planned():
+            return _plan_record(event, robot, now)
+        case Scheduled(schedule):
+            return logs.Schedule(
+                now,
+                robot.firmware.rate,
+                robot.firmware.name,
+                tuple(setpoint.time for setpoint in schedule.setpoints),
+                tuple(str(setpoint.frame) for setpoint in schedule.setpoints),
+                schedule.slowed,
+            )
+
+
+def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
+    query, answer = event.query, event.answer
+    joints = robot.leaders(query.group)
+    plan, error = (None, answer) if isinstance(answer, MotionError) else (answer, None)
+    duration = plan.duration if plan else 0.0
+    times = np.append(np.arange(0.0, duration, _GRID), duration) if plan else np.empty(0)
+    return logs.Plan(
+        time=now,
+        group=query.group,
+        joints=tuple(joint.name for joint in joints),
+        start=query.start,
+        goal=query.goal,
+        seed=query.seed,
+        velocity_limits=tuple(joint.velocity for joint in joints),
+        acceleration_limits=tuple(joint.acceleration for joint in joints),
+        waypoints=_rows(plan.waypoints) if plan else (),
+        times=tuple(times.tolist()),
+        positions=_rows(plan.sample(times)) if plan else (),
+        duration=duration,
+        milliseconds=dict(plan.milliseconds) if plan else {},
+        code=error.code if error else "",
+        message=str(error) if error else "",
+    )
+
+
+def _rows(
+    array: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]",
+) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in array.tolist())

@@ -1,0 +1,131 @@
+"""Everything that `armtree run` needs, put together."""
+
+import logging
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from hardware import VIRTUAL, HardwareError, RealClock, Robot, link_to, load_robot
+from skills.motion import Pool
+from trees import Library, TreeError
+
+from .codes import INTERRUPTED_EXIT
+from .executive import Executive
+from .goal import GoalState, Outcome
+from .view import JsonView, RecordingHandler, TextView, View
+
+PLANNING_TIMEOUT = 5.0  # [s]
+
+
+def execute(
+    numbers: Sequence[int],
+    *,
+    port: str | None,
+    robot_file: Path | None,
+    trees: Path | None,
+    recordings: Path,
+    seed: int,
+    workers: int,
+    as_json: bool,
+) -> list[Outcome]:
+    """Run tasks from the command line.
+
+    Args:
+        numbers: Of the tasks.
+        port: As given by flag or environment; None to take the robot file's.
+        robot_file: None for the shipped robot.
+        trees: Folder with more tasks.
+        recordings: Folder for recordings.
+        seed: For whatever draws at random.
+        workers: Planner processes.
+        as_json: Whether to print JSON.
+
+    Returns:
+        The outcomes, at least one.
+    """
+    with _view(as_json) as view:
+        try:
+            robot, library = load_robot(robot_file), Library(trees)
+        except (HardwareError, TreeError) as error:
+            outcome = Outcome(numbers[0], GoalState.ABORTED, error.code, str(error), 0, 0.0, "")
+            view.report(outcome)
+            return [outcome]
+        port = robot.serial.port if port is None else port
+        view.say(_port_line(robot, port))
+        clock = RealClock()
+        pool = Pool(robot, workers, clock)
+        try:
+            executive = Executive(
+                robot,
+                link_to(robot, port) if port else None,
+                library,
+                pool,
+                recordings,
+                clock,
+                seed,
+                PLANNING_TIMEOUT,
+                view.watch,
+            )
+            return _drive(executive, clock, numbers, view)
+        finally:
+            pool.close()
+
+
+def _drive(
+    executive: Executive, clock: RealClock, numbers: Sequence[int], view: View
+) -> list[Outcome]:
+    """Run on a thread of its own; this one waits for signals."""
+    outcomes: list[Outcome] = []
+    bugs: list[Exception] = []
+    handler = RecordingHandler(executive.tell, clock.now)
+    logging.getLogger().addHandler(handler)
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    canceled: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        if canceled:
+            os._exit(INTERRUPTED_EXIT)
+        canceled.append(number)
+        executive.cancel()
+
+    def own() -> None:
+        try:
+            outcomes.extend(executive.run(numbers, view.report))
+        except Exception as error:  # carried over to the thread that tells the user
+            bugs.append(error)
+
+    for number in before:
+        signal.signal(number, interrupt)
+    try:
+        clock.spawn(own, "owner").join()
+    finally:
+        for number, previous in before.items():
+            signal.signal(number, previous)
+        logging.getLogger().removeHandler(handler)
+    if bugs:
+        raise bugs[0]
+    return outcomes
+
+
+def _view(as_json: bool) -> View:
+    if as_json:
+        return JsonView()
+    if not sys.stdout.isatty():
+        return TextView()
+    from rich.console import Console
+
+    from .live_view import LiveView
+
+    return LiveView(Console())
+
+
+def _port_line(robot: Robot, port: str) -> str:
+    if port == VIRTUAL:
+        return (
+            f"Port virtual: the virtual Arduino, firmware {robot.firmware.name}; nothing real moves"
+        )
+    if not port:
+        return "Port: none"
+    return f"Port {port}: firmware {robot.firmware.name}, {robot.serial.baud} baud"

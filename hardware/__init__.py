@@ -1,0 +1,94 @@
+"""The arm as it is: description, wire format, link, lifecycle, guard and streamer."""
+
+from .arm import VIRTUAL, Arm, link_to, virtual_board
+from .board import Board, BoardState
+from .board_link import BoardLink
+from .clock import Clock, RealClock, Signal, SimulatedClock
+from .description import load_robot
+from .errors import (
+    ActivationStopped,
+    BadPosition,
+    DescriptionError,
+    HardwareError,
+    LinkError,
+    NotActive,
+    PortBusy,
+    PortDenied,
+    PortLost,
+    PortMissing,
+    PortNotGiven,
+    PortStalled,
+    StaleGeneration,
+    TooFast,
+    TransitionRefused,
+    WriteRefused,
+)
+from .events import ArmEvent, BytesReceived, Faulted, FrameSent, Observer, StateChanged
+from .firmware import FIRMWARES, Firmware
+from .frames import Codec, Frame, check_position
+from .lifecycle import State
+from .link import Link
+from .robot import CollisionRules, Joint, Mimic, Robot, Serial, WireField
+from .schedule import Schedule, Setpoint, compile_schedule, played
+from .serial_link import SerialLink
+from .streamer import Playback, PlaybackState
+from .virtual_arduino import VirtualArduino, VirtualLink
+
+__all__ = [
+    "FIRMWARES",
+    "VIRTUAL",
+    "ActivationStopped",
+    "Arm",
+    "ArmEvent",
+    "BadPosition",
+    "Board",
+    "BoardLink",
+    "BoardState",
+    "BytesReceived",
+    "Clock",
+    "Codec",
+    "CollisionRules",
+    "DescriptionError",
+    "Faulted",
+    "Firmware",
+    "Frame",
+    "FrameSent",
+    "HardwareError",
+    "Joint",
+    "Link",
+    "LinkError",
+    "Mimic",
+    "NotActive",
+    "Observer",
+    "Playback",
+    "PlaybackState",
+    "PortBusy",
+    "PortDenied",
+    "PortLost",
+    "PortMissing",
+    "PortNotGiven",
+    "PortStalled",
+    "RealClock",
+    "Robot",
+    "Schedule",
+    "Serial",
+    "SerialLink",
+    "Setpoint",
+    "Signal",
+    "SimulatedClock",
+    "StaleGeneration",
+    "State",
+    "StateChanged",
+    "TooFast",
+    "TransitionRefused",
+    "VirtualArduino",
+    "VirtualLink",
+    "WireField",
+    "WriteRefused",
+    "check_position",
+    "compile_schedule",
+    "link_to",
+    "load_robot",
+    "played",
+    "virtual_board",
+]

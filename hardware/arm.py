@@ -1,0 +1,307 @@
+"""The arm: its lifecycle, its link, and what may be sent when."""
+
+import atexit
+import contextlib
+import logging
+import weakref
+from collections.abc import Callable
+from types import TracebackType
+from typing import Self
+
+from .board import Board
+from .clock import Clock
+from .door import Door
+from .errors import (
+    ActivationStopped,
+    HardwareError,
+    LinkError,
+    NotActive,
+    PortNotGiven,
+    TransitionRefused,
+)
+from .events import ArmEvent, BytesReceived, Faulted, Observer, StateChanged
+from .firmware import Firmware
+from .frames import Codec
+from .lifecycle import Lifecycle, Result, State
+from .link import Link
+from .robot import Robot
+from .schedule import Schedule
+from .serial_link import SerialLink
+from .streamer import Playback, Streamer
+from .virtual_arduino import VirtualLink
+
+logger = logging.getLogger(__name__)
+
+VIRTUAL = "virtual"
+
+
+def virtual_board(robot: Robot) -> Board:
+    """The model of the board that a robot description names."""
+    return Board(*_board_of(robot))
+
+
+def link_to(robot: Robot, port: str) -> Link:
+    """The link to a port.
+
+    Args:
+        robot: Whose baud and, for the virtual Arduino, whose board.
+        port: A device, or `virtual` for the virtual Arduino.
+    """
+    if port == VIRTUAL:
+        return VirtualLink(*_board_of(robot))
+    return SerialLink(port, robot.serial.baud)
+
+
+def _board_of(robot: Robot) -> tuple[str, tuple[int, ...], Firmware, int]:
+    codec = Codec(robot.actuated)
+    boot = codec.encode(robot.boot_pose).servos
+    return codec.letters, boot, robot.firmware, robot.serial.baud
+
+
+def _nobody(event: ArmEvent) -> None:
+    """Watches nothing."""
+
+
+class Arm:
+    """A robot arm on a serial line, open loop: its state is what it was last commanded.
+
+    Used as a context, it is shut down at the end; an interpreter that exits closes the port too.
+
+    Args:
+        robot: The robot.
+        link: The line to its board; None where nobody said which port.
+        clock: Whose time.
+        observe: Told of every frame, byte, transition and fault. It must be quick.
+    """
+
+    def __init__(
+        self, robot: Robot, link: Link | None, clock: Clock, observe: Observer = _nobody
+    ) -> None:
+        self.robot = robot
+        self._link, self._clock, self._observe = link, clock, observe
+        self._signal = clock.signal()
+        self._canceled = False
+        self._refusal: HardwareError | None = None
+        self._failure: HardwareError | None = None
+        self._door: Door | None = None
+        self._streamer: Streamer | None = None
+        self._lifecycle = Lifecycle(
+            {
+                State.CONFIGURING: self._configure,
+                State.ACTIVATING: self._activate,
+                State.DEACTIVATING: self._deactivate,
+                State.CLEANINGUP: self._clean_up,
+                State.SHUTTINGDOWN: self._deactivate,
+                State.ERRORPROCESSING: self._give_up,
+            },
+            self._changed,
+        )
+        atexit.register(_close_at_exit, weakref.ref(self))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.shutdown()
+
+    @property
+    def state(self) -> State:
+        """Where the lifecycle stands."""
+        return self._lifecycle.state
+
+    @property
+    def commanded(self) -> tuple[float, ...]:
+        """Where the arm was last commanded to, one value per actuated joint [rad].
+
+        Raises:
+            NotActive: Where an arm stands is only known once it was activated.
+        """
+        return self._active_door().commanded
+
+    def configure(self) -> None:
+        """Check that all that is needed is there; never touches the port.
+
+        Raises:
+            PortNotGiven: No port was named; the arm stays unconfigured.
+            TransitionRefused: Not legal now.
+        """
+        self._request("configure", State.INACTIVE)
+
+    def activate(self) -> None:
+        """Open the port, which resets the board and moves the arm, and wait until it has booted.
+
+        Raises:
+            LinkError: The port cannot be had; the arm stays inactive.
+            ActivationStopped: Somebody called `stop` while the board booted.
+            TransitionRefused: Not legal now.
+        """
+        self._request("activate", State.ACTIVE)
+
+    def deactivate(self) -> None:
+        """Stop, and close the port; the servos keep holding.
+
+        Raises:
+            TransitionRefused: Not legal now.
+        """
+        self._stop_motion()
+        self._request("deactivate", State.INACTIVE)
+
+    def cleanup(self) -> None:
+        """Forget the configuration.
+
+        Raises:
+            TransitionRefused: Not legal now.
+        """
+        self._request("cleanup", State.UNCONFIGURED)
+
+    def shutdown(self) -> None:
+        """Stop, close the port, and end for good. Harmless when it has ended."""
+        if self.state is not State.FINALIZED:
+            self._stop_motion()
+            self._request("shutdown", State.FINALIZED)
+
+    def play(self, schedule: Schedule, changed: Callable[[], None]) -> Playback:
+        """Begin to play a schedule.
+
+        Args:
+            schedule: What to play.
+            changed: Called from another thread after every frame and at the end.
+
+        Raises:
+            NotActive: The arm is not active.
+        """
+        self._active_door()
+        assert self._streamer
+        return self._streamer.play(schedule, changed)
+
+    def stop(self) -> None:
+        """Drop what is left of the motion and hold; in any state, any number of times.
+
+        What the board has already swallowed it still carries out. While the board boots, this
+        ends the activation.
+        """
+        with self._signal:
+            self._canceled = True
+            self._signal.notify()
+        streamer = self._streamer
+        if self.state is State.ACTIVE and streamer:
+            try:
+                streamer.stop()
+            except NotActive:
+                pass  # it was deactivated meanwhile, and that stops it too
+            except LinkError as error:
+                self.fault(error)
+
+    def fault(self, error: HardwareError) -> None:
+        """Take the arm out of *active*, for this error; coming back is a person's act."""
+        logger.error("%s", error)
+        self._failure = error
+        self._observe(Faulted(self._clock.now(), error))
+        try:
+            self._lifecycle.request("raise_error")
+        except TransitionRefused as refusal:
+            logger.debug("fault outside active: %s", refusal)
+
+    def _stop_motion(self) -> None:
+        if self._streamer and self._streamer.playing:
+            self.stop()
+
+    def _request(self, label: str, wanted: State) -> None:
+        self._refusal = None
+        if self._lifecycle.request(label) is not wanted:
+            raise self._refusal or TransitionRefused(
+                f"{label} failed: the arm is {self.state.value}"
+            )
+
+    def _active_door(self) -> Door:
+        door = self._door
+        if self.state is not State.ACTIVE or door is None:
+            raise NotActive(f"the arm is {self.state.value}; configure and activate it first")
+        return door
+
+    def _configure(self) -> Result:
+        if self._link is None:
+            self._refusal = PortNotGiven()
+            logger.error("%s", self._refusal)
+            return Result.FAILURE
+        return Result.SUCCESS
+
+    def _activate(self) -> Result:
+        assert self._link
+        with self._signal:
+            self._canceled = False
+        logger.info("Starting the arm on port %s: it moves to its boot pose", self._link.port)
+        try:
+            self._link.open()
+        except LinkError as error:
+            logger.error("The port %s did not open: %s", self._link.port, error)
+            self._refusal = error
+            return Result.FAILURE
+        self._clock.spawn(self._listen, "listener")
+        if not self._boot():
+            self._refusal = ActivationStopped("the arm was stopped while its board booted")
+            self._close()
+            return Result.FAILURE
+        period = 1 / self.robot.firmware.rate
+        active = lambda: self.state is State.ACTIVE  # noqa: E731
+        self._door = Door(self.robot, self._link, self._clock, active, self._observe)
+        self._streamer = Streamer(self._door, self._clock, period, self.fault)
+        logger.info("The arm on port %s is ready to take commands", self._link.port)
+        return Result.SUCCESS
+
+    def _boot(self) -> bool:
+        """Wait until the board listens; False when stopped meanwhile."""
+        until = self._clock.now() + self.robot.serial.boot_wait
+        with self._signal:
+            while not self._canceled and self._clock.now() < until:
+                self._signal.wait(until)
+            return not self._canceled
+
+    def _deactivate(self) -> Result:
+        if self._streamer and self._link:
+            logger.info("Stopping the arm on port %s", self._link.port)
+        self._close()
+        return Result.SUCCESS
+
+    def _clean_up(self) -> Result:
+        return Result.SUCCESS
+
+    def _give_up(self) -> Result:
+        self._close(self._failure)
+        return Result.SUCCESS
+
+    def _close(self, error: HardwareError | None = None) -> None:
+        streamer, self._streamer, self._door = self._streamer, None, None
+        if streamer:
+            streamer.close(error)
+        if self._link:
+            try:
+                self._link.close()
+            except LinkError as closing:
+                logger.error("Closing the port %s failed: %s", self._link.port, closing)
+            if streamer:
+                logger.info("The arm on port %s is stopped", self._link.port)
+
+    def _listen(self) -> None:
+        """Read what the board says until the link is closed or lost."""
+        assert self._link
+        try:
+            while data := self._link.read():
+                self._observe(BytesReceived(self._clock.now(), data))
+        except LinkError as error:
+            self.fault(error)
+
+    def _changed(self, label: str, start: State, goal: State) -> None:
+        self._observe(StateChanged(self._clock.now(), label, start, goal))
+
+
+def _close_at_exit(reference: "weakref.ref[Arm]") -> None:
+    arm = reference()
+    if arm is not None:
+        with contextlib.suppress(TransitionRefused):  # somebody is at it already
+            arm.shutdown()

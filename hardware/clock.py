@@ -1,0 +1,225 @@
+"""Time, injected: the real clock, and a simulated one that jumps when everybody waits.
+
+Nobody else reads the time, sleeps or starts a thread, so a program that is handed a
+`SimulatedClock` runs the same code in no time at all.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Protocol
+
+
+class Signal(Protocol):
+    """A condition variable whose time-outs run on a clock. Hold it (`with`) to wait or notify."""
+
+    def __enter__(self) -> object: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+    def wait(self, until: float | None) -> None:
+        """Let go, sleep until notified or until the time [s], and take hold again."""
+
+    def notify(self) -> None:
+        """Wake everybody who waits."""
+
+
+class Clock(Protocol):
+    """Monotonic time and the ways to wait on it."""
+
+    def now(self) -> float:
+        """Monotonic time [s]."""
+
+    def epoch_ns(self) -> int:
+        """What UTC was when this clock stood at 0 [ns since 1970]."""
+
+    def signal(self) -> Signal:
+        """A new condition variable on this clock."""
+
+    def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
+        """Start a daemon thread that waits on this clock only through its signals."""
+
+
+class RealClock:
+    """The machine's monotonic clock."""
+
+    def __init__(self) -> None:
+        self._epoch_ns = time.time_ns() - time.monotonic_ns()
+
+    def now(self) -> float:
+        """Monotonic time [s]."""
+        return time.monotonic()
+
+    def epoch_ns(self) -> int:
+        """What UTC was when the monotonic clock stood at 0 [ns since 1970]."""
+        return self._epoch_ns
+
+    def signal(self) -> Signal:
+        """A new condition variable."""
+        return _RealSignal()
+
+    def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
+        """Start a daemon thread."""
+        thread = threading.Thread(target=target, name=name, daemon=True)
+        thread.start()
+        return thread
+
+
+class _RealSignal:
+    def __init__(self) -> None:
+        self._condition = threading.Condition()
+
+    def __enter__(self) -> object:
+        return self._condition.__enter__()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._condition.__exit__(kind, error, trace)
+
+    def wait(self, until: float | None) -> None:
+        self._condition.wait(None if until is None else max(0.0, until - time.monotonic()))
+
+    def notify(self) -> None:
+        self._condition.notify_all()
+
+
+class _Sleeper:
+    """One thread that waits."""
+
+    def __init__(self, until: float | None, counted: bool) -> None:
+        self.until, self.counted = until, counted
+        self.woken = threading.Event()
+
+
+class SimulatedClock:
+    """Time stands still while anybody works, and jumps to the next deadline when all wait.
+
+    The threads that count as working are those it spawned and those inside `working()`. A thread
+    that is notified counts as working from that instant, so no jump can slip in between.
+
+    Args:
+        epoch_ns: UTC at time 0 [ns since 1970].
+    """
+
+    def __init__(self, epoch_ns: int = 1_767_225_600_000_000_000) -> None:
+        self._epoch_ns = epoch_ns
+        self._lock = threading.Lock()
+        self._now = 0.0
+        self._working = 0
+        self._sleepers: list[_Sleeper] = []
+        self._counted = threading.local()
+
+    def now(self) -> float:
+        """Simulated time [s]."""
+        return self._now
+
+    def epoch_ns(self) -> int:
+        """UTC at time 0 [ns since 1970]."""
+        return self._epoch_ns
+
+    def signal(self) -> Signal:
+        """A new condition variable on simulated time."""
+        return _SimulatedSignal(self)
+
+    def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
+        """Start a daemon thread that counts as working from now on."""
+        with self._lock:
+            self._working += 1
+
+        def run() -> None:
+            self._counted.here = True
+            try:
+                target()
+            finally:
+                self._rest()
+
+        thread = threading.Thread(target=run, name=name, daemon=True)
+        thread.start()
+        return thread
+
+    @contextmanager
+    def working(self) -> Iterator[None]:
+        """Let the calling thread count as working."""
+        with self._lock:
+            self._working += 1
+        self._counted.here = True
+        try:
+            yield
+        finally:
+            self._counted.here = False
+            self._rest()
+
+    def _rest(self) -> None:
+        with self._lock:
+            self._working -= 1
+            self._jump()
+
+    def sleep(self, until: float | None) -> _Sleeper:
+        """Note that the calling thread is about to wait."""
+        sleeper = _Sleeper(until, getattr(self._counted, "here", False))
+        with self._lock:
+            self._sleepers.append(sleeper)
+            self._working -= sleeper.counted
+            self._jump()
+        return sleeper
+
+    def wake(self, sleepers: list[_Sleeper]) -> None:
+        """Note that these threads work again, and let them go."""
+        with self._lock:
+            self._wake(sleepers)
+
+    def _wake(self, sleepers: list[_Sleeper]) -> None:
+        for sleeper in sleepers:
+            if not sleeper.woken.is_set():
+                self._sleepers.remove(sleeper)
+                self._working += sleeper.counted
+                sleeper.woken.set()
+
+    def _jump(self) -> None:
+        deadlines = [s.until for s in self._sleepers if s.until is not None]
+        if self._working == 0 and deadlines:
+            self._now = max(self._now, min(deadlines))
+            due = [s for s in self._sleepers if s.until is not None and s.until <= self._now]
+            self._wake(due)
+
+
+class _SimulatedSignal:
+    def __init__(self, clock: SimulatedClock) -> None:
+        self._clock = clock
+        self._lock = threading.RLock()
+        self._sleepers: list[_Sleeper] = []
+
+    def __enter__(self) -> object:
+        return self._lock.__enter__()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._lock.release()
+
+    def wait(self, until: float | None) -> None:
+        if until is not None and until <= self._clock.now():
+            return
+        sleeper = self._clock.sleep(until)
+        self._sleepers.append(sleeper)
+        self._lock.release()
+        sleeper.woken.wait()
+        self._lock.acquire()
+        self._sleepers.remove(sleeper)
+
+    def notify(self) -> None:
+        self._clock.wake(self._sleepers)

@@ -1,0 +1,138 @@
+"""The one door to the wire: the only place that writes to the port, and the guard in front of it.
+
+Trees, planners and servers may be wrong; this may not. It checks by itself, at every write, that
+the arm is active, that the motion is the current one, that every value is finite and within its
+limits, and that the board can digest the frame now.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+
+from .clock import Clock
+from .errors import NotActive, StaleGeneration, TooFast
+from .events import FrameSent, Observer
+from .frames import Codec, Frame
+from .link import Link
+from .pace import Pace
+from .robot import Robot
+
+# A sleeping thread never wakes early; this only absorbs the rounding of times.
+_EARLY = 1e-6  # [s]
+
+
+class Door:
+    """Writes commanded positions to the board.
+
+    Args:
+        robot: Whose limits and firmware count.
+        link: Where to write.
+        clock: Whose time.
+        active: Tells whether the lifecycle stands in *active*.
+        observe: Told of every frame, after it was written.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        link: Link,
+        clock: Clock,
+        active: Callable[[], bool],
+        observe: Observer,
+    ) -> None:
+        self._robot, self._link, self._clock = robot, link, clock
+        self._active, self._observe = active, observe
+        self._codec = Codec(robot.actuated)
+        self._lock = threading.Lock()
+        self._generation = 0
+        self.reset(robot.boot_pose)
+
+    def reset(self, positions: Sequence[float]) -> None:
+        """Take these as the commanded positions [rad]; no frame was written yet."""
+        with self._lock:
+            self._commanded = tuple(positions)
+            self._holds = self._codec.encode(positions)
+            self._pace = Pace(self._robot.firmware, self._robot.serial.baud, self._holds)
+            self._hold_due = False
+
+    @property
+    def commanded(self) -> tuple[float, ...]:
+        """Where the arm was last commanded to, one value per actuated joint [rad]."""
+        return self._commanded
+
+    @property
+    def earliest(self) -> float:
+        """When the board can take the next frame [s]."""
+        return self._pace.earliest
+
+    @property
+    def done(self) -> float:
+        """When the board is done with what it was sent [s]."""
+        return self._pace.done
+
+    def renew(self) -> int:
+        """Begin a new generation; whoever still writes for an older one is refused."""
+        with self._lock:
+            self._generation += 1
+            return self._generation
+
+    def write(self, positions: Sequence[float], generation: int, scheduled: float) -> bool:
+        """Command positions; a frame of the same bytes as the last is not sent again.
+
+        Args:
+            positions: One value per actuated joint [rad].
+            generation: Whose motion this is.
+            scheduled: When this was due [s].
+
+        Returns:
+            Whether a frame was sent.
+
+        Raises:
+            WriteRefused: Not active, an old generation, a bad value, or too much for the board.
+            PortLost: The port went away; what the board got is unknown.
+            PortStalled: The board takes no more; likewise.
+        """
+        with self._lock:
+            self._check_active()
+            if generation != self._generation:
+                raise StaleGeneration("this motion was stopped; nothing more is sent for it")
+            frame = self._codec.encode(positions)
+            if frame != self._holds:
+                self._check_pace(frame)
+                self._send(frame, tuple(positions), scheduled)
+                return True
+            self._commanded = tuple(positions)
+            return False
+
+    def hold(self) -> None:
+        """End the generation and repeat the last frame, once; nothing if none was written since.
+
+        Raises:
+            NotActive: Only an active arm is written to.
+            PortLost: The port went away.
+            PortStalled: The board takes no more.
+        """
+        with self._lock:
+            self._generation += 1
+            if self._hold_due:
+                self._check_active()
+                self._send(self._holds, self._commanded, None)
+                self._hold_due = False
+
+    def _check_active(self) -> None:
+        if not self._active():
+            raise NotActive("the arm is not active; configure and activate it first")
+
+    def _check_pace(self, frame: Frame) -> None:
+        step, most = self._pace.step(frame), self._robot.firmware.max_step
+        if step > most:
+            raise TooFast(f"{frame} turns the servos by {step} degrees in sum; the most is {most}")
+        early = self._pace.earliest - self._clock.now()
+        if early > _EARLY:
+            raise TooFast(f"{frame} comes {early * 1000:.1f} ms before the board has room for it")
+
+    def _send(self, frame: Frame, positions: tuple[float, ...], scheduled: float | None) -> None:
+        now = self._clock.now()
+        self._link.write(frame.data)
+        self._pace.sent(frame, now)
+        self._holds, self._commanded, self._hold_due = frame, positions, True
+        self._observe(FrameSent(now, frame.data, positions, scheduled))

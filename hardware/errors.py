@@ -1,0 +1,174 @@
+"""What can go wrong with the arm.
+
+    HardwareError
+    ├── DescriptionError          the robot file or its URDF is wrong
+    ├── LinkError                 the serial port
+    │   ├── PortNotGiven          nobody said which
+    │   ├── PortMissing           there is no such port
+    │   ├── PortDenied            no permission
+    │   ├── PortBusy              somebody else has it
+    │   ├── PortLost              it went away, or a write failed half-way
+    │   └── PortStalled           the other end stopped taking bytes
+    ├── TransitionRefused         the lifecycle does not allow it now
+    │   └── ActivationStopped     somebody stopped the arm while its board booted
+    └── WriteRefused              the write guard said no; nothing was sent
+        ├── NotActive             only an active arm may be written to
+        ├── StaleGeneration       the motion was stopped meanwhile
+        ├── BadPosition           not finite, missing or outside the limits
+        └── TooFast               more than the board can digest
+
+Every error carries a stable `code`, and its message says what to do next.
+"""
+
+from pathlib import Path
+
+
+class HardwareError(Exception):
+    """Root of everything this room raises."""
+
+    code = "hw.error"
+
+
+class DescriptionError(HardwareError):
+    """The robot description is wrong.
+
+    Attributes:
+        path: The file.
+        line: Line number, 0 where no line can be named.
+    """
+
+    code = "file.robot"
+
+    def __init__(self, path: Path, line: int, message: str) -> None:
+        self.path, self.line = path, line
+        super().__init__(f"{path}:{line}: {message}" if line else f"{path}: {message}")
+
+
+class LinkError(HardwareError):
+    """A serial port failed.
+
+    Attributes:
+        port: The port's name as it was given.
+    """
+
+    code = "hw.link"
+
+    def __init__(self, port: str, message: str) -> None:
+        self.port = port
+        super().__init__(message)
+
+
+class PortNotGiven(LinkError):
+    """No port in the robot file, the environment or on the command line."""
+
+    code = "hw.no_port"
+
+    def __init__(self) -> None:
+        super().__init__(
+            "",
+            "No serial port provided: give --port PORT, set ARMTREE_PORT, or write port under "
+            "[serial] in the robot file (virtual needs no hardware)",
+        )
+
+
+class PortMissing(LinkError):
+    """There is no such port."""
+
+    code = "hw.port_missing"
+
+    def __init__(self, port: str, present: list[str]) -> None:
+        there = ", ".join(present) or "none"
+        super().__init__(
+            port,
+            f"There is no serial port {port}; present: {there}. "
+            "Plug the board in, or give another --port (virtual needs no hardware)",
+        )
+
+
+class PortDenied(LinkError):
+    """The port is there, but not for this user."""
+
+    code = "hw.port_denied"
+
+    def __init__(self, port: str, group: str) -> None:
+        super().__init__(
+            port,
+            f"No permission to open the port {port}. Join its group with "
+            f"`sudo usermod -aG {group} $USER` and log in again",
+        )
+
+
+class PortBusy(LinkError):
+    """Another program has the port."""
+
+    code = "hw.port_busy"
+
+    def __init__(self, port: str, owner: str) -> None:
+        super().__init__(port, f"The port {port} is in use by {owner}. End that program first")
+
+
+class PortLost(LinkError):
+    """The port went away while it was open; what the board got last is unknown."""
+
+    code = "hw.port_lost"
+
+    def __init__(self, port: str, why: str) -> None:
+        super().__init__(
+            port,
+            f"{why}: the port {port} is gone. Check the cable and the power, then run again",
+        )
+
+
+class PortStalled(LinkError):
+    """A write did not finish in time; it may or may not have arrived, and is never repeated."""
+
+    code = "hw.port_stalled"
+
+    def __init__(self, port: str, why: str) -> None:
+        super().__init__(
+            port,
+            f"{why}: the port {port} takes no more bytes. Check the cable and the power of the "
+            "board, then run again",
+        )
+
+
+class TransitionRefused(HardwareError):
+    """The lifecycle allows no such transition now."""
+
+    code = "hw.transition_refused"
+
+
+class ActivationStopped(TransitionRefused):
+    """Somebody stopped the arm while its board booted; it is inactive."""
+
+    code = "hw.activation_stopped"
+
+
+class WriteRefused(HardwareError):
+    """The write guard refused; nothing was sent."""
+
+    code = "hw.refused"
+
+
+class NotActive(WriteRefused):
+    """Only an active arm may be written to."""
+
+    code = "hw.not_active"
+
+
+class StaleGeneration(WriteRefused):
+    """The motion that wants to write was stopped."""
+
+    code = "hw.stale"
+
+
+class BadPosition(WriteRefused, ValueError):
+    """A joint value is missing, not finite or outside its limits."""
+
+    code = "hw.bad_position"
+
+
+class TooFast(WriteRefused):
+    """The board could not digest this frame now."""
+
+    code = "hw.too_fast"

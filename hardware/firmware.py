@@ -1,0 +1,51 @@
+"""What runs on the board, as far as the host must know it.
+
+Figures for `stock` are those of the published sketch: it turns one servo after the other in steps
+of one degree, waits 5 ms after each (the first, of zero degrees, included), reads nothing
+meanwhile, and its serial ring holds 63 bytes. `armtree` stores a frame and lets timers move the
+servos, so a frame costs it no more than its time on the wire.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Firmware:
+    """The profile of a firmware.
+
+    Attributes:
+        name: As written in a robot file.
+        rate: Grid on which motions are sampled into frames [Hz].
+        degree_time: Time that one degree of one servo blocks the board [s]; 0 if it never blocks.
+        max_step: Largest change that one frame may ask for, summed over the servos [deg].
+        ring: Unread bytes the board can hold.
+        boot_time: From reset until it reads its line [s].
+        banner: What it says when it has booted.
+    """
+
+    name: str
+    rate: float
+    degree_time: float
+    max_step: int
+    ring: int
+    boot_time: float
+    banner: bytes
+
+    def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:
+        """How long the board is deaf after a frame [s].
+
+        Args:
+            before: Servo angles the board holds [deg].
+            after: Servo angles the frame asks for [deg].
+        """
+        steps = sum(abs(b - a) + 1 for a, b in zip(before, after, strict=True))
+        return self.degree_time * steps
+
+
+# 10 Hz leaves the stock sketch 100 ms a frame: 4 servos x 5 ms and 16 degrees x 5 ms.
+STOCK = Firmware("stock", 10.0, 0.005, 16, 63, 1.0, b"")
+# The same largest step: it bounds how far the arm still moves after a stop.
+ARMTREE = Firmware("armtree", 50.0, 0.0, 16, 63, 1.0, b"armtree 1\r\n")
+
+FIRMWARES = {firmware.name: firmware for firmware in (STOCK, ARMTREE)}

@@ -1,0 +1,115 @@
+"""The wire format: joint values to frames such as `b090,s090,e090,g000,` and back.
+
+The order of the operations is that of the published driver and must stay: the value is truncated,
+so an equal formula in another order gives other bytes.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .errors import BadPosition
+from .robot import Joint, WireField
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One command to all servos.
+
+    Attributes:
+        servos: Servo angles in the order of the fields [deg].
+        data: The bytes that travel.
+    """
+
+    servos: tuple[int, ...]
+    data: bytes
+
+    def __str__(self) -> str:
+        return self.data.decode("ascii")
+
+
+class Codec:
+    """Encodes the actuated joints of a robot into frames.
+
+    Args:
+        joints: The joints with a servo, in the order of their fields.
+
+    Attributes:
+        letters: The letters of the fields, in order.
+    """
+
+    def __init__(self, joints: Sequence[Joint]) -> None:
+        self._fields = [(joint, joint.wire) for joint in joints if joint.wire]
+        self.letters = "".join(wire.letter for _, wire in self._fields)
+        self._pattern = re.compile(re.sub("(.)", r"\1([0-9]{3}),", self.letters).encode("ascii"))
+
+    def encode(self, positions: Sequence[float]) -> Frame:
+        """The frame for joint positions [rad].
+
+        Args:
+            positions: One value per actuated joint.
+
+        Raises:
+            BadPosition: A value is missing, not a number, not finite or outside its limits.
+        """
+        if len(positions) != len(self._fields):
+            names = ", ".join(joint.name for joint, _ in self._fields)
+            raise BadPosition(f"{len(positions)} values for {len(self._fields)} joints: {names}")
+        servos = []
+        for (joint, wire), q in zip(self._fields, positions, strict=True):
+            check_position(joint, q)
+            servos.append(servo_angle(wire, q))
+        return self.frame(servos)
+
+    def frame(self, servos: Sequence[int]) -> Frame:
+        """The frame for servo angles [deg], each from 0 to 180."""
+        fields = zip(self._fields, servos, strict=True)
+        text = "".join(f"{wire.letter}{angle:03d}," for (_, wire), angle in fields)
+        return Frame(tuple(servos), text.encode("ascii"))
+
+    def parse(self, data: bytes) -> Frame:
+        """The frame that these bytes spell.
+
+        Raises:
+            ValueError: They are no frame of this robot.
+        """
+        match = self._pattern.fullmatch(data)
+        if match is None:
+            raise ValueError(f"{data!r} is no frame such as {self.frame([0] * len(self._fields))}")
+        return Frame(tuple(int(angle) for angle in match.groups()), data)
+
+    def decode(self, frame: Frame) -> tuple[float, ...]:
+        """The joint positions that a frame stands for [rad].
+
+        Truncation maps a whole bin of positions to one angle; this is the middle of the bin, moved
+        inside the limits.
+        """
+        return tuple(
+            min(max(_joint(wire, angle), joint.lower), joint.upper)
+            for (joint, wire), angle in zip(self._fields, frame.servos, strict=True)
+        )
+
+
+def check_position(joint: Joint, q: object) -> None:
+    """Refuse a joint value that must never travel.
+
+    Raises:
+        BadPosition: Not a number, not finite, or outside the limits.
+    """
+    if not isinstance(q, (int, float)) or isinstance(q, bool) or not math.isfinite(q):
+        raise BadPosition(f"{joint.name} = {q!r} is not a finite number")
+    if not joint.lower <= q <= joint.upper:
+        limits = f"[{joint.lower!r}, {joint.upper!r}]"
+        raise BadPosition(f"{joint.name} = {float(q)!r} rad is outside its limits {limits} rad")
+
+
+def servo_angle(wire: WireField, q: float) -> int:
+    """The servo angle [deg] that a joint value [rad] travels as."""
+    angle = int(((wire.sign * q + wire.offset) * 180) / wire.span)
+    return 180 - angle if wire.reversed else angle
+
+
+def _joint(wire: WireField, servo: int) -> float:
+    angle = 180 - servo if wire.reversed else servo
+    return wire.sign * ((angle + 0.5) * wire.span / 180 - wire.offset)

@@ -1,0 +1,40 @@
+"""The line to the board, as a seam: a serial port, the virtual Arduino, or the board in-process."""
+
+from typing import Protocol
+
+
+class Link(Protocol):
+    """A byte stream to a board. Opening it resets the board, and that moves the arm."""
+
+    @property
+    def port(self) -> str:
+        """What a person calls it."""
+
+    def open(self) -> None:
+        """Take the port for ourselves and open it.
+
+        Raises:
+            LinkError: It cannot be had; says which port and the way out.
+        """
+
+    def write(self, data: bytes) -> None:
+        """Send bytes.
+
+        Raises:
+            PortLost: It went away.
+            PortStalled: The other end takes no more; the bytes may or may not arrive.
+        """
+
+    def read(self) -> bytes:
+        """Wait for bytes; empty once the link is closed.
+
+        Raises:
+            PortLost: It went away.
+        """
+
+    def close(self) -> None:
+        """Close the port and give it up; `read` returns. Harmless when closed.
+
+        Raises:
+            PortLost: Closing failed; the port is given up all the same.
+        """

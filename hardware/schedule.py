@@ -1,0 +1,134 @@
+"""A motion as the frames that play it: sampled, encoded, thinned and spaced for the board."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from .frames import Codec, Frame
+from .pace import Pace
+from .robot import Robot
+
+# Rows of joint positions [rad] at the given times [s], one value per actuated joint.
+Sampler = Callable[[Sequence[float]], Sequence[Sequence[float]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """A frame and its time.
+
+    Attributes:
+        time: From the start of the motion [s].
+        positions: The joint values it stands for, one per actuated joint [rad].
+        frame: What travels.
+    """
+
+    time: float
+    positions: tuple[float, ...]
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """The frames of a motion.
+
+    Attributes:
+        setpoints: Only frames that differ from the one before.
+        end: Where the motion ends [rad]; it may lie in the last frame's bin, not at its sample.
+        duration: Until the board is done with the last frame [s].
+        slowed: How much longer the board makes it than it was planned [s].
+    """
+
+    setpoints: tuple[Setpoint, ...]
+    end: tuple[float, ...]
+    duration: float
+    slowed: float
+
+
+def compile_schedule(
+    robot: Robot, start: Sequence[float], sample: Sampler, duration: float
+) -> Schedule:
+    """Turn a motion into the frames that play it.
+
+    The motion is sampled on the firmware's grid. A frame goes out one period before the arm shall
+    be there, for a board takes up to that long to get there. Where one grid step asks for more
+    than one frame may, samples in between get periods of their own, so the motion takes longer
+    there.
+
+    Args:
+        robot: Whose arm and board.
+        start: Where the arm is commanded to stand, one value per actuated joint [rad].
+        sample: The motion.
+        duration: Of the motion as planned [s].
+
+    Raises:
+        BadPosition: A sample is missing, not finite or outside the limits.
+    """
+    codec = Codec(robot.actuated)
+    last = codec.encode(start)
+    pace = Pace(robot.firmware, robot.serial.baud, last)
+    period, setpoints, shift = 1 / robot.firmware.rate, [], 0.0
+    end, periods = tuple(start), 0
+    for number, end in enumerate(_steps(robot, codec, start, sample, duration)):
+        frame, periods = codec.encode(end), number + 1
+        if frame != last:
+            time = max(number * period + shift, pace.earliest)
+            shift = time - number * period
+            pace.sent(frame, time)
+            setpoints.append(Setpoint(time, end, frame))
+            last = frame
+    done = max(periods * period + shift, pace.done) if setpoints else 0.0
+    late = done - math.ceil(duration / period - 1e-9) * period
+    return Schedule(tuple(setpoints), end, done, max(0.0, late))
+
+
+def played(robot: Robot, start: Sequence[float], schedule: Schedule) -> list[tuple[float, ...]]:
+    """The positions the servos really pass, one after the other along straight lines [rad].
+
+    They are those that the frames decode to, and a board that turns one servo after the other
+    also stands at every corner in between.
+
+    Args:
+        robot: Whose board.
+        start: Where the arm was commanded to stand, one value per actuated joint [rad].
+        schedule: What is to be played.
+    """
+    codec, in_turn = Codec(robot.actuated), robot.firmware.degree_time > 0
+    held = list(codec.encode(start).servos)
+    rows = [codec.decode(codec.frame(held))]
+    for setpoint in schedule.setpoints:
+        for servo, angle in enumerate(setpoint.frame.servos):
+            if held[servo] != angle:
+                held[servo] = angle
+                if in_turn:
+                    rows.append(codec.decode(codec.frame(held)))
+        if not in_turn:
+            rows.append(codec.decode(setpoint.frame))
+    return rows
+
+
+def _steps(
+    robot: Robot, codec: Codec, start: Sequence[float], sample: Sampler, duration: float
+) -> Iterator[tuple[float, ...]]:
+    """The positions at the end of every period, as many periods as the board needs."""
+    rate = robot.firmware.rate
+    times = [min(k / rate, duration) for k in range(math.ceil(duration * rate - 1e-9) + 1)]
+    before, before_time = codec.encode(start), 0.0
+    for time, row in zip(times[1:], sample(times)[1:], strict=True):
+        frame, parts = codec.encode(row), 1
+        rows = [row]
+        while not _fits(codec, before, rows, robot.firmware.max_step):
+            parts += 1
+            step = (time - before_time) / parts
+            rows = [*sample([before_time + step * k for k in range(1, parts)]), row]
+        yield from (tuple(float(q) for q in row) for row in rows)
+        before, before_time = frame, time
+
+
+def _fits(codec: Codec, before: Frame, rows: Sequence[Sequence[float]], most: int) -> bool:
+    servos = before.servos
+    for row in rows:
+        after = codec.encode(row).servos
+        if sum(abs(b - a) for a, b in zip(servos, after, strict=True)) > most:
+            return False
+        servos = after
+    return True

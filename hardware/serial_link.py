@@ -1,0 +1,130 @@
+"""A real serial port, through pyserial."""
+
+import errno
+import grp
+import os
+import termios
+import threading
+
+import serial
+from serial.tools import list_ports
+
+from .errors import (
+    LinkError,
+    PortBusy,
+    PortDenied,
+    PortLost,
+    PortMissing,
+    PortStalled,
+)
+from .port_lock import PortLock
+
+# A 20-byte frame takes 2 ms on the wire; a board that takes none for this long is stuck.
+WRITE_TIMEOUT = 0.2
+
+# pyserial raises SerialException (an OSError), plain OSError, or termios.error, which is neither.
+_LOST = (OSError, termios.error)
+
+
+class SerialLink:
+    """A serial port, opened exclusively.
+
+    Args:
+        port: Device name.
+        baud: [bit/s].
+    """
+
+    def __init__(self, port: str, baud: int) -> None:
+        self.port = port
+        self._baud = baud
+        self._lock = PortLock(port)
+        self._serial: serial.Serial | None = None
+        self._reading = threading.Lock()
+
+    def open(self) -> None:
+        """Take our lock and open the port.
+
+        Raises:
+            LinkError: It cannot be had; says which port and the way out.
+        """
+        self._lock.acquire()
+        try:
+            self._serial = serial.Serial(
+                self.port, self._baud, exclusive=True, write_timeout=WRITE_TIMEOUT
+            )
+        except (*_LOST, ValueError) as error:
+            self._lock.release()
+            raise _open_error(self.port, error) from error
+
+    def write(self, data: bytes) -> None:
+        """Send bytes.
+
+        Raises:
+            PortLost: It went away.
+            PortStalled: The other end takes no more; the bytes may or may not arrive.
+        """
+        text = data.decode("ascii", "replace")
+        why = f"Something went wrong while sending the message {text} to the port {self.port}"
+        try:
+            self._opened().write(data)
+        except serial.SerialTimeoutException as error:
+            raise PortStalled(self.port, why) from error
+        except _LOST as error:
+            raise PortLost(self.port, why) from error
+
+    def read(self) -> bytes:
+        """Wait for bytes; empty once the link is closed.
+
+        Raises:
+            PortLost: It went away.
+        """
+        with self._reading:
+            port = self._serial
+            if port is None:
+                return b""
+            try:
+                first: bytes = port.read(1)
+                return first + port.read(port.in_waiting) if first else b""
+            except _LOST as error:
+                raise PortLost(self.port, "Something went wrong while listening") from error
+
+    def close(self) -> None:
+        """Close the port and give up the lock; a waiting `read` returns.
+
+        Raises:
+            PortLost: Closing failed; the port is given up all the same.
+        """
+        port, self._serial = self._serial, None
+        if port is None:
+            return
+        try:
+            port.cancel_read()
+            with self._reading:  # pyserial breaks when it is closed under a reader
+                port.close()
+        except _LOST as error:
+            raise PortLost(self.port, "Something went wrong while closing") from error
+        finally:
+            self._lock.release()
+
+    def _opened(self) -> serial.Serial:
+        if self._serial is None:
+            raise OSError(errno.EBADF, "the port is not open")
+        return self._serial
+
+
+def _open_error(port: str, error: Exception) -> LinkError:
+    number = getattr(error, "errno", None)
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        return PortMissing(port, [found.device for found in list_ports.comports()])
+    if number in (errno.EACCES, errno.EPERM):
+        return PortDenied(port, _group(port))
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return PortBusy(port, "another program")
+    return LinkError(port, f"{port} cannot be opened as a serial port: {error}")
+
+
+def _group(port: str) -> str:
+    try:
+        return grp.getgrgid(os.stat(port).st_gid).gr_name
+    except (OSError, KeyError):
+        return "dialout"

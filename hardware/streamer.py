@@ -1,0 +1,172 @@
+"""Plays schedules: every frame at its time, on absolute deadlines, in a thread of its own."""
+
+import logging
+from collections.abc import Callable
+from enum import Enum
+
+from .clock import Clock
+from .door import Door
+from .errors import HardwareError, LinkError, StaleGeneration
+from .schedule import Schedule
+
+logger = logging.getLogger(__name__)
+
+
+class PlaybackState(Enum):
+    """How far a playback is."""
+
+    PLAYING = "playing"
+    DONE = "done"
+    STOPPED = "stopped"
+    FAILED = "failed"
+
+
+class Playback:
+    """A schedule being played. Written by the streamer, read by anybody.
+
+    Attributes:
+        schedule: What is played.
+        written: Setpoints whose frames were written.
+        state: How far it is.
+        error: What failed, where it failed.
+        latest: Largest lateness of a frame so far [s].
+    """
+
+    def __init__(self, schedule: Schedule, generation: int, changed: Callable[[], None]) -> None:
+        self.schedule = schedule
+        self.generation = generation
+        self.written = 0
+        self.state = PlaybackState.PLAYING
+        self.error: HardwareError | None = None
+        self.latest = 0.0
+        self._changed = changed
+
+    def wrote(self, lateness: float) -> None:
+        """Note a frame that was written, and by how much it was late [s]."""
+        self.latest = max(self.latest, lateness)
+        self.written += 1
+        self._changed()
+
+    def end(self, state: PlaybackState, error: HardwareError | None = None) -> None:
+        """Note how it ended; only the first end counts."""
+        if self.state is PlaybackState.PLAYING:
+            self.error, self.state = error, state
+            self._changed()
+
+
+class Streamer:
+    """A thread that plays one schedule at a time.
+
+    Args:
+        door: Through which it writes.
+        clock: Whose time.
+        period: Lateness up to this is absorbed; beyond it the rest shifts by it [s].
+        fault: Told when the port failed.
+    """
+
+    def __init__(
+        self, door: Door, clock: Clock, period: float, fault: Callable[[HardwareError], None]
+    ) -> None:
+        self._door, self._clock, self._period, self._fault = door, clock, period, fault
+        self._signal = clock.signal()
+        self._playback: Playback | None = None
+        self._closing = False
+        self._thread = clock.spawn(self._run, "streamer")
+
+    def play(self, schedule: Schedule, changed: Callable[[], None]) -> Playback:
+        """Begin to play, from now on; whatever was playing is stopped.
+
+        Args:
+            schedule: What to play.
+            changed: Called from the streamer's thread after every frame and at the end.
+        """
+        with self._signal:
+            self._drop()
+            self._playback = Playback(schedule, self._door.renew(), changed)
+            self._signal.notify()
+            return self._playback
+
+    def stop(self) -> None:
+        """Drop what is left and hold.
+
+        Raises:
+            LinkError: The hold frame could not be written.
+            NotActive: The arm is not active.
+        """
+        try:
+            self._door.hold()
+        finally:
+            with self._signal:
+                self._drop()
+                self._signal.notify()
+
+    def close(self, error: HardwareError | None = None) -> None:
+        """Drop what is left and end the thread, without a hold frame.
+
+        Args:
+            error: Why, where a fault is the reason.
+        """
+        self._door.renew()
+        with self._signal:
+            if self._playback and error:
+                self._playback.end(PlaybackState.FAILED, error)
+            self._drop()
+            self._closing = True
+            self._signal.notify()
+
+    @property
+    def playing(self) -> bool:
+        """Whether a schedule is being played."""
+        playback = self._playback
+        return playback is not None and playback.state is PlaybackState.PLAYING
+
+    def _drop(self) -> None:
+        if self._playback:
+            self._playback.end(PlaybackState.STOPPED)
+            self._playback = None
+
+    def _run(self) -> None:
+        while playback := self._next():
+            try:
+                self._play(playback)
+            except StaleGeneration:
+                playback.end(PlaybackState.STOPPED)
+            except HardwareError as error:
+                logger.error("%s", error)
+                playback.end(PlaybackState.FAILED, error)
+                if isinstance(error, LinkError):
+                    self._fault(error)
+
+    def _next(self) -> Playback | None:
+        """Wait for a playback; None when closing."""
+        with self._signal:
+            while not (self._closing or self.playing):
+                self._signal.wait(None)
+            return self._playback
+
+    def _play(self, playback: Playback) -> None:
+        origin = self._clock.now()
+        for setpoint in playback.schedule.setpoints:
+            due = origin + setpoint.time
+            self._sleep(playback, max(due, self._door.earliest))
+            late = self._clock.now() - due
+            if late > self._period:
+                origin += late
+            self._door.write(setpoint.positions, playback.generation, due)
+            playback.wrote(late)
+        self._door.write(playback.schedule.end, playback.generation, self._clock.now())
+        if playback.schedule.setpoints:
+            self._sleep(playback, max(origin + playback.schedule.duration, self._door.done))
+        playback.end(PlaybackState.DONE)
+
+    def _sleep(self, playback: Playback, until: float) -> None:
+        """Wait for a time [s].
+
+        Raises:
+            StaleGeneration: The playback was stopped meanwhile.
+        """
+        with self._signal:
+            while playback is self._playback and self._clock.now() < until:
+                self._signal.wait(until)
+            if playback is not self._playback:
+                raise StaleGeneration("stopped")

@@ -1,0 +1,29 @@
+"""What the arm can do: the leaves that task files name."""
+
+from .base import Context, Planned, Scheduled, Skill, SkillEvent
+from .bounds import CheckBounds, check_targets
+from .errors import BadTarget, Interrupted, OutOfBounds, SkillError, StartMoved
+from .execute import Execute
+from .outcome import Succeed
+from .plan_group import PlanArm, PlanGripper
+from .start import SetStart
+
+__all__ = [
+    "BadTarget",
+    "CheckBounds",
+    "Context",
+    "Execute",
+    "Interrupted",
+    "OutOfBounds",
+    "PlanArm",
+    "PlanGripper",
+    "Planned",
+    "Scheduled",
+    "SetStart",
+    "Skill",
+    "SkillError",
+    "SkillEvent",
+    "StartMoved",
+    "Succeed",
+    "check_targets",
+]

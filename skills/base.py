@@ -1,0 +1,134 @@
+"""What every skill is: a py_trees leaf with typed ports that can be started and halted."""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from py_trees.common import Status
+from py_trees.ports import BehaviourWithPorts
+
+from hardware import Arm, HardwareError, Robot, Schedule
+
+from .errors import SkillError
+from .motion import MotionError, Plan, Pool, Query
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A planner answered.
+
+    Attributes:
+        query: What was asked.
+        answer: The plan, or why there is none.
+    """
+
+    query: Query
+    answer: Plan | MotionError
+
+
+@dataclass(frozen=True, slots=True)
+class Scheduled:
+    """A motion was turned into frames.
+
+    Attributes:
+        schedule: The frames.
+    """
+
+    schedule: Schedule
+
+
+SkillEvent = Planned | Scheduled
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a skill works with.
+
+    Attributes:
+        robot: The robot.
+        arm: Its arm.
+        pool: The planners.
+        seed: For whatever draws at random.
+        timeout: How long a planner may take [s].
+        wake: Asks for a tick; may be called from any thread.
+        tell: Hands an event to whoever records.
+    """
+
+    robot: Robot
+    arm: Arm
+    pool: Pool
+    seed: int
+    timeout: float
+    wake: Callable[[], None]
+    tell: Callable[[SkillEvent], None]
+
+
+class Skill(BehaviourWithPorts):
+    """A leaf. Subclasses name their ports and implement `on_start`, and what else they need.
+
+    Args:
+        name: Shown in the tree.
+        context: What it works with.
+
+    Attributes:
+        failure: Why it failed last, if it did.
+    """
+
+    def __init__(self, name: str, context: Context) -> None:
+        super().__init__(name)
+        self.context = context
+        self.failure: SkillError | MotionError | HardwareError | None = None
+        self._live = False
+
+    @classmethod
+    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Refuse what is wrong already by the inputs written in the task, before the arm moves.
+
+        Args:
+            robot: The robot.
+            inputs: Values of the input ports that the task spells out.
+
+        Raises:
+            SkillError: What is wrong.
+        """
+
+    @property
+    def busy(self) -> bool:
+        """Whether work that it began goes on, even after a halt."""
+        return False
+
+    @property
+    def progress(self) -> float | None:
+        """How far the motion is, 0 to 1; None where there is nothing to measure."""
+        return None
+
+    def on_start(self) -> Status:
+        """Begin; never blocks. Called at the first tick."""
+        raise NotImplementedError
+
+    def on_running(self) -> Status:
+        """Look again, after a tick that left it running."""
+        return Status.RUNNING
+
+    def on_halt(self) -> None:
+        """Stop; called once when interrupted while running, and must neither block nor raise."""
+
+    def update(self) -> Status:
+        """One tick; an error of ours becomes FAILURE and keeps its cause."""
+        begin, self._live = not self._live, True
+        try:
+            status = self.on_start() if begin else self.on_running()
+        except (SkillError, MotionError, HardwareError) as error:
+            self.failure, self.feedback_message = error, str(error)
+            status = Status.FAILURE
+        self._live = status is Status.RUNNING
+        return status
+
+    def terminate(self, new_status: Status) -> None:
+        """Halt if it was running; py_trees calls this for finished leaves too."""
+        if self._live:
+            self._live = False
+            self.on_halt()

@@ -1,0 +1,48 @@
+"""Plans of several groups as one motion of the whole arm."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hardware import Robot
+
+from .motion import Plan
+
+
+class Merged:
+    """One motion out of several plans.
+
+    Args:
+        robot: Whose joints.
+        start: Where the arm stands, one value per actuated joint [rad].
+        plans: One per group.
+        together: Whether all begin at once; else one after the other, in their order.
+
+    Attributes:
+        duration: Of the whole [s].
+    """
+
+    def __init__(
+        self, robot: Robot, start: Sequence[float], plans: Sequence[Plan], together: bool
+    ) -> None:
+        names = [joint.name for joint in robot.actuated]
+        self._start = np.array(start, dtype=float)
+        self._plans, begins = [], 0.0
+        for plan in plans:
+            columns = [names.index(name) for name in plan.joints]
+            self._plans.append((begins, columns, plan))
+            begins += 0.0 if together else plan.duration
+        ends = [begin + plan.duration for begin, _, plan in self._plans]
+        self.duration = max(ends, default=0.0)
+
+    def begins_at(self, positions: Sequence[float]) -> bool:
+        """Whether the motion begins at these positions, to the bit."""
+        return bool(np.array_equal(self.sample([0.0])[0], np.asarray(positions)))
+
+    def sample(self, times: Sequence[float]) -> list[list[float]]:
+        """Rows of joint positions [rad] at the given times [s], one value per actuated joint."""
+        at = np.asarray(times, dtype=float)
+        rows = np.tile(self._start, (len(at), 1))
+        for begins, columns, plan in self._plans:
+            rows[:, columns] = plan.sample(at - begins)
+        return [[float(q) for q in row] for row in rows]

@@ -1,0 +1,79 @@
+"""What can be wrong with task files.
+
+TreeError
+├── FileError       a file is wrong; every mistake in it with its line
+├── DuplicateTask   two files claim one number
+└── UnknownTask     no file has that number
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place in a file; line and column count from 1, and are 0 where the whole file is meant."""
+
+    path: Path
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.line}:{self.column}" if self.line else str(self.path)
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """One thing that is wrong, and where."""
+
+    place: Place
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.place}: {self.message}"
+
+
+class TreeError(Exception):
+    """Root of everything this room raises."""
+
+    code = "file.error"
+
+
+class FileError(TreeError):
+    """A file is wrong.
+
+    Attributes:
+        mistakes: All that is wrong with it, in the order of its lines.
+    """
+
+    code = "file.task"
+
+    def __init__(self, mistakes: Sequence[Mistake]) -> None:
+        self.mistakes = tuple(sorted(mistakes, key=lambda m: (m.place.line, m.place.column)))
+        super().__init__("\n".join(map(str, self.mistakes)))
+
+
+class DuplicateTask(TreeError):
+    """Two files claim one number."""
+
+    code = "file.duplicate_task"
+
+    def __init__(self, number: int, first: Path, second: Path) -> None:
+        super().__init__(f"task {number} is in two files, {first} and {second}: rename one of them")
+
+
+class UnknownTask(TreeError):
+    """No file has that number.
+
+    Attributes:
+        number: Which.
+        known: The numbers there are.
+    """
+
+    code = "goal.unknown_task"
+
+    def __init__(self, number: int, known: Sequence[int]) -> None:
+        self.number, self.known = number, tuple(known)
+        there = ", ".join(map(str, known)) or "none"
+        super().__init__(f"Invalid task number {number}; there are {there}")
