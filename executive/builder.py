@@ -13,7 +13,7 @@ from py_trees.composites import Composite, Sequence
 from py_trees.ports import get_ports_registry
 from py_trees.ports_utils import is_instance_of_type
 
-from skills import Context, Skill
+from skills import Context, Positions, Skill
 from trees import (
     CompositeNode,
     FileError,
@@ -189,7 +189,7 @@ class _Builder:
         plain = value.plain()
         fitted = _with_floats(plain, kind)
         if not is_instance_of_type(fitted, kind):
-            self._wrong(value.place, f"{what}: {plain!r} is not {_kind_name(kind)}")
+            self._wrong(value.place, f"{what}: {plain!r} is not {_KINDS.get(kind, kind.__name__)}")
         return fitted
 
     def _wire(
@@ -218,17 +218,23 @@ class _Builder:
 
 
 def _with_floats(plain: Any, kind: Any) -> Any:
-    """Whole numbers where floats are wanted become floats."""
-    if kind is float and isinstance(plain, int) and not isinstance(plain, bool):
+    """The value with whole numbers as floats and mappings as positions, where those are wanted."""
+    if kind is float and type(plain) is int:
         return float(plain)
-    if kind == dict[str, float] and isinstance(plain, dict):
-        return {key: _with_floats(value, float) for key, value in plain.items()}
+    if kind is Positions and isinstance(plain, dict):
+        fitted = {name: _with_floats(q, float) for name, q in plain.items()}
+        if all(isinstance(q, float) for q in fitted.values()):
+            return Positions(fitted)
     return plain
 
 
-def _kind_name(kind: Any) -> str:
-    names = {dict[str, float]: "a mapping from joint names to numbers", float: "a number"}
-    return names.get(kind) or {bool: "true or false", int: "a whole number"}.get(kind, str(kind))
+_KINDS = {
+    Positions: "a mapping from joint names to numbers",
+    float: "a number",
+    int: "a whole number",
+    bool: "true or false",
+    str: "a text",
+}
 
 
 def _choices(word: str, known: list[str]) -> str:

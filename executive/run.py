@@ -105,7 +105,7 @@ class Run:
         self._goal, self._tree, self._arm = goal, tree, arm
         self._clock, self._mailbox, self._tell = clock, mailbox, tell
         self._paths = dict(_paths(tree.root, ""))
-        self._shown: dict[Behaviour, tuple[Status, str]] = {}
+        self._shown: dict[Behaviour, Status] = {}
         self._percentage = -1
         self._node = ""
 
@@ -130,6 +130,9 @@ class Run:
                 return False
             root.tick_once()
             self._show()
+        if root.status is Status.SUCCESS:
+            now, name = self._clock.now(), root.name
+            self._tell(Feedback(now, self._goal.identity, 100, "succeeded", name))
         return root.status is Status.SUCCESS
 
     def _interrupt(self) -> None:
@@ -154,10 +157,10 @@ class Run:
         """Tell what has changed since the last tick."""
         now = self._clock.now()
         for node, path in self._paths.items():
-            state = (node.status, node.feedback_message)
-            if state != self._shown.get(node):
-                self._shown[node] = state
-                self._tell(NodeStatus(now, path, node.name, node.status.name, state[1]))
+            if node.status is not self._shown.get(node):
+                self._shown[node] = node.status
+                status, message = node.status.name, node.feedback_message
+                self._tell(NodeStatus(now, path, node.name, status, message))
         self._show_progress(now)
 
     def _show_progress(self, now: float) -> None:

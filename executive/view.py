@@ -121,13 +121,12 @@ class TextView:
         sys.stdout.flush()
 
     def watch(self, record: logs.Record) -> None:
-        """Print goals, and nodes that have ended."""
+        """Print goals, and skills that have ended."""
         if isinstance(record, logs.Goal):
             self.say(f"task {record.task} {record.name}")
         elif isinstance(record, logs.NodeStatus) and record.status in ("SUCCESS", "FAILURE"):
-            depth = record.path.count("/")
-            message = f"  {record.message}" if record.message else ""
-            self.say(f"{'  ' * (depth + 1)}{record.name:<14} {record.status.lower()}{message}")
+            if record.message:
+                self.say(f"  {record.name:<12} {record.status.lower()}  {record.message}")
 
     def report(self, outcome: Outcome) -> None:
         """Print an outcome in words."""

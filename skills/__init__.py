@@ -6,6 +6,7 @@ from .errors import BadTarget, Interrupted, OutOfBounds, SkillError, StartMoved
 from .execute import Execute
 from .outcome import Succeed
 from .plan_group import PlanArm, PlanGripper
+from .positions import Positions
 from .start import SetStart
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "PlanArm",
     "PlanGripper",
     "Planned",
+    "Positions",
     "Scheduled",
     "SetStart",
     "Skill",

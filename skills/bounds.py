@@ -11,20 +11,19 @@ from hardware import BadPosition, Joint, Robot, check_position
 
 from .base import Skill
 from .errors import BadTarget, OutOfBounds
-
-_POSITIONS = dict[str, float]
+from .positions import Positions
 
 
 class CheckBounds(Skill):
     """Refuse a target that is incomplete or outside the limits of any joint of both groups."""
 
     INPUT_PORTS = {
-        "arm": PortInformation(_POSITIONS, description="target of the arm's joints [rad]"),
-        "gripper": PortInformation(_POSITIONS, description="target of the gripper's joints [rad]"),
+        "arm": PortInformation(Positions, description="target of the arm's joints [rad]"),
+        "gripper": PortInformation(Positions, description="target of the gripper's joints [rad]"),
     }
     OUTPUT_PORTS = {
         "goal": PortInformation(
-            _POSITIONS, description="target of every actuated joint, checked [rad]"
+            Positions, description="target of every actuated joint, checked [rad]"
         )
     }
 
@@ -39,7 +38,7 @@ class CheckBounds(Skill):
         check_targets(self.context.robot, targets)
         joined = {name: q for target in targets.values() for name, q in target.items()}
         names = [joint.name for joint in self.context.robot.actuated]
-        self._set_output("goal", {name: joined[name] for name in names})
+        self._set_output("goal", Positions((name, joined[name]) for name in names))
         return Status.SUCCESS
 
 

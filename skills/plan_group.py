@@ -6,8 +6,7 @@ from py_trees.ports import PortInformation
 from .base import Planned, Skill
 from .motion import MotionError, Plan, Query
 from .pending import Pending
-
-_POSITIONS = dict[str, float]
+from .positions import Positions
 
 
 class _PlanGroup(Skill, register=False):
@@ -18,8 +17,8 @@ class _PlanGroup(Skill, register=False):
     moved_before: tuple[str, ...] = ()
 
     INPUT_PORTS = {
-        "start": PortInformation(_POSITIONS, description="where the arm stands [rad]"),
-        "goal": PortInformation(_POSITIONS, description="target of every actuated joint [rad]"),
+        "start": PortInformation(Positions, description="where the arm stands [rad]"),
+        "goal": PortInformation(Positions, description="target of every actuated joint [rad]"),
     }
     OUTPUT_PORTS = {"plan": PortInformation(Plan, description="the motion of this group")}
 

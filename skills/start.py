@@ -4,6 +4,7 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from .base import Skill
+from .positions import Positions
 
 
 class SetStart(Skill):
@@ -12,14 +13,14 @@ class SetStart(Skill):
     INPUT_PORTS: dict[str, PortInformation] = {}
     OUTPUT_PORTS = {
         "start": PortInformation(
-            dict[str, float], description="commanded position of every actuated joint [rad]"
+            Positions, description="commanded position of every actuated joint [rad]"
         )
     }
 
     def on_start(self) -> Status:
         """Read the arm."""
         names = [joint.name for joint in self.context.robot.actuated]
-        start = dict(zip(names, self.context.arm.commanded, strict=True))
+        start = Positions(zip(names, self.context.arm.commanded, strict=True))
         self._set_output("start", start)
         self.feedback_message = ", ".join(f"{name} {q:.3f}" for name, q in start.items())
         return Status.SUCCESS
