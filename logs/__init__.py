@@ -1,0 +1,59 @@
+"""What a run leaves behind: how it is recorded, kept, read and drawn.
+
+Importing this room is cheap: MCAP, rosbags, NumPy and matplotlib are loaded by what needs them.
+"""
+
+from .compaction import compact
+from .errors import (
+    LogError,
+    RecordingError,
+    RecordingExists,
+    RecordingIncomplete,
+    RecordingNotCreated,
+    RecordingTruncated,
+)
+from .folder import recording_path
+from .plot import plot
+from .reader import Message, read
+from .recorder import Recorder
+from .records import (
+    Feedback,
+    Goal,
+    LogLine,
+    NodeStatus,
+    Plan,
+    Received,
+    Record,
+    Result,
+    Schedule,
+    Sent,
+    Transition,
+)
+from .summary import Summary
+
+__all__ = [
+    "Feedback",
+    "Goal",
+    "LogError",
+    "LogLine",
+    "Message",
+    "NodeStatus",
+    "Plan",
+    "Received",
+    "Record",
+    "Recorder",
+    "RecordingError",
+    "RecordingExists",
+    "RecordingIncomplete",
+    "RecordingNotCreated",
+    "RecordingTruncated",
+    "Result",
+    "Schedule",
+    "Sent",
+    "Summary",
+    "Transition",
+    "compact",
+    "plot",
+    "read",
+    "recording_path",
+]

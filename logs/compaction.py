@@ -1,0 +1,142 @@
+"""From a journal, well ended or not, to the final recording: chunked, compressed, indexed."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import RecordingError
+from .salvage import Salvage
+from .summary import Summary
+
+if TYPE_CHECKING:
+    from mcap.writer import Writer
+
+_CHUNK_BYTES = 65536
+
+
+def compact(journal: Path) -> Summary:
+    """Replaces a journal by the recording of everything valid in it.
+
+    One path for all: a journal that was closed, one that was cut off anywhere (of a file without
+    a whole header an empty recording is made), and a finished recording, which stays as it is.
+    The journal is replaced only after the new file was read back from the disk. Not for a journal
+    that is still being written.
+
+    Raises:
+        RecordingError: There is no such file, it is no MCAP file, or the new file does not hold
+            what it should; nothing was changed.
+        OSError: The disk failed or is full; the journal is unchanged.
+    """
+    records = Salvage(journal)
+    new = journal.with_name(journal.name + ".part")
+    try:
+        messages = _write(records, new)
+        _check(new, messages)
+        os.replace(new, journal)
+    finally:
+        new.unlink(missing_ok=True)
+    _sync_folder(journal.parent)
+    return Summary(journal, messages, journal.stat().st_size)
+
+
+def _write(records: Salvage, new: Path) -> int:
+    from mcap.writer import Writer
+
+    with new.open("wb") as stream:
+        writer = Writer(stream, chunk_size=_CHUNK_BYTES, enable_data_crcs=True)
+        messages = _Copy(writer).all(records)
+        writer.finish()  # type: ignore[no-untyped-call]
+        stream.flush()
+        os.fsync(stream.fileno())
+    return messages
+
+
+def _check(new: Path, messages: int) -> None:
+    from mcap.reader import make_reader
+
+    copy = Salvage(new)
+    found = sum(type(record).__name__ == "Message" for record in copy)
+    with new.open("rb") as stream:
+        summary = make_reader(stream, validate_crcs=True).get_summary()
+    indexed = summary.statistics.message_count if summary and summary.statistics else -1
+    if not copy.intact or not messages == found == indexed:
+        raise RecordingError(new, f"holds {found} of {messages} messages; check the disk")
+
+
+def _sync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+class _Copy:
+    """Writes records again, schemas and channels under numbers of their own."""
+
+    def __init__(self, writer: "Writer") -> None:
+        self._writer = writer
+        self._started = False
+        self._schemas = {0: 0}
+        self._channels: dict[int, int] = {}
+        self._messages = 0
+        self._copy: dict[str, Callable[[Any], None]] = {
+            "Header": self._header,
+            "Schema": self._schema,
+            "Channel": self._channel,
+            "Message": self._message,
+            "Attachment": self._attachment,
+            "Metadata": self._metadata,
+        }
+
+    def all(self, records: Salvage) -> int:
+        """Copies everything valid; gives the number of messages."""
+        for record in records:
+            kind = type(record).__name__
+            if kind in self._copy:
+                self._copy[kind](record)
+        if not self._started:
+            self._writer.start("ros2", "armtree")
+        return self._messages
+
+    def _header(self, header: Any) -> None:
+        self._writer.start(header.profile, header.library)
+        self._started = True
+
+    def _schema(self, schema: Any) -> None:
+        # The summary repeats schemas and channels.
+        if schema.id not in self._schemas:
+            number = self._writer.register_schema(schema.name, schema.encoding, schema.data)
+            self._schemas[schema.id] = number
+
+    def _channel(self, channel: Any) -> None:
+        if channel.id not in self._channels:
+            self._channels[channel.id] = self._writer.register_channel(
+                channel.topic,
+                channel.message_encoding,
+                self._schemas[channel.schema_id],
+                channel.metadata,
+            )
+
+    def _message(self, message: Any) -> None:
+        self._writer.add_message(
+            self._channels[message.channel_id],
+            message.log_time,
+            message.data,
+            message.publish_time,
+            message.sequence,
+        )
+        self._messages += 1
+
+    def _attachment(self, attachment: Any) -> None:
+        self._writer.add_attachment(
+            attachment.create_time,
+            attachment.log_time,
+            attachment.name,
+            attachment.media_type,
+            attachment.data,
+        )
+
+    def _metadata(self, metadata: Any) -> None:
+        self._writer.add_metadata(metadata.name, metadata.metadata)

@@ -1,0 +1,195 @@
+"""From a record to the message that goes into the file: one function per topic."""
+
+import json
+from dataclasses import asdict
+from typing import Any, NamedTuple
+from uuid import UUID
+
+import numpy as np
+
+from .records import Feedback, LogLine, Plan, Received, Record, Sent, Transition
+from .ros_types import RosTypes
+
+_NOTHING = np.zeros(0)
+_TX, _RX = 0, 1
+_LOWEST_LEVEL, _HIGHEST_LEVEL = 10, 50
+
+_STATES = {
+    "unconfigured": 1,
+    "inactive": 2,
+    "active": 3,
+    "finalized": 4,
+    "configuring": 10,
+    "cleaningup": 11,
+    "shuttingdown": 12,
+    "activating": 13,
+    "deactivating": 14,
+    "errorprocessing": 15,
+}
+_REQUESTS = {
+    ("unconfigured", "configure"): 1,
+    ("inactive", "cleanup"): 2,
+    ("inactive", "activate"): 3,
+    ("active", "deactivate"): 4,
+    ("unconfigured", "shutdown"): 5,
+    ("inactive", "shutdown"): 6,
+    ("active", "shutdown"): 7,
+}
+_OUTCOMES = {"transition_success": 0, "transition_failure": 1, "transition_error": 2}
+_OUTCOME_BASES = {
+    "configuring": 10,
+    "cleaningup": 20,
+    "activating": 30,
+    "deactivating": 40,
+    "shuttingdown": 50,
+    "errorprocessing": 60,
+}
+_CALLBACK_ERROR = 99
+
+
+class Stamp(NamedTuple):
+    """When and where in its channel a message stands.
+
+    Attributes:
+        time_ns: Nanoseconds since 1970 [ns].
+        sequence: How many messages precede it in its channel.
+    """
+
+    time_ns: int
+    sequence: int
+
+
+def sent_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
+    """The bytes written, as SerialFrame."""
+    return _serial_frame(sent.data, _TX, stamp, ros)
+
+
+def received_bytes(received: Received, stamp: Stamp, ros: RosTypes) -> Any:
+    """The bytes read, as SerialFrame."""
+    return _serial_frame(received.data, _RX, stamp, ros)
+
+
+def sent_timing(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
+    """What SerialFrame has no field for: when the frame was due, and whether it is a hold."""
+    facts = {"seq": stamp.sequence, "time": sent.time, "scheduled": sent.scheduled}
+    return _string(facts | {"hold": sent.hold}, ros)
+
+
+def joint_state(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
+    """The commanded positions [rad], as JointState."""
+    return ros.make(
+        "sensor_msgs/msg/JointState",
+        header=_header(stamp, ros),
+        name=list(sent.joints),
+        position=np.array(sent.positions, np.float64),
+        velocity=_NOTHING,
+        effort=_NOTHING,
+    )
+
+
+def every_field(record: Record, stamp: Stamp, ros: RosTypes) -> Any:
+    """The whole record as JSON, as String."""
+    return _string(asdict(record), ros)
+
+
+def trajectory(plan: Plan, stamp: Stamp, ros: RosTypes) -> Any:
+    """The sampled motion as JointTrajectory; None where no motion was found."""
+    if not plan.times:
+        return None
+    return ros.make(
+        "trajectory_msgs/msg/JointTrajectory",
+        header=_header(stamp, ros),
+        joint_names=list(plan.joints),
+        points=[_point(t, q, ros) for t, q in zip(plan.times, plan.positions, strict=True)],
+    )
+
+
+def percentage(feedback: Feedback, stamp: Stamp, ros: RosTypes) -> Any:
+    """The action's own part of the feedback, as TaskFeedback."""
+    goal_id = np.frombuffer(UUID(feedback.goal_id).bytes, np.uint8)
+    return ros.make(
+        "arduinobot_msgs/msg/TaskFeedback",
+        goal_id=ros.make("unique_identifier_msgs/msg/UUID", uuid=goal_id),
+        percentage=feedback.percentage,
+    )
+
+
+def transition_event(change: Transition, stamp: Stamp, ros: RosTypes) -> Any:
+    """A lifecycle change with ROS 2's own numbers, as TransitionEvent."""
+    return ros.make(
+        "lifecycle_msgs/msg/TransitionEvent",
+        timestamp=stamp.time_ns,
+        transition=ros.make(
+            "lifecycle_msgs/msg/Transition", id=_transition_id(change), label=change.label
+        ),
+        start_state=_state(change.start, ros),
+        goal_state=_state(change.goal, ros),
+    )
+
+
+def log_message(line: LogLine, stamp: Stamp, ros: RosTypes) -> Any:
+    """A log line, as Log; its level is rounded down to one that ROS 2 has."""
+    level = min(max(line.level // 10 * 10, _LOWEST_LEVEL), _HIGHEST_LEVEL)
+    return ros.make(
+        "rcl_interfaces/msg/Log",
+        stamp=_time(stamp.time_ns, ros),
+        level=level,
+        name=_text(line.logger),
+        msg=_text(line.message),
+        file="",
+        function="",
+        line=0,
+    )
+
+
+def _serial_frame(data: bytes, direction: int, stamp: Stamp, ros: RosTypes) -> Any:
+    return ros.make(
+        "arduinobot_msgs/msg/SerialFrame",
+        seq=stamp.sequence,
+        direction=direction,
+        data=np.frombuffer(data, np.uint8),
+        text=_text(data.decode("ascii", "backslashreplace")),
+    )
+
+
+def _string(facts: dict[str, Any], ros: RosTypes) -> Any:
+    return ros.make("std_msgs/msg/String", data=json.dumps(facts, separators=(",", ":")))
+
+
+def _text(value: str) -> str:
+    """A string that every ROS reader takes: no lone surrogates, no NUL."""
+    clean = value.encode("utf-8", "backslashreplace").decode("utf-8")
+    return clean.replace("\0", "\\x00")
+
+
+def _header(stamp: Stamp, ros: RosTypes) -> Any:
+    return ros.make("std_msgs/msg/Header", stamp=_time(stamp.time_ns, ros), frame_id="")
+
+
+def _time(time_ns: int, ros: RosTypes) -> Any:
+    seconds, rest = divmod(time_ns, 10**9)
+    return ros.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
+
+
+def _point(time: float, positions: tuple[float, ...], ros: RosTypes) -> Any:
+    seconds, rest = divmod(round(time * 1e9), 10**9)
+    return ros.make(
+        "trajectory_msgs/msg/JointTrajectoryPoint",
+        positions=np.array(positions, np.float64),
+        velocities=_NOTHING,
+        accelerations=_NOTHING,
+        effort=_NOTHING,
+        time_from_start=ros.make("builtin_interfaces/msg/Duration", sec=seconds, nanosec=rest),
+    )
+
+
+def _state(label: str, ros: RosTypes) -> Any:
+    return ros.make("lifecycle_msgs/msg/State", id=_STATES.get(label, 0), label=label)
+
+
+def _transition_id(change: Transition) -> int:
+    if (change.start, change.label) in _REQUESTS:
+        return _REQUESTS[change.start, change.label]
+    if change.label in _OUTCOMES and change.start in _OUTCOME_BASES:
+        return _OUTCOME_BASES[change.start] + _OUTCOMES[change.label]
+    return _CALLBACK_ERROR  # raise_error, the one edge that is ours and has no number in ROS 2

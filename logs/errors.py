@@ -1,0 +1,89 @@
+"""What can go wrong with recordings.
+
+    LogError
+    ├── RecordingExists            FileExistsError: the name is taken, nothing was touched
+    ├── RecordingNotCreated        the folder or the file cannot be made
+    ├── RecordingIncomplete        something of a run could not be written
+    └── RecordingError             ValueError: a file cannot be read
+        └── RecordingTruncated     its end is missing; what precedes it was given
+
+Every error carries a stable `code`, and its message says what to do next.
+"""
+
+from pathlib import Path
+
+
+class LogError(Exception):
+    """Root of everything this room raises.
+
+    Attributes:
+        path: The file or folder concerned.
+    """
+
+    code = "log.error"
+
+    def __init__(self, path: Path, message: str) -> None:
+        self.path = path
+        super().__init__(f"{path}: {message}")
+
+
+class RecordingExists(LogError, FileExistsError):
+    """A recording of that name exists; recordings are never overwritten."""
+
+    code = "log.exists"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "exists and is kept; record under a name 1 ms later")
+
+
+class RecordingNotCreated(LogError):
+    """The operating system refused the folder or the file of a recording."""
+
+    code = "log.not_created"
+
+    def __init__(self, path: Path, cause: OSError) -> None:
+        reason = cause.strerror or str(cause)
+        super().__init__(path, f"cannot be created ({reason}); give another folder for recordings")
+
+
+class RecordingIncomplete(LogError):
+    """Something of a run is missing from its file, or the file could not be finished.
+
+    Attributes:
+        lost: How many records and attachments are not in the file.
+        cause: The first thing that went wrong.
+    """
+
+    code = "log.incomplete"
+
+    def __init__(self, path: Path, lost: int, cause: Exception) -> None:
+        self.lost, self.cause = lost, cause
+        super().__init__(
+            path,
+            f"recording incomplete, {lost} records lost ({cause}); what was written before is "
+            "kept and valid. Make room or repair the cause, then run the task again",
+        )
+
+
+class RecordingError(LogError, ValueError):
+    """A file cannot be read as a recording."""
+
+    code = "log.unreadable"
+
+
+class RecordingTruncated(RecordingError):
+    """The end of a recording is missing or damaged.
+
+    Attributes:
+        messages: How many valid messages precede the damage.
+    """
+
+    code = "log.truncated"
+
+    def __init__(self, path: Path, messages: int) -> None:
+        self.messages = messages
+        super().__init__(
+            path,
+            f"cut off or damaged after {messages} valid messages; "
+            "logs.compact makes a complete file of those",
+        )

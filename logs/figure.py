@@ -1,0 +1,314 @@
+"""Drawing a timeline with matplotlib."""
+
+from collections.abc import Iterable, Sequence
+from itertools import cycle, pairwise
+from math import degrees
+from pathlib import Path
+from textwrap import wrap
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from .timeline import Row, Timeline, Trace
+
+# Okabe and Ito's colours: told apart by colour-blind readers, and in grey print.
+_STATES = {"RUNNING": "#56B4E9", "SUCCESS": "#009E73", "FAILURE": "#D55E00", "INVALID": "#999999"}
+_SYMBOLS = {"RUNNING": "", "SUCCESS": "o", "FAILURE": "X", "INVALID": "D"}
+_UNKNOWN = "#000000"
+_LINES = ("#0072B2", "#E69F00", "#CC79A7", "#000000", "#009E73", "#D55E00")
+_HOLD = "#D55E00"
+_INK, _FAINT = "#333333", "#E4E4E4"
+_LIFECYCLE = {
+    "active": "#6E6E6E",
+    "inactive": "#BDBDBD",
+    "unconfigured": "#EDEDED",
+    "finalized": "#FFFFFF",
+    "errorprocessing": "#D55E00",
+}
+_IN_TRANSITION = "#9CC3DB"
+_FEWEST_DEGREES = 10.0
+_SHORT_S = 0.1  # below this, milliseconds are shown
+_DPI = 300
+_WIDTH = 7.16  # [in] two columns of an IEEE page; all lengths below are [in] too
+_LEFT, _RIGHT, _TOP, _BOTTOM, _GAP = 1.25, 0.75, 0.48, 0.42, 0.07
+_CURVE, _CURVES, _RUG, _NODE, _BAND = 0.22, 0.75, 0.2, 0.165, 0.18
+_LETTER, _LINE, _INDENT, _EDGE = 0.066, 0.125, 0.12, 0.1
+_LETTERS_PER_LINE = 125
+
+
+def draw(run: Timeline, output: Path) -> None:
+    """Draws a run to a PNG.
+
+    Raises:
+        OSError: The PNG cannot be written.
+    """
+    style = rc_context(
+        {
+            "text.parse_math": False,  # a $ in a message is a $
+            "font.size": 8,
+            "axes.linewidth": 0.6,
+            "axes.edgecolor": _INK,
+            "axes.labelcolor": _INK,
+            "text.color": _INK,
+            "xtick.color": _INK,
+            "ytick.color": _INK,
+            "xtick.major.width": 0.6,
+            "ytick.major.width": 0.6,
+            "xtick.labelsize": 7,
+            "ytick.labelsize": 7,
+        }
+    )
+    with style:
+        figure = _figure(run)
+        FigureCanvasAgg(figure)
+        figure.savefig(output, format="png")
+
+
+def _figure(run: Timeline) -> Figure:
+    groups = _by_group(run.traces)
+    curves = [_CURVES + _CURVE * len(traces) for traces in groups.values()]
+    heights = [*curves, _RUG, _NODE * _tree_lines(run.rows), _BAND]
+    cause = _cause(run)
+    top = _TOP + _LINE * len(cause)
+    figure = Figure(figsize=(_WIDTH, top + sum(heights) + _GAP * len(heights) + _BOTTOM), dpi=_DPI)
+    panels = _panels(figure, heights, top, run)
+    colours = dict(zip((trace.joint for trace in run.traces), cycle(_LINES), strict=False))
+    for panel, (group, traces) in zip(panels, groups.items(), strict=False):
+        _draw_joints(panel, group, traces, colours)
+    _draw_frames(panels[-3], run)
+    _draw_tree(panels[-2], run.rows)
+    _draw_lifecycle(panels[-1], run)
+    _draw_marks(panels, run)
+    _draw_title(figure, run, cause)
+    return figure
+
+
+def _by_group(traces: Iterable[Trace]) -> dict[str, list[Trace]]:
+    groups: dict[str, list[Trace]] = {}
+    for trace in traces:
+        groups.setdefault(trace.group, []).append(trace)
+    return groups
+
+
+def _panels(figure: Figure, heights: Sequence[float], top: float, run: Timeline) -> list[Axes]:
+    """Axes above each other, of the heights given [in], over one time axis."""
+    left, right = _margins(run)
+    tall = figure.get_figheight()
+    panels: list[Axes] = []
+    floor = tall - top
+    for height in heights:
+        floor -= height
+        width = _WIDTH - left - right
+        panels.append(figure.add_axes((left / _WIDTH, floor / tall, width / _WIDTH, height / tall)))
+        floor -= _GAP
+    for panel in panels:
+        panel.set_xlim(run.start, run.end + 0.01 * (run.end - run.start))
+        panel.spines[["top", "right"]].set_visible(False)
+        panel.tick_params(axis="x", labelbottom=False, bottom=False)
+    _draw_time_axis(panels[-1], run)
+    return panels
+
+
+def _margins(run: Timeline) -> tuple[float, float]:
+    """Room for the names of nodes on the left and of joints on the right [in]."""
+    left = max((_INDENT * row.depth + _LETTER * len(row.name) for row in run.rows), default=0.0)
+    right = max((_LETTER * len(trace.joint) for trace in run.traces), default=0.0)
+    return max(_LEFT, left + 2 * _EDGE), max(_RIGHT, right + 2 * _EDGE)
+
+
+def _draw_time_axis(panel: Axes, run: Timeline) -> None:
+    short = run.end - run.start < _SHORT_S
+    panel.tick_params(axis="x", labelbottom=True, bottom=True)
+    panel.xaxis.set_major_locator(MaxNLocator(10))
+    if short:
+        panel.xaxis.set_major_formatter(lambda seconds, _: f"{seconds * 1e3:g}")
+    panel.set_xlabel(f"time since the goal [{'ms' if short else 's'}]")
+
+
+def _draw_joints(panel: Axes, group: str, traces: Sequence[Trace], colours: dict[str, str]) -> None:
+    for trace in traces:
+        angles = [degrees(position) for position in trace.positions]
+        colour = colours[trace.joint]
+        panel.step(trace.times, angles, where="post", color=colour, linewidth=1.1)
+    panel.margins(y=0.08)
+    low, high = panel.get_ylim()
+    room = max(0.0, _FEWEST_DEGREES - (high - low)) / 2  # joints at rest are no noise, blown up
+    panel.set_ylim(low - room, high + room)
+    panel.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 3, 5, 10]))
+    panel.grid(axis="y", color=_FAINT, linewidth=0.5)
+    panel.set_axisbelow(True)
+    _name_row(panel, f"{group}\ncommanded\nangle [°]", (low + high) / 2, 0)
+    _name_curves(panel, traces, colours)
+
+
+def _name_curves(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) -> None:
+    """Writes each joint's name where its curve ends, moved apart where they would overlap."""
+    low, high = panel.get_ylim()
+    pitch = _LINE / (_CURVES + _CURVE * len(traces)) * (high - low)
+    heights = _apart([degrees(trace.positions[-1]) for trace in traces], pitch)
+    for trace, height in zip(traces, heights, strict=True):
+        _beside(panel, trace.joint, height, colours[trace.joint])
+
+
+def _apart(wanted: Sequence[float], pitch: float) -> list[float]:
+    """Heights close to those wanted, at least `pitch` from each other, in the same order."""
+    order = sorted(range(len(wanted)), key=lambda i: (wanted[i], -i))
+    placed = list(wanted)
+    for below, above in pairwise(order):
+        placed[above] = max(placed[above], placed[below] + pitch)
+    shift = (sum(placed) - sum(wanted)) / len(placed)
+    return [height - shift for height in placed]
+
+
+def _draw_frames(panel: Axes, run: Timeline) -> None:
+    _clear(panel)
+    thin = min(0.7, 150 / max(len(run.frames), 1))
+    panel.vlines(run.frames, 0.1, 0.9, color=_INK, linewidth=thin)
+    panel.vlines(run.holds, -0.1, 1.1, color=_HOLD, linewidth=1.4, clip_on=False)
+    panel.set_ylim(0, 1)
+    _name_row(panel, "frames sent", 0.5, 0)
+    count = str(len(run.frames)) if run.frames else "none"
+    _beside(panel, f"{count} + hold" if run.holds else count, 0.5)
+
+
+def _draw_tree(panel: Axes, rows: Sequence[Row]) -> None:
+    _clear(panel)
+    panel.set_ylim(_tree_lines(rows) - 0.5, -0.5)
+    for place, row in enumerate(rows):
+        panel.axhline(place, color=_FAINT, linewidth=0.5, zorder=0)
+        _name_row(panel, row.name, place, row.depth)
+        _draw_node(panel, row, place)
+    if rows:
+        _explain_states(panel)
+    else:
+        _name_row(panel, "no tree", 0, 0)
+
+
+def _tree_lines(rows: Sequence[Row]) -> int:
+    return max(len(rows), len(_STATES) - 1) if rows else 1  # at least the room that the key takes
+
+
+def _draw_node(panel: Axes, row: Row, place: int) -> None:
+    for span in row.spans:
+        colour = _STATES.get(span.state, _UNKNOWN)
+        tall = 0.66 if span.state == "RUNNING" else 0.2
+        panel.broken_barh(
+            [(span.start, span.end - span.start)],
+            (place - tall / 2, tall),
+            facecolors=colour,
+            linewidth=0,
+        )
+        # A symbol as well: what lasts less than a pixel must be seen, and not by colour alone.
+        symbol = _SYMBOLS.get(span.state, "d")
+        panel.plot([span.start], [place], symbol or "|", color=colour, ms=4, mew=0.8, clip_on=False)
+
+
+def _explain_states(panel: Axes) -> None:
+    """The key to the states, in the right margin."""
+    rows = panel.get_ylim()[0] + 0.5
+    for number, (state, colour) in enumerate(_STATES.items()):
+        y = (rows - 1) / 2 + (number - 1.5) * 0.85
+        panel.plot(
+            [1.03],
+            [y],
+            _SYMBOLS[state] or "s",
+            color=colour,
+            ms=4,
+            clip_on=False,
+            transform=panel.get_yaxis_transform(),
+        )
+        _write(panel, state.lower(), (1.0, y), 0.23, 7, _INK)
+
+
+def _draw_lifecycle(panel: Axes, run: Timeline) -> None:
+    panel.set_yticks([])
+    panel.spines["left"].set_visible(False)
+    panel.set_ylim(0, 1)
+    for span in run.lifecycle:
+        colour = _LIFECYCLE.get(span.state, _IN_TRANSITION)
+        panel.axvspan(span.start, span.end, facecolor=colour, edgecolor="white", linewidth=0.4)
+        start, end = max(span.start, run.start), min(span.end, run.end)
+        if end - start > 0.0115 * len(span.state) * (run.end - run.start):
+            ink = "white" if span.state in ("active", "errorprocessing") else _INK
+            middle = (start + end) / 2
+            panel.text(middle, 0.46, span.state, ha="center", va="center", color=ink, fontsize=7)
+    _name_row(panel, "lifecycle", 0.5, 0)
+    if not run.lifecycle:
+        _beside(panel, "no change", 0.5)
+
+
+def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
+    taken = -1.0
+    level = 0
+    for time, what in run.marks:
+        for panel in panels[:-1]:
+            panel.axvline(time, color=_INK, linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
+        place = (time - run.start) / (run.end - run.start)
+        level = level + 1 if place < taken else 0
+        taken = place + 0.02 * len(what)
+        panels[0].annotate(
+            what,
+            (time, 1.0),
+            (2, 2 + 8 * level),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            fontsize=7,
+            style="italic",
+        )
+
+
+def _draw_title(figure: Figure, run: Timeline, cause: Sequence[str]) -> None:
+    tall = figure.get_figheight()
+    left, top = _EDGE / _WIDTH, 1 - 0.07 / tall
+    task = f"Task {run.goal['task']}" if run.goal else "No goal recorded"
+    name = f" · {run.goal['name']}" if run.goal.get("name") else ""
+    figure.text(left, top, task + name, fontsize=10, weight="bold", va="top")
+    figure.text(1 - left, top, _outcome(run), fontsize=10, ha="right", va="top")
+    figure.text(left, 1 - 0.26 / tall, "\n".join(cause), fontsize=7.5, va="top")
+
+
+def _outcome(run: Timeline) -> str:
+    if not run.result:
+        return "no result recorded"
+    seconds = run.result["duration"]
+    took = f"{seconds:.2f} s" if seconds >= _SHORT_S else f"{seconds * 1e3:.1f} ms"
+    return f"{run.result['state']}, {took}"
+
+
+def _cause(run: Timeline) -> list[str]:
+    cut = "" if run.complete else "Recording cut off. "
+    return wrap(cut + run.result.get("message", ""), _LETTERS_PER_LINE)
+
+
+def _clear(panel: Axes) -> None:
+    panel.set_yticks([])
+    panel.spines[["left", "bottom"]].set_visible(False)
+
+
+def _name_row(panel: Axes, name: str, y: float, depth: int) -> None:
+    left = panel.get_position().x0 * _WIDTH
+    _write(panel, name, (0.0, y), _EDGE + _INDENT * depth - left, 8, _INK)
+
+
+def _beside(panel: Axes, text: str, y: float, colour: str = _INK) -> None:
+    _write(panel, text, (1.0, y), 0.06, 7.5, colour)
+
+
+def _write(
+    panel: Axes, text: str, at: tuple[float, float], right: float, size: float, colour: str
+) -> None:
+    """Text beside a panel, `right` [in] of a point across it and at a value up it."""
+    panel.annotate(
+        text,
+        at,
+        (72 * right, 0),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        fontsize=size,
+        color=colour,
+        va="center",
+        annotation_clip=False,
+    )

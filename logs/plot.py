@@ -1,0 +1,22 @@
+"""A run on paper."""
+
+from pathlib import Path
+
+
+def plot(recording: Path, output: Path) -> None:
+    """Draws a run: commanded joints, frames, tree and lifecycle over the time since the goal.
+
+    Works for runs without a frame, for canceled ones, and for recordings that were cut off.
+
+    Args:
+        recording: The recording, or a journal.
+        output: The PNG to write, two columns of a paper wide; replaced where it exists.
+
+    Raises:
+        RecordingError: The recording cannot be read.
+        OSError: The PNG cannot be written.
+    """
+    from .figure import draw  # here, for matplotlib takes half a second to import
+    from .timeline import timeline
+
+    draw(timeline(recording), output)

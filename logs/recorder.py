@@ -1,0 +1,168 @@
+"""The recorder: takes records from every thread, and writes them in one of its own."""
+
+import logging
+import threading
+from collections.abc import Callable
+from io import BufferedWriter
+from pathlib import Path
+from queue import SimpleQueue
+from types import TracebackType
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+from .compaction import compact
+from .errors import LogError, RecordingExists, RecordingIncomplete, RecordingNotCreated
+from .records import Record
+from .summary import Summary
+
+if TYPE_CHECKING:
+    from .journal import Journal
+
+_log = logging.getLogger(__name__)
+
+
+class _Attachment(NamedTuple):
+    name: str
+    media_type: str
+    data: bytes
+
+
+class Recorder:
+    """Records one run into one file, without ever keeping the run waiting.
+
+    `put` and `attach` are one queue put each, from any thread. While it runs the file is a
+    journal, flushed after every record; `close` makes the final recording of it.
+    """
+
+    def __init__(self, path: Path, epoch_ns: int, on_failure: Callable[[Exception], None]) -> None:
+        """Creates the file and starts the thread.
+
+        Args:
+            path: The new file; its folder exists.
+            epoch_ns: UTC at the zero of the records' clock [ns].
+            on_failure: Called once, from the recorder's thread, with the first thing that could
+                not be written; it must not close the recorder itself.
+
+        Raises:
+            RecordingExists: The name is taken.
+            RecordingNotCreated: The file cannot be made.
+        """
+        self.path = path
+        self._epoch_ns = epoch_ns
+        self._on_failure = on_failure
+        self._queue: SimpleQueue[Record | _Attachment | None] = SimpleQueue()
+        self._lost = 0
+        self._cause: Exception | None = None
+        self._closed = False
+        self._summary: Summary | None = None
+        stream = _create(path)
+        # A daemon: whoever leaves without close() leaves a journal, which recovery can read.
+        self._thread = threading.Thread(
+            target=self._run, args=(stream,), name="recorder", daemon=True
+        )
+        self._thread.start()
+
+    def put(self, record: Record) -> None:
+        """Records something; never blocks, never raises. Ignored after `close`."""
+        self._queue.put(record)
+
+    def attach(self, name: str, media_type: str, data: bytes) -> None:
+        """Adds a named file to the recording; never blocks, never raises.
+
+        Args:
+            name: Such as `task.yaml`.
+            media_type: Such as `application/yaml`.
+            data: Its content.
+        """
+        self._queue.put(_Attachment(name, media_type, data))
+
+    def close(self) -> Summary:
+        """Writes what is queued, ends the thread, and makes the final recording.
+
+        Raises:
+            RecordingIncomplete: Something is missing from the file, or it stayed a journal.
+        """
+        if not self._closed:
+            self._closed = True
+            self._queue.put(None)
+            self._thread.join()
+            self._summary = self._compact()
+        if self._cause is not None:
+            raise RecordingIncomplete(self.path, self._lost, self._cause) from self._cause
+        assert self._summary is not None
+        return self._summary
+
+    def __enter__(self) -> Self:
+        """The recorder itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Closes."""
+        self.close()
+
+    def _run(self, stream: BufferedWriter) -> None:
+        journal = self._begin(stream)
+        while (item := self._queue.get()) is not None:
+            if journal is None or not self._write(journal, item):
+                self._lost += 1
+            if journal is not None and journal.closed:
+                journal = None
+        if journal is not None:
+            self._end(journal)
+
+    def _begin(self, stream: BufferedWriter) -> "Journal | None":
+        try:
+            from .journal import Journal  # here, for rosbags and mcap take 0.3 s to import
+
+            return Journal(stream, self._epoch_ns)
+        except Exception as cause:
+            stream.raw.close()
+            self._fail(cause)
+            return None
+
+    def _write(self, journal: "Journal", item: Record | _Attachment) -> bool:
+        try:
+            if isinstance(item, _Attachment):
+                journal.attach(*item)
+            else:
+                journal.write(item)
+        except Exception as cause:
+            self._fail(cause)
+            return False
+        return True
+
+    def _end(self, journal: "Journal") -> None:
+        try:
+            journal.finish()
+        except OSError as cause:
+            self._fail(cause)
+
+    def _fail(self, cause: Exception) -> None:
+        if self._cause is not None:
+            return  # told once: log lines may themselves come here as records
+        self._cause = cause
+        _log.error("%s: cannot record: %s", self.path, cause)
+        try:
+            self._on_failure(cause)
+        except Exception:
+            _log.exception("%s: the failure could not be reported", self.path)
+
+    def _compact(self) -> Summary | None:
+        try:
+            return compact(self.path)
+        except (OSError, LogError) as cause:
+            self._cause = self._cause or cause
+            return None
+
+
+def _create(path: Path) -> BufferedWriter:
+    try:
+        return open(path, "xb")
+    except FileExistsError as cause:
+        raise RecordingExists(path) from cause
+    except OSError as cause:
+        raise RecordingNotCreated(path, cause) from cause

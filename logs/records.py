@@ -1,0 +1,208 @@
+"""What a run leaves behind: one plain value per thing that happened.
+
+`time` is always [s] on the monotonic clock that the program was given; joint positions are
+*commanded* [rad], for the arm reports none. What becomes of each on disk is the table in
+`topics.py`.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A frame that was written to the port.
+
+    Attributes:
+        time: When it was written [s].
+        data: The bytes.
+        scheduled: When it was to be written [s], None for a frame without a schedule.
+        hold: Whether it is the stop's repetition of the frame before.
+        joints: Names of the commanded joints, (J,).
+        positions: What the frame commands [rad], (J,).
+    """
+
+    time: float
+    data: bytes
+    scheduled: float | None
+    hold: bool
+    joints: tuple[str, ...]
+    positions: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """Bytes that came from the board, at `time` [s]."""
+
+    time: float
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """A change of the hardware's lifecycle at `time` [s].
+
+    Attributes:
+        label: The transition, such as `activate` or `transition_success`.
+        start: The state left.
+        goal: The state reached.
+    """
+
+    time: float
+    label: str
+    start: str
+    goal: str
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A goal was accepted at `time` [s].
+
+    Attributes:
+        goal_id: UUID, 32 hexadecimal digits.
+        task: Number of the task asked for.
+        name: Its name, empty where there is no such task.
+        seed: Seed of the planners.
+    """
+
+    time: float
+    goal_id: str
+    task: int
+    name: str
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """How far a goal is, at `time` [s].
+
+    Attributes:
+        goal_id: UUID, 32 hexadecimal digits.
+        percentage: Frames written over frames scheduled [%].
+        phase: What is going on, such as `planning`.
+        node: Name of the tree's node at work.
+    """
+
+    time: float
+    goal_id: str
+    percentage: int
+    phase: str
+    node: str
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How a goal ended, at `time` [s].
+
+    Attributes:
+        goal_id: UUID, 32 hexadecimal digits.
+        task: Number of the task.
+        state: `SUCCEEDED`, `ABORTED` or `CANCELED`.
+        success: Whether the task was done.
+        code: Stable name of the cause.
+        message: The cause in words.
+        frames: How many frames left.
+        duration: From goal to outcome [s].
+    """
+
+    time: float
+    goal_id: str
+    task: int
+    state: str
+    success: bool
+    code: str
+    message: str
+    frames: int
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class NodeStatus:
+    """A node of the tree changed its status at `time` [s].
+
+    Attributes:
+        path: The node's place in the tree.
+        name: The node's name.
+        status: `RUNNING`, `SUCCESS`, `FAILURE` or `INVALID`.
+        message: The node's feedback.
+    """
+
+    time: float
+    path: str
+    name: str
+    status: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a planner made of a start and a goal; N samples, W waypoints, J joints.
+
+    Attributes:
+        time: When the planner answered [s].
+        group: The joints' group, such as `arm`.
+        joints: Their names, (J,).
+        start: Where every actuated joint of the robot stood [rad], by name: those of other groups
+            stand still meanwhile.
+        goal: Where it is to end [rad], (J,).
+        seed: Seed of the planner.
+        velocity_limits: [rad/s], (J,).
+        acceleration_limits: [rad/s²], (J,).
+        waypoints: The path [rad], (W, J).
+        times: When each sample is due, from the start of the motion [s], (N,).
+        positions: The sampled motion [rad], (N, J).
+        duration: Length of the motion [s].
+        milliseconds: What each rung of the planning ladder took [ms].
+        code: Stable name of the cause of a failure, empty where a motion was found.
+        message: That cause in words.
+    """
+
+    time: float
+    group: str
+    joints: tuple[str, ...]
+    start: dict[str, float]
+    goal: tuple[float, ...]
+    seed: int
+    velocity_limits: tuple[float, ...]
+    acceleration_limits: tuple[float, ...]
+    waypoints: tuple[tuple[float, ...], ...]
+    times: tuple[float, ...]
+    positions: tuple[tuple[float, ...], ...]
+    duration: float
+    milliseconds: dict[str, float]
+    code: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """The frames that a motion became, at `time` [s]; N frames.
+
+    Attributes:
+        rate_hz: Grid the motion was sampled on [Hz].
+        firmware: The profile the frames were spaced for.
+        times: When each frame is due, from the start of the motion [s], (N,).
+        frames: The frames as text, (N,).
+        slowed_s: By how much the board's pace stretched the motion [s].
+    """
+
+    time: float
+    rate_hz: float
+    firmware: str
+    times: tuple[float, ...]
+    frames: tuple[str, ...]
+    slowed_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """A line of the program's log at `time` [s], `level` as in `logging`."""
+
+    time: float
+    level: int
+    logger: str
+    message: str
+
+
+Record = (
+    Sent | Received | Transition | Goal | Feedback | Result | NodeStatus | Plan | Schedule | LogLine
+)

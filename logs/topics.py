@@ -1,0 +1,145 @@
+"""Which record becomes which message on which topic: the one table of the file's content."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from . import conversions as as_
+from .records import (
+    Feedback,
+    Goal,
+    LogLine,
+    NodeStatus,
+    Plan,
+    Received,
+    Record,
+    Result,
+    Schedule,
+    Sent,
+    Transition,
+)
+from .ros_types import RosTypes
+
+_FRAME = "arduinobot_msgs/msg/SerialFrame"
+_JSON = "std_msgs/msg/String"
+
+Convert = Callable[[Any, as_.Stamp, RosTypes], Any]
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One row of the table.
+
+    Attributes:
+        record: What is recorded.
+        name: The topic; may name a field of the record, such as `/plan/{record.group}`.
+        type: The ROS 2 message type.
+        convert: Makes the message of a record, or None where there is none to make.
+        why: What a reader finds there.
+        latched: Whether whoever joins later gets the last message too (transient local).
+    """
+
+    record: type
+    name: str
+    type: str
+    convert: Convert
+    why: str
+    latched: bool = False
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the name is the same for every record."""
+        return "{" not in self.name
+
+    def name_for(self, record: Record) -> str:
+        """The topic's name for one record."""
+        return self.name if self.fixed else self.name.format(record=record)
+
+
+TOPICS = (
+    Topic(Sent, "/serial/tx", _FRAME, as_.sent_frame, "bytes written to the port"),
+    Topic(Sent, "/serial/timing", _JSON, as_.sent_timing, "when each frame was due; holds"),
+    Topic(
+        Sent,
+        "/joint_states",
+        "sensor_msgs/msg/JointState",
+        as_.joint_state,
+        "commanded positions [rad]",
+    ),
+    Topic(Received, "/serial/rx", _FRAME, as_.received_bytes, "bytes read from the port"),
+    Topic(Goal, "/goal", _JSON, as_.every_field, "the goal accepted", latched=True),
+    Topic(Result, "/result", _JSON, as_.every_field, "how it ended", latched=True),
+    Topic(
+        Feedback,
+        "/feedback",
+        "arduinobot_msgs/msg/TaskFeedback",
+        as_.percentage,
+        "progress as the action reports it",
+    ),
+    Topic(Feedback, "/progress", _JSON, as_.every_field, "progress with phase and node"),
+    Topic(NodeStatus, "/tree", _JSON, as_.every_field, "status changes of the tree's nodes"),
+    Topic(
+        Plan,
+        "/plan/{record.group}",
+        _JSON,
+        as_.every_field,
+        "a plan or why there is none, with all it takes to plan it again",
+        latched=True,
+    ),
+    Topic(
+        Plan,
+        "/plan/{record.group}/trajectory",
+        "trajectory_msgs/msg/JointTrajectory",
+        as_.trajectory,
+        "the planned motion [rad], sampled",
+        latched=True,
+    ),
+    Topic(
+        Schedule,
+        "/schedule",
+        _JSON,
+        as_.every_field,
+        "the frames that a motion became",
+        latched=True,
+    ),
+    Topic(
+        Transition,
+        "/lifecycle",
+        "lifecycle_msgs/msg/TransitionEvent",
+        as_.transition_event,
+        "changes of the hardware's lifecycle",
+    ),
+    Topic(LogLine, "/rosout", "rcl_interfaces/msg/Log", as_.log_message, "the program's log"),
+)
+
+
+def topics_of(record_type: type) -> tuple[Topic, ...]:
+    """The rows for one record type, in the order of the table."""
+    return tuple(topic for topic in TOPICS if topic.record is record_type)
+
+
+def offered_qos(topic: Topic) -> str:
+    """The quality of service that a player of the file offers, as rosbag2's YAML text.
+
+    Keep-last and reliable; transient local with depth 1 where latched, else volatile with 10.
+    """
+    return _QOS.format(depth=1 if topic.latched else 10, durability=1 if topic.latched else 2)
+
+
+_QOS = """\
+- history: 1
+  depth: {depth}
+  reliability: 1
+  durability: {durability}
+  deadline:
+    sec: 9223372036
+    nsec: 854775807
+  lifespan:
+    sec: 9223372036
+    nsec: 854775807
+  liveliness: 1
+  liveliness_lease_duration:
+    sec: 9223372036
+    nsec: 854775807
+  avoid_ros_namespace_conventions: false
+"""

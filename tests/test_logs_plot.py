@@ -1,0 +1,130 @@
+"""Plots: something is drawn, and the right things."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from logs import NodeStatus, Plan, RecordingError, Sent, plot
+from logs.timeline import Timeline, timeline
+from tests.test_logs_run import RUNS, node, record
+
+RUNNING, SUCCESS = (0x56, 0xB4, 0xE9), (0x00, 0x9E, 0x73)
+FAILURE, INVALID = (0xD5, 0x5E, 0x00), (0x99, 0x99, 0x99)
+
+
+def drawn(tmp_path: Path, records: list[Any], keep: int | None = None) -> tuple[Timeline, Any]:
+    """What was drawn, and the picture as (H, W, 3) bytes."""
+    recording, output = tmp_path / "run.mcap", tmp_path / "run.png"
+    record(recording, records)
+    if keep is not None:
+        recording.write_bytes(recording.read_bytes()[:keep])
+    plot(recording, output)
+    picture = matplotlib.image.imread(output)
+    return timeline(recording), np.round(picture[:, :, :3] * 255).astype(np.uint8)
+
+
+def share(picture: Any, colour: tuple[int, int, int]) -> float:
+    """How much of a picture has a colour."""
+    return float((picture == np.array(colour, np.uint8)).all(axis=2).mean())
+
+
+def test_a_run_that_ended_well(tmp_path: Path) -> None:
+    run, picture = drawn(tmp_path, RUNS["ok"])
+    assert picture.shape[1] == 2148  # 7.16 in at 300 dpi: two columns
+    assert picture.std() > 20
+    assert share(picture, RUNNING) > share(picture, SUCCESS) > 0.002
+    assert share(picture, FAILURE) < 0.00008  # nothing but the key
+    assert [trace.joint for trace in run.traces] == [f"joint_{i}" for i in range(1, 6)]
+    assert [trace.group for trace in run.traces] == ["arm"] * 3 + ["gripper"] * 2
+    assert (len(run.frames), run.holds) == (33, ())
+    ((time, what),) = run.marks
+    assert time == pytest.approx(0.72)
+    assert what == "plan ready"
+    assert [(row.name, row.depth) for row in run.rows] == [
+        ("Reach", 0), ("SetStart", 1), ("CheckBounds", 1), ("Plan both", 1), ("PlanArm", 2),
+        ("PlanGripper", 2), ("Execute", 1), ("Succeed", 1),
+    ]  # fmt: skip
+    states = [span.state for span in run.lifecycle]
+    assert states == ["unconfigured", "configuring", "inactive", "activating", "active"]
+
+
+def test_a_canceled_run(tmp_path: Path) -> None:
+    run, picture = drawn(tmp_path, RUNS["canceled"])
+    assert (len(run.frames), len(run.holds)) == (15, 1)
+    assert [what for _, what in run.marks] == ["plan ready", "cancel"]
+    assert share(picture, INVALID) > 0.0005
+    assert share(picture, FAILURE) > 0.00012  # the key and the hold
+
+
+def test_a_refused_run_has_no_frames(tmp_path: Path) -> None:
+    run, picture = drawn(tmp_path, RUNS["refused"])
+    assert run.traces == ()
+    assert run.frames == ()
+    assert run.marks == ()
+    assert share(picture, FAILURE) > 0.003
+    assert picture.std() > 15
+
+
+def test_a_plan_that_failed_is_marked_so(tmp_path: Path) -> None:
+    records = [
+        dataclasses.replace(item, code="plan.none", times=(), positions=())
+        if isinstance(item, Plan)
+        else item
+        for item in RUNS["canceled"]
+        if not isinstance(item, Sent)
+    ]
+    run, _ = drawn(tmp_path, records)
+    assert run.marks[0][1] == "no plan"
+    assert run.traces == ()
+
+
+def test_cancel_is_found_without_feedback(tmp_path: Path) -> None:
+    records = [item for item in RUNS["canceled"] if getattr(item, "phase", "") != "canceling"]
+    record(tmp_path / "run.mcap", records)
+    _, (time, what) = timeline(tmp_path / "run.mcap").marks
+    assert time == pytest.approx(2.2603, abs=1e-6)
+    assert what == "cancel"
+
+
+def test_many_nodes_in_one_millisecond(tmp_path: Path) -> None:
+    burst = [node(40.64 + i * 1e-5, f"Step {i}", "SUCCESS", "$x^2") for i in range(20)]
+    run, picture = drawn(tmp_path, [*RUNS["ok"][:7], *burst, *RUNS["ok"][7:]])
+    assert len(run.rows) == 28
+    assert picture.shape[0] > 2500
+
+
+@pytest.mark.parametrize("keep", [0, 100, 9_000])
+def test_a_cut_recording_is_drawn_as_far_as_it_goes(tmp_path: Path, keep: int) -> None:
+    run, picture = drawn(tmp_path, RUNS["ok"], keep)
+    assert not run.complete
+    assert picture.std() > 5
+
+
+def test_frames_without_plan_or_goal(tmp_path: Path) -> None:
+    frames = [item for item in RUNS["ok"] if isinstance(item, Sent)]
+    run, _ = drawn(tmp_path, frames)
+    assert {trace.group for trace in run.traces} == {"joints"}
+    assert run.goal == {}
+    assert run.frames[0] == 0.0
+
+
+def test_siblings_stay_with_their_parent(tmp_path: Path) -> None:
+    changes = [
+        NodeStatus(time, path, path[-1], "SUCCESS", "")
+        for time, path in [(1, "a/b/c"), (2, "a/d"), (3, "a/b/e"), (4, "a/b"), (5, "a")]
+    ]
+    record(tmp_path / "run.mcap", list(changes))
+    rows = timeline(tmp_path / "run.mcap").rows
+    assert "".join(row.name for row in rows) == "abced"
+
+
+def test_what_cannot_be_plotted_is_told(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="No such file"):
+        plot(tmp_path / "gone.mcap", tmp_path / "run.png")
+    record(tmp_path / "run.mcap", list(RUNS["refused"]))
+    with pytest.raises(OSError, match="No such file"):
+        plot(tmp_path / "run.mcap", tmp_path / "missing" / "run.png")

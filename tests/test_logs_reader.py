@@ -1,0 +1,58 @@
+"""Reading recordings."""
+
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from logs import RecordingError, RecordingTruncated, Sent, read
+from tests.test_logs_run import RUNS, record
+
+
+def test_topics_can_be_chosen(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    frames = [bytes(message.data.data) for message in read(path, ["/serial/tx"])]
+    assert frames == [item.data for item in RUNS["ok"] if isinstance(item, Sent)]
+
+
+def test_reading_is_lazy(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    first = next(read(path))
+    assert first.topic == "/goal"
+    assert first.fields()["name"] == "pick"
+
+
+def test_only_json_has_fields(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    state = next(read(path, ["/joint_states"]))
+    with pytest.raises(TypeError, match=r"/joint_states carries sensor_msgs/msg/JointState"):
+        state.fields()
+
+
+def test_what_cannot_be_read_is_told_at_once(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"gone\.mcap: cannot be read \(No such file"):
+        read(tmp_path / "gone.mcap")
+    (tmp_path / "image.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    with pytest.raises(RecordingError, match="is not an MCAP file; give a recording"):
+        read(tmp_path / "image.png")
+
+
+def test_a_cut_file_gives_what_is_valid_and_then_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    whole = record(path, RUNS["ok"])
+    path.write_bytes(path.read_bytes()[:-5])
+    messages = read(path)
+    found = list(islice(messages, whole.messages))
+    assert found[0].topic == "/goal"
+    with pytest.raises(RecordingTruncated, match=r"logs\.compact makes a complete file"):
+        next(messages)
+
+
+def test_an_empty_file_is_a_cut_recording(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.touch()
+    with pytest.raises(RecordingTruncated, match="after 0 valid messages"):
+        list(read(path))

@@ -1,0 +1,216 @@
+"""The recorder: never in the way, nothing lost in silence."""
+
+import logging
+import resource
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import logs
+from logs import (
+    LogError,
+    Recorder,
+    RecordingExists,
+    RecordingIncomplete,
+    RecordingNotCreated,
+    Sent,
+    compact,
+    read,
+    recording_path,
+)
+from logs.journal import Journal
+from tests.test_logs_run import EPOCH_NS, fail, node
+
+UTC_NS = 1_795_257_115_123_456_789
+
+
+def sent(number: int) -> Sent:
+    return Sent(number / 100, b"b090,s090,e090,g000,", number / 100, False, ("joint_1",), (0.5,))
+
+
+@contextmanager
+def room_for(size: int) -> Iterator[None]:
+    """The kernel refuses to let any file grow beyond `size` [bytes]."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_name_says_when_and_what(tmp_path: Path) -> None:
+    folder = tmp_path / "a" / "b"
+    assert recording_path(folder, UTC_NS, 1) == folder / "20261121T103155.123Z-1.mcap"
+    assert folder.is_dir()
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(RecordingNotCreated, match=r"file/x: cannot be created \(Not a directory\)"):
+        recording_path(tmp_path / "file" / "x", UTC_NS, 1)
+    with pytest.raises(RecordingNotCreated, match="give another folder"):
+        Recorder(tmp_path / "missing" / "run.mcap", EPOCH_NS, fail)
+
+
+def test_an_existing_name_is_refused_and_kept(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.write_text("precious")
+    with pytest.raises(RecordingExists, match="1 ms later") as caught:
+        Recorder(path, EPOCH_NS, fail)
+    assert isinstance(caught.value, FileExistsError)
+    assert caught.value.path == path
+    assert path.read_text() == "precious"
+
+
+def test_of_two_recorders_racing_for_a_name_one_wins(tmp_path: Path) -> None:
+    start = threading.Barrier(2)
+    won: list[Recorder] = []
+    lost: list[LogError] = []
+
+    def race() -> None:
+        start.wait()
+        try:
+            won.append(Recorder(tmp_path / "run.mcap", EPOCH_NS, fail))
+        except RecordingExists as error:
+            lost.append(error)
+
+    threads = [threading.Thread(target=race) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert (len(won), len(lost)) == (1, 1)
+    assert won[0].close().messages == 0
+
+
+def test_many_threads_one_file(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "run.mcap", EPOCH_NS, fail) as recorder:
+
+        def work(thread: int) -> None:
+            for number in range(100):
+                recorder.put(node(number / 10, f"{thread}", "RUNNING", str(number)))
+
+        threads = [threading.Thread(target=work, args=(i,)) for i in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    found = [message.fields() for message in read(recorder.path)]
+    for name in "0123":
+        numbers = [int(item["message"]) for item in found if item["name"] == name]
+        assert numbers == list(range(100))
+
+
+def test_closing_twice_says_the_same_and_late_records_are_ignored(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, fail)
+    recorder.put(sent(1))
+    summary = recorder.close()
+    recorder.put(sent(2))
+    assert recorder.close() is summary
+    assert summary.messages == 3
+
+
+def test_a_record_that_cannot_be_converted_costs_itself_only(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    failures: list[Exception] = []
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, failures.append)
+    recorder.put(sent(1))
+    recorder.put(logs.Feedback(0.1, "no uuid", 1, "planning", "PlanArm"))
+    recorder.put(logs.Feedback(0.2, "none either", 1, "planning", "PlanArm"))
+    recorder.put(sent(2))
+    with pytest.raises(RecordingIncomplete, match="2 records lost") as caught:
+        recorder.close()
+    assert [type(failure) for failure in failures] == [ValueError]
+    assert caught.value.cause is failures[0]
+    assert sum(message.topic == "/serial/tx" for message in read(recorder.path)) == 2
+    assert [line.levelno for line in caplog.records] == [logging.ERROR]
+
+
+@pytest.mark.parametrize("size", [0, 5_000, 30_000])
+def test_a_full_disk_is_told_once_and_what_came_before_is_valid(tmp_path: Path, size: int) -> None:
+    path = tmp_path / "run.mcap"
+    failures: list[Exception] = []
+    told = threading.Event()
+
+    def on_failure(cause: Exception) -> None:
+        failures.append(cause)
+        told.set()
+
+    with room_for(size):
+        recorder = Recorder(path, EPOCH_NS, on_failure)
+        for number in range(300):
+            recorder.put(sent(number))
+        assert told.wait(5)
+        recorder.put(sent(300))
+        with pytest.raises(RecordingIncomplete, match="run the task again") as caught:
+            recorder.close()
+    assert len(failures) == 1
+    assert isinstance(failures[0], OSError)
+    kept = 301 - caught.value.lost
+    assert compact(path).messages == 3 * kept
+    assert (kept > 0) is (size == 30_000)
+    assert sum(1 for _ in read(path)) == 3 * kept
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_dev_full_is_an_error_at_once() -> None:
+    with Path("/dev/full").open("wb") as stream:
+        with pytest.raises(OSError, match="No space left"):
+            Journal(stream, EPOCH_NS)
+        assert stream.closed
+
+
+def test_a_failing_on_failure_does_not_stop_the_recorder(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    def on_failure(cause: Exception) -> None:
+        raise RuntimeError("the listener's own fault")
+
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, on_failure)
+    recorder.put(logs.Feedback(0.1, "no uuid", 1, "planning", "PlanArm"))
+    recorder.put(sent(1))
+    with pytest.raises(RecordingIncomplete, match="1 records lost"):
+        recorder.close()
+    assert "could not be reported" in caplog.text
+    assert sum(1 for _ in read(recorder.path)) == 3
+
+
+CHILD = """
+import sys
+from pathlib import Path
+from logs import Sent
+from logs.journal import Journal
+
+journal = Journal(Path(sys.argv[1]).open("xb"), 10**18)
+number = 0
+while True:
+    journal.write(Sent(number / 100, b"%d," % number, None, False, (), ()))
+    number += 1
+    sys.stdout.write(f"{number}\\n")
+    sys.stdout.flush()
+"""
+
+
+def test_kill_9_loses_nothing_that_was_written(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    command = [sys.executable, "-c", CHILD, str(path)]
+    root = Path(logs.__file__).parents[1]
+    with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE) as child:
+        assert child.stdout is not None
+        for _ in range(300):
+            child.stdout.readline()
+        child.send_signal(signal.SIGKILL)
+        rest = child.stdout.read().splitlines(keepends=True)
+    told = 300 + sum(line.endswith(b"\n") for line in rest)
+    compact(path)
+    frames = [bytes(message.data.data) for message in read(path, ["/serial/tx"])]
+    assert frames == [b"%d," % number for number in range(len(frames))]
+    assert told <= len(frames) <= told + 1
