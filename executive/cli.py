@@ -3,7 +3,7 @@
 import logging
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,7 +24,7 @@ trees_option = click.option(
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="armtree")
-@click.option("-v", "--verbose", is_flag=True, help="Show the log.")
+@click.option("-v", "--verbose", is_flag=True, help="Show the log, as plain lines.")
 @click.option("--debug", is_flag=True, help="Show tracebacks.")
 def cli(verbose: bool, debug: bool) -> None:
     """Pick a task number, and the arm does it.
@@ -33,10 +33,10 @@ def cli(verbose: bool, debug: bool) -> None:
     6 hardware fault, 7 canceled, 8 timed out, 9 port busy, 10 recording incomplete, 130 left by
     a second Ctrl-C.
     """
-    level = logging.INFO if verbose else logging.CRITICAL
-    logging.basicConfig(
-        level=level, stream=sys.stderr, format="%(levelname)s %(name)s: %(message)s"
-    )
+    root = logging.getLogger()
+    root.setLevel(logging.INFO)
+    root.addHandler(logging.StreamHandler(sys.stderr) if verbose else logging.NullHandler())
+    root.handlers[-1].setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     logging.getLogger("transitions").setLevel(logging.WARNING)
 
 
@@ -80,30 +80,13 @@ def tasks(trees: Path | None) -> None:
     show_default=True,
     help="Planner processes.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event.")
-def run(
-    numbers: tuple[int, ...],
-    port: str | None,
-    robot: Path | None,
-    trees: Path | None,
-    recordings: Path,
-    seed: int,
-    workers: int,
-    as_json: bool,
-) -> None:
+@click.option("--json", is_flag=True, help="Print one JSON object per event.")
+def run(**options: Any) -> None:
     """Run tasks N in turn. Ctrl-C cancels and stops the arm; a second one leaves at once."""
-    from .setup import execute
+    from .setup import Options, execute
 
-    outcomes = execute(
-        numbers,
-        port=port,
-        robot_file=robot,
-        trees=trees,
-        recordings=recordings,
-        seed=seed,
-        workers=workers,
-        as_json=as_json,
-    )
+    verbose = click.get_current_context().find_root().params["verbose"]
+    outcomes = execute(Options(**options, verbose=verbose))
     sys.exit(look_up(outcomes[-1].code).exit)
 
 

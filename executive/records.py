@@ -51,7 +51,7 @@ def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
         time=now,
         group=query.group,
         joints=tuple(joint.name for joint in joints),
-        start=query.start,
+        start={j.name: q for j, q in zip(robot.actuated, query.start, strict=True)},
         goal=query.goal,
         seed=query.seed,
         velocity_limits=tuple(joint.velocity for joint in joints),

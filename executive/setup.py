@@ -5,6 +5,8 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 from hardware import VIRTUAL, HardwareError, RealClock, Robot, link_to, load_robot
@@ -14,63 +16,65 @@ from trees import Library, TreeError
 from .codes import INTERRUPTED_EXIT
 from .executive import Executive
 from .goal import GoalState, Outcome
-from .view import JsonView, RecordingHandler, TextView, View
+from .log_handler import LogHandler
+from .view import JsonView, TextView, View
 
 PLANNING_TIMEOUT = 5.0  # [s]
 
 
-def execute(
-    numbers: Sequence[int],
-    *,
-    port: str | None,
-    robot_file: Path | None,
-    trees: Path | None,
-    recordings: Path,
-    seed: int,
-    workers: int,
-    as_json: bool,
-) -> list[Outcome]:
-    """Run tasks from the command line.
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What was asked for on the command line or in the environment.
 
-    Args:
-        numbers: Of the tasks.
-        port: As given by flag or environment; None to take the robot file's.
-        robot_file: None for the shipped robot.
+    Attributes:
+        numbers: Tasks to run.
+        port: None to take the robot file's.
+        robot: Robot file; None for the shipped robot.
         trees: Folder with more tasks.
         recordings: Folder for recordings.
         seed: For whatever draws at random.
         workers: Planner processes.
-        as_json: Whether to print JSON.
-
-    Returns:
-        The outcomes, at least one.
+        json: Whether to print JSON.
+        verbose: Whether the log is shown, so that no live picture may be in its way.
     """
-    with _view(as_json) as view:
+
+    numbers: tuple[int, ...]
+    port: str | None
+    robot: Path | None
+    trees: Path | None
+    recordings: Path
+    seed: int
+    workers: int
+    json: bool
+    verbose: bool
+
+
+def execute(options: Options) -> list[Outcome]:
+    """Run tasks from the command line; returns the outcomes, at least one."""
+    with _view(options) as view:
         try:
-            robot, library = load_robot(robot_file), Library(trees)
+            robot, library = load_robot(options.robot), Library(options.trees)
         except (HardwareError, TreeError) as error:
-            outcome = Outcome(numbers[0], GoalState.ABORTED, error.code, str(error), 0, 0.0, "")
+            task = options.numbers[0]
+            outcome = Outcome(task, GoalState.ABORTED, error.code, str(error), 0, 0.0, "")
             view.report(outcome)
             return [outcome]
-        port = robot.serial.port if port is None else port
+        port = robot.serial.port if options.port is None else options.port
         view.say(_port_line(robot, port))
         clock = RealClock()
-        pool = Pool(robot, workers, clock)
-        try:
+        with closing(Pool(robot, options.workers, clock)) as pool:
             executive = Executive(
                 robot,
                 link_to(robot, port) if port else None,
                 library,
                 pool,
-                recordings,
+                options.recordings,
                 clock,
-                seed,
+                options.seed,
                 PLANNING_TIMEOUT,
                 view.watch,
             )
-            return _drive(executive, clock, numbers, view)
-        finally:
-            pool.close()
+            return _drive(executive, clock, options.numbers, view)
 
 
 def _drive(
@@ -79,7 +83,7 @@ def _drive(
     """Run on a thread of its own; this one waits for signals."""
     outcomes: list[Outcome] = []
     bugs: list[Exception] = []
-    handler = RecordingHandler(executive.tell, clock.now)
+    handler = LogHandler(executive.tell, clock)
     logging.getLogger().addHandler(handler)
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     canceled: list[int] = []
@@ -109,10 +113,10 @@ def _drive(
     return outcomes
 
 
-def _view(as_json: bool) -> View:
-    if as_json:
+def _view(options: Options) -> View:
+    if options.json:
         return JsonView()
-    if not sys.stdout.isatty():
+    if options.verbose or not sys.stdout.isatty():
         return TextView()
     from rich.console import Console
 

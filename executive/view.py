@@ -2,10 +2,11 @@
 
 import dataclasses
 import json
-import logging
 import sys
+import threading
+from queue import SimpleQueue
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, TextIO
 
 import logs
 
@@ -34,10 +35,16 @@ class View(Protocol):
         """Show how a goal ended."""
 
 
-class JsonView:
-    """One JSON object per event on standard output, and nothing else there."""
+class _Lines:
+    """Prints from a thread of its own: a slow or closed pipe must not hold the arm up."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._queue: SimpleQueue[logs.Record | Outcome | str | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name="view", daemon=True)
 
     def __enter__(self) -> Self:
+        self._thread.start()
         return self
 
     def __exit__(
@@ -46,36 +53,79 @@ class JsonView:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        sys.stdout.flush()
+        self._queue.put(None)
+        self._thread.join()
 
     def say(self, text: str) -> None:
-        """Nothing: only events belong here."""
+        """Show a line that is no event."""
+        self._queue.put(text)
 
     def watch(self, record: logs.Record) -> None:
-        """Print a record; results are printed by `report`, when their recording is closed."""
-        if not isinstance(record, logs.Result):
-            self._print({"event": _EVENTS[type(record)], **_fields(record)})
+        """Show something that happened."""
+        self._queue.put(record)
 
     def report(self, outcome: Outcome) -> None:
-        """Print an outcome."""
-        self._print(
-            {
-                "event": "result",
-                "task_number": outcome.task,
-                "state": outcome.state.name,
-                "success": outcome.success,
-                "code": outcome.code,
-                "message": outcome.message,
-                "frames": outcome.frames,
-                "duration_s": round(outcome.duration, 6),
-                "recording": outcome.recording,
-            }
-        )
+        """Show how a goal ended."""
+        self._queue.put(outcome)
 
-    def _print(self, event: dict[str, Any]) -> None:
-        # One write per line, so that lines of several threads do not mix.
-        sys.stdout.write(json.dumps(event, allow_nan=False) + "\n")
-        sys.stdout.flush()
+    def line(self, item: logs.Record | Outcome | str) -> str:
+        """What to print for an item; empty for nothing."""
+        raise NotImplementedError
+
+    def _run(self) -> None:
+        while (item := self._queue.get()) is not None:
+            line = self.line(item)
+            if line and not self._print(line):
+                self._stream = _NOWHERE
+
+    def _print(self, line: str) -> bool:
+        try:
+            self._stream.write(line + "\n")
+            self._stream.flush()
+        except OSError:  # nobody reads any more; the goal goes on
+            return False
+        return True
+
+
+class _Nowhere:
+    """A stream for when nobody reads any more."""
+
+    def write(self, text: str) -> int:
+        return len(text)
+
+    def flush(self) -> None:
+        """Nothing to do."""
+
+
+_NOWHERE: Any = _Nowhere()
+
+
+class JsonView(_Lines):
+    """One JSON object per event on standard output, and nothing else there."""
+
+    def __init__(self) -> None:
+        super().__init__(sys.stdout)
+
+    def line(self, item: logs.Record | Outcome | str) -> str:
+        """An event as JSON. A result is printed when its recording is closed."""
+        if isinstance(item, (str, logs.Result)):
+            return ""
+        event = _result(item) if isinstance(item, Outcome) else _event(item)
+        return json.dumps(event, allow_nan=False)
+
+
+def _result(outcome: Outcome) -> dict[str, Any]:
+    return {
+        "event": "result",
+        "task_number": outcome.task,
+        "state": outcome.state.name,
+        "success": outcome.success,
+        "code": outcome.code,
+        "message": outcome.message,
+        "frames": outcome.frames,
+        "duration_s": round(outcome.duration, 6),
+        "recording": outcome.recording,
+    }
 
 
 _EVENTS: dict[type, str] = {
@@ -93,65 +143,36 @@ _EVENTS: dict[type, str] = {
 _UNITS = {"time": "time_s", "duration": "duration_s", "scheduled": "scheduled_s"}
 
 
-def _fields(record: logs.Record) -> dict[str, Any]:
+def _event(record: logs.Record) -> dict[str, Any]:
     fields = {_UNITS.get(key, key): value for key, value in dataclasses.asdict(record).items()}
     for key, value in fields.items():
         if isinstance(value, bytes):
             fields[key] = value.decode("ascii", "backslashreplace")
-    return fields
+    return {"event": _EVENTS[type(record)], **fields}
 
 
-class TextView:
+class TextView(_Lines):
     """Plain lines, for logs and pipes."""
 
-    def __enter__(self) -> Self:
-        return self
+    def __init__(self) -> None:
+        super().__init__(sys.stdout)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        sys.stdout.flush()
-
-    def say(self, text: str) -> None:
-        """Print a line."""
-        sys.stdout.write(text + "\n")
-        sys.stdout.flush()
-
-    def watch(self, record: logs.Record) -> None:
-        """Print goals, and skills that have ended."""
-        if isinstance(record, logs.Goal):
-            self.say(f"task {record.task} {record.name}")
-        elif isinstance(record, logs.NodeStatus) and record.status in ("SUCCESS", "FAILURE"):
-            if record.message:
-                self.say(f"  {record.name:<12} {record.status.lower()}  {record.message}")
-
-    def report(self, outcome: Outcome) -> None:
-        """Print an outcome in words."""
-        self.say(in_words(outcome))
+    def line(self, item: logs.Record | Outcome | str) -> str:
+        """A goal, a skill that has ended with something to say, or an outcome, in words."""
+        match item:
+            case str():
+                return item
+            case Outcome():
+                return in_words(item)
+            case logs.Goal():
+                return f"task {item.task} {item.name}".rstrip()
+            case logs.NodeStatus(status="SUCCESS" | "FAILURE") if item.message:
+                return f"  {item.name:<12} {item.status.lower()}  {item.message}"
+        return ""
 
 
 def in_words(outcome: Outcome) -> str:
     """An outcome for people."""
-    spent = f"{outcome.frames} frames, {outcome.duration:.2f} s"
-    text = f"task {outcome.task} {outcome.state.name}: {outcome.message} ({spent})"
+    spent = f"{outcome.duration:.2f} s, {outcome.frames} frames"
+    text = f"task {outcome.task} {outcome.state.name} ({spent}): {outcome.message}"
     return f"{text}\n  recording {outcome.recording}" if outcome.recording else text
-
-
-class RecordingHandler(logging.Handler):
-    """Hands log lines to whoever records.
-
-    Args:
-        tell: Where they go.
-        now: The time [s].
-    """
-
-    def __init__(self, tell: Any, now: Any) -> None:
-        super().__init__()
-        self._tell, self._now = tell, now
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Hand a line on."""
-        self._tell(logs.LogLine(self._now(), record.levelno, record.name, record.getMessage()))

@@ -57,10 +57,10 @@ def check_targets(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> N
     for group, target in targets.items():
         wrong += _wrong_names(robot, group, target)
         out += [reason for name, q in target.items() if (reason := _outside(robot, name, q))]
-    if wrong:
-        raise BadTarget("; ".join(wrong))
     if out:
         raise OutOfBounds("; ".join(out))
+    if wrong:
+        raise BadTarget("; ".join(wrong))
 
 
 def _wrong_names(robot: Robot, group: str, target: Mapping[str, float]) -> list[str]:
