@@ -1,0 +1,42 @@
+"""What every measurement prints and writes."""
+
+import argparse
+import json
+import statistics
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Row:
+    """One figure: the median of its samples, with their spread."""
+
+    name: str
+    unit: str
+    samples: Sequence[float]
+
+    @property
+    def value(self) -> float:
+        return statistics.median(self.samples)
+
+
+def arguments(description: str) -> argparse.ArgumentParser:
+    """The options that every measurement has."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the rows there")
+    parser.add_argument("--runs", type=int, default=7, help="samples per figure")
+    return parser
+
+
+def show(rows: Sequence[Row], file: Path | None) -> None:
+    """Print a table, and write the rows to a file if one is named."""
+    line = "{:<24} {:>10} {:>10} {:>10}  {:<6} {}\n"
+    sys.stdout.write(line.format("name", "median", "min", "max", "unit", "samples"))
+    for row in rows:
+        figures = (f"{x:.4g}" for x in (row.value, min(row.samples), max(row.samples)))
+        sys.stdout.write(line.format(row.name, *figures, row.unit, len(row.samples)))
+    if file:
+        plain = [{"name": row.name, "value": row.value, "unit": row.unit} for row in rows]
+        file.write_text(json.dumps(plain, indent=2) + "\n")

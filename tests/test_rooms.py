@@ -1,0 +1,92 @@
+"""The house: names, sizes, and what each room says is public."""
+
+import importlib
+import importlib.metadata
+import re
+from pathlib import Path
+
+import pytest
+from py_trees.ports import get_ports_registry
+
+import skills  # noqa: F401  registers the skills
+from executive.codes import CODES
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("executive", "skills", "hardware", "trees", "logs")
+PUBLIC = (*ROOMS, "skills.motion")
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_all_is_true_and_complete(name: str) -> None:
+    room = importlib.import_module(name)
+    public = {
+        key
+        for key, value in vars(room).items()
+        if not key.startswith("_") and not hasattr(value, "__path__") and not _is_module(value)
+    }
+    assert sorted(room.__all__) == sorted(public)
+
+
+def _is_module(value: object) -> bool:
+    return type(value).__name__ == "module"
+
+
+def test_no_file_is_long() -> None:
+    files = [path for room in (*ROOMS, "tests") for path in (ROOT / room).rglob("*.py")]
+    assert len(files) > 50
+    long = {str(path): n for path in files if (n := len(path.read_text().splitlines())) > 400}
+    assert not long
+
+
+def test_the_top_level_is_as_agreed() -> None:
+    agreed = {
+        *ROOMS,
+        "tests",
+        "pyproject.toml",
+        "README.md",
+        "ARCHITECTURE.md",
+        "CHANGELOG.md",
+        "Makefile",
+    }
+    there = {path.name for path in ROOT.iterdir() if not path.name.startswith(".")}
+    made = {"recordings", "build", "__pycache__"}
+    assert {name for name in there - made if not name.endswith(".egg-info")} == agreed
+
+
+def test_the_names_are_ours() -> None:
+    claims = importlib.metadata.packages_distributions()
+    assert {n: claims[n] for n in ROOMS if set(claims.get(n, ["armtree"])) != {"armtree"}} == {}
+
+
+def test_architecture_fits_on_a_page() -> None:
+    assert len((ROOT / "ARCHITECTURE.md").read_text().splitlines()) <= 120
+
+
+def test_files_that_the_documents_name_exist() -> None:
+    for document in ("ARCHITECTURE.md", "README.md"):
+        text = (ROOT / document).read_text()
+        named = re.findall(r"`((?:executive|skills|hardware|trees|logs|tests)/[\w./]+)`", text)
+        assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_the_grammar_page_lists_every_skill_and_port() -> None:
+    page = (ROOT / "trees" / "README.md").read_text()
+    for name, skill in get_ports_registry().items():
+        if not skill.__module__.startswith("skills."):
+            continue
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{name}` |"))
+        for port in {**skill.input_ports(), **skill.output_ports()}:
+            assert f"`{port}`" in row
+
+
+def test_the_lock_names_no_host_and_hashes_everything() -> None:
+    lock = (ROOT / ".ci" / "lock.txt").read_text()
+    assert "://" not in lock
+    pins = re.findall(r"^[\w.\-\[\]]+==\S+", lock, re.MULTILINE)
+    assert len(pins) > 40
+    assert len(re.findall(r"^[\w.\-\[\]]+==[^\n]*\\\n    --hash", lock, re.MULTILINE)) == len(pins)
+
+
+def test_every_code_has_a_documented_exit_status() -> None:
+    assert {code.exit for code in CODES.values()} == {0, 1, 3, 4, 5, 6, 7, 8, 9, 10}
+    assert all(code.meaning for code in CODES.values())

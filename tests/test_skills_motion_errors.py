@@ -1,0 +1,46 @@
+"""Errors of motion planning: they say what to do, and survive the way between processes."""
+
+import pickle
+
+import pytest
+
+import skills.motion as motion
+
+ERRORS = [
+    motion.MotionError("something"),
+    motion.BadQuery.group("legs", ["arm", "gripper"]),
+    motion.NotFinite("start", "joint_1", float("inf")),
+    motion.ModelUnusable("robot.urdf", "no such file"),
+    motion.StartOutOfBounds("joint_1", 2.0, -1.5, 1.5),
+    motion.GoalOutOfBounds("joint_2", -2.0, -1.5, 1.5),
+    motion.StartInCollision("hand", "floor", -0.012, 0.005),
+    motion.GoalInCollision("hand", "base", 0.0031, 0.005),
+    motion.NoPath(20_000),
+    motion.PlanTimeout(5.0),
+    motion.MotionCollides(17, 1.25, "hand", "floor", -0.001, 0.002),
+    motion.PlanCanceled(),
+    motion.WorkerDied("ended by SIGABRT"),
+]
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+def test_travels_between_processes(error: motion.MotionError) -> None:
+    twin = pickle.loads(pickle.dumps(error))
+    assert type(twin) is type(error)
+    assert (str(twin), twin.__dict__) == (str(error), error.__dict__)
+
+
+def test_codes_are_distinct() -> None:
+    codes = [type(error).code for error in ERRORS]
+    assert len(set(codes)) == len(codes)
+    assert all(code.startswith("plan.") for code in codes)
+
+
+def test_collision_says_how_deep_or_how_near() -> None:
+    assert "hand would be 12.0 mm deep in floor" in str(ERRORS[6])
+    assert "hand would come within 3.1 mm of base (5.0 mm must be kept)" in str(ERRORS[7])
+    assert "At 1.25 s into the motion" in str(ERRORS[10])
+
+
+def test_bounds_say_joint_value_and_limits() -> None:
+    assert "goal of joint_2, -2 rad, is outside [-1.5, 1.5]" in str(ERRORS[5])

@@ -1,0 +1,107 @@
+"""The model: what touches what, and how far a body can travel."""
+
+import dataclasses
+import itertools
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+from hardware import Robot, load_robot
+from skills.motion import ModelUnusable, NotFinite
+from skills.motion.contacts import Contacts
+from skills.motion.model import Model
+from skills.motion.reach import levers
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot()
+
+
+@pytest.fixture(scope="module")
+def contacts(robot: Robot) -> Contacts:
+    return Contacts(Model(robot))
+
+
+def test_tasks_keep_ten_millimetres(contacts: Contacts) -> None:
+    poses = [(0, 0, 0, 0), (0, 0, 0, -0.7), (-1.4, -0.6, -0.07, 0), (-1.57, 0, -0.9, 0)]
+    assert contacts.first_hit(poses, 0.010) is None
+
+
+def test_first_hit_is_the_first(contacts: Contacts) -> None:
+    free, hit = (0.0, 0.0, 0.0, 0.0), (0.0, -1.5, -0.5, 0.0)
+    assert contacts.first_hit([free, free, hit, free, hit], 0.005) == 2
+    assert contacts.first_hit([free] * 1500 + [hit], 0.005) == 1500
+    assert contacts.first_hit([free], 0.005) is None
+    assert contacts.first_hit(np.empty((0, 4)), 0.005) is None
+
+
+def test_answers_do_not_depend_on_what_was_asked_before(robot: Robot) -> None:
+    rows = np.random.default_rng(5).uniform(-1.5, 0.0, (200, 4))
+    one = Contacts(Model(robot))
+    first = [one.first_hit([row], 0.005) for row in rows]
+    again = [one.first_hit([row], 0.005) for row in rows[::-1]][::-1]
+    assert first == again
+
+
+def test_not_a_number_never_gets_in(contacts: Contacts) -> None:
+    for poison in (np.nan, np.inf, -np.inf):
+        with pytest.raises(NotFinite, match=r"row 1 of joint_3"):
+            contacts.first_hit([(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, poison, 0.0)], 0.005)
+    assert contacts.first_hit([(0.0, 0.0, 0.0, 0.0)], 0.005) is None
+
+
+def test_followers_move_with_their_leader(contacts: Contacts) -> None:
+    """Opening the gripper brings both fingers away from each other, none through the floor."""
+    model = Model(load_robot())
+    assert model.kinematics.nq == 4
+    q = model.coordinates(np.array([[0.0, 0.0, 0.0, -0.7]]))[:, 0]
+    data = model.kinematics.createData()
+    pin.forwardKinematics(model.kinematics, data, q)
+    turned = [
+        pin.log3(data.oMi[model.kinematics.getJointId(name)].rotation)[2]
+        for name in ("joint_4", "joint_5")
+    ]
+    assert turned == pytest.approx([-0.7, 0.7])
+
+
+def test_no_point_travels_further_than_its_bound(robot: Robot) -> None:
+    """Fingertips included, over random small moves of each joint."""
+    bound, model = levers(robot), Model(robot)
+    data, random = model.kinematics.createData(), np.random.default_rng(1)
+    lower = np.array([joint.lower for joint in robot.actuated])
+    upper = np.array([joint.upper for joint in robot.actuated])
+    most = np.zeros(4)
+    for configuration in random.uniform(lower, upper, (500, 4)):
+        for j, move in enumerate(1e-4 * np.eye(4)):
+            travel = corner_places(model, data, configuration + move)
+            travel -= corner_places(model, data, configuration)
+            most[j] = max(most[j], np.linalg.norm(travel, axis=1).max() / 1e-4)
+    assert np.all(most <= bound)
+    assert np.all(most[:3] >= 0.9 * bound[:3])  # and it is a bound worth having
+
+
+def corner_places(model: Model, data: pin.Data, configuration: Array) -> Array:
+    q = model.coordinates(configuration[None, :])[:, 0]
+    pin.forwardKinematics(model.kinematics, data, q)
+    corners = np.array(list(itertools.product((-1, 1), repeat=3)))
+    places = []
+    for shape in model.exact.geometryObjects[:-1]:
+        if isinstance(shape.geometry, coal.Box):
+            place = data.oMi[shape.parentJoint] * shape.placement
+            points = corners * shape.geometry.halfSide
+            places.append(points @ place.rotation.T + place.translation)
+    return np.vstack(places)
+
+
+def test_unusable_urdf(robot: Robot, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.urdf"
+    broken.write_text("<robot name='x'><link name='a'/><link name='b'/></robot>")
+    with pytest.raises(ModelUnusable, match=r"broken\.urdf cannot be planned with"):
+        Model(dataclasses.replace(robot, urdf=broken))

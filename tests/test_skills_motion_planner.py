@@ -1,0 +1,254 @@
+"""The ladder: every rung with its own error, and a plan that is exact at both ends."""
+
+import dataclasses
+import hashlib
+import math
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hardware import Robot, SimulatedClock, load_robot
+from skills.motion import (
+    BadQuery,
+    GoalInCollision,
+    GoalOutOfBounds,
+    ModelUnusable,
+    MotionCollides,
+    MotionError,
+    NoPath,
+    NotFinite,
+    Plan,
+    PlanTimeout,
+    Query,
+    StartInCollision,
+    StartOutOfBounds,
+    Verify,
+)
+from skills.motion import search as search_module
+from skills.motion.planner import Planner
+
+HOME, PICK, REST = (0.0, 0.0, 0.0), (-1.4, -0.6, -0.07), (-1.57, 0.0, -0.9)
+UNDER_THE_TABLE = (0.0, -1.5, -0.5)
+DETOUR = Query("arm", (-1.44023649, 0.16565795, -0.993262, 0.0), (-1.337505, 1.30914797, -1.103535))
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot()
+
+
+@pytest.fixture(scope="module")
+def planner(robot: Robot) -> Planner:
+    return Planner(robot)
+
+
+def arm(start: tuple[float, ...], goal: tuple[float, ...], **more: float) -> Query:
+    return Query("arm", (*start, 0.0), goal, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "duration"),
+    [(HOME, PICK, 3.3466), (PICK, REST, 2.5768), (REST, HOME, 3.5440)],
+)
+def test_tasks(
+    planner: Planner, start: tuple[float, ...], goal: tuple[float, ...], duration: float
+) -> None:
+    plan = planner.plan(arm(start, goal))
+    assert plan.duration == pytest.approx(duration, abs=1e-4)
+    assert plan.joints == ("joint_1", "joint_2", "joint_3")
+    assert len(plan.waypoints) == 2
+    assert list(plan.milliseconds) == ["ends", "straight", "time"]
+
+
+def test_gripper_moves_alone(planner: Planner) -> None:
+    plan = planner.plan(Query("gripper", (*PICK, 0.0), (-0.7,)))
+    assert plan.joints == ("joint_4",)
+    assert plan.duration == pytest.approx(2 * math.sqrt(0.7 / 0.5))
+    assert tuple(plan.start) == (*PICK, 0.0)
+
+
+def test_nowhere_to_go(planner: Planner) -> None:
+    plan = planner.plan(arm(PICK, PICK))
+    assert plan.duration == 0.0
+    assert np.array_equal(plan.sample([-1.0, 0.0, 1.0]), [PICK] * 3)
+    assert not plan.velocities([0.0]).any()
+
+
+ANGLES = st.tuples(st.floats(-1.57, 1.57), st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
+
+
+@given(start=ANGLES, goal=ANGLES, times=st.lists(st.floats(-1.0, 9.0), max_size=20))
+@settings(max_examples=60, deadline=None)
+def test_ends_are_exact_and_limits_kept(
+    planner: Planner, start: tuple[float, ...], goal: tuple[float, ...], times: list[float]
+) -> None:
+    plan = planner.plan(arm(start, goal))
+    ends = plan.sample([0.0, plan.duration, -1.0, plan.duration + 1.0])
+    assert [tuple(row) for row in ends] == [start, goal, start, goal]
+    for time in times:
+        assert np.array_equal(plan.sample([time])[0], plan.state(time))
+    grid = np.arange(0.0, plan.duration, 0.001)
+    low, high = np.minimum(start, goal) - 1e-12, np.maximum(start, goal) + 1e-12
+    assert np.all((low <= plan.sample(grid)) & (plan.sample(grid) <= high))
+    assert np.all(abs(plan.velocities(grid)) <= 1.001 * plan.velocity)
+    assert np.all(abs(plan.accelerations(grid)) <= 1.001 * plan.acceleration)
+
+
+def test_derivatives_are_those_of_the_samples(planner: Planner) -> None:
+    plan = planner.plan(DETOUR)
+    times = np.arange(0.001, plan.duration - 0.001, 0.001)
+    slopes = (plan.sample(times + 1e-5) - plan.sample(times - 1e-5)) / 2e-5
+    assert np.allclose(slopes, plan.velocities(times), atol=1e-4)
+    away = abs(times[:, None] - plan.profile.times).min(axis=1) > 1e-4
+    turns = (plan.velocities(times + 1e-6) - plan.velocities(times - 1e-6)) / 2e-6
+    assert np.allclose(turns[away], plan.accelerations(times)[away], atol=1e-3)
+
+
+def test_arrays_are_read_only_on_both_sides_of_a_pipe(planner: Planner) -> None:
+    for plan in (planner.plan(DETOUR), pickle.loads(pickle.dumps(planner.plan(DETOUR)))):
+        for array in (plan.start, plan.goal, plan.waypoints, plan.curve.base, plan.profile.times):
+            assert not array.flags.writeable
+
+
+REFUSED = [
+    (arm((math.nan, 0, 0), PICK), NotFinite, "start of joint_1 is nan"),
+    (arm(HOME, (0, math.inf, 0)), NotFinite, "goal of joint_2 is inf"),
+    (arm((2.0, 0, 0), PICK), StartOutOfBounds, r"start of joint_1, 2 rad, is outside \[-1\.5708, "),
+    (arm(HOME, (0, 0, -1.6)), GoalOutOfBounds, "goal of joint_3, -1.6 rad"),
+    (Query("gripper", (0, 0, 0, 0), (0.1,)), GoalOutOfBounds, "goal of joint_4, 0.1 rad"),
+    (arm(UNDER_THE_TABLE, HOME), StartInCollision, "At the start, .* mm deep in floor"),
+    (arm(HOME, UNDER_THE_TABLE), GoalInCollision, "At the goal, .* mm deep in floor"),
+    (arm(HOME, PICK[:2]), BadQuery, "goal has 2 values; give one for each of joint_1"),
+    (Query("legs", (0, 0, 0, 0), (0,)), BadQuery, "no group 'legs'; there are arm, gripper"),
+    (arm(HOME, PICK, seed=-1), BadQuery, "seed is -1"),
+]
+
+
+@pytest.mark.parametrize(("query", "error", "message"), REFUSED)
+def test_refusals(
+    planner: Planner, query: Query, error: type[MotionError], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        planner.plan(query)
+    assert planner.plan(arm(HOME, PICK)).duration > 3.0  # and the next is none the worse
+
+
+def test_a_limit_itself_is_within(planner: Planner, robot: Robot) -> None:
+    edge = robot.joint("joint_1").lower
+    assert planner.plan(arm(HOME, (edge, 0.0, 0.0))).goal[0] == edge
+
+
+def walled(robot: Robot) -> Robot:
+    """A disc at the height of the shoulder cuts what is before the arm from what is behind it."""
+    rules = dataclasses.replace(robot.collision, floor=None, margin=0.005)
+    return dataclasses.replace(robot, collision=rules)
+
+
+@pytest.fixture
+def cut_off(robot: Robot, tmp_path: Path) -> Planner:
+    """An arm that a wall across its whole turning circle keeps in one half."""
+    wall = """<link name="wall"><collision><origin xyz="0.5 0 0.35"/>
+        <geometry><box size="0.9 0.01 0.7"/></geometry></collision></link>
+        <joint name="wall_joint" type="fixed"><parent link="world"/><child link="wall"/></joint>
+        </robot>"""
+    urdf = tmp_path / "wall.urdf"
+    urdf.write_text(robot.urdf.read_text().replace("</robot>", wall))
+    rules = dataclasses.replace(
+        robot.collision, floor_ignores=robot.collision.floor_ignores | {"wall"}
+    )
+    return Planner(dataclasses.replace(robot, urdf=urdf, collision=rules))
+
+
+def test_no_path(cut_off: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(search_module, "_ITERATIONS", 50)
+    with pytest.raises(NoPath, match="in 50 steps of search"):
+        cut_off.plan(BEHIND_THE_WALL)
+
+
+def test_timeout(cut_off: Planner) -> None:
+    with pytest.raises(PlanTimeout, match=r"within 0\.05 s"):
+        cut_off.plan(dataclasses.replace(BEHIND_THE_WALL, timeout=0.05))
+
+
+def test_time_comes_from_the_clock(robot: Robot) -> None:
+    plan = Planner(robot, SimulatedClock()).plan(arm(HOME, PICK, timeout=0.0))
+    assert set(plan.milliseconds.values()) == {0.0}
+
+
+def digest(plan: Plan) -> str:
+    times = np.linspace(0.0, plan.duration, 500)
+    parts = (plan.sample(times), plan.waypoints, plan.profile.times)
+    return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()
+
+
+ELSEWHERE = """
+import sys
+from tests_planner import DETOUR, digest, load_robot, Planner
+planner = Planner(load_robot())
+planner.contacts.first_hit([(0.1 * i, 0.0, 0.0, 0.0) for i in range(10)], 0.001)
+print(digest(planner.plan(DETOUR)))
+"""
+
+
+def test_same_query_same_bytes_in_another_process(planner: Planner, tmp_path: Path) -> None:
+    here = digest(planner.plan(DETOUR))
+    assert digest(planner.plan(DETOUR)) == here
+    assert digest(planner.plan(dataclasses.replace(DETOUR, seed=2))) != here
+    (tmp_path / "tests_planner.py").write_text(Path(__file__).read_text())
+    root = str(Path(__file__).parents[1])
+    there = subprocess.run(
+        [sys.executable, "-c", ELSEWHERE],
+        env={"PYTHONPATH": f"{tmp_path}:{root}", "PYTHONHASHSEED": "7"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert there.stdout.strip() == here
+
+
+def test_limits_that_make_no_sense(robot: Robot) -> None:
+    for change in ({"acceleration": 0.0}, {"velocity": math.nan}, {"lower": 2.0}):
+        joints = (dataclasses.replace(robot.joints[0], **change), *robot.joints[1:])
+        with pytest.raises(ModelUnusable, match="joint_1 has limits"):
+            Planner(dataclasses.replace(robot, joints=joints))
+
+
+def test_verify_passes_what_is_free(planner: Planner) -> None:
+    plan = planner.plan(arm(HOME, PICK))
+    rows = np.hstack((plan.sample(np.arange(0.0, 3.4, 0.1)), np.zeros((34, 1))))
+    assert planner.answer(Verify(rows, 0.002)) is None
+
+
+def test_verify_looks_between_the_rows(planner: Planner) -> None:
+    """Both rows are free, and so is the way by plan; the straight way is not."""
+    rows = np.array([DETOUR.start, (*DETOUR.goal, 0.0)])
+    with pytest.raises(MotionCollides) as caught:
+        planner.verify(Verify(rows, 0.005, times=[1.0, 3.0]))
+    error = caught.value
+    assert error.row == 0
+    assert error.time is not None
+    assert 1.0 < error.time < 3.0
+    assert error.distance < 0.005
+    assert {error.first, error.second} & {"base_link", "base_plate"}
+
+
+@pytest.mark.parametrize(
+    ("request_", "error"),
+    [
+        (Verify([(0.0, 0.0, math.nan, 0.0)], 0.001), NotFinite),
+        (Verify([(0.0, 0.0, 0.0)], 0.001), BadQuery),
+        (Verify(np.empty((0, 4)), 0.001), BadQuery),
+        (Verify([(0.0, 0.0, 0.0, 0.0)], -0.001), BadQuery),
+        (Verify([(0.0, 0.0, 0.0, 0.0)], 0.001, times=[0.0, 1.0]), BadQuery),
+    ],
+)
+def test_verify_refuses(planner: Planner, request_: Verify, error: type[MotionError]) -> None:
+    with pytest.raises(error):
+        planner.verify(request_)
+    planner.verify(Verify([(0.0, 0.0, 0.0, 0.0)], 0.001))

@@ -1,0 +1,104 @@
+"""Timing: as quick as the limits allow, and never beyond them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from skills.motion.curve import Curve
+from skills.motion.profile import Profile
+from skills.motion.timing import timed
+from skills.motion.toppra_timing import fastest
+
+Array = NDArray[np.float64]
+
+ONES = np.ones(3)
+
+
+def line(goal: list[float]) -> Curve:
+    return Curve.through(np.array([[0.0] * len(goal), goal]), np.empty(0))
+
+
+def excess(curve: Curve, profile: Profile, velocity: Array, acceleration: Array) -> float:
+    """Largest speed or acceleration over its limit on a 1 ms grid and at every knot, less 1."""
+    times = np.union1d(np.arange(0.0, profile.duration, 0.001), profile.times)
+    s, speed, push = profile.at(times)
+    speeds = curve.slopes(s) * speed[:, None]
+    pushes = curve.slopes(s) * push[:, None] + curve.bends(s) * (speed * speed)[:, None]
+    return float(max(np.max(abs(speeds) / velocity), np.max(abs(pushes) / acceleration))) - 1.0
+
+
+@pytest.mark.parametrize(
+    ("goal", "duration"),
+    [([-1.4, -0.6, -0.07], 3.3466), ([-1.57, 0.0, -0.9], 3.5440), ([3.0, 1.0, 0.0], 5.0)],
+)
+def test_straight_durations(goal: list[float], duration: float) -> None:
+    """Rest to rest: 2 sqrt(d / a), or d / v + v / a where full speed is reached."""
+    profile = timed(line(goal), ONES, 0.5 * ONES)
+    assert profile
+    assert profile.duration == pytest.approx(duration, abs=1e-4)
+
+
+@given(
+    goal=st.lists(st.floats(-3.0, 3.0), min_size=3, max_size=3).filter(
+        lambda goal: max(map(abs, goal)) > 0.01
+    ),
+    velocity=st.floats(0.1, 5.0),
+    acceleration=st.floats(0.1, 10.0),
+)
+@settings(max_examples=60, deadline=None)
+def test_straight_is_toppras_optimum(
+    goal: list[float], velocity: float, acceleration: float
+) -> None:
+    curve, limits = line(goal), (velocity * ONES, acceleration * ONES)
+    ours = timed(curve, *limits)
+    theirs = fastest(curve, np.linspace(0.0, curve.length, 7), *limits)
+    assert ours and theirs
+    assert ours.duration <= 1.00001 * theirs.duration
+    assert theirs.duration <= 1.001 * ours.duration
+    assert excess(curve, ours, *limits) <= 1e-9
+
+
+@given(
+    seed=st.integers(0, 10**6),
+    count=st.integers(3, 7),
+    rounding=st.floats(0.01, 1.0),
+    stop=st.booleans(),
+)
+@settings(max_examples=30, deadline=None)
+def test_bent_keeps_every_limit(seed: int, count: int, rounding: float, stop: bool) -> None:
+    random = np.random.default_rng(seed)
+    waypoints = random.uniform(-1.5, 1.5, (count, 3))
+    velocity, acceleration = random.uniform(0.3, 2.0, (2, 3))
+    lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
+    radii = 0.5 * rounding * np.minimum(lengths[:-1], lengths[1:])
+    if stop:
+        radii[0] = 0.0
+    curve = Curve.through(waypoints, radii)
+    profile = timed(curve, velocity, acceleration)
+    assert profile
+    assert excess(curve, profile, velocity, acceleration) <= 0.001
+    assert np.all(np.diff(profile.times) >= 0.0)
+    assert profile.places[-1] == curve.length
+    assert len(curve.stops) == stop
+
+
+@given(
+    seed=st.integers(0, 10**6),
+    count=st.integers(2, 6),
+    rounding=st.floats(0.01, 1.0) | st.just(0.0),
+)
+@settings(max_examples=60, deadline=None)
+def test_curve_is_smooth_and_stays_near_its_corners(seed: int, count: int, rounding: float) -> None:
+    waypoints = np.random.default_rng(seed).uniform(-1.5, 1.5, (count, 3))
+    lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
+    radii = 0.5 * rounding * np.minimum(lengths[:-1], lengths[1:])
+    curve = Curve.through(waypoints, radii)
+    s = np.linspace(0.0, curve.length, 4001)
+    steps = np.linalg.norm(np.diff(curve.positions(s), axis=0), axis=1)
+    assert steps.max() <= s[1] * (1.0 + 1e-9)
+    assert np.allclose(curve.positions(s[[0, -1]]), waypoints[[0, -1]], atol=1e-12)
+    if rounding > 0.0:
+        bends = abs(curve.bends(s)).max()
+        assert abs(np.diff(curve.slopes(s), axis=0)).max() <= bends * s[1] * (1.0 + 1e-6) + 1e-9
