@@ -110,6 +110,15 @@ def test_derivatives_are_those_of_the_samples(planner: Planner) -> None:
     assert np.allclose(turns[away], plan.accelerations(times)[away], atol=1e-3)
 
 
+def test_every_seed_finds_a_way_within_the_limits(planner: Planner) -> None:
+    for seed in range(40):
+        plan = planner.plan(dataclasses.replace(DETOUR, seed=seed))
+        times = np.arange(0.0, plan.duration, 0.001)
+        assert np.all(abs(plan.velocities(times)) <= 1.001 * plan.velocity)
+        assert np.all(abs(plan.accelerations(times)) <= 1.001 * plan.acceleration)
+        assert np.array_equal(plan.sample([plan.duration])[0], plan.goal)
+
+
 def test_arrays_are_read_only_on_both_sides_of_a_pipe(planner: Planner) -> None:
     for plan in (planner.plan(DETOUR), pickle.loads(pickle.dumps(planner.plan(DETOUR)))):
         for array in (plan.start, plan.goal, plan.waypoints, plan.curve.base, plan.profile.times):
@@ -131,9 +140,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("query", "error", "message"), REFUSED)
-def test_refusals(
-    planner: Planner, query: Query, error: type[MotionError], message: str
-) -> None:
+def test_refusals(planner: Planner, query: Query, error: type[MotionError], message: str) -> None:
     with pytest.raises(error, match=message):
         planner.plan(query)
     assert planner.plan(arm(HOME, PICK)).duration > 3.0  # and the next is none the worse
@@ -144,36 +151,37 @@ def test_a_limit_itself_is_within(planner: Planner, robot: Robot) -> None:
     assert planner.plan(arm(HOME, (edge, 0.0, 0.0))).goal[0] == edge
 
 
-def walled(robot: Robot) -> Robot:
-    """A disc at the height of the shoulder cuts what is before the arm from what is behind it."""
-    rules = dataclasses.replace(robot.collision, floor=None, margin=0.005)
-    return dataclasses.replace(robot, collision=rules)
+WALL = """
+<link name="wall"><collision>
+  <origin xyz="0.354 0.421 0.35" rpy="0 0 0.8708"/><geometry><box size="0.9 0.01 0.7"/></geometry>
+</collision></link>
+<joint name="wall_joint" type="fixed"><parent link="world"/><child link="wall"/></joint>
+</robot>"""
 
 
 @pytest.fixture
 def cut_off(robot: Robot, tmp_path: Path) -> Planner:
-    """An arm that a wall across its whole turning circle keeps in one half."""
-    wall = """<link name="wall"><collision><origin xyz="0.5 0 0.35"/>
-        <geometry><box size="0.9 0.01 0.7"/></geometry></collision></link>
-        <joint name="wall_joint" type="fixed"><parent link="world"/><child link="wall"/></joint>
-        </robot>"""
+    """A wall stands between home and pick, and the arm cannot fold to get past it."""
     urdf = tmp_path / "wall.urdf"
-    urdf.write_text(robot.urdf.read_text().replace("</robot>", wall))
-    rules = dataclasses.replace(
-        robot.collision, floor_ignores=robot.collision.floor_ignores | {"wall"}
+    urdf.write_text(robot.urdf.read_text().replace("</robot>", WALL))
+    ignores = robot.collision.floor_ignores | {"wall"}
+    base, *rest = robot.joints
+    stiff = (
+        dataclasses.replace(j, lower=max(j.lower, -0.7), upper=min(j.upper, 0.1)) for j in rest
     )
-    return Planner(dataclasses.replace(robot, urdf=urdf, collision=rules))
+    rules = dataclasses.replace(robot.collision, floor_ignores=ignores)
+    return Planner(dataclasses.replace(robot, urdf=urdf, collision=rules, joints=(base, *stiff)))
 
 
 def test_no_path(cut_off: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(search_module, "_ITERATIONS", 50)
     with pytest.raises(NoPath, match="in 50 steps of search"):
-        cut_off.plan(BEHIND_THE_WALL)
+        cut_off.plan(arm(HOME, PICK))
 
 
 def test_timeout(cut_off: Planner) -> None:
     with pytest.raises(PlanTimeout, match=r"within 0\.05 s"):
-        cut_off.plan(dataclasses.replace(BEHIND_THE_WALL, timeout=0.05))
+        cut_off.plan(arm(HOME, PICK, timeout=0.05))
 
 
 def test_time_comes_from_the_clock(robot: Robot) -> None:
@@ -213,10 +221,14 @@ def test_same_query_same_bytes_in_another_process(planner: Planner, tmp_path: Pa
 
 
 def test_limits_that_make_no_sense(robot: Robot) -> None:
-    for change in ({"acceleration": 0.0}, {"velocity": math.nan}, {"lower": 2.0}):
-        joints = (dataclasses.replace(robot.joints[0], **change), *robot.joints[1:])
+    base, *rest = robot.joints
+    for odd in (
+        dataclasses.replace(base, acceleration=0.0),
+        dataclasses.replace(base, velocity=math.nan),
+        dataclasses.replace(base, lower=2.0),
+    ):
         with pytest.raises(ModelUnusable, match="joint_1 has limits"):
-            Planner(dataclasses.replace(robot, joints=joints))
+            Planner(dataclasses.replace(robot, joints=(odd, *rest)))
 
 
 def test_verify_passes_what_is_free(planner: Planner) -> None:

@@ -54,7 +54,8 @@ def test_straight_is_toppras_optimum(
     curve, limits = line(goal), (velocity * ONES, acceleration * ONES)
     ours = timed(curve, *limits)
     theirs = fastest(curve, np.linspace(0.0, curve.length, 7), *limits)
-    assert ours and theirs
+    assert ours
+    assert theirs
     assert ours.duration <= 1.00001 * theirs.duration
     assert theirs.duration <= 1.001 * ours.duration
     assert excess(curve, ours, *limits) <= 1e-9

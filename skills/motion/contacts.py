@@ -1,0 +1,116 @@
+"""Does the arm touch anything? Many configurations at a time."""
+
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import NotFinite
+from .model import Model
+
+Array = NDArray[np.float64]
+
+_BATCH = 1000  # configurations in one call, which nothing can interrupt: about 2 ms
+
+
+class Contact(NamedTuple):
+    """The nearest two links.
+
+    Attributes:
+        first: One, or `floor`.
+        second: The other.
+        distance: Between them, negative where they overlap [m].
+    """
+
+    first: str
+    second: str
+    distance: float
+
+
+class Contacts:
+    """Working memory to check a model's configurations; for one thread."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._outer = _Checker(model.kinematics, model.outer)
+        self._exact = _Checker(model.kinematics, model.exact)
+        self._data = model.kinematics.createData()
+        self._shapes = model.exact.createData()
+
+    def first_hit(self, configurations: ArrayLike, margin: float) -> int | None:
+        """Row of the first configuration where two links are nearer than a margin.
+
+        Args:
+            configurations: All actuated joints (N, A) [rad].
+            margin: Distance to be kept [m].
+
+        Raises:
+            NotFinite: pinocchio must never see a NaN: it would answer wrongly ever after.
+        """
+        q = self._coordinates(np.asarray(configurations, dtype=np.float64))
+        for begin in range(0, q.shape[1], _BATCH):
+            row = self._first_hit(q[:, begin : begin + _BATCH], margin)
+            if row is not None:
+                return begin + row
+        return None
+
+    def _first_hit(self, q: Array, margin: float) -> int | None:
+        """Column of the first hit. One call if it is free; few looks if the first doubt is one."""
+        doubtful = np.flatnonzero(self._outer.hits(q, margin, stop=True))
+        while doubtful.size:
+            hits = self._exact.hits(np.asfortranarray(q[:, doubtful]), margin, stop=True)
+            if hits.any():
+                return int(doubtful[int(hits.argmax())])
+            rest = int(doubtful[-1]) + 1
+            doubtful = rest + np.flatnonzero(self._outer.hits(q[:, rest:], margin, stop=False))
+        return None
+
+    def nearest(self, configuration: ArrayLike) -> Contact | None:
+        """The nearest two links that may not touch (A,) [rad]; None where all may."""
+        row = np.asarray(configuration, dtype=np.float64)[None, :]
+        geometry = self._model.exact
+        if not len(geometry.collisionPairs):
+            return None
+        coordinates = self._coordinates(row)[:, 0]
+        pin.computeDistances(
+            self._model.kinematics, self._data, geometry, self._shapes, coordinates
+        )
+        distances = [result.min_distance for result in self._shapes.distanceResults]
+        k = int(np.argmin(distances))
+        pair = geometry.collisionPairs[k]
+        names = [self._model.link(geometry, i) for i in (pair.first, pair.second)]
+        return Contact(names[0], names[1], distances[k])
+
+    def _coordinates(self, configurations: Array) -> Array:
+        if not np.isfinite(configurations).all():
+            row, column = np.argwhere(~np.isfinite(configurations))[0]
+            value = float(configurations[row, column])
+            raise NotFinite(f"row {row}", self._model.joints[column], value)
+        return self._model.coordinates(configurations)
+
+
+class _Checker:
+    """One geometry and its memory."""
+
+    def __init__(self, kinematics: pin.Model, geometry: pin.GeometryModel) -> None:
+        self._pool = pin.GeometryPool(kinematics, geometry, 1)
+        self._requests = self._pool.getGeometryData(0).collisionRequests
+        self._margin = 0.0
+        for k in range(len(self._requests)):
+            # Answers must not depend on what was asked before, as they do with a cached guess.
+            self._requests[k].gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
+
+    def hits(self, q: Array, margin: float, stop: bool) -> NDArray[np.bool_]:
+        """Whether each column is a hit; after the first, if `stop`, the rest is not looked at."""
+        if not q.size:
+            return np.zeros(0, bool)
+        self._keep(margin)
+        return np.asarray(pin.computeCollisionsInParallel(1, self._pool, q, True, stop), bool)
+
+    def _keep(self, margin: float) -> None:
+        if margin != self._margin:
+            for k in range(len(self._requests)):
+                self._requests[k].security_margin = margin
+            self._margin = margin

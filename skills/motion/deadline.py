@@ -1,0 +1,54 @@
+"""The time a plan has, and where it went."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from hardware import Clock
+
+from .errors import PlanTimeout
+
+
+class Deadline:
+    """When the time of a request is up.
+
+    Args:
+        clock: The time.
+        timeout: From now [s].
+    """
+
+    def __init__(self, clock: Clock, timeout: float) -> None:
+        self._clock, self._timeout = clock, timeout
+        self._end = clock.now() + timeout
+
+    @property
+    def over(self) -> bool:
+        """Whether it has passed."""
+        return self._clock.now() > self._end
+
+    def check(self) -> None:
+        """Go on.
+
+        Raises:
+            PlanTimeout: The time is up.
+        """
+        if self.over:
+            raise PlanTimeout(self._timeout)
+
+
+class Stopwatch:
+    """What each rung took.
+
+    Attributes:
+        milliseconds: By rung, in their order [ms].
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self.milliseconds: dict[str, float] = {}
+
+    @contextmanager
+    def rung(self, name: str) -> Iterator[None]:
+        """Time what is done inside."""
+        begin = self._clock.now()
+        yield
+        self.milliseconds[name] = 1e3 * (self._clock.now() - begin)

@@ -1,0 +1,252 @@
+"""What can go wrong with a plan.
+
+    MotionError
+    ├── BadQuery                the question itself makes no sense
+    │   └── NotFinite           it holds a NaN or an infinity
+    ├── ModelUnusable           the robot's URDF cannot be planned with
+    ├── OutOfBounds             a joint would start or end outside its limits
+    │   ├── StartOutOfBounds
+    │   └── GoalOutOfBounds
+    ├── EndInCollision          the arm would start or end touching something, or too near
+    │   ├── StartInCollision
+    │   └── GoalInCollision
+    ├── NoPath                  searched to the end of the budget, found nothing
+    ├── PlanTimeout             the time was up
+    ├── MotionCollides          the last check, on the motion as it will be played, found a contact
+    ├── PlanCanceled            somebody said stop
+    └── WorkerDied              the planning process ended or answered nonsense
+
+Every error carries a stable `code`, and its message says what to do next. All of them travel
+between processes with their attributes.
+"""
+
+from collections.abc import Iterable
+from typing import Any
+
+
+class MotionError(Exception):
+    """Root of everything motion planning raises."""
+
+    code = "plan.error"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restore, (type(self), self.args, self.__dict__)
+
+
+def _restore(kind: type[MotionError], args: tuple[Any, ...], attributes: dict[str, Any]) -> Any:
+    error = kind.__new__(kind, *args)
+    error.args = args
+    error.__dict__.update(attributes)
+    return error
+
+
+class BadQuery(MotionError, ValueError):
+    """The question makes no sense for this robot."""
+
+    code = "plan.bad_query"
+
+    @classmethod
+    def group(cls, group: str, groups: Iterable[str]) -> "BadQuery":
+        """An unknown group."""
+        return cls(f"There is no group {group!r}; there are {', '.join(groups)}")
+
+    @classmethod
+    def count(cls, what: str, given: int, wanted: Iterable[str]) -> "BadQuery":
+        """The wrong number of values."""
+        names = ", ".join(wanted)
+        return cls(f"The {what} has {given} values; give one for each of {names}")
+
+
+class NotFinite(BadQuery):
+    """A NaN or an infinity.
+
+    Attributes:
+        what: Where it was found, such as `start`.
+        joint: The joint it was given for.
+        value: NaN or an infinity.
+    """
+
+    code = "plan.not_finite"
+
+    def __init__(self, what: str, joint: str, value: float) -> None:
+        self.what, self.joint, self.value = what, joint, value
+        super().__init__(f"The {what} of {joint} is {value}; give a finite number of radians")
+
+
+class ModelUnusable(MotionError):
+    """The robot's URDF cannot be planned with.
+
+    Attributes:
+        path: The URDF.
+    """
+
+    code = "plan.model"
+
+    def __init__(self, path: str, why: str) -> None:
+        self.path = path
+        super().__init__(f"{path} cannot be planned with: {why}. Correct the file, then run again")
+
+
+class OutOfBounds(MotionError, ValueError):
+    """A joint would be outside its limits.
+
+    Attributes:
+        joint: Its name.
+        value: Where it would be [rad].
+        lower: Its smallest position [rad].
+        upper: Its largest position [rad].
+    """
+
+    what = "position"
+
+    def __init__(self, joint: str, value: float, lower: float, upper: float) -> None:
+        self.joint, self.value, self.lower, self.upper = joint, value, lower, upper
+        super().__init__(
+            f"The {self.what} of {joint}, {value:.6g} rad, is outside "
+            f"[{lower:.6g}, {upper:.6g}]; choose a value within"
+        )
+
+
+class StartOutOfBounds(OutOfBounds):
+    """The motion would start outside the limits."""
+
+    code = "plan.start_out_of_bounds"
+    what = "start"
+
+
+class GoalOutOfBounds(OutOfBounds):
+    """The motion would end outside the limits."""
+
+    code = "plan.goal_out_of_bounds"
+    what = "goal"
+
+
+class EndInCollision(MotionError):
+    """One end of the motion touches something or comes too near.
+
+    Attributes:
+        first: One link, or `floor`.
+        second: The other.
+        distance: Between them, negative where they overlap [m].
+        margin: Distance to be kept [m].
+    """
+
+    what = "end"
+    advice = ""
+
+    def __init__(self, first: str, second: str, distance: float, margin: float) -> None:
+        self.first, self.second = first, second
+        self.distance, self.margin = distance, margin
+        super().__init__(
+            f"At the {self.what}, {_contact(first, second, distance)} "
+            f"({1e3 * margin:.1f} mm must be kept); {self.advice}"
+        )
+
+
+class StartInCollision(EndInCollision):
+    """The arm stands too near to something to move by plan."""
+
+    code = "plan.start_in_collision"
+    what = "start"
+    advice = "free the arm by hand, then run again"
+
+
+class GoalInCollision(EndInCollision):
+    """The goal is too near to something."""
+
+    code = "plan.goal_in_collision"
+    what = "goal"
+    advice = "choose another goal"
+
+
+class NoPath(MotionError):
+    """The search came to the end of its budget.
+
+    Attributes:
+        iterations: How many steps it took.
+    """
+
+    code = "plan.no_path"
+
+    def __init__(self, iterations: int) -> None:
+        self.iterations = iterations
+        super().__init__(
+            f"No way round was found in {iterations} steps of search; "
+            "choose another goal, go by way of a pose between, or try another seed"
+        )
+
+
+class PlanTimeout(MotionError, TimeoutError):
+    """The time was up.
+
+    Attributes:
+        timeout: Time there was [s].
+    """
+
+    code = "plan.timeout"
+
+    def __init__(self, timeout: float) -> None:
+        self.timeout = timeout
+        super().__init__(f"No plan within {timeout:g} s; allow more time, or choose a nearer goal")
+
+
+class MotionCollides(MotionError):
+    """The motion, as it will be played, touches something.
+
+    Attributes:
+        row: Row of the configurations at or after which it does.
+        time: When, from the start of the motion [s]; None where no times were given.
+        first: One link, or `floor`.
+        second: The other.
+        distance: Between them, negative where they overlap [m].
+        margin: Distance to be kept [m].
+    """
+
+    code = "plan.motion_collides"
+
+    def __init__(
+        self,
+        row: int,
+        time: float | None,
+        first: str,
+        second: str,
+        distance: float,
+        margin: float,
+    ) -> None:
+        self.row, self.time, self.margin = row, time, margin
+        self.first, self.second, self.distance = first, second, distance
+        where = f"row {row} of" if time is None else f"{time:.2f} s into"
+        super().__init__(
+            f"At {where} the motion, {_contact(first, second, distance)} "
+            f"({1e3 * margin:.1f} mm must be kept); go by way of a pose further off"
+        )
+
+
+class PlanCanceled(MotionError):
+    """Planning was canceled."""
+
+    code = "plan.canceled"
+
+    def __init__(self) -> None:
+        super().__init__("Planning was canceled; ask again when ready")
+
+
+class WorkerDied(MotionError):
+    """The planning process ended or answered nonsense.
+
+    Attributes:
+        why: What is known of it.
+    """
+
+    code = "plan.worker_died"
+
+    def __init__(self, why: str) -> None:
+        self.why = why
+        super().__init__(f"The planning process failed: {why}. A new one takes over; ask again")
+
+
+def _contact(first: str, second: str, distance: float) -> str:
+    size = f"{1e3 * abs(distance):.1f} mm"
+    if distance < 0:
+        return f"{first} would be {size} deep in {second}"
+    return f"{first} would come within {size} of {second}"

@@ -1,0 +1,114 @@
+"""The robot as pinocchio sees it: its joints, its shapes, and which pairs of shapes are checked."""
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hardware import CollisionRules, Robot
+
+from .errors import ModelUnusable
+from .shapes import hull
+
+Array = NDArray[np.float64]
+
+FLOOR = "floor"
+
+
+class Model:
+    """Kinematics and geometry of a robot.
+
+    There are two geometries. In the exact one every primitive of the URDF is a shape; in the outer
+    one each link is the convex hull around its primitives, far fewer pairs. Where the outer shapes
+    keep a distance, so do the exact ones.
+
+    Attributes:
+        joints: Names of the actuated joints, the columns of all configurations (A).
+        kinematics: pinocchio's model; followers share the coordinate of the joint they follow.
+        exact: Geometry of the primitives.
+        outer: Geometry of the hulls.
+
+    Raises:
+        ModelUnusable: pinocchio cannot read the URDF.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.joints = tuple(joint.name for joint in robot.actuated)
+        try:
+            self.kinematics = pin.buildModelFromUrdf(str(robot.urdf), True)
+            self.exact = pin.buildGeomFromUrdf(
+                self.kinematics,
+                str(robot.urdf),
+                pin.GeometryType.COLLISION,
+                None,
+                [str(robot.urdf.parent)],
+            )
+        except (RuntimeError, ValueError) as error:
+            raise ModelUnusable(str(robot.urdf), str(error)) from error
+        self.outer = self._hulls()
+        for geometry in (self.exact, self.outer):
+            self._add_floor(geometry, robot.collision)
+            self._add_pairs(geometry, robot.collision)
+            for shape in geometry.geometryObjects:
+                shape.geometry.computeLocalAABB()  # coal guesses from it where two shapes face
+        self._places = [self._place(name) for name in self.joints]
+
+    def coordinates(self, configurations: Array) -> Array:
+        """Of configurations (N, A) [rad], as pinocchio wants them: (nq, N), column-major."""
+        q = np.zeros((self.kinematics.nq, len(configurations)), order="F")
+        for column, (index, turns) in enumerate(self._places):
+            values = configurations[:, column]
+            if turns:
+                q[index], q[index + 1] = np.cos(values), np.sin(values)
+            else:
+                q[index] = values
+        return q
+
+    def link(self, geometry: pin.GeometryModel, index: int) -> str:
+        """The link that a shape belongs to; `floor` for the floor."""
+        shape = geometry.geometryObjects[index]
+        return FLOOR if shape.name == FLOOR else str(self.kinematics.frames[shape.parentFrame].name)
+
+    def _place(self, joint: str) -> tuple[int, bool]:
+        """Index of a joint's coordinate, and whether it is stored as cosine and sine."""
+        place = self.kinematics.joints[self.kinematics.getJointId(joint)]
+        return place.idx_q, place.nq == 2
+
+    def _hulls(self) -> pin.GeometryModel:
+        outer, links = pin.GeometryModel(), dict[int, list[pin.GeometryObject]]()
+        for shape in self.exact.geometryObjects:
+            links.setdefault(shape.parentFrame, []).append(shape)
+        for frame, shapes in links.items():
+            joint, name = shapes[0].parentJoint, self.kinematics.frames[frame].name
+            around = hull(shapes)
+            outer.addGeometryObject(
+                pin.GeometryObject(name, joint, frame, pin.SE3.Identity(), around)
+            )
+        return outer
+
+    def _add_floor(self, geometry: pin.GeometryModel, rules: CollisionRules) -> None:
+        if rules.floor is not None:
+            half = coal.Halfspace(np.array([0.0, 0.0, 1.0]), rules.floor)
+            geometry.addGeometryObject(pin.GeometryObject(FLOOR, 0, 0, pin.SE3.Identity(), half))
+
+    def _add_pairs(self, geometry: pin.GeometryModel, rules: CollisionRules) -> None:
+        for first, second in self._pairs(geometry, rules):
+            geometry.addCollisionPair(pin.CollisionPair(first, second))
+
+    def _pairs(
+        self, geometry: pin.GeometryModel, rules: CollisionRules
+    ) -> Iterator[tuple[int, int]]:
+        """Pairs of shapes that may not touch."""
+        joints = [shape.parentJoint for shape in geometry.geometryObjects]
+        links = [self.link(geometry, i) for i in range(len(joints))]
+        for i, j in combinations(range(len(links)), 2):
+            pair = frozenset((links[i], links[j]))
+            if FLOOR in pair:
+                wanted = not pair & rules.floor_ignores
+            else:  # shapes on one body never move against each other
+                wanted = joints[i] != joints[j] and pair not in rules.allowed
+            if wanted:
+                yield i, j

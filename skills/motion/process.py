@@ -1,0 +1,151 @@
+"""One worker process, as the parent holds it."""
+
+import os
+import pickle
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from hardware import Robot
+
+from .errors import MotionError, PlanTimeout, WorkerDied
+from .plan import Plan
+from .query import Query, Verify
+
+Request = Query | Verify
+Result = Plan | None | MotionError
+
+# What reading a damaged answer raises; anything else is a bug of ours and should be seen.
+_NONSENSE = (
+    pickle.UnpicklingError,
+    ArithmeticError,
+    AttributeError,
+    ImportError,
+    LookupError,
+    MemoryError,
+    TypeError,
+    ValueError,
+)
+_GRACE = 0.1  # beyond its time-out, before a worker counts as hanging [s]
+_START = 30.0  # to load the model on a slow machine [s]
+
+
+class WorkerProcess:
+    """A process that plans, started now and waited for by the first `ask`.
+
+    It has a session of its own, so a Ctrl-C on the terminal does not reach it, and it ends by
+    itself when its end of the socket closes, that is, when this process ends.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        ours, theirs = socket.socketpair()
+        self._notes = tempfile.TemporaryFile()  # noqa: SIM115, closed by `close`
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "skills.motion.worker", str(theirs.fileno())],
+                pass_fds=(theirs.fileno(),),
+                stdin=subprocess.DEVNULL,
+                stdout=self._notes,
+                stderr=self._notes,
+                env=_environment(),
+                start_new_session=True,
+            )
+        self._connection = Connection(ours.detach())
+        self._ready = self._killed = False
+        self._hello(robot)
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs, and nobody has ended it."""
+        return not self._killed and self._process.poll() is None
+
+    def ask(self, request: Request) -> Result:
+        """Its answer, waited for; errors are answers.
+
+        A worker that died, hung or answered nonsense is no longer alive after it.
+        """
+        try:
+            if not self._ready and (broken := self._start()):
+                return broken
+            self._connection.send(request)
+            answer = self._answer(request.timeout + _GRACE)
+        except (EOFError, OSError):
+            return self._died()
+        except _NONSENSE as error:
+            return self._nonsense(repr(error))
+        if answer is _LATE:
+            self.kill()
+            return PlanTimeout(request.timeout)
+        if answer is None or isinstance(answer, Plan | MotionError):
+            return answer
+        return self._nonsense(f"{type(answer).__name__} instead of a plan")
+
+    def kill(self) -> None:
+        """End it now. May be called from any thread, and again."""
+        self._killed = True
+        self._process.kill()
+
+    def close(self) -> None:
+        """End it and leave nothing behind."""
+        self.kill()
+        self._process.wait()
+        self._connection.close()
+        self._notes.close()
+
+    def _hello(self, robot: Robot) -> None:
+        try:
+            self._connection.send(robot)
+        except OSError:
+            self.kill()  # told by the first `ask`
+
+    def _start(self) -> MotionError | None:
+        """Wait until it has loaded the robot; the error where it cannot."""
+        answer = self._answer(_START)
+        self._ready = answer is None
+        if answer is None or isinstance(answer, MotionError):
+            return answer
+        return self._nonsense(f"nothing within {_START:g} s of its start")
+
+    def _answer(self, timeout: float) -> Any:
+        return self._connection.recv() if self._connection.poll(timeout) else _LATE
+
+    def _nonsense(self, what: str) -> WorkerDied:
+        self.kill()
+        return WorkerDied(f"it answered {what}")
+
+    def _died(self) -> WorkerDied:
+        self.kill()
+        code = self._process.wait()
+        how = f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
+        return WorkerDied(how + self._last_words())
+
+    def _last_words(self) -> str:
+        """What it said last, where it said anything."""
+        self._notes.seek(0)
+        lines = self._notes.read().decode(errors="replace").strip().splitlines()
+        return f" ({lines[-1].strip()})" if lines else ""
+
+
+class _Late:
+    """Stands for an answer that did not come in time."""
+
+
+_LATE = _Late()
+
+
+def _environment() -> dict[str, str]:
+    """Ours, with the folder these rooms are in, and one thread per numeric library."""
+    rooms = str(Path(__file__).parents[2])
+    paths = [rooms, *filter(None, [os.environ.get("PYTHONPATH")])]
+    single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    return {**os.environ, **single, "PYTHONPATH": os.pathsep.join(paths)}

@@ -1,0 +1,115 @@
+"""RRTConnect: a way round, when the straight line is not free.
+
+James J. Kuffner and Steven M. LaValle, "RRT-Connect: an efficient approach to single-query path
+planning", ICRA 2000; here OMPL's, whose objects leak when they refer to each other in a cycle, so
+that one space serves all searches of a group.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from ompl import base as ob
+from ompl import geometric as og
+from ompl import util as ou
+
+from .errors import NoPath
+from .space import Space
+
+Array = NDArray[np.float64]
+
+ou.setLogLevel(ou.LogLevel.LOG_NONE)
+
+_ITERATIONS = 20_000  # a count, not a time: the same query must give the same path
+_RANGE = 0.5  # longest new branch [rad]
+
+
+class Search:
+    """Searches in the joint space of one group.
+
+    Args:
+        lower: Of its joints (J,) [rad].
+        upper: Of its joints (J,) [rad]; where infinite, half a turn beyond the ends is searched.
+    """
+
+    def __init__(self, lower: Array, upper: Array) -> None:
+        self._lower, self._upper = lower, upper
+        self._space = ob.RealVectorStateSpace(len(lower))
+        self._information = ob.SpaceInformation(self._space)
+        self._edges = _Edges(self._information)
+        self._information.setMotionValidator(self._edges)
+        self._information.setStateValidityChecker(self._edges.point)
+
+    def find(self, space: Space, start: Array, goal: Array, seed: int) -> Array:
+        """A path of free edges from start to goal (N, J) [rad].
+
+        Args:
+            space: Where the group may move.
+            start: A free point (J,) [rad].
+            goal: Another (J,) [rad].
+            seed: Equal seeds give equal paths; at least 1.
+
+        Raises:
+            NoPath: The budget is spent.
+            PlanTimeout: The time is up.
+        """
+        self._edges.space = space
+        self._bound(start, goal)
+        problem = self._problem(start, goal)
+        ou.RNG.setSeed(seed)
+        planner = og.RRTConnect(self._information)
+        planner.setRange(_RANGE)
+        planner.setProblemDefinition(problem)
+        planner.setup()
+        budget = _Budget(space)
+        planner.solve(ob.PlannerTerminationCondition(budget.spent))
+        space.deadline.check()
+        if not problem.hasExactSolution():
+            raise NoPath(_ITERATIONS)
+        states = problem.getSolutionPath().getStates()
+        return np.array([start, *(s[0 : len(start)] for s in states[1:-1]), goal])
+
+    def _bound(self, start: Array, goal: Array) -> None:
+        bounds = ob.RealVectorBounds(len(start))
+        lower = np.where(np.isfinite(self._lower), self._lower, np.minimum(start, goal) - np.pi)
+        upper = np.where(np.isfinite(self._upper), self._upper, np.maximum(start, goal) + np.pi)
+        for i in range(len(start)):
+            bounds.setLow(i, float(lower[i]))
+            bounds.setHigh(i, float(upper[i]))
+        self._space.setBounds(bounds)
+        self._information.setup()
+
+    def _problem(self, start: Array, goal: Array) -> ob.ProblemDefinition:
+        ends = [self._information.allocState() for _ in range(2)]
+        for end, values in zip(ends, (start, goal), strict=True):
+            for i, value in enumerate(values):
+                end[i] = float(value)
+        problem = ob.ProblemDefinition(self._information)
+        problem.setStartAndGoalStates(*ends)
+        return problem
+
+
+class _Edges(ob.MotionValidator):  # type: ignore[misc]
+    """Asks the space of the query at hand, a whole edge at a time."""
+
+    space: Space
+
+    def __init__(self, information: ob.SpaceInformation) -> None:
+        super().__init__(information)
+        self._size = information.getStateDimension()
+
+    def checkMotion(self, a: ob.State, b: ob.State) -> bool:  # noqa: N802, named by OMPL
+        size = self._size
+        return self.space.edge(np.array(a[0:size]), np.array(b[0:size]))
+
+    def point(self, state: ob.State) -> bool:
+        return self.space.free(np.array([state[0 : self._size]]))
+
+
+class _Budget:
+    """Counts the steps of a search."""
+
+    def __init__(self, space: Space) -> None:
+        self._deadline, self._left = space.deadline, _ITERATIONS
+
+    def spent(self) -> bool:
+        self._left -= 1
+        return self._left < 0 or self._deadline.over

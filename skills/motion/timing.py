@@ -1,0 +1,74 @@
+"""The quickest way along a curve that keeps every joint's velocity and acceleration limits."""
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .curve import Curve
+from .profile import Profile
+
+Array = NDArray[np.float64]
+
+
+def timed(curve: Curve, velocity: Array, acceleration: Array) -> Profile | None:
+    """The time law of a curve, at rest at both ends and at its stops.
+
+    Args:
+        curve: Of length > 0.
+        velocity: Limits (J,) [rad/s].
+        acceleration: Limits (J,) [rad/s2].
+
+    Returns:
+        The time law; None where the solver fails on a bend, as it never does on lines.
+    """
+    whole = Profile.still()
+    for begin, end in pairwise([0.0, *curve.stops, curve.length]):
+        part = _section(curve, begin, end, velocity, acceleration)
+        if part is None:
+            return None
+        whole = whole.then(part)
+    return whole
+
+
+def _section(
+    curve: Curve, begin: float, end: float, velocity: Array, limits: Array
+) -> Profile | None:
+    """Between two stops: in closed form where it is one line, by TOPP-RA where it is not."""
+    inside = curve.breaks[(curve.breaks > begin) & (curve.breaks < end)]
+    if len(inside):
+        from .toppra_timing import fastest  # 0.7 s, which straight moves save
+
+        return fastest(curve, np.array([begin, *inside, end]), velocity, limits)
+    slope = abs(curve.slopes(np.array([0.5 * (begin + end)]))[0])
+    return trapezoid(begin, end, *_along(slope, velocity, limits))
+
+
+def _along(slope: Array, velocity: Array, acceleration: Array) -> tuple[float, float]:
+    """Limits on ds/dt and d2s/dt2 along a line of that |dq/ds| (J,)."""
+    with np.errstate(divide="ignore", over="ignore"):  # a joint that stands limits nothing
+        return float(np.min(velocity / slope)), float(np.min(acceleration / slope))
+
+
+def trapezoid(begin: float, end: float, speed: float, push: float) -> Profile:
+    """The quickest rest-to-rest motion of one coordinate: full push, full speed, full brake.
+
+    Where the way is too short to reach full speed, push and brake meet in the middle. Along a line
+    q' is constant and q'' is zero, so all joints' limits are two on s, and this is the optimum.
+
+    Args:
+        begin: Where it starts.
+        end: Where it ends, beyond `begin`.
+        speed: Limit [1/s].
+        push: Limit [1/s2].
+    """
+    length = end - begin
+    top = min(speed, float(np.sqrt(length * push)))
+    rising, way = top / push, 0.5 * top * top / push
+    cruise = max(0.0, (length - 2.0 * way) / top)
+    return Profile(
+        np.array([0.0, rising, rising + cruise, 2.0 * rising + cruise]),
+        np.array([begin, begin + way, end - way, end]),
+        np.array([0.0, top, top, 0.0]),
+        np.array([push, 0.0, -push, 0.0]),
+    )

@@ -1,0 +1,71 @@
+"""The last check: the motion as it will be played, between its rows too."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contacts import Contacts
+from .deadline import Deadline
+from .errors import BadQuery, MotionCollides, NotFinite
+from .query import Verify
+from .space import LEAST_STEP
+
+Array = NDArray[np.float64]
+
+_CHUNK = 500  # configurations between two looks at the deadline
+
+
+def check_motion(
+    contacts: Contacts, levers: Array, joints: Sequence[str], request: Verify, deadline: Deadline
+) -> None:
+    """Follow the rows of a request, less than its margin of travel at a time.
+
+    Raises:
+        MotionCollides: The first contact along the motion.
+        BadQuery, NotFinite: The rows make no sense.
+        PlanTimeout: The time is up.
+    """
+    rows, times = _checked(request, joints)
+    step = max(request.margin, LEAST_STEP)
+    places = _places(rows, levers, step)
+    for begin in range(0, len(places), _CHUNK):
+        deadline.check()
+        chunk = places[begin : begin + _CHUNK]
+        points = _between(rows, chunk)
+        hit = contacts.first_hit(points, request.margin)
+        if hit is not None:
+            nearest = contacts.nearest(points[hit])
+            assert nearest
+            place = chunk[hit]
+            time = None if times is None else float(np.interp(place, range(len(rows)), times))
+            raise MotionCollides(int(place), time, *nearest, request.margin)
+
+
+def _places(rows: Array, levers: Array, step: float) -> Array:
+    """Where to look, in rows and fractions of rows: 0 ... N - 1 (P,)."""
+    counts = (abs(np.diff(rows, axis=0)) @ levers / step).astype(int) + 1
+    parts = [i + np.arange(count) / count for i, count in enumerate(counts)]
+    return np.concatenate((*parts, [len(rows) - 1.0]))
+
+
+def _between(rows: Array, places: Array) -> Array:
+    before = places.astype(int)
+    after = np.minimum(before + 1, len(rows) - 1)
+    points: Array = rows[before] + (places - before)[:, None] * (rows[after] - rows[before])
+    return points
+
+
+def _checked(request: Verify, joints: Sequence[str]) -> tuple[Array, Array | None]:
+    rows, times, margin = np.asarray(request.configurations), request.times, request.margin
+    if rows.ndim != 2 or rows.shape[1] != len(joints) or not len(rows):
+        wanted = f"rows of {len(joints)} ({', '.join(joints)}), at least one"
+        raise BadQuery(f"The configurations have the shape {rows.shape}; give {wanted}")
+    if times is not None and np.shape(times) != (len(rows),):
+        raise BadQuery(f"There are {np.size(times)} times for {len(rows)} rows; give one for each")
+    if not (math.isfinite(margin) and margin >= 0.0):
+        raise BadQuery(f"The margin is {margin} m; give a finite number from 0")
+    for row, column in np.argwhere(~np.isfinite(rows)):
+        raise NotFinite(f"row {row}", joints[column], float(rows[row, column]))
+    return rows, None if times is None else np.asarray(times)

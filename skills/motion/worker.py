@@ -1,0 +1,49 @@
+"""The worker process: `python -P -m skills.motion.worker FD`, FD being its end of a socket.
+
+It is sent a pickled Robot, answers None when it has loaded it, and then answers every Query and
+Verify it is sent, in turn, until the other end closes. Errors of ours are answers; any other ends
+the process, and the parent starts a new one.
+"""
+
+import signal
+import sys
+from multiprocessing.connection import Connection
+from typing import Any
+
+from hardware import RealClock
+
+from .errors import MotionError
+from .planner import Planner
+
+
+def main(descriptor: int) -> None:
+    """Serve until the other end closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # when to end is for the parent to say
+    with Connection(descriptor) as connection:
+        try:
+            _serve(connection)
+        except (EOFError, ConnectionError):
+            return
+
+
+def _serve(connection: Connection) -> None:
+    robot = connection.recv()
+    try:
+        planner = Planner(robot, RealClock())
+    except MotionError as error:
+        connection.send(error)
+        return
+    connection.send(None)
+    while True:
+        connection.send(_answer(planner, connection.recv()))
+
+
+def _answer(planner: Planner, request: Any) -> Any:
+    try:
+        return planner.answer(request)
+    except MotionError as error:
+        return error
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

@@ -1,0 +1,285 @@
+"""The pool: real processes that plan, are ended, crash, hang, and leave nothing behind."""
+
+import dataclasses
+import os
+import pickle
+import select
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hardware import RealClock, Robot, SimulatedClock, load_robot
+from skills.motion import (
+    BadQuery,
+    ModelUnusable,
+    MotionCollides,
+    NotFinite,
+    Plan,
+    PlanCanceled,
+    PlanTimeout,
+    Pool,
+    Query,
+    Request,
+    Result,
+    StartInCollision,
+    Verify,
+    WorkerDied,
+)
+from skills.motion.process import WorkerProcess
+
+PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
+UNDER_THE_TABLE = (0.0, -1.5, -0.5, 0.0)
+# 10 000 times across the table and back: seconds of work for a worker.
+LONG = Verify([(0.0, 0.0, 0.0, 0.0), (-1.4, 0.0, 0.0, 0.0)] * 5_000, 0.002, timeout=60.0)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot()
+
+
+@pytest.fixture(scope="module")
+def pool(robot: Robot) -> Iterator[Pool]:
+    pool = Pool(robot, 1, RealClock())
+    pool.start()
+    yield pool
+    pool.close()
+
+
+class Answer:
+    """Takes the result of a job, and waits for it."""
+
+    def __init__(self) -> None:
+        self.results: list[Result] = []
+        self._there = threading.Event()
+
+    def __call__(self, result: Result) -> None:
+        self.results.append(result)
+        self._there.set()
+
+    def wait(self) -> Result:
+        assert self._there.wait(20.0), "no answer"
+        assert len(self.results) == 1
+        return self.results[0]
+
+
+def ask(pool: Pool, request: Request) -> Result:
+    answer = Answer()
+    pool.submit(request, answer)
+    return answer.wait()
+
+
+def pid(pool: Pool) -> int:
+    process = pool._seats[0].process
+    assert process
+    return process.pid
+
+
+def running(process: int) -> bool:
+    """Whether a process is there, as a zombie too."""
+    return Path(f"/proc/{process}").exists()
+
+
+def test_answers(pool: Pool) -> None:
+    plan = ask(pool, PICK)
+    assert isinstance(plan, Plan)
+    assert plan.duration == pytest.approx(3.3466, abs=1e-4)
+    assert ask(pool, Verify([PICK.start, (*PICK.goal, 0.0)], 0.002)) is None
+
+
+def test_errors_come_back_whole(pool: Pool) -> None:
+    start = ask(pool, dataclasses.replace(PICK, start=UNDER_THE_TABLE))
+    assert isinstance(start, StartInCollision)
+    assert start.distance < 0.0 < start.margin
+    hit = ask(pool, Verify([PICK.start, UNDER_THE_TABLE], 0.002, times=[0.0, 2.0]))
+    assert isinstance(hit, MotionCollides)
+    assert hit.time is not None
+    assert "floor" in (hit.first, hit.second)
+
+
+def test_poison_hurts_nobody_else(pool: Pool) -> None:
+    worker = pid(pool)
+    poison = dataclasses.replace(PICK, goal=(float("nan"), 0.0, 0.0))
+    assert isinstance(ask(pool, poison), NotFinite)
+    assert isinstance(ask(pool, dataclasses.replace(PICK, group="legs")), BadQuery)
+    assert isinstance(ask(pool, PICK), Plan)
+    assert pid(pool) == worker
+
+
+def test_cancel_ends_the_process_and_the_next_job_is_fine(pool: Pool) -> None:
+    assert isinstance(ask(pool, PICK), Plan)
+    worker, running_job, waiting_job = pid(pool), Answer(), Answer()
+    job = pool.submit(LONG, running_job)
+    waiting = pool.submit(PICK, waiting_job)
+    taken = threading.Event()
+    while pool._seats[0].job is not job:
+        taken.wait(0.001)
+    waiting.cancel()
+    assert isinstance(waiting_job.wait(), PlanCanceled)
+    assert not running_job.results
+    job.cancel()
+    assert isinstance(running_job.wait(), PlanCanceled)
+    job.cancel()
+    assert isinstance(ask(pool, PICK), Plan)
+    assert not running(worker)
+    assert len(running_job.results) == 1
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGABRT, signal.SIGSEGV])
+def test_a_worker_that_dies_costs_its_job_only(pool: Pool, how: signal.Signals) -> None:
+    assert isinstance(ask(pool, PICK), Plan)
+    answer = Answer()
+    pool.submit(LONG, answer)
+    os.kill(pid(pool), how)
+    died = answer.wait()
+    assert isinstance(died, WorkerDied)
+    assert how.name in died.why
+    assert isinstance(ask(pool, PICK), Plan)
+
+
+def test_a_worker_that_dies_idle_costs_nothing(pool: Pool) -> None:
+    assert isinstance(ask(pool, PICK), Plan)
+    worker = pid(pool)
+    os.kill(worker, signal.SIGKILL)
+    os.waitid(os.P_PID, worker, os.WEXITED | os.WNOWAIT)
+    assert isinstance(ask(pool, PICK), Plan)
+
+
+def test_a_worker_that_hangs_is_given_up(pool: Pool) -> None:
+    assert isinstance(ask(pool, PICK), Plan)
+    worker = pid(pool)
+    os.kill(worker, signal.SIGSTOP)
+    timeout = ask(pool, dataclasses.replace(PICK, timeout=0.05))
+    assert isinstance(timeout, PlanTimeout)
+    assert isinstance(ask(pool, PICK), Plan)
+    assert not running(worker)
+
+
+NONSENSE = """#!{python}
+import pickle, sys
+from multiprocessing.connection import Connection
+with Connection(int(sys.argv[-1])) as connection:
+    connection.recv_bytes()
+    connection.send(None)
+    connection.recv_bytes()
+    connection.send_bytes({answer!r})
+    connection.recv_bytes()
+"""
+
+
+@pytest.mark.parametrize("answer", [b"rubbish", b"", pickle.dumps(42), pickle.dumps(OSError("?"))])
+def test_a_worker_that_answers_nonsense(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes
+) -> None:
+    program = tmp_path / "nonsense"
+    program.write_text(NONSENSE.format(python=sys.executable, answer=answer))
+    program.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(program))
+    worker = WorkerProcess(robot)
+    assert isinstance(worker.ask(PICK), WorkerDied)
+    assert not worker.alive
+    worker.close()
+    assert not running(worker.pid)
+
+
+def test_ctrl_c_does_not_reach_a_worker(pool: Pool) -> None:
+    assert isinstance(ask(pool, PICK), Plan)
+    worker = pid(pool)
+    os.kill(worker, signal.SIGINT)
+    assert isinstance(ask(pool, PICK), Plan)
+    assert pid(pool) == worker
+    assert os.getsid(worker) != os.getsid(0)
+
+
+def test_an_unusable_model_is_told(robot: Robot, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.urdf"
+    broken.write_text("<robot name='x'><link name='a'/><link name='b'/></robot>")
+    pool = Pool(dataclasses.replace(robot, urdf=broken), 1, RealClock())
+    pool.start()
+    assert isinstance(ask(pool, PICK), ModelUnusable)
+    pool.close()
+
+
+def test_close_cancels_and_leaves_nothing(robot: Robot) -> None:
+    before = set(threading.enumerate())
+    pool = Pool(robot, 2, RealClock())
+    pool.start()
+    assert isinstance(ask(pool, PICK), Plan)
+    answers = [Answer() for _ in range(4)]
+    for answer in answers:
+        pool.submit(LONG, answer)
+    workers = [seat.process.pid for seat in pool._seats if seat.process]
+    pool.close()
+    pool.close()
+    assert all(isinstance(answer.wait(), PlanCanceled) for answer in answers)
+    assert set(threading.enumerate()) == before
+    assert not any(running(worker) for worker in workers)
+    assert isinstance(ask(pool, PICK), PlanCanceled)
+
+
+def test_simulated_time_stands_still_while_a_worker_plans(robot: Robot) -> None:
+    clock = SimulatedClock()
+    pool = Pool(robot, 1, clock)
+    pool.start()
+    with clock.working():
+        signal_, answer = clock.signal(), Answer()
+
+        def done(result: Result) -> None:
+            answer(result)
+            with signal_:
+                signal_.notify()
+
+        pool.submit(PICK, done)
+        with signal_:
+            while not answer.results:
+                signal_.wait(3600.0)
+        assert clock.now() == 0.0
+    assert isinstance(answer.wait(), Plan)
+    pool.close()
+
+
+ORPHAN = """
+import os, sys, threading
+from hardware import RealClock, load_robot
+from skills.motion import Pool, Query
+pool = Pool(load_robot(), 1, RealClock())
+pool.start()
+there = threading.Event()
+pool.submit(Query("gripper", (0.0, 0.0, 0.0, 0.0), (-0.7,)), lambda result: there.set())
+there.wait()
+print(pool._seats[0].process.pid, flush=True)
+os._exit(0)
+"""
+
+
+def test_workers_go_when_the_parent_does() -> None:
+    root = str(Path(__file__).parents[1])
+    with subprocess.Popen(
+        [sys.executable, "-c", ORPHAN], cwd=root, stdout=subprocess.PIPE, text=True
+    ) as parent:
+        assert parent.stdout
+        worker = int(parent.stdout.readline())
+        watch = os.pidfd_open(worker) if running(worker) else None
+    if watch is not None:
+        gone = threading.Thread(target=_wait_for_end, args=(watch,))
+        gone.start()
+        gone.join(5.0)
+        assert not gone.is_alive()
+
+
+def _wait_for_end(watch: int) -> None:
+    select.select([watch], [], [])
+    os.close(watch)
+
+
+def test_the_parent_loads_no_planning_library() -> None:
+    heavy = {"pinocchio", "coal", "ompl", "toppra", "scipy", "matplotlib"}
+    code = f"import sys, skills.motion; print(sorted({heavy} & set(sys.modules)))"
+    root = str(Path(__file__).parents[1])
+    out = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, check=True)
+    assert out.stdout == b"[]\n"
