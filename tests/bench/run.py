@@ -11,9 +11,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from table import Row, arguments, show
-
 from hardware import load_robot
+from tests.bench.table import Row, arguments, show
 
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 
