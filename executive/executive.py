@@ -7,7 +7,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import logs
-from hardware import Arm, ArmEvent, Clock, Faulted, HardwareError, Link, Robot, State
+from hardware import (
+    ActivationStopped,
+    Arm,
+    ArmEvent,
+    Clock,
+    Faulted,
+    HardwareError,
+    Link,
+    Robot,
+    State,
+)
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, TaskFile, TreeError
@@ -168,6 +178,10 @@ class Executive:
         self._recordings.open(attempt.goal, name, self._context.seed, files)
 
     def _activate(self) -> None:
+        if self._mailbox.fault:  # coming back from a fault is a person's act
+            raise self._mailbox.fault
+        if self._mailbox.canceled:
+            raise ActivationStopped("canceled before the arm was activated")
         if self._arm.state is State.UNCONFIGURED:
             self._arm.configure()
         if self._arm.state is State.INACTIVE:

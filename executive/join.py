@@ -31,5 +31,5 @@ class Join(Composite):
         if Status.RUNNING in statuses:
             self.status = Status.RUNNING
         else:
-            self.stop(Status.FAILURE if Status.FAILURE in statuses else Status.SUCCESS)
+            self.stop(Status.SUCCESS if statuses <= {Status.SUCCESS} else Status.FAILURE)
         yield self

@@ -1,6 +1,7 @@
 """The live picture of a run in a terminal: the tree, the progress, the outcome."""
 
 import threading
+from dataclasses import replace
 from types import TracebackType
 from typing import Self
 
@@ -16,12 +17,15 @@ import logs
 from .goal import Outcome
 from .view import in_words
 
+_HALTED = "HALTED"  # INVALID after RUNNING
+
 # status: glyph and style
 _LOOKS = {
     "INVALID": ("·", "dim"),
     "RUNNING": ("▶", "bold yellow"),
     "SUCCESS": ("✓", "green"),
     "FAILURE": ("✗", "bold red"),
+    _HALTED: ("■", "bold yellow"),
 }
 
 
@@ -61,7 +65,7 @@ class LiveView:
                     self._clear()
                     self._title = f"task {record.task} {record.name}"
                 case logs.NodeStatus():
-                    self._nodes[record.path] = record
+                    self._note(record)
                 case logs.Feedback():
                     self._percentage, self._phase = record.percentage, record.phase
                 case logs.Sent():
@@ -80,6 +84,12 @@ class LiveView:
             "green" if outcome.success else "yellow" if outcome.code.startswith("goal.c") else "red"
         )
         self._console.print(Text(in_words(outcome), style=style), highlight=False)
+
+    def _note(self, record: logs.NodeStatus) -> None:
+        before = self._nodes.get(record.path)
+        if record.status == "INVALID" and before and before.status == "RUNNING":
+            record = replace(record, status=_HALTED)
+        self._nodes[record.path] = record
 
     def _clear(self) -> None:
         self._nodes: dict[str, logs.NodeStatus] = {}

@@ -2,12 +2,14 @@
 
 import logging
 from collections.abc import Callable
+from typing import NamedTuple
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from hardware import Arm, Clock, HardwareError
 from logs import Feedback, NodeStatus, Record
+from skills import Skill
 
 from .builder import Tree
 from .goal import Goal, GoalState
@@ -81,6 +83,14 @@ class Mailbox:
             return settled()
 
 
+class _Reached(NamedTuple):
+    """How far a run is, as it was last told."""
+
+    percentage: int
+    phase: str
+    node: str
+
+
 class Run:
     """One tree, run once.
 
@@ -106,8 +116,9 @@ class Run:
         self._clock, self._mailbox, self._tell = clock, mailbox, tell
         self._paths = dict(_paths(tree.root, ""))
         self._shown: dict[Behaviour, Status] = {}
-        self._percentage = -1
-        self._node = ""
+        # Those that measure how far they are, whether or not they have begun.
+        self._moving = [s for s in tree.skills if type(s).progress is not Skill.progress]
+        self._reached = _Reached(0, "", "")
 
     def execute(self) -> bool:
         """Tick until the tree has ended, was canceled, or something failed.
@@ -120,20 +131,28 @@ class Run:
             CancelTimeout: A skill did not acknowledge the cancel in time.
         """
         self._goal.enter(GoalState.EXECUTING)
-        root = self._tree.root
         self._show()
         self._mailbox.wake()
+        try:
+            return self._tick_on()
+        finally:
+            self._tree.halt()  # an exception goes through the nodes above without ending any
+
+    def _tick_on(self) -> bool:
+        root, mailbox = self._tree.root, self._mailbox
         while root.status in (Status.INVALID, Status.RUNNING):
-            self._mailbox.wait()
-            if self._mailbox.canceled or self._mailbox.fault:
-                self._interrupt()
-                return False
+            mailbox.wait()
+            if mailbox.canceled or mailbox.fault:
+                break
             root.tick_once()
             self._show()
         if root.status is Status.SUCCESS:
             now, name = self._clock.now(), root.name
             self._tell(Feedback(now, self._goal.identity, 100, "succeeded", name))
-        return root.status is Status.SUCCESS
+            return True
+        if mailbox.canceled or mailbox.fault:  # also where a stop made the tree fail
+            self._interrupt()
+        return False
 
     def _interrupt(self) -> None:
         """Stop the tree and the arm, and wait until all that it began has acknowledged."""
@@ -141,12 +160,12 @@ class Run:
             self._goal.enter(GoalState.CANCELING)
         self._tree.root.stop(Status.INVALID)
         self._arm.stop()
+        self._show()
         if not self._mailbox.wait_until(self._settled, CANCEL_DEADLINE):
             busy = ", ".join(skill.name for skill in self._tree.skills if skill.busy)
             late = CancelTimeout(f"{busy} did not stop within {CANCEL_DEADLINE * 1000:.0f} ms")
             self._arm.fault(late)
             raise late
-        self._show()
         if self._mailbox.fault:
             raise self._mailbox.fault
 
@@ -157,22 +176,28 @@ class Run:
         """Tell what has changed since the last tick."""
         now = self._clock.now()
         for node, path in self._paths.items():
-            if node.status is not self._shown.get(node):
+            shown = self._shown.get(node)
+            # py_trees invalidates finished nodes too; what they did stays true.
+            halted = node.status is Status.INVALID and shown in (Status.SUCCESS, Status.FAILURE)
+            if node.status is not shown and not halted:
                 self._shown[node] = node.status
                 status, message = node.status.name, node.feedback_message
                 self._tell(NodeStatus(now, path, node.name, status, message))
         self._show_progress(now)
 
     def _show_progress(self, now: float) -> None:
-        running = [skill for skill in self._tree.skills if skill.status is Status.RUNNING]
-        moving = [skill for skill in self._tree.skills if skill.progress is not None]
+        running = [skill.name for skill in self._tree.skills if skill.status is Status.RUNNING]
+        if not running:
+            return
+        shares = [skill.progress for skill in self._moving]
+        done = sum(share or 0.0 for share in shares) / len(shares) if shares else 0.0
         # 100 belongs to success alone, and what was reached is never taken back.
-        done = min(99, int(100 * max((skill.progress or 0.0 for skill in moving), default=0.0)))
-        percentage, node = max(self._percentage, done, 0), running[-1].name if running else ""
-        if (percentage, node) != (self._percentage, self._node) and node:
-            self._percentage, self._node = percentage, node
-            phase = "executing" if moving else "planning"
-            self._tell(Feedback(now, self._goal.identity, percentage, phase, node))
+        percentage = max(self._reached.percentage, min(99, int(100 * done)))
+        phase = "planning" if all(share is None for share in shares) else "executing"
+        reached = _Reached(percentage, phase, running[-1])
+        if reached != self._reached:
+            self._reached = reached
+            self._tell(Feedback(now, self._goal.identity, *reached))
 
 
 def _paths(node: Behaviour, above: str) -> list[tuple[Behaviour, str]]:

@@ -1,8 +1,6 @@
 """Everything that `armtree run` needs, put together."""
 
 import logging
-import os
-import signal
 import sys
 from collections.abc import Sequence
 from contextlib import closing
@@ -13,9 +11,9 @@ from hardware import VIRTUAL, HardwareError, RealClock, Robot, link_to, load_rob
 from skills.motion import Pool
 from trees import Library, TreeError
 
-from .codes import INTERRUPTED_EXIT
 from .executive import Executive
 from .goal import GoalState, Outcome
+from .interrupts import Interrupts
 from .log_handler import LogHandler
 from .view import JsonView, TextView, View
 
@@ -83,31 +81,22 @@ def _drive(
     """Run on a thread of its own; this one waits for signals."""
     outcomes: list[Outcome] = []
     bugs: list[Exception] = []
-    handler = LogHandler(executive.tell, clock)
-    logging.getLogger().addHandler(handler)
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    canceled: list[int] = []
-
-    def interrupt(number: int, _: object) -> None:
-        if canceled:
-            os._exit(INTERRUPTED_EXIT)
-        canceled.append(number)
-        executive.cancel()
 
     def own() -> None:
         try:
             outcomes.extend(executive.run(numbers, view.report))
         except Exception as error:  # carried over to the thread that tells the user
             bugs.append(error)
+        finally:
+            interrupts.end()
 
-    for number in before:
-        signal.signal(number, interrupt)
-    try:
-        clock.spawn(own, "owner").join()
-    finally:
-        for number, previous in before.items():
-            signal.signal(number, previous)
-        logging.getLogger().removeHandler(handler)
+    handler = LogHandler(executive.tell, clock)
+    logging.getLogger().addHandler(handler)
+    with Interrupts(executive.cancel) as interrupts:
+        owner = clock.spawn(own, "owner")
+        interrupts.wait()
+        owner.join()
+    logging.getLogger().removeHandler(handler)
     if bugs:
         raise bugs[0]
     return outcomes

@@ -119,6 +119,8 @@ class Skill(BehaviourWithPorts):
     def update(self) -> Status:
         """One tick; an error of ours becomes FAILURE and keeps its cause."""
         begin, self._live = not self._live, True
+        if begin:
+            self.failure, self.feedback_message = None, ""
         try:
             status = self.on_start() if begin else self.on_running()
         except (SkillError, MotionError, HardwareError) as error:

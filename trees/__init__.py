@@ -2,10 +2,21 @@
 
 from .document import Located
 from .errors import DuplicateTask, FileError, Mistake, Place, TreeError, UnknownTask
-from .grammar import CompositeNode, Key, SkillNode, SubtreeFile, SubtreeNode, TaskFile, TreeNode
+from .grammar import (
+    COMPOSITES,
+    CompositeNode,
+    Key,
+    SkillNode,
+    SubtreeFile,
+    SubtreeNode,
+    TaskFile,
+    TreeNode,
+    choices,
+)
 from .library import Library
 
 __all__ = [
+    "COMPOSITES",
     "CompositeNode",
     "DuplicateTask",
     "FileError",
@@ -21,4 +32,5 @@ __all__ = [
     "TreeError",
     "TreeNode",
     "UnknownTask",
+    "choices",
 ]

@@ -1,19 +1,35 @@
-"""YAML read strictly, every value with its place: YAML 1.2 meanings, and nothing said twice."""
+"""YAML read strictly, every value with its place: YAML 1.2 meanings, and nothing said twice.
+
+Values are made here from the parser's events, by YAML 1.2's core schema and nothing else: a YAML
+library's own constructors know more types than task files shall have, and some of them crash.
+"""
 
 import io
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.events import (
+    AliasEvent,
+    CollectionStartEvent,
+    Event,
+    MappingEndEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    SequenceStartEvent,
+    StreamEndEvent,
+)
 
 from .errors import FileError, Mistake, Place
 
 MAX_BYTES = 256 * 1024
 MAX_DEPTH = 32
+MAX_TEXT = 1000
+MAX_DIGITS = 32
 
 Scalar = str | int | float | bool | None
 
@@ -25,10 +41,12 @@ class Located:
     Attributes:
         place: Where it begins.
         value: A scalar, a list of Located, or a dict of Located by text key.
+        label: Where its key stands; where it has none, the same as `place`.
     """
 
     place: Place
     value: "Scalar | list[Located] | dict[str, Located]"
+    label: Place
 
     def plain(self) -> Any:
         """The value without places."""
@@ -37,6 +55,33 @@ class Located:
         if isinstance(self.value, list):
             return [item.plain() for item in self.value]
         return self.value
+
+    def __str__(self) -> str:
+        text = repr(self.plain())
+        return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def read_text(path: Path) -> str:
+    """Read a file, as far as it may be long.
+
+    Raises:
+        FileError: It cannot be read, is no ordinary file, too long, or not UTF-8.
+    """
+    start = Place(path, 1, 1)
+    try:
+        if path.exists() and not path.is_file():  # a pipe or device would never end
+            raise FileError([Mistake(start, "is no ordinary file")])
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise FileError([Mistake(start, f"cannot be read: {error.strerror}")]) from error
+    if len(data) > MAX_BYTES:
+        raise FileError([Mistake(start, f"longer than {MAX_BYTES} bytes")])
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        place = _place_of(path, data[: error.start].decode("utf-8"))
+        raise FileError([Mistake(place, f"is not UTF-8 text: {error.reason}")]) from error
 
 
 def read_document(path: Path, text: str) -> Located:
@@ -47,60 +92,128 @@ def read_document(path: Path, text: str) -> Located:
         text: What to read.
 
     Raises:
-        FileError: Not YAML, too big, too deep, an alias, or a key given twice.
+        FileError: Not YAML, too long, too deep, a tag, an alias, or a key given twice.
     """
-    start = Place(path, 1, 1)
-    if len(text.encode()) > MAX_BYTES:
-        raise FileError([Mistake(start, f"longer than {MAX_BYTES} bytes")])
+    text = text.removeprefix("\ufeff")
+    if len(text) > MAX_BYTES:
+        raise FileError([Mistake(Place(path, 1, 1), f"longer than {MAX_BYTES} characters")])
+    if found := _FORBIDDEN.search(text):
+        place = _place_of(path, text[: found.start()])
+        what = "directives are" if found[0] == "%" else f"the character {found[0]!r} is"
+        raise FileError([Mistake(place, f"{what} not allowed")])
     try:
-        loader = YAML(typ="safe", pure=True)
-        node = loader.compose(io.StringIO(text))
-        if node is None:
-            raise FileError([Mistake(start, "the file is empty")])
-        return _Reader(path, loader).read(node, 0)
+        return _Reader(path, text).document()
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        place = Place(path, mark.line + 1, mark.column + 1) if mark else start
+        place = Place(path, mark.line + 1, mark.column + 1) if mark else Place(path, 1, 1)
         raise FileError([Mistake(place, error.problem or "is not YAML")]) from error
-    except (YAMLError, ValueError, RecursionError) as error:
-        message = str(error).splitlines()[0]
-        raise FileError([Mistake(start, f"is not YAML: {message}")]) from error
-
-
-class _Reader:
-    def __init__(self, path: Path, loader: Any) -> None:
-        self._path, self._construct = path, loader.constructor.construct_object
-        self._seen: set[int] = set()
-
-    def read(self, node: Node, depth: int) -> Located:
-        place = Place(self._path, node.start_mark.line + 1, node.start_mark.column + 1)
-        if depth > MAX_DEPTH:
-            raise FileError([Mistake(place, f"nested deeper than {MAX_DEPTH} levels")])
-        if not isinstance(node, ScalarNode):
-            if id(node) in self._seen:
-                raise FileError([Mistake(place, "aliases (*name) are not allowed; write it out")])
-            self._seen.add(id(node))
-        if isinstance(node, SequenceNode):
-            return Located(place, [self.read(item, depth + 1) for item in node.value])
-        if isinstance(node, MappingNode):
-            return Located(place, self._mapping(node, depth))
-        value = self._construct(node)
-        if not isinstance(value, Scalar):
-            raise FileError([Mistake(place, f"{node.value!r} is no text, number or truth value")])
-        return Located(place, value)
-
-    def _mapping(self, node: MappingNode, depth: int) -> dict[str, Located]:
-        values: dict[str, Located] = {}
-        for key_node, value_node in node.value:
-            key = self.read(key_node, depth + 1)
-            if not isinstance(key.value, str):
-                raise FileError([Mistake(key.place, f"the key {key.plain()!r} is not a text")])
-            if key.value in values:
-                raise FileError([Mistake(key.place, f"the key {key.value} is given twice")])
-            values[key.value] = self.read(value_node, depth + 1)
-        return values
 
 
 def nested(value: Located) -> Mapping[str, Located]:
     """The keys of a mapping; of anything else, none."""
     return value.value if isinstance(value.value, dict) else {}
+
+
+# A directive could change what values mean; control characters and Unicode's line separators
+# would make editors and readers disagree about the text and its lines.
+_FORBIDDEN = re.compile(
+    r"^%|[^\t\n\r -~\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]",
+    re.MULTILINE,
+)
+
+# YAML 1.2.2, section 10.3.2; what matches none is a text.
+_CORE: tuple[tuple[re.Pattern[str], Callable[[str], Scalar]], ...] = tuple(
+    (re.compile(pattern), make)
+    for pattern, make in (
+        (r"|~|null|Null|NULL", lambda _: None),
+        (r"true|True|TRUE", lambda _: True),
+        (r"false|False|FALSE", lambda _: False),
+        (r"[-+]?[0-9]+", int),
+        (r"0o[0-7]+", lambda text: int(text, 8)),
+        (r"0x[0-9a-fA-F]+", lambda text: int(text, 16)),
+        (r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", float),
+        (r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", lambda text: float(text.replace(".", ""))),
+    )
+)
+
+
+class _Reader:
+    def __init__(self, path: Path, text: str) -> None:
+        self._path = path
+        self._events = YAML(typ="safe", pure=True).parse(io.StringIO(text))
+
+    def document(self) -> Located:
+        next(self._events)  # the stream begins
+        begin = next(self._events)
+        if isinstance(begin, StreamEndEvent):
+            self._refuse(begin, "the file is empty")
+        root = self._value(next(self._events), 0)
+        next(self._events)  # the document ends
+        after = next(self._events)
+        if not isinstance(after, StreamEndEvent):
+            self._refuse(after, "a second document begins here; a file holds one")
+        return root
+
+    def _value(self, event: Event, depth: int, label: Place | None = None) -> Located:
+        # The parser puts an empty value where the next token stands.
+        place = label if label and _empty(event) else self._place(event)
+        if depth > MAX_DEPTH:
+            self._refuse(event, f"nested deeper than {MAX_DEPTH} levels")
+        if isinstance(event, AliasEvent):
+            self._refuse(event, "aliases (*name) are not allowed; write it out")
+        assert isinstance(event, ScalarEvent | CollectionStartEvent)
+        if event.tag is not None:
+            self._refuse(event, f"tags are not allowed: {event.tag!r}")
+        if isinstance(event, ScalarEvent):
+            return Located(place, self._scalar(event), label or place)
+        if isinstance(event, SequenceStartEvent):
+            return Located(place, self._items(depth + 1), label or place)
+        return Located(place, self._mapping(depth + 1), label or place)
+
+    def _items(self, depth: int) -> list[Located]:
+        items = []
+        while not isinstance(event := next(self._events), SequenceEndEvent):
+            items.append(self._value(event, depth))
+        return items
+
+    def _mapping(self, depth: int) -> dict[str, Located]:
+        values: dict[str, Located] = {}
+        while not isinstance(event := next(self._events), MappingEndEvent):
+            key = self._value(event, depth)
+            if not isinstance(key.value, str):
+                self._refuse(event, f"the key {key} is not a text")
+            if key.value in values:
+                self._refuse(event, f"the key {key.value} is given twice")
+            values[key.value] = self._value(next(self._events), depth, key.place)
+        return values
+
+    def _scalar(self, event: ScalarEvent) -> Scalar:
+        text: str = event.value
+        make = _core(text) if event.style is None else str
+        if make is not str and len(text) > MAX_DIGITS:
+            self._refuse(event, f"a number of more than {MAX_DIGITS} digits")
+        if len(text) > MAX_TEXT:
+            self._refuse(event, f"a text of more than {MAX_TEXT} characters")
+        if odd := next((c for c in text if not c.isprintable() and c not in "\n\t"), None):
+            self._refuse(event, f"the character {odd!r} is not allowed")
+        return make(text)
+
+    def _place(self, event: Event) -> Place:
+        return Place(self._path, event.start_mark.line + 1, event.start_mark.column + 1)
+
+    def _refuse(self, event: Event, message: str) -> NoReturn:
+        raise FileError([Mistake(self._place(event), message)])
+
+
+def _empty(event: Event) -> bool:
+    return isinstance(event, ScalarEvent) and not event.value and event.style is None
+
+
+def _core(text: str) -> Callable[[str], Scalar]:
+    return next((make for pattern, make in _CORE if pattern.fullmatch(text)), str)
+
+
+def _place_of(path: Path, before: str) -> Place:
+    """The place right after a text."""
+    lines = re.split(r"\r\n|\r|\n", before)
+    return Place(path, len(lines), len(lines[-1]) + 1)

@@ -6,9 +6,11 @@ TreeError
 └── UnknownTask     no file has that number
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+_SHOWN = 20  # mistakes in a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,14 +46,22 @@ class FileError(TreeError):
     """A file is wrong.
 
     Attributes:
-        mistakes: All that is wrong with it, in the order of its lines.
+        mistakes: All that is wrong with it, each once, in the order of files and lines.
     """
 
     code = "file.task"
 
-    def __init__(self, mistakes: Sequence[Mistake]) -> None:
-        self.mistakes = tuple(sorted(mistakes, key=lambda m: (m.place.line, m.place.column)))
-        super().__init__("\n".join(map(str, self.mistakes)))
+    def __init__(self, mistakes: Iterable[Mistake]) -> None:
+        self.mistakes = tuple(sorted(set(mistakes), key=_order))
+        lines = [str(mistake) for mistake in self.mistakes[:_SHOWN]]
+        if len(self.mistakes) > _SHOWN:
+            lines.append(f"and {len(self.mistakes) - _SHOWN} more mistakes")
+        super().__init__("\n".join(lines))
+
+
+def _order(mistake: Mistake) -> tuple[str, int, int, str]:
+    place = mistake.place
+    return str(place.path), place.line, place.column, mistake.message
 
 
 class DuplicateTask(TreeError):

@@ -8,10 +8,12 @@ import re
 from importlib import resources
 from pathlib import Path
 
+from .document import read_text
 from .errors import DuplicateTask, FileError, Mistake, Place, UnknownTask
-from .grammar import SubtreeFile, TaskFile, parse_subtree, parse_task
+from .grammar import SubtreeFile, TaskFile, choices, parse_subtree, parse_task
 
-_TASK = re.compile(r"(\d+)_.+\.yaml")
+_TASK = re.compile(r"([0-9]+)_.+\.yaml")
+_ALMOST_TASK = re.compile(r"[0-9].*\.ya?ml")
 
 
 class Library:
@@ -21,30 +23,39 @@ class Library:
         folder: A user's own task files; None for only those that ship.
 
     Raises:
-        FileError: The folder is not there.
+        FileError: The folder is not there or cannot be read, or a file in it is named wrongly.
         DuplicateTask: Two files claim one number.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
         folders = [Path(str(resources.files(__package__)))]
-        if folder is not None and folder.resolve() != folders[0].resolve():
+        if folder is not None:
             if not folder.is_dir():
-                raise FileError([Mistake(Place(folder, 0, 0), "there is no such folder")])
-            folders.append(folder)
+                raise _misnamed(folder, "there is no such folder")
+            folders += [] if folder.samefile(folders[0]) else [folder]
         self._tasks: dict[int, Path] = {}
         self._subtrees: dict[str, Path] = {}
-        for path in (path for folder in folders for path in sorted(folder.glob("*.yaml"))):
+        for path in (path for folder in folders for path in _files(folder)):
             self._add(path)
 
     def _add(self, path: Path) -> None:
-        named = _TASK.fullmatch(path.name)
-        if named is None:
-            self._subtrees[path.stem] = path
-            return
-        number = int(named[1])
+        if named := _TASK.fullmatch(path.name):
+            self._add_task(int(named[1]), path)
+        elif _ALMOST_TASK.fullmatch(path.name):
+            raise _misnamed(path, "a task's file is named like 3_wave.yaml; rename this one")
+        elif path.suffix == ".yaml":
+            self._add_subtree(path.stem, path)
+
+    def _add_task(self, number: int, path: Path) -> None:
         if number in self._tasks:
             raise DuplicateTask(number, self._tasks[number], path)
         self._tasks[number] = path
+
+    def _add_subtree(self, name: str, path: Path) -> None:
+        if name in self._subtrees:
+            there = self._subtrees[name]
+            raise _misnamed(path, f"subtree {name} is in {there} already; rename this one")
+        self._subtrees[name] = path
 
     def numbers(self) -> list[int]:
         """The task numbers there are, ascending."""
@@ -60,7 +71,7 @@ class Library:
         if number not in self._tasks:
             raise UnknownTask(number, self.numbers())
         path = self._tasks[number]
-        task = parse_task(path, _read(path))
+        task = parse_task(path, read_text(path))
         if task.number != number:
             message = f"the file is named for task {number} but says task {task.number}"
             raise FileError([Mistake(Place(path, 1, 1), message)])
@@ -77,21 +88,22 @@ class Library:
             FileError: There is none of that name, or its file is wrong.
         """
         if name not in self._subtrees:
-            there = ", ".join(sorted(self._subtrees)) or "none"
+            there = choices(name, self._subtrees)
             raise FileError([Mistake(asked, f"no subtree {name}; there are {there}")])
         path = self._subtrees[name]
-        subtree = parse_subtree(path, _read(path))
+        subtree = parse_subtree(path, read_text(path))
         if subtree.name != name:
             message = f"the file is named {path.name} but says subtree {subtree.name}"
             raise FileError([Mistake(Place(path, 1, 1), message)])
         return subtree
 
 
-def _read(path: Path) -> str:
-    start = Place(path, 1, 1)
+def _files(folder: Path) -> list[Path]:
     try:
-        return path.read_text(encoding="utf-8")
+        return sorted(folder.iterdir())
     except OSError as error:
-        raise FileError([Mistake(start, f"cannot be read: {error.strerror}")]) from error
-    except UnicodeDecodeError as error:
-        raise FileError([Mistake(start, f"is not UTF-8 text: {error.reason}")]) from error
+        raise _misnamed(folder, f"this folder cannot be read: {error.strerror}") from error
+
+
+def _misnamed(path: Path, message: str) -> FileError:
+    return FileError([Mistake(Place(path, 0, 0), message)])

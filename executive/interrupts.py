@@ -1,0 +1,63 @@
+"""Ctrl-C and its like, while the main thread waits for a run to end."""
+
+import os
+import signal
+from collections.abc import Callable
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+from .codes import INTERRUPTED_EXIT
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_END = 0  # no signal has this number
+
+
+class Interrupts:
+    """The first signal cancels, the second leaves at once.
+
+    A signal that comes just as the main thread goes to sleep on a lock is not handled before the
+    lock is free. A byte in a pipe is there whenever it came, so that is what is waited for.
+
+    Args:
+        cancel: Called in the main thread.
+    """
+
+    def __init__(self, cancel: Callable[[], None]) -> None:
+        self._cancel = cancel
+        self._canceled = False
+
+    def __enter__(self) -> Self:
+        self._reader, self._writer = os.pipe()
+        os.set_blocking(self._writer, False)
+        self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
+        self._handlers: dict[signal.Signals, Any] = {
+            number: signal.signal(number, self._interrupt) for number in _SIGNALS
+        }
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        signal.set_wakeup_fd(self._wakeup)
+        os.close(self._reader)
+        os.close(self._writer)
+
+    def end(self) -> None:
+        """Let `wait` return; called from any thread."""
+        os.write(self._writer, bytes([_END]))
+
+    def wait(self) -> None:
+        """Wait for `end`, and handle signals meanwhile."""
+        while _END not in os.read(self._reader, 64):
+            pass  # a signal, and its handler has run
+
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        if self._canceled:
+            os._exit(INTERRUPTED_EXIT)
+        self._canceled = True
+        self._cancel()

@@ -1,0 +1,217 @@
+"""What tests of several rooms share: one simulated clock and one pool of planners per session."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import pytest
+from py_trees.blackboard import Blackboard
+
+import logs
+from executive.executive import Executive
+from executive.goal import Outcome
+from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board
+from skills import Context, Skill, SkillEvent
+from skills.motion import Plan, Pool, Query, Request, Result
+from trees import Library
+
+R = TypeVar("R")
+RigMaker = Callable[..., "Rig"]
+
+
+class SharedPool(Pool):
+    """Planners that many executives use in turn."""
+
+    started = False
+
+    def start(self) -> None:
+        """Start the first time only."""
+        if not self.started:
+            self.started = True
+            super().start()
+
+
+class Rig:
+    """An executive on the in-process board, and all that it told."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        clock: SimulatedClock,
+        pool: Pool,
+        recordings: Path,
+        tasks: Path | None = None,
+        timeout: float = 5.0,
+    ) -> None:
+        self.robot, self.clock = robot, clock
+        self.link = BoardLink(virtual_board(robot), clock)
+        self.records: list[logs.Record] = []
+        self.outcomes: list[Outcome] = []
+        self.on_record: Callable[[logs.Record], None] = lambda _: None
+        self.executive = Executive(
+            robot, self.link, Library(tasks), pool, recordings, clock, 1, timeout, self._watch
+        )
+
+    def run(self, *numbers: int) -> list[Outcome]:
+        """Run tasks on this thread."""
+        with self.clock.working():
+            return self.executive.run(numbers, self.outcomes.append)
+
+    def soon(self, act: Callable[[], None]) -> None:
+        """Do it on another thread, before time goes on."""
+        self.clock.spawn(act, "test")
+
+    def _watch(self, record: logs.Record) -> None:
+        self.records.append(record)
+        self.on_record(record)
+
+    def told(self, kind: type[R]) -> list[R]:
+        """The records of a kind."""
+        return [record for record in self.records if isinstance(record, kind)]
+
+    @property
+    def frames(self) -> list[str]:
+        """Every frame that was sent, holds in brackets."""
+        return [
+            f"({record.data.decode()})" if record.hold else record.data.decode()
+            for record in self.told(logs.Sent)
+        ]
+
+    @property
+    def opened(self) -> int:
+        """How often the link was opened."""
+        return self.link.board.state(self.clock.now()).resets
+
+
+@pytest.fixture(scope="session")
+def robot() -> Robot:
+    return load_robot(None)
+
+
+@pytest.fixture(scope="session")
+def shared_clock() -> SimulatedClock:
+    return SimulatedClock()
+
+
+@pytest.fixture(scope="session")
+def shared_pool(robot: Robot, shared_clock: SimulatedClock) -> Iterator[Pool]:
+    pool = SharedPool(robot, 1, shared_clock)
+    pool.start()
+    yield pool
+    pool.close()
+
+
+@pytest.fixture
+def rig(
+    robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool, tmp_path: Path
+) -> Iterator[RigMaker]:
+    """Makes rigs; when the test ends, none has left anything on the blackboard."""
+
+    def make(tasks: Path | None = None, pool: Pool = shared_pool, timeout: float = 5.0) -> Rig:
+        return Rig(robot, shared_clock, pool, tmp_path, tasks, timeout)
+
+    yield make
+    assert Blackboard.storage == {}
+    assert Blackboard.metadata == {}
+    assert Blackboard.clients == {}
+
+
+class Asked:
+    """A job that waits to be answered by the test; a cancel is only noted."""
+
+    def __init__(self, request: Request, done: Callable[[Result], None]) -> None:
+        self.request, self.canceled = request, 0
+        self._done = done
+
+    def cancel(self) -> None:
+        self.canceled += 1
+
+    def answer(self, result: Result) -> None:
+        self._done(result)
+
+
+class Desk:
+    """Takes the place of the pool, for tests that decide when which job is answered how."""
+
+    def __init__(self) -> None:
+        self.jobs: list[Asked] = []
+
+    def submit(self, request: Request, done: Callable[[Result], None]) -> Asked:
+        self.jobs.append(Asked(request, done))
+        return self.jobs[-1]
+
+
+class Bench:
+    """An active arm on the in-process board, and single skills to try on it."""
+
+    def __init__(self, robot: Robot, clock: SimulatedClock, pool: Pool | None = None) -> None:
+        self.robot, self.clock, self.desk = robot, clock, Desk()
+        self.link = BoardLink(virtual_board(robot), clock)
+        self.events: list[Any] = []
+        self.told: list[SkillEvent] = []
+        self.wakes = 0
+        self.arm = Arm(robot, self.link, clock, self.events.append)
+        self._signal = clock.signal()
+        self.context = Context(
+            robot, self.arm, pool or cast("Pool", self.desk), 1, 5.0, self._wake, self.told.append
+        )
+
+    def skill(self, kind: type[Skill], **inputs: object) -> Any:
+        """A skill with these inputs, all ports wired to keys of their names."""
+        skill = kind(kind.__name__, self.context)
+        ports = {**kind.input_ports(), **kind.output_ports()}
+        skill.setup_ports({port: f"/bench/{port}" for port in ports}, "/bench")
+        for port, value in inputs.items():
+            Blackboard.set(f"/bench/{port}", value)
+        return skill
+
+    def output(self, port: str) -> Any:
+        """What a skill wrote."""
+        return Blackboard.get(f"/bench/{port}")
+
+    def wait(self) -> None:
+        """Wait for the next wake-up."""
+        with self._signal:
+            seen = self.wakes
+            while self.wakes == seen:
+                self._signal.wait(None)
+
+    def _wake(self) -> None:
+        with self._signal:
+            self.wakes += 1
+            self._signal.notify()
+
+
+@pytest.fixture
+def bench(robot: Robot, shared_clock: SimulatedClock) -> Iterator[Bench]:
+    made = Bench(robot, shared_clock)
+    with shared_clock.working(), made.arm:
+        made.arm.configure()
+        made.arm.activate()
+        yield made
+    Blackboard.clear()
+    Blackboard.metadata.clear()
+    Blackboard.clients.clear()
+
+
+@pytest.fixture(scope="session")
+def plans(robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool) -> tuple[Plan, Plan]:
+    """A plan for the arm and one for the gripper, from the boot pose."""
+    found: list[Result] = []
+    signal = shared_clock.signal()
+
+    def done(result: Result) -> None:
+        with signal:
+            found.append(result)
+            signal.notify()
+
+    with shared_clock.working():
+        shared_pool.submit(Query("arm", (0.0,) * 4, (0.3, 0.0, 0.0)), done)
+        shared_pool.submit(Query("gripper", (0.3, 0.0, 0.0, 0.0), (-0.2,)), done)
+        with signal:
+            while len(found) < 2:
+                signal.wait(None)
+    arm, gripper = found
+    assert isinstance(arm, Plan)
+    assert isinstance(gripper, Plan)
+    return arm, gripper

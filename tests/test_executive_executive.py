@@ -1,0 +1,322 @@
+"""Whole runs on the in-process board, in simulated time: what is sent, told and recorded."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+import logs
+from executive.goal import GoalState
+from hardware import SimulatedClock
+from skills.motion import NoPath, Pool, Query, Result
+from tests.conftest import Rig, RigMaker
+
+REACH = """\
+task: {number}
+name: {name}
+description: A reach.
+tree:
+  subtree: reach
+  with:
+    arm: {{joint_1: {arm[0]}, joint_2: {arm[1]}, joint_3: {arm[2]}}}
+    gripper: {{joint_4: {gripper}}}
+"""
+
+
+def reach(folder: Path, number: int, arm: tuple[float, ...], gripper: float = 0.0) -> Path:
+    """Write a task of one's own and say where."""
+    text = REACH.format(number=number, name=f"reach{number}", arm=arm, gripper=gripper)
+    (folder / f"{number}_reach{number}.yaml").write_text(text)
+    return folder
+
+
+@pytest.fixture
+def tasks(tmp_path: Path) -> Path:
+    folder = tmp_path / "tasks"
+    folder.mkdir()
+    return folder
+
+
+def percentages(rig: Rig) -> list[int]:
+    return [feedback.percentage for feedback in rig.told(logs.Feedback)]
+
+
+def last_frames(recordings: list[str]) -> list[bytes]:
+    """The last message on /serial/tx of every file, read by the stock reader."""
+    ends = []
+    for path in recordings:
+        with open(path, "rb") as stream:
+            messages = make_reader(stream).iter_messages(topics=["/serial/tx"])
+            ends.append([message.data for _, _, message in messages][-1])
+    return ends
+
+
+# What is done
+
+
+def test_the_four_tasks(rig: RigMaker) -> None:
+    arm = rig()
+    outcomes = arm.run(0, 1, 2, 0)
+    assert [outcome.state for outcome in outcomes] == [GoalState.SUCCEEDED] * 4
+    assert arm.outcomes == outcomes
+    assert arm.opened == 1
+    ends = (b"b090,s090,e090,g080,", b"b009,s125,e085,g000,", b"b000,s090,e038,g000,")
+    for end, data in zip(
+        (*ends, ends[0]), last_frames([outcome.recording for outcome in outcomes]), strict=True
+    ):
+        assert end in data
+    assert [record.state for record in arm.told(logs.Result)] == ["SUCCEEDED"] * 4
+    assert arm.told(logs.Transition)[-1].goal == "finalized"
+
+
+def test_success_is_told_when_the_board_is_done(rig: RigMaker) -> None:
+    arm = rig()
+    ended: list[tuple[float, ...]] = []
+    arm.on_record = lambda record: (
+        ended.append(arm.link.board.state(arm.clock.now()).servos)
+        if isinstance(record, logs.Result)
+        else None
+    )
+    arm.run(1)
+    assert ended == [(9.0, 125.0, 85.0, 0.0)]
+
+
+def test_the_gripper_moves_when_the_arm_has_arrived(rig: RigMaker, tasks: Path) -> None:
+    arm = rig(reach(tasks, 10, (0.2, 0.0, 0.0), -0.3))
+    arm.run(10)
+    turned = [{frame[:4], frame[15:19]} for frame in arm.frames]
+    moving = ["b" if now[:4] != before[:4] else "g" for before, now in pairs(arm.frames)]
+    assert turned
+    assert moving == sorted(moving)
+    assert {"b", "g"} == set(moving)
+
+
+def pairs(frames: list[str]) -> list[tuple[str, str]]:
+    return list(pairwise(frames))
+
+
+TOGETHER = """\
+task: 11
+name: together
+description: Arm and gripper at once.
+tree:
+  sequence:
+    - SetStart: {start: $start}
+    - CheckBounds: {arm: {joint_1: 0.2, joint_2: 0, joint_3: 0}, gripper: {joint_4: -0.2}, goal: $g}
+    - PlanArm: {start: $start, goal: $g, plan: $arm_plan}
+    - PlanGripper: {start: $start, goal: $g, plan: $gripper_plan}
+    - Execute: {arm_plan: $arm_plan, gripper_plan: $gripper_plan, together: true}
+"""
+
+
+def test_together_moves_both_at_once(rig: RigMaker, tasks: Path) -> None:
+    (tasks / "11_together.yaml").write_text(TOGETHER)
+    arm = rig(tasks)
+    assert arm.run(11)[0].success
+    both = [
+        1 for before, now in pairs(arm.frames) if before[:4] != now[:4] and before[15:] != now[15:]
+    ]
+    assert both
+
+
+def test_the_same_goal_twice_gives_the_same_bytes(rig: RigMaker) -> None:
+    first, second = rig(), rig()
+    first.run(1)
+    second.run(1)
+    assert first.frames == second.frames
+    due = [[sent.scheduled for sent in r.told(logs.Sent)] for r in (first, second)]
+    starts = [d[0] for d in due if d[0] is not None]
+    assert [round(t - starts[0], 9) for t in due[0] if t is not None] == [
+        round(t - starts[1], 9) for t in due[1] if t is not None
+    ]
+
+
+def test_a_goal_where_the_arm_stands_sends_nothing(rig: RigMaker, tasks: Path) -> None:
+    arm = rig(reach(tasks, 10, (0.0, 0.0, 0.0), 0.0))
+    (outcome,) = arm.run(10)
+    assert outcome.success
+    assert (arm.frames, outcome.frames) == ([], 0)
+    assert percentages(arm)[-1] == 100
+
+
+def test_a_task_again_sends_nothing(rig: RigMaker) -> None:
+    arm = rig()
+    outcomes = arm.run(1, 1)
+    assert [outcome.success for outcome in outcomes] == [True, True]
+    assert outcomes[1].frames == 0
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_progress_only_grows_and_100_means_done(rig: RigMaker, number: int) -> None:
+    arm = rig()
+    arm.run(number)
+    told = percentages(arm)
+    assert told == sorted(told)
+    assert told.count(100) == 1
+    assert arm.told(logs.Feedback)[-1].phase == "succeeded"
+    assert len(set(told)) > 15
+    planning = [f.percentage for f in arm.told(logs.Feedback) if f.phase == "planning"]
+    assert planning
+    assert set(planning) == {0}
+
+
+TWICE = """\
+task: 12
+name: twice
+description: There and back.
+tree:
+  sequence:
+    - subtree: reach
+      with: {arm: {joint_1: 0.2, joint_2: 0, joint_3: 0}, gripper: {joint_4: 0}}
+    - subtree: reach
+      with: {arm: {joint_1: 0, joint_2: 0, joint_3: 0}, gripper: {joint_4: 0}}
+"""
+
+
+def test_progress_of_two_motions(rig: RigMaker, tasks: Path) -> None:
+    (tasks / "12_twice.yaml").write_text(TWICE)
+    arm = rig(tasks)
+    (outcome,) = arm.run(12)
+    assert outcome.success
+    told = percentages(arm)
+    assert told == sorted(told)
+    assert 49 <= told[len(told) // 2] <= 60
+    paths = [node.path for node in arm.told(logs.NodeStatus)]
+    assert {"twice/reach/Execute", "twice/1:reach/Execute"} <= set(paths)
+
+
+# What is refused
+
+
+def test_an_unknown_task(rig: RigMaker) -> None:
+    arm = rig()
+    (outcome,) = arm.run(7)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "goal.unknown_task")
+    assert outcome.message == "Invalid task number 7; there are 0, 1, 2"
+    assert not outcome.success
+    assert (arm.opened, arm.frames, arm.told(logs.Transition)) == (0, [], [])
+    assert Path(outcome.recording).exists()
+
+
+def test_all_tasks_are_judged_before_the_first_moves(rig: RigMaker) -> None:
+    arm = rig()
+    outcomes = arm.run(1, 7)
+    assert [(outcome.task, outcome.code) for outcome in outcomes] == [(7, "goal.unknown_task")]
+    assert arm.opened == 0
+
+
+def test_a_target_out_of_bounds_names_every_joint(rig: RigMaker, tasks: Path) -> None:
+    arm = rig(reach(tasks, 10, (2.0, 0.0, -3.0), 0.5))
+    (outcome,) = arm.run(10)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "goal.out_of_bounds")
+    assert outcome.message.startswith("Target position out of boundaries: ")
+    for word in ("joint_1", "joint_3", "joint_4", "2", "-3", "0.5", "1.57", "-1.57"):
+        assert word in outcome.message
+    assert "joint_2" not in outcome.message
+    assert arm.opened == 0
+
+
+@pytest.mark.parametrize("value", [".nan", ".inf", "-.inf", "1e9", "1e308"])
+def test_no_number_is_too_odd_to_be_refused(rig: RigMaker, tasks: Path, value: str) -> None:
+    text = REACH.format(number=10, name="odd", arm=(value, 0, 0), gripper=0)
+    (tasks / "10_odd.yaml").write_text(text)
+    arm = rig(tasks)
+    (outcome,) = arm.run(10)
+    assert outcome.code == "goal.out_of_bounds"
+    assert "joint_1" in outcome.message
+    assert arm.opened == 0
+
+
+def test_a_mimic_joint_that_contradicts_its_leader(rig: RigMaker, tasks: Path) -> None:
+    text = REACH.format(number=10, name="twist", arm=(0, 0, 0), gripper="-0.7, joint_5: 0.6")
+    (tasks / "10_twist.yaml").write_text(text)
+    arm = rig(tasks)
+    (outcome,) = arm.run(10)
+    assert outcome.code == "goal.bad_target"
+    assert "joint_5 = 0.6 contradicts joint_4 = -0.7" in outcome.message
+    assert arm.opened == 0
+
+
+def test_a_wrong_file(rig: RigMaker, tasks: Path) -> None:
+    (tasks / "10_wrong.yaml").write_text("task: 10\nname: wrong\ndescription: x\ntree: Sukseed\n")
+    arm = rig(tasks)
+    (outcome,) = arm.run(10)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "file.task")
+    assert "10_wrong.yaml:4:7: no skill Sukseed" in outcome.message
+    assert "did you mean Succeed?" in outcome.message
+    assert arm.opened == 0
+
+
+def test_both_planners_fail(rig: RigMaker, tasks: Path) -> None:
+    arm = rig(reach(tasks, 10, (0.0, -1.5, 0.0)))
+    (outcome,) = arm.run(10)
+    assert outcome.state is GoalState.ABORTED
+    assert outcome.code == "plan.goal_in_collision"
+    head, _, causes = outcome.message.partition(": ")
+    assert head == "One or more planners failed"
+    arm_says, gripper_says = causes.split("; PlanGripper: ")
+    assert arm_says.startswith("PlanArm: ")
+    assert gripper_says
+    plans = arm.told(logs.Plan)
+    assert [(plan.group, bool(plan.code)) for plan in plans] == [("arm", True), ("gripper", True)]
+    assert arm.frames == []
+
+
+class OneFails:
+    """Planners of which one finds nothing at once, and the other takes its time."""
+
+    def __init__(self, pool: Pool, clock: SimulatedClock, fails: str) -> None:
+        self._pool, self._clock, self._fails = pool, clock, fails
+
+    def start(self) -> None:
+        self._pool.start()
+
+    def submit(self, request: Query, done: Callable[[Result], None]) -> None:
+        def fail() -> None:
+            done(NoPath(9))
+
+        def plan() -> None:
+            signal = self._clock.signal()
+            with signal:
+                signal.wait(self._clock.now() + 0.5)
+            self._pool.submit(request, done)
+
+        self._clock.spawn(fail if request.group == self._fails else plan, "planner")
+
+
+@pytest.mark.parametrize(("fails", "name"), [("arm", "PlanArm"), ("gripper", "PlanGripper")])
+def test_one_planner_fails(
+    rig: RigMaker, shared_pool: Pool, shared_clock: SimulatedClock, fails: str, name: str
+) -> None:
+    arm = rig(pool=OneFails(shared_pool, shared_clock, fails))
+    (outcome,) = arm.run(1)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "plan.no_path")
+    assert outcome.message == f"One or more planners failed: {name}: {NoPath(9)}"
+    ended = {plan.group: plan.code for plan in arm.told(logs.Plan)}
+    assert ended == {"arm": "", "gripper": "", fails: "plan.no_path"}
+    assert arm.frames == []
+
+
+def test_a_planner_out_of_time(rig: RigMaker) -> None:
+    arm = rig(timeout=1e-9)
+    (outcome,) = arm.run(1)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "plan.timeout")
+    assert outcome.message.startswith("One or more planners failed: PlanArm: ")
+    assert arm.frames == []
+
+
+def test_a_folder_for_recordings_that_cannot_be_made(rig: RigMaker, tmp_path: Path) -> None:
+    arm = rig()
+    arm.executive._recordings._folder = tmp_path / "file"
+    (tmp_path / "file").write_text("")
+    (outcome,) = arm.run(1)
+    assert outcome.code == "log.not_created"
+    assert arm.opened == 0
+
+
+def test_a_task_that_fails_ends_the_row(rig: RigMaker, tasks: Path) -> None:
+    arm = rig(reach(tasks, 10, (0.0, -1.5, 0.0)))
+    outcomes = arm.run(10, 1)
+    assert [outcome.task for outcome in outcomes] == [10]

@@ -1,0 +1,277 @@
+"""Runs that are stopped: by a person at any moment, by a fault, by a bug."""
+
+import os
+import threading
+from collections.abc import Callable
+
+import pytest
+
+import logs
+from executive.goal import GoalState
+from hardware import State
+from skills import Execute, PlanGripper, Skill
+from tests.conftest import Rig, RigMaker
+
+
+def percentages(rig: Rig) -> list[int]:
+    return [feedback.percentage for feedback in rig.told(logs.Feedback)]
+
+
+def busy(rig: Rig) -> list[str]:
+    """Nodes that were told running and never told to have ended."""
+    last = {node.path: node.status for node in rig.told(logs.NodeStatus)}
+    return [path for path, status in last.items() if status == "RUNNING"]
+
+
+def at(rig: Rig, name: str, act: Callable[[], None], status: str = "RUNNING") -> None:
+    """Do something, on another thread, when a node of that name has that status."""
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.NodeStatus) and (record.name, record.status) == (name, status):
+            rig.soon(act)
+
+    rig.on_record = watch
+
+
+def at_frame(rig: Rig, number: int, act: Callable[[], None]) -> None:
+    """Do something, on another thread, when that many frames were sent."""
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and len(rig.told(logs.Sent)) == number:
+            rig.soon(act)
+
+    rig.on_record = watch
+
+
+# Cancel
+
+
+def check_canceled(arm: Rig, frames: int) -> None:
+    outcome = arm.outcomes[-1]
+    assert (outcome.state, outcome.code) == (GoalState.CANCELED, "goal.canceled"), outcome
+    assert busy(arm) == []
+    sent, holds = arm.told(logs.Sent), [f for f in arm.frames if f.startswith("(")]
+    assert len(sent) == frames + bool(frames)
+    assert holds == ([f"({arm.frames[-2]})"] if frames else [])
+    assert 100 not in percentages(arm)
+
+
+def test_cancel_before_the_run(rig: RigMaker) -> None:
+    arm = rig()
+    arm.executive.cancel()
+    arm.run(1)
+    check_canceled(arm, 0)
+    assert arm.opened == 0
+
+
+def test_cancel_during_boot(rig: RigMaker) -> None:
+    arm = rig()
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Transition) and record.goal == "activating":
+            arm.soon(cancel_later)
+
+    def cancel_later() -> None:
+        signal = arm.clock.signal()
+        with signal:
+            signal.wait(arm.clock.now() + 0.5)
+        arm.executive.cancel()
+
+    arm.on_record = watch
+    arm.run(1)
+    check_canceled(arm, 0)
+    assert arm.told(logs.Result)[0].duration == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("node", ["PlanArm", "PlanGripper"])
+def test_cancel_during_planning(rig: RigMaker, node: str) -> None:
+    arm = rig()
+    at(arm, node, arm.executive.cancel)
+    arm.run(1)
+    check_canceled(arm, 0)
+
+
+@pytest.mark.parametrize("node", ["SetStart", "CheckBounds", "PlanArm", "PlanGripper"])
+def test_cancel_when_a_node_is_done(rig: RigMaker, node: str) -> None:
+    arm = rig()
+    at(arm, node, arm.executive.cancel, "SUCCESS")
+    arm.run(1)
+    check_canceled(arm, 0)
+
+
+def test_cancel_during_the_check_of_the_frames(rig: RigMaker) -> None:
+    arm = rig()
+    at(arm, "Execute", arm.executive.cancel)
+    arm.run(1)
+    check_canceled(arm, 0)
+
+
+@pytest.mark.parametrize("number", range(1, 32))
+def test_cancel_at_every_frame(rig: RigMaker, number: int) -> None:
+    arm = rig()
+    at_frame(arm, number, arm.executive.cancel)
+    arm.run(1)
+    check_canceled(arm, number)
+
+
+def test_cancel_twice(rig: RigMaker) -> None:
+    arm = rig()
+
+    def twice() -> None:
+        arm.executive.cancel()
+        arm.executive.cancel()
+        arm.soon(arm.executive.cancel)
+
+    at_frame(arm, 10, twice)
+    arm.run(1)
+    check_canceled(arm, 10)
+
+
+def test_cancel_after_the_end(rig: RigMaker) -> None:
+    arm = rig()
+    (outcome,) = arm.run(1)
+    before = list(arm.records)
+    arm.executive.cancel()
+    assert outcome.success
+    assert arm.records == before
+
+
+def test_cancel_between_two_tasks(rig: RigMaker) -> None:
+    arm = rig()
+    arm.outcomes = Canceling(arm)
+    arm.run(1, 2)
+    assert [outcome.state for outcome in arm.outcomes] == [GoalState.SUCCEEDED, GoalState.CANCELED]
+    assert arm.frames[-1] == f"({arm.frames[-2]})"
+    assert not arm.frames[-2].startswith("(")
+
+
+class Canceling(list):  # type: ignore[type-arg]
+    """Outcomes; the first one is answered with a cancel."""
+
+    def __init__(self, arm: Rig) -> None:
+        super().__init__()
+        self._arm = arm
+
+    def append(self, outcome: object) -> None:
+        super().append(outcome)
+        if len(self) == 1:
+            self._arm.executive.cancel()
+
+
+def test_a_cancel_in_the_middle_of_a_tick(rig: RigMaker, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stop makes Execute fail in that tick, but it is the cancel that counts."""
+    arm = rig()
+    ticks, tick = [], Execute.on_running
+
+    def on_running(skill: Execute) -> object:
+        ticks.append(1)
+        if len(ticks) == 20:
+            arm.executive.cancel()
+        return tick(skill)
+
+    monkeypatch.setattr(Execute, "on_running", on_running)
+    arm.run(1)
+    assert arm.outcomes[-1].state is GoalState.CANCELED
+    assert arm.frames[-1] == f"({arm.frames[-2]})"
+
+
+# Faults
+
+
+@pytest.mark.parametrize("node", ["PlanArm", "PlanGripper", "Execute"])
+def test_unplugged_before_it_moves(rig: RigMaker, node: str) -> None:
+    arm = rig()
+    at(arm, node, arm.link.unplug)
+    (outcome,) = arm.run(1)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.port_lost")
+    assert arm.frames == []
+    check_given_up(arm)
+
+
+@pytest.mark.parametrize("number", [1, 2, 20, 31])
+def test_unplugged_while_it_moves(rig: RigMaker, number: int) -> None:
+    arm = rig()
+    at_frame(arm, number, arm.link.unplug)
+    (outcome,) = arm.run(1)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.port_lost")
+    assert "port board" in outcome.message
+    assert len(arm.frames) == number
+    check_given_up(arm)
+
+
+def check_given_up(arm: Rig) -> None:
+    assert busy(arm) == []
+    goals = [transition.goal for transition in arm.told(logs.Transition)]
+    assert goals[goals.index("active") + 1 :][:2] == ["errorprocessing", "unconfigured"]
+    assert 100 not in percentages(arm)
+
+
+def test_a_fault_between_two_tasks_is_not_resumed_from(rig: RigMaker) -> None:
+    """Coming back from a fault is a person's act."""
+    arm = rig()
+    lost = threading.Event()
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Transition) and record.goal == "unconfigured":
+            lost.set()
+
+    class Unplugging(list):  # type: ignore[type-arg]
+        def append(self, outcome: object) -> None:
+            super().append(outcome)
+            if len(self) == 1:
+                arm.link.unplug()
+                assert lost.wait(5)
+
+    arm.on_record, arm.outcomes = watch, Unplugging()
+    arm.run(1, 2)
+    assert [outcome.code for outcome in arm.outcomes] == ["ok", "hw.port_lost"]
+    assert arm.opened == 1
+
+
+def test_a_skill_that_does_not_stop(rig: RigMaker, monkeypatch: pytest.MonkeyPatch) -> None:
+    arm = rig()
+    monkeypatch.setattr(PlanGripper, "busy", True)
+    at_frame(arm, 5, arm.executive.cancel)
+    arm.run(1)
+    outcome = arm.outcomes[-1]
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.cancel_timeout")
+    assert "PlanGripper did not stop within 250 ms" in outcome.message
+    check_given_up(arm)
+
+
+def test_a_bug_in_a_skill_leaves_nothing_running(
+    rig: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    halted = []
+
+    def on_start(_: Skill) -> object:
+        raise ZeroDivisionError("a bug")
+
+    arm = rig()
+    monkeypatch.setattr(PlanGripper, "on_start", on_start)
+    monkeypatch.setattr(
+        "skills.plan_group.PlanArm.on_halt", lambda skill: halted.append(skill.name)
+    )
+    (outcome,) = arm.run(1)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "internal")
+    assert halted == ["PlanArm"]
+    assert arm.frames == []
+
+
+def test_no_port(rig: RigMaker) -> None:
+    arm = rig()
+    arm.executive._arm._link = None
+    (outcome,) = arm.run(1)
+    assert outcome.code == "hw.no_port"
+    assert outcome.message.startswith("No serial port provided")
+
+
+def test_threads_and_descriptors_do_not_grow(rig: RigMaker) -> None:
+    rig().run(1)
+    threads, descriptors = threading.active_count(), len(os.listdir("/proc/self/fd"))
+    arm = rig()
+    arm.run(1, 2, 0)
+    assert arm.executive._arm.state is State.FINALIZED
+    del arm
+    assert threading.active_count() <= threads
+    assert len(os.listdir("/proc/self/fd")) <= descriptors

@@ -1,0 +1,108 @@
+"""What is said of how a goal ended."""
+
+from typing import cast
+
+import pytest
+from py_trees.behaviour import Behaviour
+from py_trees.behaviours import Dummy
+from py_trees.common import Status
+
+from executive.builder import Tree
+from executive.goal import GoalState
+from executive.verdict import judge
+from hardware import ActivationStopped, NotActive, PortNotGiven
+from skills import OutOfBounds, Skill
+from skills.motion import MotionCollides, PlanCanceled, PlanTimeout
+
+
+class Failed:
+    """As much of a skill as is judged."""
+
+    def __init__(self, name: str, failure: Exception | None) -> None:
+        self.name, self.failure = name, failure
+
+
+def tree(status: Status, *skills: Failed) -> Tree:
+    root: Behaviour = Dummy("task")
+    root.status = status
+    return Tree(root, tuple(cast("list[Skill]", list(skills))), {}, "run")
+
+
+def test_done() -> None:
+    assert judge(tree(Status.SUCCESS), None, False) == (GoalState.SUCCEEDED, "ok", "Done")
+
+
+def test_done_before_the_cancel_was_seen() -> None:
+    assert judge(tree(Status.SUCCESS), None, True)[0] is GoalState.SUCCEEDED
+
+
+def test_canceled() -> None:
+    assert judge(tree(Status.INVALID), None, True) == (
+        GoalState.CANCELED,
+        "goal.canceled",
+        "Canceled",
+    )
+
+
+def test_canceled_while_the_board_booted() -> None:
+    stopped = ActivationStopped("stopped")
+    assert judge(tree(Status.INVALID), stopped, True)[0] is GoalState.CANCELED
+    assert judge(tree(Status.INVALID), stopped, False)[:2] == (
+        GoalState.ABORTED,
+        "hw.activation_stopped",
+    )
+
+
+def test_a_fault_outweighs_the_cancel() -> None:
+    state, code, _ = judge(tree(Status.INVALID), NotActive("x"), True)
+    assert (state, code) == (GoalState.ABORTED, "hw.not_active")
+
+
+ERRORS: list[tuple[Exception, str, str]] = [
+    (PortNotGiven(), "hw.no_port", "No serial port provided"),
+    (OutOfBounds("joint_1 is out"), "goal.out_of_bounds", "Target position out of boundaries: j"),
+    (ZeroDivisionError("x"), "internal", "A bug of ours: x"),
+]
+
+
+@pytest.mark.parametrize(("error", "code", "words"), ERRORS)
+def test_what_failed_outside_the_tree(error: Exception, code: str, words: str) -> None:
+    state, said, message = judge(None, error, False)
+    assert (state, said) == (GoalState.ABORTED, code)
+    assert message.startswith(words)
+
+
+def test_both_planners_with_their_names() -> None:
+    failed = tree(
+        Status.FAILURE,
+        Failed("SetStart", None),
+        Failed("PlanArm", PlanTimeout(5.0)),
+        Failed("PlanGripper", PlanCanceled()),
+    )
+    state, code, message = judge(failed, None, False)
+    assert (state, code) == (GoalState.ABORTED, "plan.timeout")
+    assert message.startswith("One or more planners failed: PlanArm: ")
+    assert "; PlanGripper: " in message
+
+
+def test_one_planner() -> None:
+    failed = tree(Status.FAILURE, Failed("PlanArm", None), Failed("PlanGripper", PlanCanceled()))
+    _, code, message = judge(failed, None, False)
+    assert code == "plan.canceled"
+    assert message.startswith("One or more planners failed: PlanGripper: ")
+    assert "PlanArm" not in message
+
+
+def test_the_last_check() -> None:
+    collides = MotionCollides(3, None, "gripper_left", "floor", -0.01, 0.002)
+    _, code, message = judge(tree(Status.FAILURE, Failed("Execute", collides)), None, False)
+    assert code == "plan.motion_collides"
+    assert message.startswith("The motion would collide as its frames play it: Execute: ")
+
+
+def test_a_failure_that_nobody_explains_is_a_bug() -> None:
+    assert judge(tree(Status.FAILURE), None, False) == (
+        GoalState.ABORTED,
+        "internal",
+        "task failed without a cause",
+    )

@@ -1,0 +1,107 @@
+"""The contract of every skill: started once, looked at again, halted only while it runs."""
+
+import pytest
+from py_trees.common import Status
+
+from hardware import NotActive
+from skills import Skill, SkillError
+from skills.motion import PlanTimeout
+from tests.conftest import Bench
+
+S, F, R, INVALID = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALID
+
+
+class Noted(Skill, register=False):
+    """Answers as it is told, and notes what is done to it."""
+
+    INPUT_PORTS = {}
+    OUTPUT_PORTS = {}
+
+    def script(self, *answers: Status | Exception) -> "Noted":
+        self.answers = list(answers)
+        self.done: list[str] = []
+        return self
+
+    def on_start(self) -> Status:
+        return self._answer("start")
+
+    def on_running(self) -> Status:
+        return self._answer("running")
+
+    def on_halt(self) -> None:
+        self.done.append("halt")
+
+    def _answer(self, what: str) -> Status:
+        self.done.append(what)
+        answer = self.answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+
+def tick(skill: Skill, times: int = 1) -> Status:
+    for _ in range(times):
+        skill.tick_once()
+    return skill.status
+
+
+@pytest.mark.parametrize("end", [S, F])
+def test_started_once_then_looked_at(bench: Bench, end: Status) -> None:
+    skill = bench.skill(Noted).script(R, R, end)
+    assert tick(skill, 3) is end
+    assert skill.done == ["start", "running", "running"]
+
+
+def test_halted_once_while_it_runs(bench: Bench) -> None:
+    skill = bench.skill(Noted).script(R, R)
+    tick(skill, 2)
+    skill.stop(INVALID)
+    skill.stop(INVALID)
+    assert skill.done == ["start", "running", "halt"]
+
+
+@pytest.mark.parametrize("end", [S, F, SkillError("x")])
+def test_not_halted_when_it_has_ended(bench: Bench, end: Status | Exception) -> None:
+    """py_trees terminates leaves that have ended a second time."""
+    skill = bench.skill(Noted).script(R, end)
+    tick(skill, 2)
+    skill.stop(INVALID)
+    assert skill.done == ["start", "running"]
+
+
+def test_not_halted_when_it_never_ran(bench: Bench) -> None:
+    skill = bench.skill(Noted).script()
+    skill.stop(INVALID)
+    assert skill.done == []
+
+
+@pytest.mark.parametrize("error", [SkillError("x"), PlanTimeout(5.0), NotActive("y")])
+def test_an_error_of_ours_is_a_failure_with_a_cause(bench: Bench, error: Exception) -> None:
+    for answers in ((error,), (R, error)):
+        skill = bench.skill(Noted).script(*answers)
+        assert tick(skill, len(answers)) is F
+        assert skill.failure is error
+        assert skill.feedback_message == str(error)
+
+
+def test_a_bug_is_not_hidden(bench: Bench) -> None:
+    skill = bench.skill(Noted).script(ZeroDivisionError())
+    with pytest.raises(ZeroDivisionError):
+        tick(skill)
+
+
+def test_again_after_the_end_and_after_a_halt(bench: Bench) -> None:
+    skill = bench.skill(Noted).script(S, R, R, S)
+    tick(skill, 2)
+    skill.stop(INVALID)
+    assert tick(skill, 2) is S
+    assert skill.done == ["start", "start", "halt", "start", "running"]
+
+
+def test_what_a_skill_is_not_asked_to_do(bench: Bench) -> None:
+    skill = bench.skill(Noted)
+    Skill.judge(bench.robot, {})
+    assert (skill.busy, skill.progress, skill.failure) == (False, None, None)
+    with pytest.raises(NotImplementedError):
+        Skill.on_start(skill)
+    assert Skill.on_running(skill) is R

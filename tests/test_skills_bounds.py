@@ -1,0 +1,98 @@
+"""What may be commanded: every joint that is out is named, with its value and limits."""
+
+import math
+
+import pytest
+from py_trees.common import Status
+
+from hardware import Robot
+from skills import BadTarget, CheckBounds, OutOfBounds, Positions, check_targets
+from tests.conftest import Bench
+
+ZERO = {"arm": {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0}, "gripper": {"joint_4": 0.0}}
+
+
+def target(**joints: float) -> dict[str, dict[str, float]]:
+    arm = {name: q for name, q in joints.items() if name in ("joint_1", "joint_2", "joint_3")}
+    gripper = {name: q for name, q in joints.items() if name not in arm}
+    return {"arm": {**ZERO["arm"], **arm}, "gripper": {**ZERO["gripper"], **gripper}}
+
+
+def test_the_limits_themselves_are_within(robot: Robot) -> None:
+    for group in robot.groups:
+        for joint in robot.leaders(group):
+            for q in (joint.lower, joint.upper):
+                check_targets(robot, target(**{joint.name: q}))
+
+
+def test_the_next_number_is_out(robot: Robot) -> None:
+    for group in robot.groups:
+        for joint in robot.leaders(group):
+            for q in (math.nextafter(joint.lower, -9), math.nextafter(joint.upper, 9)):
+                with pytest.raises(OutOfBounds, match=joint.name):
+                    check_targets(robot, target(**{joint.name: q}))
+
+
+def test_every_joint_that_is_out_is_named(robot: Robot) -> None:
+    wrong = target(joint_1=9.0, joint_2=-9.0, joint_3=math.inf, joint_4=math.nan)
+    with pytest.raises(OutOfBounds) as caught:
+        check_targets(robot, wrong)
+    causes = str(caught.value).split("; ")
+    assert [cause.split()[0] for cause in causes] == ["joint_1", "joint_2", "joint_3", "joint_4"]
+    for cause, value in zip(causes, ("9", "-9", "inf", "nan"), strict=True):
+        assert value in cause
+    assert "1.57" in causes[0]
+    assert "-1.57" in causes[0]
+
+
+def test_a_mimic_joint_may_be_left_out_or_agree(robot: Robot) -> None:
+    check_targets(robot, target(joint_4=-0.7))
+    check_targets(robot, target(joint_4=-0.7, joint_5=0.7))
+    check_targets(robot, target(joint_4=-(0.1 + 0.2), joint_5=0.3))
+
+
+WRONG: list[tuple[dict[str, dict[str, float]], str]] = [
+    ({"arm": {}}, "joint_1 is missing"),
+    ({"arm": {"joint_1": 0.0}}, "joint_2 is missing.*joint_3 is missing"),
+    (target(joint_4=-0.7, joint_5=0.2), "joint_5 = 0.2 contradicts joint_4 = -0.7"),
+    (target(joint_9=0.0), "joint_9 is no joint of the gripper; the gripper has joint_4, joint_5"),
+    ({"leg": {}}, "the robot has no group leg; it has arm, gripper"),
+]
+
+
+@pytest.mark.parametrize(("targets", "words"), WRONG)
+def test_what_makes_no_sense(
+    robot: Robot, targets: dict[str, dict[str, float]], words: str
+) -> None:
+    with pytest.raises(BadTarget, match=words):
+        check_targets(robot, targets)
+
+
+def test_only_what_is_spelled_out_is_judged(robot: Robot) -> None:
+    CheckBounds.judge(robot, {})
+    CheckBounds.judge(robot, {"arm": ZERO["arm"]})
+    with pytest.raises(OutOfBounds, match="joint_4"):
+        CheckBounds.judge(robot, {"gripper": {"joint_4": 9.0}})
+
+
+def test_the_goal_of_all_actuated_joints(bench: Bench) -> None:
+    skill = bench.skill(
+        CheckBounds,
+        gripper=Positions(joint_5=0.7, joint_4=-0.7),
+        arm=Positions(joint_3=0.3, joint_1=0.1, joint_2=0.2),
+    )
+    skill.tick_once()
+    assert skill.status is Status.SUCCESS
+    names = [joint.name for joint in bench.robot.actuated]
+    assert list(bench.output("goal").items()) == list(
+        zip(names, (0.1, 0.2, 0.3, -0.7), strict=True)
+    )
+
+
+def test_a_target_out_of_bounds_fails_the_skill(bench: Bench) -> None:
+    skill = bench.skill(
+        CheckBounds, arm=Positions(target(joint_1=9.0)["arm"]), gripper=Positions(joint_4=0.0)
+    )
+    skill.tick_once()
+    assert skill.status is Status.FAILURE
+    assert isinstance(skill.failure, OutOfBounds)

@@ -1,0 +1,197 @@
+"""Task and subtree files: what they say, and every way to say it wrong."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trees import CompositeNode, FileError, Key, Library, Located, SkillNode, SubtreeNode
+from trees.grammar import parse_subtree, parse_task
+
+FILE = Path("3_x.yaml")
+SHIPPED = [Library().task(number).text for number in Library().numbers()]
+
+TASK = """\
+task: 3
+name: x
+description: >
+  What it
+  does.
+tree:
+  sequence:
+    - Succeed
+    - SetStart: {start: $start}
+    - parallel: [Succeed]
+    - subtree: reach
+      with: {arm: {joint_1: 0}}
+"""
+
+
+def test_a_task() -> None:
+    task = parse_task(FILE, TASK)
+    assert (task.number, task.name, task.description) == (3, "x", "What it does.")
+    assert task.text == TASK
+    tree = task.tree
+    assert isinstance(tree, CompositeNode)
+    plain, skill, side, subtree = tree.children
+    assert isinstance(plain, SkillNode)
+    assert (plain.skill, plain.ports, plain.place.line) == ("Succeed", {}, 8)
+    assert isinstance(skill, SkillNode)
+    start = skill.ports["start"]
+    assert isinstance(start, Key)
+    assert (start.name, start.place.line, start.place.column) == ("start", 9, 25)
+    assert (start.label.line, start.label.column) == (9, 18)
+    assert isinstance(side, CompositeNode)
+    assert side.kind == "parallel"
+    assert isinstance(subtree, SubtreeNode)
+    arm = subtree.values["arm"]
+    assert isinstance(arm, Located)
+    assert arm.plain() == {"joint_1": 0}
+
+
+HEAD = "task: 3\nname: x\ndescription: y\n"
+T = f"{HEAD}tree:\n"
+
+WRONG = [
+    ("just text", 1, 1, "expected the keys task, name, description, tree"),
+    ("- a\n- b\n", 1, 1, "expected the keys"),
+    ("{}", 1, 1, "expected the keys"),
+    ("tree: Succeed\nname: x\ndescription: y\n", 1, 1, "the key task is missing"),
+    ("task: 3\nname: x\ntree: Succeed\n", 1, 1, "the key description is missing"),
+    (HEAD, 1, 1, "the key tree is missing"),
+    (f"{HEAD}tree: Succeed\nspeed: 1\n", 5, 1, "unknown key speed"),
+    (f"{HEAD}tree: Succeed\nTree: Succeed\n", 5, 1, "did you mean tree?"),
+    (f"{HEAD}trea:\n  Succeed\n", 4, 1, "unknown key trea"),
+    (f"{HEAD}<<: {{tree: Succeed}}\n", 4, 1, "unknown key <<"),
+    (HEAD.replace("3", "three"), 1, 7, "task: 'three' is no number"),
+    (HEAD.replace("3", "-1"), 1, 7, "task: -1 is no number from 0 to 2147483647"),
+    (HEAD.replace("3", "2147483648"), 1, 7, "is no number"),
+    (HEAD.replace("3", "3.0"), 1, 7, "task: 3.0 is no number"),
+    (HEAD.replace("3", "true"), 1, 7, "task: True is no number"),
+    (HEAD.replace("3", "'3'"), 1, 7, "task: '3' is no number"),
+    (HEAD.replace("3", ".inf"), 1, 7, "task: inf is no number"),
+    (HEAD.replace("3", "[3]"), 1, 7, "task: [3] is no number"),
+    (HEAD.replace("name: x", "name: a b"), 2, 7, "name: 'a b' is not a name"),
+    (HEAD.replace("name: x", "name: a/b"), 2, 7, "is not a name"),
+    (HEAD.replace("name: x", "name: off/"), 2, 7, "is not a name"),
+    (HEAD.replace("name: x", "name: 1"), 2, 7, "name: 1 is not a name"),
+    (HEAD.replace("name: x", "name:"), 2, 1, "name: None is not a name"),
+    (HEAD.replace("name: x", "name: {x: 1}"), 2, 7, "is not a name"),
+    (HEAD.replace("description: y", "description: ''"), 3, 14, "description: '' is not a text"),
+    (HEAD.replace("description: y", "description: [y]"), 3, 14, "is not a text"),
+    (f"{HEAD}tree: 5\n", 4, 7, "a node is one of sequence, parallel, subtree, or a skill's name"),
+    (f"{HEAD}tree:\n", 4, 1, "not None"),
+    (f"{HEAD}tree: []\n", 4, 7, "not []"),
+    (f"{HEAD}tree: {{}}\n", 4, 7, "not {}"),
+    (f"{HEAD}tree: $start\n", 4, 7, "'$start' is not a name"),
+    (f"{HEAD}tree: ''\n", 4, 7, "a node: '' is not a name"),
+    (f"{T}  sequence: Succeed\n", 5, 13, "sequence needs a list of nodes, not 'Succeed'"),
+    (f"{T}  sequence: []\n", 5, 13, "sequence needs a list of nodes, not []"),
+    (f"{T}  sequence:\n    Succeed: {{}}\n", 6, 5, "sequence needs a list"),
+    (f"{T}  sequence: [Succeed]\n  parallel: [Succeed]\n", 5, 3, "here are sequence, parallel"),
+    (f"{T}  sequnce: [Succeed]\n", 5, 3, "did you mean sequence?"),
+    (f"{T}  subtre: reach\n  with: {{}}\n", 5, 3, "did you mean subtree?"),
+    (f"{T}  - Succeed\n", 5, 3, "a node is one of"),
+    (f"{T}  SetStart:\n", 5, 3, "the ports of SetStart must be a mapping, not None"),
+    (f"{T}  SetStart: $start\n", 5, 13, "must be a mapping, not '$start'"),
+    (f"{T}  SetStart:\n  start: $start\n", 5, 3, "a node has one key"),
+    (f"{T}  SetStart: {{start: $}}\n", 5, 21, "what follows $: '' is not a name"),
+    (f"{T}  SetStart: {{start: $/a}}\n", 5, 21, "what follows $: '/a' is not a name"),
+    (f"{T}  SetStart: {{start: $a.b}}\n", 5, 21, "what follows $"),
+    (f"{T}  SetStart: {{start: '$a b'}}\n", 5, 21, "what follows $"),
+    (f"{T}  subtree: 5\n", 5, 12, "subtree: 5 is not a name"),
+    (f"{T}  subtree: ../reach\n", 5, 12, "is not a name"),
+    (f"{T}  subtree: reach\n  wiht: {{}}\n", 6, 3, "beside subtree there is only with"),
+    (f"{T}  subtree: reach\n  with: [1]\n", 6, 9, "with must be a mapping, not [1]"),
+    (f"{T}  subtree: reach\n  with:\n", 6, 3, "with must be a mapping, not None"),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "column", "words"), WRONG, ids=range(len(WRONG)))
+def test_wrong_task_files(text: str, line: int, column: int, words: str) -> None:
+    with pytest.raises(FileError) as caught:
+        parse_task(FILE, text)
+    said = {(m.place.line, m.place.column): m.message for m in caught.value.mistakes}
+    assert words in said[line, column]
+
+
+def test_all_mistakes_at_once_in_the_order_of_lines() -> None:
+    text = "nam: x\ntask: z\ndescription: 5\ntree:\n  sequence: [[], 3]\n"
+    with pytest.raises(FileError) as caught:
+        parse_task(FILE, text)
+    places = [(m.place.line, m.place.column) for m in caught.value.mistakes]
+    assert places == [(1, 1), (1, 1), (2, 7), (3, 14), (5, 14), (5, 18)]
+    assert len(str(caught.value).splitlines()) == 6
+
+
+def test_very_many_mistakes_are_not_all_told() -> None:
+    text = f"{T}  sequence: [{', '.join(['[]'] * 1000)}]\n"
+    with pytest.raises(FileError) as caught:
+        parse_task(FILE, text)
+    assert len(caught.value.mistakes) == 1000
+    assert str(caught.value).splitlines()[-1] == "and 980 more mistakes"
+
+
+def test_a_long_value_is_shortened() -> None:
+    with pytest.raises(FileError) as caught:
+        parse_task(FILE, HEAD.replace("3", str(list(range(5000)))))
+    assert len(str(caught.value)) < 300
+
+
+SUB = "subtree: s\ndescription: y\nports: [a, b]\ntree: {SetStart: {start: $a, x: $b}}\n"
+WRONG_SUB = [
+    ("task: 3\n" + SUB, 1, 1, "unknown key task"),
+    (SUB.replace("ports: [a, b]\n", ""), 1, 1, "the key ports is missing"),
+    (SUB.replace("[a, b]", "a"), 3, 8, "ports: 'a' is not a list of names"),
+    (SUB.replace("[a, b]", "{a: 1, b: 2}"), 3, 8, "is not a list of names"),
+    (SUB.replace("[a, b]", "[a, b, 5]"), 3, 15, "ports: 5 is not a name"),
+    (SUB.replace("[a, b]", "[a, b, $c]"), 3, 15, "ports: '$c' is not a name"),
+    (SUB.replace("[a, b]", "[a, b, a]"), 3, 15, "ports: a is given twice"),
+    (SUB.replace("[a, b]", "[a, b, c]"), 3, 15, "ports: nothing in the tree uses $c"),
+    (SUB.replace("subtree: s", "subtree: [s]"), 1, 10, "subtree: ['s'] is not a name"),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "column", "words"), WRONG_SUB, ids=range(len(WRONG_SUB)))
+def test_wrong_subtree_files(text: str, line: int, column: int, words: str) -> None:
+    with pytest.raises(FileError) as caught:
+        parse_subtree(Path("s.yaml"), text)
+    said = [m.message for m in caught.value.mistakes if m.place.line == line]
+    assert any(words in message for message in said)
+    assert column in [m.place.column for m in caught.value.mistakes]
+
+
+def test_a_subtree() -> None:
+    subtree = parse_subtree(Path("s.yaml"), SUB)
+    assert (subtree.name, subtree.ports) == ("s", ("a", "b"))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text())
+def test_any_text(text: str) -> None:
+    for parse in (parse_task, parse_subtree):
+        try:
+            parse(FILE, text)
+        except FileError:
+            continue
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    st.sampled_from([TASK, SUB, *SHIPPED]),
+    st.lists(
+        st.tuples(st.integers(0, 400), st.integers(0, 3), st.sampled_from(" \t\n:-{}[]$#'0aé"))
+    ),
+)
+def test_any_change_of_a_file(text: str, changes: list[tuple[int, int, str]]) -> None:
+    for at, cut, put in changes:
+        place = at % (len(text) + 1)
+        text = text[:place] + put + text[place + cut :]
+    places: set[int] = set()
+    for parse in (parse_task, parse_subtree):
+        try:
+            parse(FILE, text)
+        except FileError as error:
+            places.update(mistake.place.line for mistake in error.mistakes)
+    assert 0 not in places

@@ -1,0 +1,106 @@
+"""Finding files: those that ship, and a folder of one's own."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+import trees
+from trees import DuplicateTask, FileError, Library, Place, UnknownTask
+
+TASK = "task: {number}\nname: x\ndescription: y\ntree: Succeed\n"
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    (folder / name).write_text(text)
+    return folder
+
+
+def test_what_ships() -> None:
+    library = Library()
+    assert library.numbers() == [0, 1, 2]
+    assert [library.task(n).name for n in library.numbers()] == ["home", "pick", "rest"]
+    assert library.subtree("reach", Place(Path(), 0, 0)).ports == ("arm", "gripper")
+
+
+def test_a_folder_on_top(tmp_path: Path) -> None:
+    library = Library(write(tmp_path, "007_x.yaml", TASK.format(number=7)))
+    assert library.numbers() == [0, 1, 2, 7]
+    assert library.task(7).path == tmp_path / "007_x.yaml"
+
+
+def test_the_shipped_folder_counts_once(tmp_path: Path) -> None:
+    shipped = Path(trees.__file__).parent
+    (tmp_path / "link").symlink_to(shipped)
+    assert Library(shipped).numbers() == Library(tmp_path / "link").numbers() == [0, 1, 2]
+
+
+def test_an_unknown_number() -> None:
+    for number in (3, -1, 10**30):
+        with pytest.raises(UnknownTask, match=f"Invalid task number {number}; there are 0, 1, 2"):
+            Library().task(number)
+
+
+def test_two_files_with_one_number(tmp_path: Path) -> None:
+    with pytest.raises(
+        DuplicateTask, match=r"task 1 is in two files, .*1_pick.yaml and .*01_x.yaml"
+    ):
+        Library(write(tmp_path, "01_x.yaml", TASK.format(number=1)))
+
+
+def test_two_files_with_one_subtree(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"reach.yaml: subtree reach is in .* already"):
+        Library(write(tmp_path, "reach.yaml", "subtree: reach\n"))
+
+
+@pytest.mark.parametrize("name", ["3.yaml", "3-wave.yaml", "3_wave.yml", "3wave.yaml"])
+def test_a_task_file_that_is_almost_named_like_one(tmp_path: Path, name: str) -> None:
+    with pytest.raises(FileError, match=r"named like 3_wave\.yaml"):
+        Library(write(tmp_path, name, TASK.format(number=3)))
+
+
+def test_other_files_are_left_alone(tmp_path: Path) -> None:
+    for name in ("README.md", "notes.txt", "3_wave.yaml.bak", "\u0663_x.yaml", ".hidden"):
+        write(tmp_path, name, "")
+    (tmp_path / "folder").mkdir()
+    assert Library(tmp_path).numbers() == [0, 1, 2]
+
+
+def test_a_number_that_the_file_contradicts(tmp_path: Path) -> None:
+    library = Library(write(tmp_path, "3_x.yaml", TASK.format(number=4)))
+    with pytest.raises(
+        FileError, match=r"3_x.yaml:1:1: the file is named for task 3 but says task 4"
+    ):
+        library.task(3)
+
+
+def test_a_subtree_that_the_file_contradicts(tmp_path: Path) -> None:
+    text = "subtree: b\ndescription: y\nports: []\ntree: Succeed\n"
+    library = Library(write(tmp_path, "a.yaml", text))
+    with pytest.raises(FileError, match=r"a.yaml:1:1: the file is named a.yaml but says subtree b"):
+        library.subtree("a", Place(Path(), 0, 0))
+
+
+def test_a_subtree_that_is_not_there() -> None:
+    asked = Place(Path("3_x.yaml"), 4, 7)
+    with pytest.raises(FileError, match=r"3_x.yaml:4:7: no subtree rech; .*did you mean reach\?"):
+        Library().subtree("rech", asked)
+
+
+def test_folders_that_are_none(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for name in ("none", "file", "loop"):
+        with pytest.raises(FileError, match=f"{name}: there is no such folder"):
+            Library(tmp_path / name)
+
+
+def test_files_that_are_none(tmp_path: Path) -> None:
+    (tmp_path / "3_folder.yaml").mkdir()
+    (tmp_path / "4_loop.yaml").symlink_to(tmp_path / "4_loop.yaml")
+    os.mkfifo(tmp_path / "5_pipe.yaml")
+    (tmp_path / "6_gone.yaml").symlink_to(tmp_path / "gone")
+    library = Library(tmp_path)
+    for number in (3, 4, 5, 6):
+        with pytest.raises(FileError, match=rf"{number}_\w+.yaml:1:1: "):
+            library.task(number)
