@@ -3,6 +3,7 @@
 import atexit
 import contextlib
 import logging
+import threading
 import weakref
 from collections.abc import Callable
 from types import TracebackType
@@ -33,6 +34,9 @@ from .virtual_arduino import VirtualLink
 logger = logging.getLogger(__name__)
 
 VIRTUAL = "virtual"
+
+# Who shuts down waits this long for a transition of another thread; closing a port takes less.
+_SETTLE = 1.0  # [s]
 
 
 def virtual_board(robot: Robot) -> Board:
@@ -71,7 +75,8 @@ class Arm:
         robot: The robot.
         link: The line to its board; None where nobody said which port.
         clock: Whose time.
-        observe: Told of every frame, byte, transition and fault. It must be quick.
+        observe: Told of every frame, byte, transition and fault, from any thread. It must be
+            quick; what it raises is logged and keeps the arm from nothing.
     """
 
     def __init__(
@@ -81,16 +86,16 @@ class Arm:
         self._link, self._clock, self._observe = link, clock, observe
         self._signal = clock.signal()
         self._canceled = False
-        self._refusal: HardwareError | None = None
-        self._failure: HardwareError | None = None
+        self._refusal: HardwareError | None = None  # why the last request was not carried out
+        self._failure: HardwareError | None = None  # the fault that ends this activation
         self._door: Door | None = None
         self._streamer: Streamer | None = None
+        self._listener: threading.Thread | None = None
         self._lifecycle = Lifecycle(
             {
                 State.CONFIGURING: self._configure,
                 State.ACTIVATING: self._activate,
                 State.DEACTIVATING: self._deactivate,
-                State.CLEANINGUP: self._clean_up,
                 State.SHUTTINGDOWN: self._deactivate,
                 State.ERRORPROCESSING: self._give_up,
             },
@@ -121,7 +126,10 @@ class Arm:
         Raises:
             NotActive: Where an arm stands is only known once it was activated.
         """
-        return self._active_door().commanded
+        door = self._door
+        if self.state is not State.ACTIVE or door is None:
+            raise self._not_active()
+        return door.commanded
 
     def configure(self) -> None:
         """Check that all that is needed is there; never touches the port.
@@ -136,11 +144,16 @@ class Arm:
         """Open the port, which resets the board and moves the arm, and wait until it has booted.
 
         Raises:
-            LinkError: The port cannot be had; the arm stays inactive.
+            LinkError: The port cannot be had, and the arm stays inactive; or it was lost while the
+                board booted, and the arm is unconfigured.
             ActivationStopped: Somebody called `stop` while the board booted.
             TransitionRefused: Not legal now.
         """
         self._request("activate", State.ACTIVE)
+        if self._failure:  # in the very moment of becoming active, when it could not be raised
+            with contextlib.suppress(TransitionRefused):
+                self._transition("raise_error")
+            raise self._failure
 
     def deactivate(self) -> None:
         """Stop, and close the port; the servos keep holding.
@@ -148,7 +161,8 @@ class Arm:
         Raises:
             TransitionRefused: Not legal now.
         """
-        self._stop_motion()
+        if self._playing:
+            self.stop()
         self._request("deactivate", State.INACTIVE)
 
     def cleanup(self) -> None:
@@ -160,10 +174,20 @@ class Arm:
         self._request("cleanup", State.UNCONFIGURED)
 
     def shutdown(self) -> None:
-        """Stop, close the port, and end for good. Harmless when it has ended."""
-        if self.state is not State.FINALIZED:
-            self._stop_motion()
-            self._request("shutdown", State.FINALIZED)
+        """Stop, close the port, and end for good. Harmless when it has ended.
+
+        A transition that another thread has under way comes to its end first.
+
+        Raises:
+            TransitionRefused: That transition does not end.
+        """
+        if self.state is State.FINALIZED:
+            return
+        if self._playing:
+            self.stop()
+        self._cancel()
+        self._settle()
+        self._request("shutdown", State.FINALIZED)
 
     def play(self, schedule: Schedule, changed: Callable[[], None]) -> Playback:
         """Begin to play a schedule.
@@ -175,9 +199,10 @@ class Arm:
         Raises:
             NotActive: The arm is not active.
         """
-        self._active_door()
-        assert self._streamer
-        return self._streamer.play(schedule, changed)
+        streamer = self._streamer
+        if self.state is not State.ACTIVE or streamer is None:
+            raise self._not_active()
+        return streamer.play(schedule, changed)
 
     def stop(self) -> None:
         """Drop what is left of the motion and hold; in any state, any number of times.
@@ -185,44 +210,69 @@ class Arm:
         What the board has already swallowed it still carries out. While the board boots, this
         ends the activation.
         """
-        with self._signal:
-            self._canceled = True
-            self._signal.notify()
+        self._cancel()
         streamer = self._streamer
         if self.state is State.ACTIVE and streamer:
             try:
                 streamer.stop()
-            except NotActive:
-                pass  # it was deactivated meanwhile, and that stops it too
             except LinkError as error:
                 self.fault(error)
 
     def fault(self, error: HardwareError) -> None:
-        """Take the arm out of *active*, for this error; coming back is a person's act."""
+        """Take the arm out of *active*, for this error; coming back is a person's act.
+
+        The first fault of an activation counts; those that follow from it are not told again.
+        """
+        with self._signal:
+            if self._failure:
+                return
+            self._failure = error
+            self._signal.notify()
+        if streamer := self._streamer:
+            streamer.close(error)
         logger.error("%s", error)
-        self._failure = error
-        self._observe(Faulted(self._clock.now(), error))
+        self._tell(Faulted(self._clock.now(), error))
         try:
-            self._lifecycle.request("raise_error")
+            self._transition("raise_error")
         except TransitionRefused as refusal:
             logger.debug("fault outside active: %s", refusal)
 
-    def _stop_motion(self) -> None:
-        if self._streamer and self._streamer.playing:
-            self.stop()
+    @property
+    def _playing(self) -> bool:
+        streamer = self._streamer
+        return streamer is not None and streamer.playing
+
+    def _cancel(self) -> None:
+        """End the wait for the board's boot."""
+        with self._signal:
+            self._canceled = True
+            self._signal.notify()
+
+    def _settle(self) -> None:
+        """Wait for the end of a transition, or of a fault, that another thread is at."""
+        until = self._clock.now() + _SETTLE
+        with self._signal:
+            while self._unsettled() and self._clock.now() < until:
+                self._signal.wait(until)
+
+    def _unsettled(self) -> bool:
+        faulting = self._failure is not None and self.state is State.ACTIVE
+        return faulting or self._lifecycle.changing
 
     def _request(self, label: str, wanted: State) -> None:
-        self._refusal = None
-        if self._lifecycle.request(label) is not wanted:
-            raise self._refusal or TransitionRefused(
-                f"{label} failed: the arm is {self.state.value}"
-            )
+        if self._transition(label) is not wanted:
+            refusal, self._refusal = self._refusal, None
+            raise refusal or TransitionRefused(f"{label} failed: the arm is {self.state.value}")
 
-    def _active_door(self) -> Door:
-        door = self._door
-        if self.state is not State.ACTIVE or door is None:
-            raise NotActive(f"the arm is {self.state.value}; configure and activate it first")
-        return door
+    def _transition(self, label: str) -> State:
+        try:
+            return self._lifecycle.request(label)
+        finally:
+            with self._signal:
+                self._signal.notify()
+
+    def _not_active(self) -> NotActive:
+        return NotActive(f"the arm is {self.state.value}; configure and activate it first")
 
     def _configure(self) -> Result:
         if self._link is None:
@@ -234,7 +284,7 @@ class Arm:
     def _activate(self) -> Result:
         assert self._link
         with self._signal:
-            self._canceled = False
+            self._canceled, self._failure = False, None
         logger.info("Starting the arm on port %s: it moves to its boot pose", self._link.port)
         try:
             self._link.open()
@@ -242,33 +292,38 @@ class Arm:
             logger.error("The port %s did not open: %s", self._link.port, error)
             self._refusal = error
             return Result.FAILURE
-        self._clock.spawn(self._listen, "listener")
-        if not self._boot():
+        self._listener = self._clock.spawn(self._listen, "listener")
+        return self._boot(self._link)
+
+    def _boot(self, link: Link) -> Result:
+        """Wait until the board listens, and take its boot pose as the commanded one."""
+        until = self._clock.now() + self.robot.serial.boot_wait
+        with self._signal:
+            while not (self._canceled or self._failure) and self._clock.now() < until:
+                self._signal.wait(until)
+        if self._failure:
+            self._refusal = self._failure
+            return Result.ERROR
+        if self._canceled:
             self._refusal = ActivationStopped("the arm was stopped while its board booted")
             self._close()
             return Result.FAILURE
+        self._door = Door(self.robot, link, self._clock, self._is_active, self._tell)
         period = 1 / self.robot.firmware.rate
-        active = lambda: self.state is State.ACTIVE  # noqa: E731
-        self._door = Door(self.robot, self._link, self._clock, active, self._observe)
         self._streamer = Streamer(self._door, self._clock, period, self.fault)
-        logger.info("The arm on port %s is ready to take commands", self._link.port)
+        logger.info("The arm on port %s is ready to take commands", link.port)
         return Result.SUCCESS
 
-    def _boot(self) -> bool:
-        """Wait until the board listens; False when stopped meanwhile."""
-        until = self._clock.now() + self.robot.serial.boot_wait
-        with self._signal:
-            while not self._canceled and self._clock.now() < until:
-                self._signal.wait(until)
-            return not self._canceled
+    def _is_active(self) -> bool:
+        return self.state is State.ACTIVE
 
     def _deactivate(self) -> Result:
-        if self._streamer and self._link:
-            logger.info("Stopping the arm on port %s", self._link.port)
+        port = self._link.port if self._link and self._streamer else None
+        if port:
+            logger.info("Stopping the arm on port %s", port)
         self._close()
-        return Result.SUCCESS
-
-    def _clean_up(self) -> Result:
+        if port:
+            logger.info("The arm on port %s is stopped", port)
         return Result.SUCCESS
 
     def _give_up(self) -> Result:
@@ -276,28 +331,40 @@ class Arm:
         return Result.SUCCESS
 
     def _close(self, error: HardwareError | None = None) -> None:
-        streamer, self._streamer, self._door = self._streamer, None, None
+        """Close the port and wait for the threads that used it."""
+        streamer, listener = self._streamer, self._listener
+        self._streamer = self._door = self._listener = None
         if streamer:
             streamer.close(error)
+            streamer.join()
+        self._close_link()
+        if listener and listener is not threading.current_thread():
+            listener.join()
+
+    def _close_link(self) -> None:
         if self._link:
             try:
                 self._link.close()
-            except LinkError as closing:
-                logger.error("Closing the port %s failed: %s", self._link.port, closing)
-            if streamer:
-                logger.info("The arm on port %s is stopped", self._link.port)
+            except LinkError as error:
+                logger.error("Closing the port %s failed: %s", self._link.port, error)
 
     def _listen(self) -> None:
         """Read what the board says until the link is closed or lost."""
         assert self._link
         try:
             while data := self._link.read():
-                self._observe(BytesReceived(self._clock.now(), data))
+                self._tell(BytesReceived(self._clock.now(), data))
         except LinkError as error:
             self.fault(error)
 
     def _changed(self, label: str, start: State, goal: State) -> None:
-        self._observe(StateChanged(self._clock.now(), label, start, goal))
+        self._tell(StateChanged(self._clock.now(), label, start, goal))
+
+    def _tell(self, event: ArmEvent) -> None:
+        try:
+            self._observe(event)
+        except Exception:
+            logger.exception("an observer of the arm failed")
 
 
 def _close_at_exit(reference: "weakref.ref[Arm]") -> None:

@@ -65,12 +65,16 @@ class Board:
         self._byte_time = BITS_PER_BYTE / baud
         self._resets = self._lost = self._refused = 0
         self._letters = letters
-        self.reset(0.0)
-        self._resets = 0
+        self._boot(0.0)
 
     def reset(self, now: float) -> None:
         """Press the reset button: servos snap to the boot angles, unread bytes are gone."""
+        self.advance(now)
         self._resets += 1
+        self._refused += self._parser.refused
+        self._boot(now)
+
+    def _boot(self, now: float) -> None:
         self._ready = now + self._firmware.boot_time
         self._turns = [_Turn(a, a, now, SERVO_SPEED) for a in map(float, self._boot_angles)]
         self._wire: deque[tuple[float, int]] = deque()
@@ -84,6 +88,7 @@ class Board:
 
     def receive(self, data: bytes, now: float) -> None:
         """Put bytes on the line; they arrive one by one at its speed."""
+        self.advance(now)
         for byte in data:
             self._line_free = max(self._line_free, now) + self._byte_time
             self._wire.append((self._line_free, byte))

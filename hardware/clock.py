@@ -150,7 +150,10 @@ class SimulatedClock:
 
     @contextmanager
     def working(self) -> Iterator[None]:
-        """Let the calling thread count as working."""
+        """Let the calling thread count as working; within one that does, this changes nothing."""
+        if self._counts():
+            yield
+            return
         with self._lock:
             self._working += 1
         self._counted.here = True
@@ -160,6 +163,10 @@ class SimulatedClock:
             self._counted.here = False
             self._rest()
 
+    def _counts(self) -> bool:
+        """Whether the calling thread counts as working."""
+        return getattr(self._counted, "here", False)
+
     def _rest(self) -> None:
         with self._lock:
             self._working -= 1
@@ -167,7 +174,7 @@ class SimulatedClock:
 
     def sleep(self, until: float | None) -> _Sleeper:
         """Note that the calling thread is about to wait."""
-        sleeper = _Sleeper(until, getattr(self._counted, "here", False))
+        sleeper = _Sleeper(until, self._counts())
         with self._lock:
             self._sleepers.append(sleeper)
             self._working -= sleeper.counted

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -22,10 +21,10 @@ def load_robot(path: Path | None = None) -> Robot:
         DescriptionError: The file or its URDF is wrong; names file, line, key and valid choices.
     """
     if path is None:
-        path = Path(str(resources.files(__package__).joinpath("arduinobot.toml")))
+        path = Path(__file__).with_name("arduinobot.toml")
     root = TomlTable.read(path)
     urdf_path = path.parent / root.text("urdf")
-    urdf = _read_urdf(urdf_path)
+    urdf = _read_urdf(root, urdf_path)
     joints = _joints(root, urdf)
     groups = _groups(root, joints)
     robot = Robot(
@@ -55,14 +54,14 @@ class _Urdf:
     joints: dict[str, _UrdfJoint]
 
 
-def _read_urdf(path: Path) -> _Urdf:
-    """The links and moving joints of a URDF."""
+def _read_urdf(table: TomlTable, path: Path) -> _Urdf:
+    """The links and moving joints of the URDF that a robot file names."""
     try:
         root = ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise DescriptionError(path, 0, f"cannot be read: {error.strerror}") from error
     except ElementTree.ParseError as error:
         raise DescriptionError(path, error.position[0], f"is not XML: {error}") from error
+    except (OSError, ValueError) as error:  # ValueError: the name itself is impossible
+        table.fail("urdf", f"{path} cannot be read: {getattr(error, 'strerror', error)}")
     links = tuple(link.get("name", "") for link in root.iter("link"))
     moving = [j for j in root.findall("joint") if j.get("type") in _MOVING]
     return _Urdf(links, {j.get("name", ""): _urdf_joint(path, j) for j in moving})
@@ -86,8 +85,11 @@ def _urdf_joint(path: Path, element: ElementTree.Element) -> _UrdfJoint:
 
 
 def _mimic(element: ElementTree.Element) -> Mimic:
-    multiplier, offset = element.get("multiplier", "1"), element.get("offset", "0")
-    return Mimic(element.attrib["joint"], float(multiplier), float(offset))
+    multiplier = float(element.get("multiplier", "1"))
+    offset = float(element.get("offset", "0"))
+    if not (math.isfinite(multiplier) and math.isfinite(offset)):
+        raise ValueError(f"multiplier {multiplier:g} and offset {offset:g} must be finite")
+    return Mimic(element.attrib["joint"], multiplier, offset)
 
 
 def _joints(root: TomlTable, urdf: _Urdf) -> tuple[Joint, ...]:
@@ -99,16 +101,25 @@ def _joints(root: TomlTable, urdf: _Urdf) -> tuple[Joint, ...]:
         if urdf.joints[name].mimic:
             table.fail(name, "follows another joint in the URDF and has no servo of its own")
     own = {name: _joint(name, table.table(name), urdf.joints[name]) for name in table}
-    letters = [joint.wire.letter for joint in own.values() if joint.wire]
-    if len(set(letters)) != len(letters) or not letters:
-        root.fail("joints", f"the letters on the wire must differ, not {', '.join(letters)}")
+    _check_letters(table, own)
     mimics = []
     for name, described in urdf.joints.items():
         if described.mimic and described.mimic.leader in own:
             mimics.append(_mimic_joint(name, described, own[described.mimic.leader]))
+        elif described.mimic:
+            root.fail("joints", f"the URDF's {name} follows {described.mimic.leader}, not a joint")
         elif name not in own:
             root.fail("joints", f"the URDF's joint {name} is not described")
     return (*own.values(), *mimics)
+
+
+def _check_letters(table: TomlTable, joints: dict[str, Joint]) -> None:
+    taken: dict[str, str] = {}
+    for name, joint in joints.items():
+        letter = joint.wire.letter if joint.wire else ""
+        if letter in taken:
+            table.fail(name, f"its letter {letter} on the wire is that of {taken[letter]} already")
+        taken[letter] = name
 
 
 def _joint(name: str, table: TomlTable, urdf: _UrdfJoint) -> Joint:
@@ -133,7 +144,11 @@ def _check_travel(joint: Joint, table: TomlTable) -> None:
     """A frame has three digits, and a servo turns from 0 to 180 degrees."""
     assert joint.wire is not None
     for limit in (joint.lower, joint.upper):
-        if not math.isfinite(limit) or not 0 <= servo_angle(joint.wire, limit) <= 180:
+        try:
+            travels = 0 <= servo_angle(joint.wire, limit) <= 180
+        except (ArithmeticError, ValueError):  # an endless limit, or next to no span
+            travels = False
+        if not travels:
             what = f"the URDF's limit {limit:g} rad"
             table.fail("wire", f"{what} is no servo angle from 0 to 180 degrees with this field")
 

@@ -9,15 +9,12 @@ import threading
 from collections.abc import Callable, Sequence
 
 from .clock import Clock
-from .errors import NotActive, StaleGeneration, TooFast
+from .errors import LinkError, NotActive, StaleGeneration, TooFast
 from .events import FrameSent, Observer
 from .frames import Codec, Frame
 from .link import Link
 from .pace import Pace
 from .robot import Robot
-
-# A sleeping thread never wakes early; this only absorbs the rounding of times.
-_EARLY = 1e-6  # [s]
 
 
 class Door:
@@ -42,17 +39,12 @@ class Door:
         self._robot, self._link, self._clock = robot, link, clock
         self._active, self._observe = active, observe
         self._codec = Codec(robot.actuated)
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # an observer, or a signal's handler, may hold the arm
         self._generation = 0
-        self.reset(robot.boot_pose)
-
-    def reset(self, positions: Sequence[float]) -> None:
-        """Take these as the commanded positions [rad]; no frame was written yet."""
-        with self._lock:
-            self._commanded = tuple(positions)
-            self._holds = self._codec.encode(positions)
-            self._pace = Pace(self._robot.firmware, self._robot.serial.baud, self._holds)
-            self._hold_due = False
+        self._closed = self._hold_due = False
+        self._commanded = robot.boot_pose
+        self._holds = self._codec.encode(self._commanded)
+        self._pace = Pace(robot.firmware, robot.serial.baud, self._holds)
 
     @property
     def commanded(self) -> tuple[float, ...]:
@@ -74,6 +66,11 @@ class Door:
         with self._lock:
             self._generation += 1
             return self._generation
+
+    def close(self) -> None:
+        """Shut the door for good; a write that is under way ends first."""
+        with self._lock:
+            self._closed = True
 
     def write(self, positions: Sequence[float], generation: int, scheduled: float) -> bool:
         """Command positions; a frame of the same bytes as the last is not sent again.
@@ -116,10 +113,9 @@ class Door:
             if self._hold_due:
                 self._check_active()
                 self._send(self._holds, self._commanded, None)
-                self._hold_due = False
 
     def _check_active(self) -> None:
-        if not self._active():
+        if self._closed or not self._active():
             raise NotActive("the arm is not active; configure and activate it first")
 
     def _check_pace(self, frame: Frame) -> None:
@@ -127,12 +123,17 @@ class Door:
         if step > most:
             raise TooFast(f"{frame} turns the servos by {step} degrees in sum; the most is {most}")
         early = self._pace.earliest - self._clock.now()
-        if early > _EARLY:
+        if early > 0:
             raise TooFast(f"{frame} comes {early * 1000:.1f} ms before the board has room for it")
 
     def _send(self, frame: Frame, positions: tuple[float, ...], scheduled: float | None) -> None:
         now = self._clock.now()
-        self._link.write(frame.data)
+        self._hold_due = scheduled is not None
+        try:
+            self._link.write(frame.data)
+        except LinkError:
+            self._closed = True  # what the board got is unknown, so nothing may follow
+            raise
         self._pace.sent(frame, now)
-        self._holds, self._commanded, self._hold_due = frame, positions, True
+        self._holds, self._commanded = frame, positions
         self._observe(FrameSent(now, frame.data, positions, scheduled))

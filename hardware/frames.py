@@ -97,11 +97,11 @@ def check_position(joint: Joint, q: object) -> None:
     Raises:
         BadPosition: Not a number, not finite, or outside the limits.
     """
-    if not isinstance(q, (int, float)) or isinstance(q, bool) or not math.isfinite(q):
+    if not isinstance(q, (int, float)) or isinstance(q, bool) or not -math.inf < q < math.inf:
         raise BadPosition(f"{joint.name} = {q!r} is not a finite number")
     if not joint.lower <= q <= joint.upper:
         limits = f"[{joint.lower!r}, {joint.upper!r}]"
-        raise BadPosition(f"{joint.name} = {float(q)!r} rad is outside its limits {limits} rad")
+        raise BadPosition(f"{joint.name} = {q} rad is outside its limits {limits} rad")
 
 
 def servo_angle(wire: WireField, q: float) -> int:

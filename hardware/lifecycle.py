@@ -77,7 +77,8 @@ class Lifecycle:
     """A managed component. One transition at a time; a second caller is refused, not kept waiting.
 
     Callbacks run while the machine stands in the transition state, outside its own callbacks: an
-    exception there would leave the state changed. One that raises counts as ERROR.
+    exception there would leave the state changed. One that raises, or answers anything but a
+    result, counts as ERROR.
 
     Args:
         callbacks: What to do in each transition state; a state without one succeeds at once.
@@ -96,6 +97,11 @@ class Lifecycle:
         """Where the component stands."""
         state: State = self._machine.state
         return state
+
+    @property
+    def changing(self) -> bool:
+        """Whether a transition is under way."""
+        return self._changing.locked()
 
     def request(self, label: str) -> State:
         """Run a transition to its end.
@@ -130,7 +136,7 @@ class Lifecycle:
     def _call(self) -> Result:
         callback = self._callbacks.get(self.state, lambda: Result.SUCCESS)
         try:
-            return callback()
+            return Result(callback())
         except HardwareError as error:
             logger.error("%s failed: %s", self.state.value, error)
         except Exception:

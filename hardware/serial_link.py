@@ -7,7 +7,6 @@ import termios
 import threading
 
 import serial
-from serial.tools import list_ports
 
 from .errors import (
     LinkError,
@@ -39,7 +38,7 @@ class SerialLink:
         self._baud = baud
         self._lock = PortLock(port)
         self._serial: serial.Serial | None = None
-        self._reading = threading.Lock()
+        self._reading, self._writing = threading.Lock(), threading.Lock()
 
     def open(self) -> None:
         """Take our lock and open the port.
@@ -66,7 +65,8 @@ class SerialLink:
         text = data.decode("ascii", "replace")
         why = f"Something went wrong while sending the message {text} to the port {self.port}"
         try:
-            self._opened().write(data)
+            with self._writing:
+                self._opened().write(data)
         except serial.SerialTimeoutException as error:
             raise PortStalled(self.port, why) from error
         except _LOST as error:
@@ -99,7 +99,7 @@ class SerialLink:
             return
         try:
             port.cancel_read()
-            with self._reading:  # pyserial breaks when it is closed under a reader
+            with self._reading, self._writing:  # pyserial breaks when it is closed under them
                 port.close()
         except _LOST as error:
             raise PortLost(self.port, "Something went wrong while closing") from error
@@ -115,12 +115,19 @@ class SerialLink:
 def _open_error(port: str, error: Exception) -> LinkError:
     number = getattr(error, "errno", None)
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
-        return PortMissing(port, [found.device for found in list_ports.comports()])
+        return PortMissing(port, _present())
     if number in (errno.EACCES, errno.EPERM):
         return PortDenied(port, _group(port))
     if number in (errno.EAGAIN, errno.EBUSY):
         return PortBusy(port, "another program")
-    return LinkError(port, f"{port} cannot be opened as a serial port: {error}")
+    why = f"{port} cannot be opened as a serial port ({error}); present: "
+    return LinkError(port, why + (", ".join(_present()) or "none"))
+
+
+def _present() -> list[str]:
+    from serial.tools import list_ports  # only for messages, and slow to load
+
+    return [found.device for found in list_ports.comports()]
 
 
 def _group(port: str) -> str:

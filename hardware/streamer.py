@@ -1,12 +1,14 @@
 """Plays schedules: every frame at its time, on absolute deadlines, in a thread of its own."""
 
+import contextlib
 import logging
+import threading
 from collections.abc import Callable
 from enum import Enum
 
 from .clock import Clock
 from .door import Door
-from .errors import HardwareError, LinkError, StaleGeneration
+from .errors import HardwareError, LinkError, NotActive, StaleGeneration
 from .schedule import Schedule
 
 logger = logging.getLogger(__name__)
@@ -61,7 +63,7 @@ class Streamer:
         door: Through which it writes.
         clock: Whose time.
         period: Lateness up to this is absorbed; beyond it the rest shifts by it [s].
-        fault: Told when the port failed.
+        fault: Told when the port failed; it closes this streamer.
     """
 
     def __init__(
@@ -79,8 +81,13 @@ class Streamer:
         Args:
             schedule: What to play.
             changed: Called from the streamer's thread after every frame and at the end.
+
+        Raises:
+            NotActive: The streamer was closed.
         """
         with self._signal:
+            if self._closing:
+                raise NotActive("the arm left the active state; configure and activate it first")
             self._drop()
             self._playback = Playback(schedule, self._door.renew(), changed)
             self._signal.notify()
@@ -90,29 +97,32 @@ class Streamer:
         """Drop what is left and hold.
 
         Raises:
-            LinkError: The hold frame could not be written.
-            NotActive: The arm is not active.
+            LinkError: The hold frame could not be written; the playback ends with that fault.
         """
-        try:
+        with contextlib.suppress(NotActive):  # whatever took it out of *active* stops it, too
             self._door.hold()
-        finally:
-            with self._signal:
-                self._drop()
-                self._signal.notify()
+        with self._signal:
+            self._drop()
+            self._signal.notify()
 
     def close(self, error: HardwareError | None = None) -> None:
-        """Drop what is left and end the thread, without a hold frame.
+        """Shut the door and drop what is left, without a hold frame. Harmless when closed.
 
         Args:
             error: Why, where a fault is the reason.
         """
-        self._door.renew()
+        self._door.close()
         with self._signal:
             if self._playback and error:
                 self._playback.end(PlaybackState.FAILED, error)
             self._drop()
             self._closing = True
             self._signal.notify()
+
+    def join(self) -> None:
+        """Wait until the thread of a closed streamer has ended, unless it is the caller."""
+        if self._thread is not threading.current_thread():
+            self._thread.join()
 
     @property
     def playing(self) -> bool:
@@ -129,13 +139,23 @@ class Streamer:
         while playback := self._next():
             try:
                 self._play(playback)
+                self._end(playback, PlaybackState.DONE)
             except StaleGeneration:
-                playback.end(PlaybackState.STOPPED)
+                self._end(playback, PlaybackState.STOPPED)
+            except LinkError as error:
+                self._fault(error)
+                return
+            except NotActive:
+                return  # who took the arm out of *active* closes this streamer and says why
             except HardwareError as error:
                 logger.error("%s", error)
-                playback.end(PlaybackState.FAILED, error)
-                if isinstance(error, LinkError):
-                    self._fault(error)
+                self._end(playback, PlaybackState.FAILED, error)
+
+    def _end(
+        self, playback: Playback, state: PlaybackState, error: HardwareError | None = None
+    ) -> None:
+        with self._signal:
+            playback.end(state, error)
 
     def _next(self) -> Playback | None:
         """Wait for a playback; None when closing."""
@@ -157,7 +177,6 @@ class Streamer:
         self._door.write(playback.schedule.end, playback.generation, self._clock.now())
         if playback.schedule.setpoints:
             self._sleep(playback, max(origin + playback.schedule.duration, self._door.done))
-        playback.end(PlaybackState.DONE)
 
     def _sleep(self, playback: Playback, until: float) -> None:
         """Wait for a time [s].

@@ -4,7 +4,6 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -59,10 +58,15 @@ class TomlTable:
 
     def number(self, key: str, above: float = -math.inf, least: float = -math.inf) -> float:
         """A finite number greater than `above` and not less than `least`."""
-        value = float(self._value(key, float))
+        try:
+            value = float(self._value(key, float))
+        except OverflowError:
+            value = math.inf
         if not (math.isfinite(value) and value > above and value >= least):
-            bound = f"greater than {above:g}" if math.isfinite(above) else f"at least {least:g}"
-            self.fail(key, f"{value:g} is not allowed; it must be {bound} and finite")
+            bounds = [f"greater than {above:g}"] if math.isfinite(above) else []
+            bounds += [f"at least {least:g}"] if math.isfinite(least) else []
+            wanted = " and ".join([*bounds, "finite"])
+            self.fail(key, f"{value:g} is not allowed; it must be {wanted}")
         return value
 
     def integer(self, key: str, choices: Iterable[int] | None = None, least: int = 1) -> int:
@@ -148,6 +152,8 @@ class TomlTable:
 
 
 def _nearest(word: str, choices: list[str]) -> str:
+    from difflib import get_close_matches  # only for messages
+
     near = get_close_matches(word, choices, n=1)
     return f"; did you mean {near[0]}?" if near else ""
 

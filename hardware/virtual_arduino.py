@@ -1,12 +1,17 @@
 """The virtual Arduino: a board in a process of its own, behind a real pseudo-terminal."""
 
 import json
+import os
+import pty
 import subprocess
 import sys
+import threading
+import tty
+from dataclasses import asdict
 from typing import Any
 
 from .board import BoardState
-from .errors import LinkError
+from .errors import LinkError, PortLost
 from .firmware import Firmware
 from .serial_link import SerialLink
 
@@ -14,7 +19,7 @@ _PROGRAM = f"{__package__}.board_process"
 
 
 class VirtualArduino:
-    """A virtual Arduino process.
+    """A virtual Arduino process. Its port can be opened at once, while the process still loads.
 
     Args:
         letters: The fields of a frame, in order.
@@ -24,26 +29,31 @@ class VirtualArduino:
 
     Attributes:
         port: The pseudo-terminal to open.
-
-    Raises:
-        LinkError: The process did not start.
+        pid: Of the process.
     """
 
     def __init__(
         self, letters: str, boot_angles: tuple[int, ...], firmware: Firmware, baud: int
     ) -> None:
-        angles = ",".join(map(str, boot_angles))
-        command = [sys.executable, "-P", "-m", _PROGRAM, letters, angles, firmware.name, str(baud)]
+        master, slave = pty.openpty()
+        tty.setraw(slave)
+        self.port = os.ttyname(slave)
+        # Only while no slave is open does the master tell that a client came or went.
+        os.close(slave)
+        runs = {**asdict(firmware), "banner": firmware.banner.decode("latin-1")}
+        board = json.dumps([letters, boot_angles, runs, baud])
         # A session of its own: Ctrl-C at the terminal is for the one who drives the arm.
         self._process = subprocess.Popen(
-            command,
+            [sys.executable, "-P", "-m", _PROGRAM, str(master), board],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
+            pass_fds=[master],
             start_new_session=True,
         )
-        first = self._answer()
-        self.port: str = first["port"]
+        os.close(master)
+        self.pid = self._process.pid
+        self._closing = threading.Lock()
 
     def state(self) -> BoardState:
         """What the board is doing now.
@@ -52,29 +62,20 @@ class VirtualArduino:
             LinkError: The process has ended.
         """
         assert self._process.stdin
+        assert self._process.stdout
         try:
             self._process.stdin.write("state\n")
             self._process.stdin.flush()
-        except BrokenPipeError:
-            raise LinkError("virtual", "the virtual Arduino has ended") from None
-        answer = self._answer()
+            answer: dict[str, Any] = json.loads(self._process.stdout.readline())
+        except (OSError, ValueError):  # a broken or closed pipe, or no answer
+            raise LinkError(self.port, "the virtual Arduino has ended") from None
         return BoardState(**{**answer, "servos": tuple(answer["servos"])})
 
     def close(self) -> None:
-        """End the process. Harmless when it has ended."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.close()
-        self._process.wait()
-        self._process.stdout.close()
-
-    def _answer(self) -> dict[str, Any]:
-        assert self._process.stdout
-        line = self._process.stdout.readline()
-        if not line:
-            raise LinkError("virtual", "the virtual Arduino has ended")
-        answer: dict[str, Any] = json.loads(line)
-        return answer
+        """End the process, as if the cable was pulled. Harmless when it has ended."""
+        with self._closing:
+            self._process.kill()  # it has nothing to save
+            self._process.communicate()
 
 
 class VirtualLink:
@@ -85,6 +86,9 @@ class VirtualLink:
         boot_angles: Where a reset puts the servos [deg].
         firmware: What the board runs.
         baud: [bit/s].
+
+    Attributes:
+        arduino: The virtual Arduino while the link is open.
     """
 
     port = "virtual"
@@ -101,30 +105,36 @@ class VirtualLink:
         """Start the board and open its port.
 
         Raises:
-            LinkError: It did not start.
+            LinkError: The port cannot be had.
         """
         self.arduino = VirtualArduino(*self._board)
-        self._serial = SerialLink(self.arduino.port, self._baud)
-        self._serial.open()
+        link = SerialLink(self.arduino.port, self._baud)
+        try:
+            link.open()
+        except LinkError:
+            self.close()
+            raise
+        self._serial = link
 
     def write(self, data: bytes) -> None:
         """Send bytes; raises as `SerialLink.write`."""
-        self._opened().write(data)
+        link = self._serial
+        if link is None:
+            raise PortLost(self.port, "The virtual Arduino is not open")
+        link.write(data)
 
     def read(self) -> bytes:
         """Wait for bytes; raises as `SerialLink.read`."""
-        return self._serial.read() if self._serial else b""
+        link = self._serial
+        return link.read() if link else b""
 
     def close(self) -> None:
-        """Close the port and end the board."""
-        if self._serial:
-            self._serial.close()
-            self._serial = None
-        if self.arduino:
-            self.arduino.close()
-            self.arduino = None
-
-    def _opened(self) -> SerialLink:
-        if self._serial is None:
-            raise LinkError(self.port, "the virtual Arduino is not open")
-        return self._serial
+        """Close the port and end the board; raises as `SerialLink.close`."""
+        link, self._serial = self._serial, None
+        arduino, self.arduino = self.arduino, None
+        try:
+            if link:
+                link.close()
+        finally:
+            if arduino:
+                arduino.close()

@@ -1,0 +1,96 @@
+"""An arm in simulated time, for the tests of the hardware room."""
+
+import contextlib
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+
+from hardware import (
+    Arm,
+    ArmEvent,
+    BoardLink,
+    Faulted,
+    FrameSent,
+    HardwareError,
+    Schedule,
+    SimulatedClock,
+    State,
+    compile_schedule,
+    load_robot,
+    virtual_board,
+)
+
+ROBOT = load_robot()
+HOME = (0.0, 0.0, 0.0, 0.0)
+PICK = (-1.4, -0.6, -0.07, 0.0)
+
+
+def nothing() -> None:
+    """Watches nothing."""
+
+
+def motion(start: Sequence[float], goal: Sequence[float], duration: float) -> Schedule:
+    def sample(times: Sequence[float]) -> list[list[float]]:
+        parts = [time / duration for time in times]
+        return [[a + (b - a) * part for a, b in zip(start, goal, strict=True)] for part in parts]
+
+    return compile_schedule(ROBOT, start, sample, duration)
+
+
+class Rig:
+    """An arm on an in-process board, and all that it tells."""
+
+    def __init__(self) -> None:
+        self.clock = SimulatedClock()
+        self.link = BoardLink(virtual_board(ROBOT), self.clock)
+        self.events: list[ArmEvent] = []
+        self.arm = Arm(ROBOT, self.link, self.clock, self.events.append)
+        self.woken = self.clock.signal()
+
+    def wake(self) -> None:
+        with self.woken:
+            self.woken.notify()
+
+    def until(self, settled: Callable[[], bool], deadline: float | None = None) -> None:
+        with self.woken:
+            while not settled() and (deadline is None or self.clock.now() < deadline):
+                self.woken.wait(deadline)
+
+    def wait(self, seconds: float) -> None:
+        self.until(lambda: False, self.clock.now() + seconds)
+
+    def start(self) -> None:
+        self.arm.configure()
+        self.arm.activate()
+
+    @property
+    def frames(self) -> list[FrameSent]:
+        return [event for event in self.events if isinstance(event, FrameSent)]
+
+    @property
+    def faults(self) -> list[HardwareError]:
+        return [event.error for event in self.events if isinstance(event, Faulted)]
+
+    @property
+    def resets(self) -> int:
+        return self.link.board.state(self.clock.now()).resets
+
+    @classmethod
+    @contextlib.contextmanager
+    def alone(cls) -> Iterator["Rig"]:
+        """A rig in time that passes only when this thread waits, too; no thread is left behind."""
+        before, rig = threading.active_count(), cls()
+        with rig.clock.working():
+            yield rig
+            rig.arm.shutdown()
+            assert threading.active_count() == before
+
+
+def settled(rig: Rig, state: State) -> None:
+    rig.until(lambda: rig.arm.state is state, rig.clock.now() + 1.0)
+    assert rig.arm.state is state
+
+
+def open_files() -> int:
+    """How many file descriptors this process has."""
+    return len(os.listdir("/proc/self/fd"))

@@ -1,0 +1,248 @@
+"""What goes wrong under the arm, and from other threads, in simulated time."""
+
+import contextlib
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from hardware import (
+    ActivationStopped,
+    Arm,
+    ArmEvent,
+    HardwareError,
+    PlaybackState,
+    PortBusy,
+    PortLost,
+    PortStalled,
+    State,
+    StateChanged,
+    TransitionRefused,
+)
+from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with Rig.alone() as rig:
+        yield rig
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_a_port_that_is_lost_takes_the_arm_out_of_active(rig: Rig, moving: bool) -> None:
+    rig.start()
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake)
+    if not moving:
+        rig.until(lambda: playback.state is PlaybackState.DONE)
+    rig.wait(0.5)
+    written = len(rig.frames)
+    rig.link.unplug()
+    settled(rig, State.UNCONFIGURED)
+    if moving:
+        assert playback.state is PlaybackState.FAILED
+        assert isinstance(playback.error, PortLost)
+    assert [type(error) for error in rig.faults] == [PortLost]
+    rig.arm.stop()
+    rig.wait(5)
+    assert len(rig.frames) == written
+    rig.start()  # a person's act
+    assert rig.arm.commanded == HOME
+
+
+@pytest.mark.parametrize("cause", [PortStalled, PortLost])
+def test_a_fault_ends_the_motion_with_that_fault_named(rig: Rig, cause: type[PortLost]) -> None:
+    rig.start()
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake)
+    rig.wait(1.0)
+    error = cause("board", "it")
+    rig.arm.fault(error)
+    rig.arm.fault(HardwareError("what follows from it"))
+    assert playback.state is PlaybackState.FAILED
+    assert playback.error is error
+    assert rig.faults == [error]
+    assert rig.arm.state is State.UNCONFIGURED
+    written = len(rig.frames)
+    rig.wait(5)
+    assert len(rig.frames) == written
+
+
+def test_a_hold_that_cannot_be_written_is_a_fault(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig.start()
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake)
+    rig.wait(1.0)
+    stuck = PortStalled("board", "Something went wrong")
+
+    def refuse(data: bytes) -> None:
+        raise stuck
+
+    monkeypatch.setattr(rig.link, "write", refuse)
+    rig.arm.stop()
+    assert rig.arm.state is State.UNCONFIGURED
+    assert (playback.state, playback.error) == (PlaybackState.FAILED, stuck)
+    assert rig.faults == [stuck]
+
+
+def test_a_port_lost_during_the_boot_is_not_active(rig: Rig) -> None:
+    rig.arm.configure()
+
+    def unplug() -> None:
+        rig.wait(1.0)
+        rig.link.unplug()
+
+    rig.clock.spawn(unplug, "hand")
+    with pytest.raises(PortLost):
+        rig.arm.activate()
+    assert rig.arm.state is State.UNCONFIGURED
+    assert rig.clock.now() == 1.0
+    assert [type(error) for error in rig.faults] == [PortLost]
+
+
+class LostWhenActive(Rig):
+    """Loses its port in the very moment of becoming active."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.arm = Arm(ROBOT, self.link, self.clock, self.see)
+
+    def see(self, event: ArmEvent) -> None:
+        self.events.append(event)
+        if isinstance(event, StateChanged) and event.goal is State.ACTIVE:
+            thread = threading.Thread(target=lambda: self.arm.fault(PortLost("board", "gone")))
+            thread.start()
+            thread.join()
+
+
+def test_a_port_lost_in_the_moment_of_becoming_active_is_not_active() -> None:
+    rig = LostWhenActive()
+    rig.arm.configure()
+    with pytest.raises(PortLost, match="gone"):
+        rig.arm.activate()
+    assert rig.arm.state is State.UNCONFIGURED
+    assert len(rig.faults) == 1
+
+
+def test_a_fault_outside_active_changes_no_state(rig: Rig) -> None:
+    rig.arm.configure()
+    rig.arm.fault(HardwareError("whatever"))
+    settled(rig, State.INACTIVE)
+    rig.arm.activate()
+    settled(rig, State.ACTIVE)
+
+
+def test_shutdown_waits_for_the_fault_that_another_thread_is_at() -> None:
+    """The owner is woken by the end of a playback while the fault is still being processed."""
+    rig, entered, leave = Rig(), threading.Event(), threading.Event()
+
+    def see(event: ArmEvent) -> None:
+        if isinstance(event, StateChanged) and event.goal is State.ERRORPROCESSING:
+            entered.set()
+            leave.wait(5)
+
+    arm = Arm(ROBOT, rig.link, rig.clock, see)
+    arm.configure()
+    arm.activate()
+    fault = rig.clock.spawn(lambda: arm.fault(PortLost("board", "gone")), "fault")
+    assert entered.wait(5)
+    with pytest.raises(TransitionRefused, match="errorprocessing is under way"):
+        arm.deactivate()
+    shutdown = rig.clock.spawn(arm.shutdown, "shutdown")
+    leave.set()
+    fault.join(5)
+    shutdown.join(5)
+    assert arm.state is State.FINALIZED
+
+
+def test_shutdown_ends_the_boot_of_another_thread(rig: Rig) -> None:
+    rig.arm.configure()
+    ends: list[HardwareError] = []
+
+    def activate() -> None:
+        try:
+            rig.arm.activate()
+        except HardwareError as error:
+            ends.append(error)
+
+    thread = rig.clock.spawn(activate, "activator")
+    rig.wait(0.5)
+    rig.arm.shutdown()
+    thread.join(5)
+    assert rig.arm.state is State.FINALIZED
+    assert [type(error) for error in ends] == [ActivationStopped]
+    assert rig.clock.now() == 0.5
+
+
+def test_a_port_that_does_not_open_leaves_the_arm_inactive(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def busy() -> None:
+        raise PortBusy("board", "somebody")
+
+    rig.arm.configure()
+    with monkeypatch.context() as patch:
+        patch.setattr(rig.link, "open", busy)
+        with pytest.raises(PortBusy):
+            rig.arm.activate()
+    assert rig.arm.state is State.INACTIVE
+    assert "The port board did not open: The port board is in use by somebody" in caplog.text
+    rig.arm.activate()
+
+
+def test_a_closing_error_is_logged_and_not_raised(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    rig.start()
+    close = rig.link.close
+
+    def closes_badly() -> None:
+        close()
+        raise PortLost("board", "Something went wrong while closing")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(rig.link, "close", closes_badly)
+        rig.arm.deactivate()
+    assert rig.arm.state is State.INACTIVE
+    assert "Closing the port board failed: Something went wrong while closing" in caplog.text
+
+
+def test_an_observer_that_fails_keeps_the_arm_from_nothing(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def broken(event: ArmEvent) -> None:
+        raise RuntimeError("a bug of the one who watches")
+
+    rig = Rig()
+    with rig.clock.working(), Arm(ROBOT, rig.link, rig.clock, broken) as arm:
+        arm.configure()
+        arm.activate()
+        playback = arm.play(motion(HOME, PICK, 4.0), rig.wake)
+        rig.until(lambda: playback.state is not PlaybackState.PLAYING)
+        assert playback.state is PlaybackState.DONE
+    assert arm.state is State.FINALIZED
+    assert "an observer of the arm failed" in caplog.text
+
+
+def test_stop_races_with_everything() -> None:
+    """Four threads at once; nobody hangs, nothing but what the table allows is refused."""
+    for _ in range(30):
+        rig = Rig()
+        rig.start()
+        playback = rig.arm.play(motion(HOME, PICK, 4.0), nothing)
+
+        def deactivate(arm: Arm = rig.arm) -> None:
+            with contextlib.suppress(TransitionRefused):  # the fault was first
+                arm.deactivate()
+
+        threads = [
+            threading.Thread(target=act, daemon=True)
+            for act in (rig.arm.stop, deactivate, rig.link.unplug, rig.arm.stop)
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(5)
+            assert not thread.is_alive()
+        rig.arm.shutdown()
+        assert rig.arm.state is State.FINALIZED
+        assert playback.state is not PlaybackState.PLAYING

@@ -1,0 +1,116 @@
+"""Stopping the arm: in every state, at every instant, once."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from hardware import (
+    ActivationStopped,
+    PlaybackState,
+    State,
+)
+from tests.hardware_rigs import HOME, PICK, Rig, motion
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with Rig.alone() as rig:
+        yield rig
+
+
+def test_stop_mid_motion_writes_one_hold_and_nothing_more(rig: Rig) -> None:
+    rig.start()
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake)
+    rig.wait(1.234)
+    written = len(rig.frames)
+    for _ in range(3):
+        rig.arm.stop()
+    assert playback.state is PlaybackState.STOPPED
+    assert len(rig.frames) == written + 1
+    assert rig.frames[-1].data == rig.frames[-2].data
+    assert rig.frames[-1].scheduled is None
+    rig.wait(10)
+    assert len(rig.frames) == written + 1
+    assert rig.arm.state is State.ACTIVE
+    state = rig.link.board.state(rig.clock.now())
+    assert (90 - state.servos[0], state.lost) == (90 - int(rig.frames[-1].data[1:4]), 0)
+
+
+def test_stop_in_every_state_any_number_of_times(rig: Rig) -> None:
+    def stopped(state: State) -> None:
+        assert rig.arm.state is state
+        rig.arm.stop()
+        rig.arm.stop()
+        assert rig.arm.state is state
+
+    stopped(State.UNCONFIGURED)
+    rig.arm.configure()
+    stopped(State.INACTIVE)
+    rig.arm.activate()
+    stopped(State.ACTIVE)
+    rig.arm.deactivate()
+    stopped(State.INACTIVE)
+    rig.arm.shutdown()
+    stopped(State.FINALIZED)
+    rig.arm.shutdown()
+    assert rig.frames == []
+
+
+def test_stop_during_the_boot_ends_the_activation(rig: Rig) -> None:
+    rig.arm.configure()
+
+    def stop() -> None:
+        rig.wait(1.0)
+        rig.arm.stop()
+
+    rig.clock.spawn(stop, "stopper")
+    with pytest.raises(ActivationStopped):
+        rig.arm.activate()
+    assert rig.arm.state is State.INACTIVE
+    assert rig.clock.now() == 1.0
+    rig.arm.activate()
+    assert rig.arm.commanded == HOME
+
+
+def test_stops_at_any_instant_leave_one_hold_and_lose_nothing() -> None:
+    for hundredths in range(0, 300, 7):
+        rig = Rig()
+        with rig.clock.working(), rig.arm:
+            rig.start()
+            rig.arm.play(motion(HOME, (-1.4, -0.6, -0.07, -0.7), 1.0), rig.wake)
+            rig.wait(hundredths / 100)
+            rig.arm.stop()
+            written = len(rig.frames)
+            rig.wait(5)
+            assert len(rig.frames) == written
+            holds = [frame for frame in rig.frames if frame.scheduled is None]
+            assert len(holds) == (1 if written else 0)
+            assert rig.link.board.state(rig.clock.now()).lost == 0
+
+
+def test_after_a_stop_the_arm_moves_on_from_where_it_was_commanded(rig: Rig) -> None:
+    rig.start()
+    rig.arm.play(motion(HOME, PICK, 4.0), rig.wake)
+    rig.wait(1.0)
+    rig.arm.stop()
+    back = motion(rig.arm.commanded, HOME, 4.0)
+    playback = rig.arm.play(back, rig.wake)
+    rig.until(lambda: playback.state is not PlaybackState.PLAYING)
+    assert playback.state is PlaybackState.DONE
+    assert rig.link.board.state(rig.clock.now()).servos == (90, 90, 90, 0)
+
+
+def test_deactivate_mid_motion_holds_first(rig: Rig) -> None:
+    rig.start()
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake)
+    rig.wait(1.0)
+    rig.arm.deactivate()
+    assert playback.state is PlaybackState.STOPPED
+    assert rig.frames[-1].scheduled is None
+    written = len(rig.frames)
+    rig.arm.stop()
+    rig.arm.activate()
+    rig.arm.stop()  # no frame has left in this activation
+    rig.wait(5)
+    assert len(rig.frames) == written
+    assert rig.arm.commanded == HOME

@@ -1,0 +1,238 @@
+"""Robot files: the shipped one, one of another arm, and many that are wrong."""
+# ruff: noqa: E501 (tables of one mistake a line)
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from hardware import Codec, DescriptionError, Mimic, Robot, load_robot
+
+SHIPPED = load_robot()
+TOML, URDF = SHIPPED.path.read_text(), SHIPPED.urdf.read_text()
+WIRE_1 = 'wire = { letter = "b", sign = 1, offset_deg = 90, span_deg = 180, reversed = false }'
+
+
+def written(folder: Path, toml: str = TOML, urdf: str = URDF) -> Path:
+    (folder / "arduinobot.urdf").write_text(urdf)
+    path = folder / "robot.toml"
+    path.write_text(toml)
+    return path
+
+
+def replaced(text: str, old: str, new: str) -> str:
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(DescriptionError) as refused:
+        load_robot(path)
+    return str(refused.value)
+
+
+def test_the_shipped_robot() -> None:
+    robot = SHIPPED
+    assert robot.name == "arduinobot"
+    assert [joint.name for joint in robot.joints] == [f"joint_{k}" for k in range(1, 6)]
+    assert robot.groups == {
+        "arm": ("joint_1", "joint_2", "joint_3"),
+        "gripper": ("joint_4", "joint_5"),
+    }
+    assert robot.boot_pose == (0.0, 0.0, 0.0, 0.0)
+    assert {(j.velocity, j.acceleration) for j in robot.joints} == {(1.0, 0.5)}
+    assert robot.joint("joint_5").mimic == Mimic("joint_4", -1.0, 0.0)
+    assert [joint.name for joint in robot.leaders("gripper")] == ["joint_4"]
+    assert (robot.serial.port, robot.serial.baud, robot.serial.boot_wait) == ("virtual", 115200, 2)
+    assert robot.firmware.name == "stock"
+    assert len(robot.collision.allowed) == 13
+
+
+def test_its_limits_are_the_literals_of_its_urdf() -> None:
+    quarter = 1.570796326795
+    limits = [(joint.lower, joint.upper) for joint in SHIPPED.joints]
+    assert limits == [(-quarter, quarter)] * 3 + [(-quarter, 0.0), (0.0, quarter)]
+
+
+def test_an_unknown_joint_is_told_the_known_ones() -> None:
+    with pytest.raises(KeyError, match="no joint joint_9; there are joint_1, joint_2"):
+        SHIPPED.joint("joint_9")
+
+
+# what is wrong, what it is made of, the line it is found on (a text in it), what is said
+WRONG = {
+    "unknown key": ('name = "arduinobot"', 'nmae = "a"\nname = "b"', "nmae", "nmae: unknown key; .*did you mean name"),
+    "no name": ('name = "arduinobot"', "", None, "name: is missing"),
+    "name is a number": ('name = "arduinobot"', "name = 1", "name =", "name: 1 is not a text"),
+    "no such urdf": ('"arduinobot.urdf"', '"none.urdf"', "urdf =", "urdf: .*none.urdf cannot be read: No such file"),
+    "urdf is a folder": ('"arduinobot.urdf"', '"."', "urdf =", "urdf: .* cannot be read: Is a directory"),
+    "urdf has no file name": ('"arduinobot.urdf"', '"a\\u0000b"', "urdf =", "urdf: .* cannot be read"),
+    "no serial": ("[serial]", "[cereal]", None, "serial: is missing"),
+    "port is a number": ('port = "virtual"', "port = 3", "port =", "serial.port: 3 is not a text"),
+    "baud is a text": ("baud = 115200", 'baud = "fast"', "baud =", "serial.baud: 'fast' is not a whole number"),
+    "baud is zero": ("baud = 115200", "baud = 0", "baud =", "serial.baud: 0 is less than 1"),
+    "baud is half": ("baud = 115200", "baud = 1.5", "baud =", "serial.baud: 1.5 is not a whole number"),
+    "no baud": ("baud = 115200", "", "[serial]", "serial.baud: is missing"),
+    "boot wait is negative": ("boot_wait_s = 2.0", "boot_wait_s = -1", "boot_wait_s", "serial.boot_wait_s: -1 is not allowed; it must be at least 0"),
+    "boot wait is endless": ("boot_wait_s = 2.0", "boot_wait_s = inf", "boot_wait_s", "serial.boot_wait_s: inf is not allowed; it must be .*finite"),
+    "unknown firmware": ('firmware = "stock"', 'firmware = "stok"', "firmware =", "serial.firmware: 'stok' is not one of stock, armtree; did you mean stock"),
+    "unknown key in serial": ("baud = 115200", "baud = 115200\nparity = 1", "parity", "serial.parity: unknown key; there are baud"),
+    "joint in no group": ('"joint_1", "joint_2"', '"joint_2"', "[groups]", "groups: joint joint_1 is in 0 groups, not in one"),
+    "joint in two groups": ('["joint_4", "joint_5"]', '["joint_4", "joint_5", "joint_1"]', "[groups]", "joint joint_1 is in 2 groups"),
+    "unknown joint in a group": ('"joint_5"]', '"joint_6"]', "gripper =", "groups.gripper: 'joint_6' is not one of joint_1, .*did you mean joint_"),
+    "joint twice in a group": ('"joint_1", "joint_2"', '"joint_1", "joint_1", "joint_2"', "arm =", "groups.arm: .* names something twice"),
+    "group is no list": ('arm = ["joint_1", "joint_2", "joint_3"]', 'arm = "joint_1"', "arm =", "groups.arm: 'joint_1' is not a list"),
+    "group of lists": ('"joint_5"]', '["joint_5"]]', "gripper =", r"groups.gripper: \['joint_5'\] is not one of"),
+    "joint not in the urdf": ("[joints.joint_1]", "[joints.joint_0]", "[joints.joint_0]", "joints.joint_0: the URDF has no such joint; it has joint_1"),
+    "mimic with a servo": ("[joints.joint_4]", "[joints.joint_5]", "[joints.joint_5]", "joints.joint_5: follows another joint"),
+    "no joints": (TOML[TOML.index("[joints.joint_1]") : TOML.index("[collision]")], "[joints]\n", "[joints]", "joints: "),
+    "joint is no table": ("[joints.joint_1]", "[joints]\njoint_1 = 3\n[nothing]", "joint_1 = 3", "joints.joint_1: 3 is not a table"),
+    "velocity is zero": ("velocity = 1.0", "velocity = 0", "velocity = 0", "joints.joint_1.velocity: 0 is not allowed; it must be greater than 0"),
+    "velocity is no number": ("velocity = 1.0", "velocity = nan", "velocity = nan", "joints.joint_1.velocity: nan is not allowed"),
+    "velocity is beyond floats": ("velocity = 1.0", f"velocity = {10**400}", "velocity = 1000", "joints.joint_1.velocity: inf is not allowed"),
+    "velocity is true": ("velocity = 1.0", "velocity = true", "velocity = true", "joints.joint_1.velocity: True is not a number"),
+    "no acceleration": ("acceleration = 0.5", "", "[joints.joint_1]", "joints.joint_1.acceleration: is missing"),
+    "boots outside": ("boot = 0.0", "boot = 2.0", "boot = 2.0", r"joints.joint_1.boot: 2 is outside \[-1.5708, 1.5708\]"),
+    "boots nowhere": ("boot = 0.0", "boot = nan", "boot = nan", "joints.joint_1.boot: nan is not allowed; it must be finite"),
+    "no wire": (WIRE_1, "", "[joints.joint_1]", "joints.joint_1.wire: is missing"),
+    "letter is two": ('letter = "b"', 'letter = "bb"', "wire =", "joints.joint_1.wire.letter: 'bb' is not one letter from a to z"),
+    "letter is a digit": ('letter = "b"', 'letter = "1"', "wire =", "joints.joint_1.wire.letter: '1' is not one letter"),
+    "letter of another": ('letter = "b"', 'letter = "s"', "[joints.joint_2]", "joints.joint_2: its letter s on the wire is that of joint_1"),
+    "sign is two": ("sign = 1,", "sign = 2,", "wire =", "joints.joint_1.wire.sign: 2 is not one of -1, 1"),
+    "span is zero": ("span_deg = 180", "span_deg = 0", "wire =", "joints.joint_1.wire.span_deg: 0 is not allowed"),
+    "span is next to nothing": ("span_deg = 180", "span_deg = 1e-323", "wire =", "joints.joint_1.wire: .* no servo angle"),
+    "span is tiny": ("span_deg = 180", "span_deg = 1e-306", "wire =", "joints.joint_1.wire: .* no servo angle"),
+    "span leaves the servo": ("span_deg = 180", "span_deg = 90", "wire =", "joints.joint_1.wire: .* no servo angle from 0 to 180"),
+    "reversed is a number": ("reversed = false", "reversed = 0", "wire =", "joints.joint_1.wire.reversed: 0 is not true or false"),
+    "unknown key on the wire": ("reversed = false", "reversed = false, min = 1", "wire =", "joints.joint_1.wire.min: unknown key"),
+    "margin is negative": ("margin_m = 0.005", "margin_m = -0.1", "margin_m", "collision.margin_m: -0.1 is not allowed"),
+    "floor is a text": ("floor_m = 0.0", 'floor_m = "low"', "floor_m", "collision.floor_m: 'low' is not a number"),
+    "unknown link": ('floor_ignores = ["base_link"]', 'floor_ignores = ["base"]', "floor_ignores", "collision.floor_ignores: 'base' is not one of .*did you mean base_"),
+    "pair of three": ('["base_link", "base_plate"]', '["base_link", "base_plate", "claw_support"]', "allowed", "collision.allowed: .* is not a pair of names"),
+    "pair with itself": ('["base_link", "base_plate"]', '["base_link", "base_link"]', "allowed", "collision.allowed: .* names something twice"),
+    "pair of numbers": ('["base_link", "base_plate"]', "[1, 2]", "allowed", "collision.allowed: 1 is not one of"),
+    "no toml": ("[serial]", "[serial", "[serial", "Expected"),
+    "key twice": ("baud = 115200", "baud = 1\nbaud = 2", "baud = 2", "Cannot overwrite"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "found", "why"), WRONG.values(), ids=WRONG)
+def test_a_wrong_robot_file(tmp_path: Path, old: str, new: str, found: str, why: str) -> None:
+    path = written(tmp_path, replaced(TOML, old, new))
+    lines = path.read_text().splitlines()
+    line = next((n for n, text in enumerate(lines, 1) if found and found in text), None)
+    place = f"{path}:{line}: " if line else f"{path}: "
+    said = refusal(path)
+    assert said.startswith(place)
+    assert re.search(why, said), said
+
+
+WRONG_URDF = {
+    "no xml": ("<robot", "robot", r"arduinobot.urdf:\d+: is not XML"),
+    "no limit": ('lower="-1.570796326795"', "", "joint joint_1 lacks lower"),
+    "limit is a text": ('lower="-1.570796326795"', 'lower="low"', "joint joint_1: could not convert"),
+    "limits crossed": ('lower="-1.570796326795"', 'lower="2"', "joint joint_1: lower 2 is above upper"),
+    "limit is no number": ('lower="-1.570796326795"', 'lower="nan"', "joint joint_1: lower nan is above"),
+    "mimic of nobody": ('<mimic joint="joint_4"', '<mimic joint="joint_8"', "joint_5 follows joint_8"),
+    "mimic of itself": ('<mimic joint="joint_4"', '<mimic joint="joint_5"', "joint_5 follows joint_5"),
+    "mimic by no number": ('multiplier="-1"', 'multiplier="nan"', "joint joint_5: multiplier nan and offset 0 must be finite"),
+    "no leader": ('<mimic joint="joint_4"', "<mimic", "joint joint_5 lacks joint"),
+    "joint nobody describes": ('name="joint_1"', 'name="joint_x"', "the URDF has no such joint"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "why"), WRONG_URDF.values(), ids=WRONG_URDF)
+def test_a_wrong_urdf(tmp_path: Path, old: str, new: str, why: str) -> None:
+    said = refusal(written(tmp_path, urdf=replaced(URDF, old, new)))
+    assert said.startswith(str(tmp_path))
+    assert re.search(why, said), said
+
+
+def test_a_robot_file_that_is_not_there(tmp_path: Path) -> None:
+    assert "cannot be read: No such file" in refusal(tmp_path / "none.toml")
+    assert "cannot be read: Is a directory" in refusal(tmp_path)
+    (tmp_path / "latin").write_bytes(b"name = '\xe4'")
+    assert "is not UTF-8" in refusal(tmp_path / "latin")
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(st.data())
+def test_whatever_a_value_is_the_file_loads_or_is_refused(
+    tmp_path: Path, data: st.DataObject
+) -> None:
+    """No value of any key escapes as another error."""
+    keys = re.findall(r"^(\w+) = (.*?)(?:\s+#.*)?$", TOML, re.MULTILINE)
+    lines = [f"{key} = {value}" for key, value in keys if not value.startswith("[ ")]
+    old = data.draw(st.sampled_from(lines))
+    values = ["0", "-1", "1e308", "1e-308", "-inf", "nan", "true", '""', '"x"', "[]", "{}", "[[]]",
+              "1979-05-27", "[1]", '["joint_1"]', str(10**400), '"\\u0000"']  # fmt: skip
+    new = f"{old.partition(' = ')[0]} = {data.draw(st.sampled_from(values))}"
+    try:
+        assert isinstance(load_robot(written(tmp_path, replaced(TOML, old, new))), Robot)
+    except DescriptionError as error:
+        place = error.path
+    else:
+        place = tmp_path / "robot.toml"
+    assert place.parent == tmp_path
+
+
+OTHER_TOML = """
+name = "pan-tilt"
+urdf = "pan_tilt.urdf"
+
+[serial]
+baud = 9600
+boot_wait_s = 0.5
+firmware = "armtree"
+
+[groups]
+head = ["pan", "tilt"]
+
+[joints.tilt]
+velocity = 2.0
+acceleration = 1.0
+boot = -0.5
+wire = { letter = "t", sign = -1, offset_deg = 90, span_deg = 180, reversed = true }
+
+[joints.pan]
+velocity = 2
+acceleration = 1
+boot = 0
+wire = { letter = "p", sign = 1, offset_deg = 135, span_deg = 270, reversed = false }
+
+[collision]
+margin_m = 0
+allowed = []
+floor_ignores = []
+"""
+OTHER_URDF = """<?xml version="1.0"?>
+<robot name="pan_tilt">
+  <link name="base"/><link name="neck"/><link name="camera"/>
+  <joint name="pan" type="revolute">
+    <parent link="base"/><child link="neck"/><axis xyz="0 0 1"/>
+    <limit lower="-2.3" upper="2.3" effort="1" velocity="2"/>
+  </joint>
+  <joint name="tilt" type="revolute">
+    <parent link="neck"/><child link="camera"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="2"/>
+  </joint>
+  <joint name="lens" type="fixed"><parent link="camera"/><child link="camera"/></joint>
+</robot>
+"""
+
+
+def test_another_arm_is_another_file(tmp_path: Path) -> None:
+    (tmp_path / "pan_tilt.urdf").write_text(OTHER_URDF)
+    (tmp_path / "pan_tilt.toml").write_text(OTHER_TOML)
+    robot = load_robot(tmp_path / "pan_tilt.toml")
+    assert [joint.name for joint in robot.actuated] == ["tilt", "pan"]
+    assert robot.serial.port == ""
+    assert robot.collision.floor is None
+    codec = Codec(robot.actuated)
+    assert str(codec.encode(robot.boot_pose)) == f"t{180 - int(90 + math.degrees(0.5)):03d},p090,"
+    for angles in ([33, 0], [147, 180], [90, 90]):
+        frame = codec.frame(angles)
+        assert codec.encode(codec.decode(frame)).servos[0] == angles[0]

@@ -1,0 +1,243 @@
+"""The one door to the wire: what it refuses, and that a hold goes out exactly once."""
+
+import dataclasses
+import math
+import threading
+
+import pytest
+
+from hardware import (
+    ArmEvent,
+    BadPosition,
+    BoardLink,
+    Firmware,
+    FrameSent,
+    NotActive,
+    PortLost,
+    SimulatedClock,
+    StaleGeneration,
+    TooFast,
+    load_robot,
+    virtual_board,
+)
+from hardware.door import Door
+
+ROBOT = load_robot()
+HOME = (0.0, 0.0, 0.0, 0.0)
+
+
+def degrees(*base: float) -> tuple[float, ...]:
+    """Positions in the middle of a servo's degree, so many from home."""
+    return (math.radians(base[0] + 0.5), 0.0, 0.0, 0.0)
+
+
+class Rig:
+    """A door in front of an in-process board that has booted."""
+
+    def __init__(self, firmware: Firmware = ROBOT.firmware) -> None:
+        self.robot = dataclasses.replace(ROBOT, firmware=firmware)
+        self.clock = SimulatedClock()
+        self.link = BoardLink(virtual_board(self.robot), self.clock)
+        self.link.open()
+        self.active = True
+        self.events: list[ArmEvent] = []
+        self.wait(2.0)
+        self.door = Door(self.robot, self.link, self.clock, lambda: self.active, self.events.append)
+        self.generation = self.door.renew()
+
+    def wait(self, until: float) -> None:
+        with (signal := self.clock.signal()):
+            while self.clock.now() < until:
+                signal.wait(until)
+
+    def write(self, positions: tuple[float, ...]) -> bool:
+        return self.door.write(positions, self.generation, self.clock.now())
+
+    @property
+    def sent(self) -> list[str]:
+        return [event.data.decode() for event in self.events if isinstance(event, FrameSent)]
+
+    def board(self) -> tuple[float, ...]:
+        self.wait(self.clock.now() + 10)
+        return self.link.board.state(self.clock.now()).servos
+
+
+def test_a_frame_goes_out_and_is_told() -> None:
+    rig = Rig()
+    assert rig.write(degrees(10))
+    assert rig.events == [FrameSent(2.0, b"b100,s090,e090,g000,", degrees(10), 2.0)]
+    assert rig.door.commanded == degrees(10)
+    assert rig.board() == (100, 90, 90, 0)
+
+
+def test_the_same_bytes_are_not_sent_again_but_count_as_commanded() -> None:
+    rig = Rig()
+    assert not rig.write((1e-4, 0, 0, 0))
+    assert rig.door.commanded == (1e-4, 0, 0, 0)
+    assert rig.sent == []
+
+
+@pytest.mark.parametrize(
+    "positions", [(2, 0, 0, 0), (math.nan, 0, 0, 0), (0, 0, 0, 0.1), (0, 0, 0), (True, 0, 0, 0)]
+)
+def test_a_bad_value_is_refused(positions: tuple[float, ...]) -> None:
+    rig = Rig()
+    with pytest.raises(BadPosition):
+        rig.write(positions)
+    assert rig.sent == []
+    assert rig.door.commanded == HOME
+
+
+def test_only_active_may_write() -> None:
+    rig = Rig()
+    rig.active = False
+    for positions in (degrees(1), HOME):
+        with pytest.raises(NotActive, match="configure and activate it first"):
+            rig.write(positions)
+    assert rig.sent == []
+
+
+def test_an_older_generation_is_refused() -> None:
+    rig = Rig()
+    rig.door.renew()
+    with pytest.raises(StaleGeneration):
+        rig.write(degrees(1))
+    assert rig.sent == []
+
+
+def test_too_large_a_step_is_refused() -> None:
+    rig = Rig()
+    with pytest.raises(TooFast, match="turns the servos by 17 degrees in sum; the most is 16"):
+        rig.write(degrees(17))
+    assert rig.write(degrees(16))
+
+
+def test_a_frame_before_the_board_has_room_is_refused() -> None:
+    rig = Rig()
+    assert rig.write(degrees(10))  # moves until 2.072 s
+    assert rig.write(degrees(0))  # waits behind it
+    assert rig.door.earliest == pytest.approx(2.0 + 20 * 10 / 115200 + 0.070)
+    rig.wait(math.nextafter(rig.door.earliest, 0))
+    with pytest.raises(TooFast, match="before the board has room for it"):
+        rig.write(degrees(10))
+    rig.wait(rig.door.earliest)
+    assert rig.write(degrees(10))
+    assert rig.link.board.state(100.0).lost == 0
+
+
+def test_a_hold_repeats_the_last_frame_exactly_once() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    for _ in range(3):
+        rig.door.hold()
+    assert rig.sent == ["b091,s090,e090,g000,"] * 2
+    assert isinstance(rig.events[-1], FrameSent)
+    assert rig.events[-1].scheduled is None
+
+
+def test_after_a_hold_the_old_motion_is_over_and_a_new_one_may_begin() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.door.hold()
+    with pytest.raises(StaleGeneration):
+        rig.write(degrees(2))
+    rig.generation = rig.door.renew()
+    rig.wait(rig.door.earliest)
+    rig.write(degrees(2))
+    rig.door.hold()
+    assert len(rig.sent) == 4
+
+
+def test_a_hold_writes_nothing_where_no_frame_has_left() -> None:
+    rig = Rig()
+    rig.write(HOME)
+    rig.door.hold()
+    assert rig.sent == []
+
+
+def test_a_hold_writes_nothing_where_the_arm_is_not_active() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.active = False
+    with pytest.raises(NotActive):
+        rig.door.hold()
+    assert len(rig.sent) == 1
+
+
+def test_a_hold_finds_room_while_two_frames_are_under_way() -> None:
+    rig = Rig()
+    rig.write(degrees(16))
+    rig.write(degrees(0))
+    rig.door.hold()
+    assert rig.board() == (90, 90, 90, 0)
+    assert rig.link.board.state(100.0).lost == 0
+
+
+def test_after_a_failed_write_nothing_follows() -> None:
+    """What the board got is unknown, so not even a hold may go out."""
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.link.unplug()
+    with pytest.raises(PortLost):
+        rig.write(degrees(2))
+    rig.link.open()  # as if it came back
+    for _ in range(2):
+        with pytest.raises(NotActive):
+            rig.write(degrees(3))
+        with pytest.raises(NotActive):
+            rig.door.hold()
+    assert rig.sent == ["b091,s090,e090,g000,"]
+    assert rig.door.commanded == degrees(1)
+
+
+def test_a_failed_hold_is_not_repeated() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.link.unplug()
+    with pytest.raises(PortLost):
+        rig.door.hold()
+    rig.link.open()
+    rig.door.hold()
+    assert len(rig.sent) == 1
+
+
+def test_a_closed_door_stays_closed() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.door.close()
+    rig.door.close()
+    with pytest.raises(NotActive):
+        rig.write(degrees(2))
+    with pytest.raises(NotActive):
+        rig.door.hold()
+    assert len(rig.sent) == 1
+
+
+def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
+    rig = Rig()
+    told = threading.Thread(target=lambda: rig.write(degrees(1)), daemon=True)
+    events, rig.events = rig.events, []
+    door = Door(
+        rig.robot,
+        rig.link,
+        rig.clock,
+        lambda: True,
+        lambda event: (events.append(event), door.hold())[0],  # type: ignore[func-returns-value]
+    )
+    rig.door, rig.generation = door, door.renew()
+    told.start()
+    told.join(5)
+    assert not told.is_alive()
+    assert len(events) == 2
+
+
+def test_many_holds_at_once_write_one_frame() -> None:
+    for _ in range(50):
+        rig = Rig()
+        rig.write(degrees(1))
+        threads = [threading.Thread(target=rig.door.hold) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert len(rig.sent) == 2

@@ -1,0 +1,185 @@
+"""Motions as frames: thinned, spaced for the board, and never more than its ring holds."""
+
+import dataclasses
+import math
+import random
+from collections.abc import Sequence
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hardware import (
+    FIRMWARES,
+    BadPosition,
+    Board,
+    Codec,
+    Robot,
+    Schedule,
+    compile_schedule,
+    load_robot,
+    played,
+)
+from hardware.schedule import Sampler
+
+STOCK = load_robot()
+OURS = dataclasses.replace(STOCK, firmware=FIRMWARES["armtree"])
+CODEC = Codec(STOCK.actuated)
+HOME = (0.0, 0.0, 0.0, 0.0)
+PICK = (-1.4, -0.6, -0.07, -0.7)
+
+
+def line(start: Sequence[float], goal: Sequence[float], duration: float) -> Sampler:
+    """Straight from start to goal at constant speed."""
+
+    def sample(times: Sequence[float]) -> list[list[float]]:
+        parts = [min(1.0, time / duration) if duration else 1.0 for time in times]
+        return [[a + (b - a) * part for a, b in zip(start, goal, strict=True)] for part in parts]
+
+    return sample
+
+
+def straight(robot: Robot, goal: Sequence[float], duration: float) -> Schedule:
+    return compile_schedule(robot, HOME, line(HOME, goal, duration), duration)
+
+
+def check(robot: Robot, start: Sequence[float], schedule: Schedule) -> None:
+    """Every frame is new, within the step, and waits for the frame before the last."""
+    held, firmware = CODEC.encode(start).servos, robot.firmware
+    wire, done = 20 * 10 / robot.serial.baud, [-math.inf, -math.inf]
+    for setpoint in schedule.setpoints:
+        servos = setpoint.frame.servos
+        assert CODEC.encode(setpoint.positions) == setpoint.frame
+        assert servos != held
+        assert sum(abs(b - a) for a, b in zip(held, servos, strict=True)) <= firmware.max_step
+        assert setpoint.time >= done[-2]
+        begins = max(setpoint.time + wire, done[-1])
+        done.append(begins + firmware.service_time(held, servos))
+        held = servos
+    assert held == CODEC.encode(schedule.end).servos
+    if schedule.setpoints:
+        assert schedule.duration >= done[-1]
+
+
+@pytest.mark.parametrize("robot", [STOCK, OURS], ids=["stock", "armtree"])
+@pytest.mark.parametrize("duration", [0.05, 1.0, 4.0])
+def test_a_straight_motion(robot: Robot, duration: float) -> None:
+    schedule = straight(robot, PICK, duration)
+    check(robot, HOME, schedule)
+    assert schedule.end == PICK
+    assert str(schedule.setpoints[-1].frame) == "b009,s125,e085,g080,"
+
+
+def test_a_slow_motion_keeps_its_grid() -> None:
+    schedule = straight(STOCK, (-0.5, 0, 0, 0), 4.0)
+    steps = [setpoint.time * STOCK.firmware.rate for setpoint in schedule.setpoints]
+    assert steps == pytest.approx([round(step) for step in steps])
+    assert schedule.duration == pytest.approx(4.0)
+    assert schedule.slowed == 0.0
+
+
+def test_equal_frames_are_left_out() -> None:
+    schedule = straight(STOCK, (math.radians(2.5), 0, 0, 0), 3.0)
+    assert [str(setpoint.frame)[:4] for setpoint in schedule.setpoints] == ["b091", "b092"]
+
+
+def test_a_fast_motion_is_slowed_and_says_by_how_much() -> None:
+    schedule = straight(STOCK, PICK, 0.1)
+    check(STOCK, HOME, schedule)
+    assert schedule.slowed == pytest.approx(schedule.duration - 0.1)
+    assert schedule.slowed > 0.5
+
+
+@pytest.mark.parametrize("duration", [0.0, 3.0])
+def test_a_motion_to_where_the_arm_stands_has_no_frames(duration: float) -> None:
+    goal = (1e-4, 0.0, 0.0, -1e-4)  # in the bins of where it stands
+    schedule = compile_schedule(STOCK, HOME, line(HOME, goal, duration), duration)
+    assert schedule.setpoints == ()
+    assert schedule.duration == schedule.slowed == 0.0
+
+
+def test_a_motion_in_no_time_goes_nowhere() -> None:
+    assert straight(STOCK, PICK, 0.0) == Schedule((), HOME, 0.0, 0.0)
+
+
+def test_a_sample_outside_the_limits_is_refused() -> None:
+    with pytest.raises(BadPosition, match="joint_4"):
+        straight(STOCK, (0, 0, 0, 0.1), 1.0)
+    with pytest.raises(BadPosition, match="not a finite number"):
+        straight(STOCK, (math.nan, 0, 0, 0), 1.0)
+
+
+def test_the_same_motion_gives_the_same_schedule() -> None:
+    assert straight(STOCK, PICK, 1.7) == straight(STOCK, PICK, 1.7)
+
+
+def test_a_stock_board_passes_every_corner() -> None:
+    schedule = straight(STOCK, (-0.05, 0.05, 0, 0), 0.1)
+    assert [str(setpoint.frame) for setpoint in schedule.setpoints] == ["b087,s088,e090,g000,"]
+    corners = [CODEC.encode(row).servos for row in played(STOCK, HOME, schedule)]
+    assert corners == [(90, 90, 90, 0), (87, 90, 90, 0), (87, 88, 90, 0)]
+    ends = [CODEC.encode(row).servos for row in played(OURS, HOME, schedule)]
+    assert ends == [(90, 90, 90, 0), (87, 88, 90, 0)]
+
+
+def wander(seed: int, speed: float) -> tuple[tuple[float, ...], Sampler, float]:
+    """A motion through random places, each joint at no more than `speed` [rad/s]."""
+    draw = random.Random(seed)
+    places = [
+        tuple(draw.uniform(joint.lower, joint.upper) for joint in STOCK.actuated)
+        for _ in range(draw.randint(2, 4))
+    ]
+    times = [0.0]
+    for a, b in pairwise(places):
+        farthest = max(abs(q - p) for p, q in zip(a, b, strict=True))
+        times.append(times[-1] + farthest / speed)
+
+    def sample(at: Sequence[float]) -> list[list[float]]:
+        rows = []
+        for time in at:
+            leg = max(k for k in range(len(times) - 1) if times[k] <= time)
+            part = min(1.0, (time - times[leg]) / (times[leg + 1] - times[leg]))
+            ends = zip(places[leg], places[leg + 1], strict=True)
+            rows.append([a + (b - a) * part for a, b in ends])
+        return rows
+
+    return places[0], sample, times[-1]
+
+
+def replay(robot: Robot, start: Sequence[float], schedule: Schedule, stop: float) -> Board:
+    """Plays a schedule to the board, with a hold at a part of it; returns the board, settled."""
+    boot = CODEC.encode(start).servos
+    firmware = dataclasses.replace(robot.firmware, boot_time=0.0)
+    board = Board(CODEC.letters, boot, firmware, robot.serial.baud)
+    count = math.ceil(stop * len(schedule.setpoints))
+    for setpoint in schedule.setpoints[:count]:
+        board.receive(setpoint.frame.data, setpoint.time)
+    if 0 < count < len(schedule.setpoints):
+        last, after = schedule.setpoints[count - 1], schedule.setpoints[count]
+        draw = random.Random(count)
+        board.receive(last.frame.data, draw.uniform(last.time, after.time))
+    board.advance(schedule.duration + 100)
+    return board
+
+
+@settings(max_examples=120, deadline=None)
+@given(
+    st.sampled_from([STOCK, OURS]),
+    st.integers(0, 2**32),
+    st.sampled_from([0.3, 1.0, 3.0, 10.0]),
+    st.floats(0, 1),
+)
+def test_no_motion_and_no_stop_overruns_the_board(
+    robot: Robot, seed: int, speed: float, stop: float
+) -> None:
+    start, sample, duration = wander(seed, speed)
+    schedule = compile_schedule(robot, start, sample, duration)
+    check(robot, start, schedule)
+    for part in (stop, 1.0):
+        board = replay(robot, start, schedule, part)
+        state = board.state(schedule.duration + 200)
+        count = math.ceil(part * len(schedule.setpoints))
+        held = schedule.setpoints[count - 1].frame if count else CODEC.encode(start)
+        assert state.lost == state.refused == 0
+        assert state.servos == held.servos

@@ -1,0 +1,345 @@
+"""Serial ports that are missing, denied, busy, lost or stuck, on real pseudo-terminals."""
+
+import contextlib
+import os
+import pty
+import re
+import subprocess
+import sys
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from hardware import (
+    LinkError,
+    PortBusy,
+    PortDenied,
+    PortLost,
+    PortMissing,
+    PortStalled,
+    SerialLink,
+)
+from hardware.port_lock import PortLock
+from tests.hardware_rigs import open_files
+
+BAUD = 115200
+FRAME = b"b090,s090,e090,g000,"
+NOBODY = 65534
+
+
+class Pty:
+    """A pseudo-terminal; what is at its other end is up to the test."""
+
+    def __init__(self) -> None:
+        self.master, self.slave = pty.openpty()
+        tty.setraw(self.slave)
+        self.port = os.ttyname(self.slave)
+        os.set_blocking(self.master, False)
+
+    def vanish(self) -> None:
+        """Closes the other end."""
+        if self.master >= 0:
+            os.close(self.master)
+            self.master = -1
+
+    def drain(self) -> bytes:
+        data = b""
+        try:
+            while part := os.read(self.master, 65536):
+                data += part
+        except BlockingIOError:
+            pass
+        return data
+
+
+@pytest.fixture
+def line() -> Iterator[Pty]:
+    line = Pty()
+    yield line
+    line.vanish()
+    os.close(line.slave)
+
+
+def refused(port: str, kind: type[LinkError]) -> LinkError:
+    before = open_files()
+    with pytest.raises(LinkError) as caught:
+        SerialLink(port, BAUD).open()
+    assert type(caught.value) is kind
+    assert caught.value.port == port
+    assert open_files() == before
+    return caught.value
+
+
+def test_a_missing_port() -> None:
+    said = str(refused("/dev/ttyNONE9", PortMissing))
+    assert re.match("There is no serial port /dev/ttyNONE9; present: .*Plug the board in", said)
+
+
+def test_an_empty_name_is_no_port() -> None:
+    refused("", PortMissing)
+
+
+def test_a_port_that_is_denied(line: Pty) -> None:
+    os.chmod(line.slave, 0)
+    PortLock(line.port).path.unlink(missing_ok=True)
+    root = os.geteuid() == 0
+    if root:  # whom no mode stops
+        os.seteuid(NOBODY)
+    try:
+        said = str(refused(line.port, PortDenied))
+    finally:
+        if root:
+            os.seteuid(0)
+    assert f"No permission to open the port {line.port}" in said
+    assert re.search(r"sudo usermod -aG \w+ \$USER", said)
+
+
+@pytest.mark.parametrize("make", [Path.mkdir, Path.touch])
+def test_what_is_no_serial_port(tmp_path: Path, make: Callable[[Path], None]) -> None:
+    make(tmp_path / "thing")
+    said = str(refused(str(tmp_path / "thing"), LinkError))
+    assert f"{tmp_path}/thing cannot be opened as a serial port" in said
+    assert "present: " in said
+
+
+def test_a_busy_port_names_the_owner(line: Pty) -> None:
+    first = SerialLink(line.port, BAUD)
+    first.open()
+    said = str(refused(line.port, PortBusy))
+    assert said == (
+        f"The port {line.port} is in use by the armtree with process id {os.getpid()}. "
+        "End that program first"
+    )
+    first.close()
+    second = SerialLink(line.port, BAUD)
+    second.open()
+    second.close()
+
+
+def test_another_name_of_a_busy_port_is_busy_too(line: Pty, tmp_path: Path) -> None:
+    first = SerialLink(line.port, BAUD)
+    first.open()
+    (tmp_path / "by-id").symlink_to(line.port)
+    refused(str(tmp_path / "by-id"), PortBusy)
+    first.close()
+
+
+def test_a_port_that_another_kind_of_program_has(line: Pty) -> None:
+    program = (
+        "import serial, sys; port = serial.Serial(sys.argv[1], exclusive=True);"
+        "print('open', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program, line.port], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as other:
+        assert other.stdout
+        assert other.stdout.readline() == b"open\n"
+        assert "in use by another program" in str(refused(line.port, PortBusy))
+        other.communicate()
+
+
+def test_the_lock_of_a_killed_owner_is_free(line: Pty) -> None:
+    program = (
+        "import sys; from hardware import SerialLink; link = SerialLink(sys.argv[1], 9600);"
+        "link.open(); print('open', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program, line.port],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        cwd=Path(__file__).parents[1],
+    ) as other:
+        assert other.stdout
+        assert other.stdout.readline() == b"open\n"
+        assert f"process id {other.pid}." in str(refused(line.port, PortBusy))
+        other.kill()
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    link.close()
+
+
+def test_a_lock_file_is_for_every_user(line: Pty) -> None:
+    lock = PortLock(line.port)
+    lock.path.unlink(missing_ok=True)
+    mask = os.umask(0o077)
+    try:
+        lock.acquire()
+    finally:
+        os.umask(mask)
+    assert lock.path.stat().st_mode & 0o777 == 0o666
+    lock.release()
+    lock.release()
+    assert not lock.path.exists()
+
+
+def test_many_who_want_a_lock_get_it_one_at_a_time(line: Pty) -> None:
+    owners, most = [0], [0]
+
+    def compete() -> None:
+        for _ in range(200):
+            lock = PortLock(line.port)
+            with contextlib.suppress(PortBusy):
+                lock.acquire()
+                owners[0] += 1
+                most[0] = max(most[0], owners[0])
+                owners[0] -= 1
+                lock.release()
+
+    threads = [threading.Thread(target=compete) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert most == [1]
+
+
+def test_a_lock_file_that_cannot_be_opened_is_named(line: Pty) -> None:
+    lock = PortLock(line.port)
+    lock.path.unlink(missing_ok=True)
+    lock.path.symlink_to("/etc/passwd")
+    try:
+        said = str(refused(line.port, LinkError))
+    finally:
+        lock.path.unlink()
+    assert f"The lock file {lock.path} cannot be used: Too many levels of symbolic links" in said
+
+
+def test_the_lock_is_given_up_when_the_port_does_not_open(tmp_path: Path) -> None:
+    (tmp_path / "thing").touch()
+    refused(str(tmp_path / "thing"), LinkError)
+    lock = PortLock(str(tmp_path / "thing"))
+    lock.acquire()
+    lock.release()
+
+
+def test_what_is_written_arrives_and_what_arrives_is_read(line: Pty) -> None:
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    link.write(FRAME)
+    assert line.drain() == FRAME
+    os.write(line.master, b"hello")
+    assert link.read() == b"hello"
+    link.close()
+
+
+def test_a_port_lost_while_idle_is_told_by_every_call(line: Pty) -> None:
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    line.vanish()
+    with pytest.raises(PortLost, match="Something went wrong while listening"):
+        link.read()
+    message = f"sending the message {FRAME.decode()} to the port {line.port}: the port"
+    with pytest.raises(PortLost, match=f"Something went wrong while {message}"):
+        link.write(FRAME)
+    link.close()
+
+
+def test_a_port_lost_while_reading_is_seen_at_once(line: Pty) -> None:
+    link, seen = SerialLink(line.port, BAUD), list[float]()
+    link.open()
+
+    def listen() -> None:
+        with pytest.raises(PortLost):
+            link.read()
+        seen.append(time.monotonic())
+
+    reader = threading.Thread(target=listen)
+    reader.start()
+    reader.join(0.02)  # it waits
+    assert reader.is_alive()
+    lost = time.monotonic()
+    line.vanish()
+    reader.join(5)
+    assert seen[0] - lost < 0.1
+    link.close()
+
+
+def fill(link: SerialLink) -> tuple[list[bytes], float]:
+    """Writes numbered frames until the line is stuck; returns them and how long the last took."""
+    frames: list[bytes] = []
+    while True:
+        frames.append(b"b%03d,s%03d,e000,g000," % divmod(len(frames), 1000))
+        began = time.monotonic()
+        try:
+            link.write(frames[-1])
+        except PortStalled:
+            return frames, time.monotonic() - began
+
+
+def test_a_stuck_line_is_told_soon_and_nothing_is_repeated(line: Pty) -> None:
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    frames, took = fill(link)
+    assert took < 0.3
+    why = f"Something went wrong while sending the message {FRAME.decode()} to the port {line.port}"
+    with pytest.raises(PortStalled, match=re.escape(f"{why}: the port {line.port} takes no more")):
+        link.write(FRAME)
+    frames.append(FRAME)
+    link.close()
+    assert b"".join(frames).startswith(line.drain())
+
+
+def test_a_port_lost_while_a_write_waits(line: Pty) -> None:
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    fill(link)
+    hand = threading.Timer(0.05, line.vanish)
+    hand.start()
+    with contextlib.suppress(LinkError):
+        link.write(FRAME)  # the kernel may have taken its bytes before
+    with pytest.raises(PortLost):
+        link.write(FRAME)
+    hand.join()
+    link.close()
+
+
+def test_closing_while_a_write_waits(line: Pty) -> None:
+    link, ends = SerialLink(line.port, BAUD), list[type]()
+    link.open()
+    fill(link)
+
+    def write() -> None:
+        try:
+            link.write(FRAME)
+        except LinkError as error:
+            ends.append(type(error))
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    writer.join(0.02)
+    link.close()
+    writer.join(5)
+    assert ends in ([PortStalled], [PortLost])
+
+
+def test_a_closing_error_names_the_port_and_frees_the_lock(line: Pty) -> None:
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    assert link._serial
+    assert link._serial.fd is not None
+    os.close(link._serial.fd)
+    with pytest.raises(PortLost, match=f"while closing: the port {line.port} is gone"):
+        link.close()
+    link.close()
+    lock = PortLock(line.port)
+    lock.acquire()
+    lock.release()
+
+
+def test_reading_and_closing_race_without_harm(line: Pty) -> None:
+    before = open_files()
+    for _ in range(50):
+        link = SerialLink(line.port, BAUD)
+        link.open()
+        threads = [threading.Thread(target=link.read) for _ in range(2)]
+        threads += [threading.Thread(target=link.close) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(5)
+            assert not thread.is_alive()
+    assert open_files() == before
