@@ -126,10 +126,7 @@ class Arm:
         Raises:
             NotActive: Where an arm stands is only known once it was activated.
         """
-        door = self._door
-        if self.state is not State.ACTIVE or door is None:
-            raise self._not_active()
-        return door.commanded
+        return self._open_door().commanded
 
     def configure(self) -> None:
         """Check that all that is needed is there; never touches the port.
@@ -189,20 +186,31 @@ class Arm:
         self._settle()
         self._request("shutdown", State.FINALIZED)
 
-    def play(self, schedule: Schedule, changed: Callable[[], None]) -> Playback:
+    @property
+    def generation(self) -> int:
+        """Number of the motion that may write; every stop and every new motion ends it.
+
+        Raises:
+            NotActive: The arm is not active.
+        """
+        return self._open_door().generation
+
+    def play(self, schedule: Schedule, changed: Callable[[], None], generation: int) -> Playback:
         """Begin to play a schedule.
 
         Args:
             schedule: What to play.
             changed: Called from another thread after every frame and at the end.
+            generation: The arm's, when the motion was decided on.
 
         Raises:
             NotActive: The arm is not active.
+            StaleGeneration: There was a stop since then.
         """
         streamer = self._streamer
         if self.state is not State.ACTIVE or streamer is None:
             raise self._not_active()
-        return streamer.play(schedule, changed)
+        return streamer.play(schedule, changed, generation)
 
     def stop(self) -> None:
         """Drop what is left of the motion and hold; in any state, any number of times.
@@ -270,6 +278,12 @@ class Arm:
         finally:
             with self._signal:
                 self._signal.notify()
+
+    def _open_door(self) -> Door:
+        door = self._door
+        if self.state is not State.ACTIVE or door is None:
+            raise self._not_active()
+        return door
 
     def _not_active(self) -> NotActive:
         return NotActive(f"the arm is {self.state.value}; configure and activate it first")

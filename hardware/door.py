@@ -61,9 +61,22 @@ class Door:
         """When the board is done with what it was sent [s]."""
         return self._pace.done
 
-    def renew(self) -> int:
-        """Begin a new generation; whoever still writes for an older one is refused."""
+    @property
+    def generation(self) -> int:
+        """Number of the motion that may write; every stop ends it."""
+        return self._generation
+
+    def renew(self, generation: int) -> int:
+        """Begin a new generation; whoever still writes for an older one is refused.
+
+        Args:
+            generation: The one that is to be followed.
+
+        Raises:
+            StaleGeneration: It has ended already.
+        """
         with self._lock:
+            self._check_generation(generation)
             self._generation += 1
             return self._generation
 
@@ -90,8 +103,7 @@ class Door:
         """
         with self._lock:
             self._check_active()
-            if generation != self._generation:
-                raise StaleGeneration("this motion was stopped; nothing more is sent for it")
+            self._check_generation(generation)
             frame = self._codec.encode(positions)
             if frame != self._holds:
                 self._check_pace(frame)
@@ -117,6 +129,10 @@ class Door:
     def _check_active(self) -> None:
         if self._closed or not self._active():
             raise NotActive("the arm is not active; configure and activate it first")
+
+    def _check_generation(self, generation: int) -> None:
+        if generation != self._generation:
+            raise StaleGeneration("this motion was stopped; nothing more is sent for it")
 
     def _check_pace(self, frame: Frame) -> None:
         step, most = self._pace.step(frame), self._robot.firmware.max_step

@@ -81,8 +81,10 @@ def compile_schedule(
     return Schedule(tuple(setpoints), end, done, max(0.0, late))
 
 
-def played(robot: Robot, start: Sequence[float], schedule: Schedule) -> list[tuple[float, ...]]:
-    """The positions the servos really pass, one after the other along straight lines [rad].
+def played(
+    robot: Robot, start: Sequence[float], schedule: Schedule
+) -> tuple[list[float], list[tuple[float, ...]]]:
+    """The positions the servos really pass, one after the other along straight lines.
 
     They are those that the frames decode to, and a board that turns one servo after the other
     also stands at every corner in between.
@@ -91,10 +93,14 @@ def played(robot: Robot, start: Sequence[float], schedule: Schedule) -> list[tup
         robot: Whose board.
         start: Where the arm was commanded to stand, one value per actuated joint [rad].
         schedule: What is to be played.
+
+    Returns:
+        When the frame of each position goes out [s], and the positions, one value per actuated
+        joint [rad].
     """
     codec, in_turn = Codec(robot.actuated), robot.firmware.degree_time > 0
     held = list(codec.encode(start).servos)
-    rows = [codec.decode(codec.frame(held))]
+    times, rows = [0.0], [codec.decode(codec.frame(held))]
     for setpoint in schedule.setpoints:
         for servo, angle in enumerate(setpoint.frame.servos):
             if held[servo] != angle:
@@ -103,7 +109,8 @@ def played(robot: Robot, start: Sequence[float], schedule: Schedule) -> list[tup
                     rows.append(codec.decode(codec.frame(held)))
         if not in_turn:
             rows.append(codec.decode(setpoint.frame))
-    return rows
+        times += [setpoint.time] * (len(rows) - len(times))
+    return times, rows
 
 
 def _steps(

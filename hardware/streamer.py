@@ -75,21 +75,24 @@ class Streamer:
         self._closing = False
         self._thread = clock.spawn(self._run, "streamer")
 
-    def play(self, schedule: Schedule, changed: Callable[[], None]) -> Playback:
+    def play(self, schedule: Schedule, changed: Callable[[], None], generation: int) -> Playback:
         """Begin to play, from now on; whatever was playing is stopped.
 
         Args:
             schedule: What to play.
             changed: Called from the streamer's thread after every frame and at the end.
+            generation: The door's, when the motion was decided on.
 
         Raises:
             NotActive: The streamer was closed.
+            StaleGeneration: There was a stop since then.
         """
         with self._signal:
             if self._closing:
                 raise NotActive("the arm left the active state; configure and activate it first")
+            renewed = self._door.renew(generation)
             self._drop()
-            self._playback = Playback(schedule, self._door.renew(), changed)
+            self._playback = Playback(schedule, renewed, changed)
             self._signal.notify()
             return self._playback
 

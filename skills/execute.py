@@ -37,6 +37,7 @@ class Execute(Skill):
     _pending: Pending | None = None
     _playback: Playback | None = None
     _schedule: Schedule | None = None
+    _generation = 0
 
     @property
     def busy(self) -> bool:
@@ -55,15 +56,15 @@ class Execute(Skill):
     def on_start(self) -> Status:
         """Turn the plans into frames and have them checked."""
         context, self._playback = self.context, None
-        start = context.arm.commanded
+        self._generation, start = context.arm.generation, context.arm.commanded
         plans: list[Plan] = [self.get_input("arm_plan"), self.get_input("gripper_plan")]
         merged = Merged(context.robot, start, plans, self.get_input("together"))
         if not merged.begins_at(start):
             raise StartMoved("the arm was moved after it was planned; plan again")
         self._schedule = compile_schedule(context.robot, start, merged.sample, merged.duration)
         context.tell(Scheduled(self._schedule))
-        rows = played(context.robot, start, self._schedule)
-        self._pending = Pending(context, Verify(rows, PLAYED_MARGIN))
+        times, rows = played(context.robot, start, self._schedule)
+        self._pending = Pending(context, Verify(rows, PLAYED_MARGIN, times))
         return Status.RUNNING
 
     def on_running(self) -> Status:
@@ -75,7 +76,8 @@ class Execute(Skill):
         if isinstance(self._pending.answer, MotionError):
             raise self._pending.answer
         if self._playback is None:
-            self._playback = self.context.arm.play(self._schedule, self.context.wake)
+            arm, wake = self.context.arm, self.context.wake
+            self._playback = arm.play(self._schedule, wake, self._generation)
         return self._follow(self._playback)
 
     def _follow(self, playback: Playback) -> Status:

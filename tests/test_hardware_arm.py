@@ -72,7 +72,7 @@ def test_writing_outside_active_is_refused(rig: Rig) -> None:
 
     def refused(state: State) -> None:
         with pytest.raises(NotActive, match=f"the arm is {state.value}; configure and activate"):
-            rig.arm.play(schedule, nothing)
+            rig.arm.play(schedule, nothing, rig.arm.generation)
         with pytest.raises(NotActive):
             _ = rig.arm.commanded
 
@@ -90,7 +90,7 @@ def test_writing_outside_active_is_refused(rig: Rig) -> None:
 def test_a_motion_plays_at_its_times_to_its_end(rig: Rig) -> None:
     rig.start()
     schedule, began = motion(HOME, PICK, 4.0), rig.clock.now()
-    playback = rig.arm.play(schedule, rig.wake)
+    playback = rig.arm.play(schedule, rig.wake, rig.arm.generation)
     rig.until(lambda: playback.state is not PlaybackState.PLAYING)
     assert playback.state is PlaybackState.DONE
     assert playback.written == len(schedule.setpoints) == len(rig.frames)
@@ -108,7 +108,7 @@ def test_a_motion_plays_at_its_times_to_its_end(rig: Rig) -> None:
 def test_a_motion_to_where_the_arm_stands_is_done_at_once(rig: Rig) -> None:
     rig.start()
     goal = (1e-4, 0.0, 0.0, 0.0)
-    playback = rig.arm.play(motion(HOME, goal, 1.0), rig.wake)
+    playback = rig.arm.play(motion(HOME, goal, 1.0), rig.wake, rig.arm.generation)
     rig.until(lambda: playback.state is PlaybackState.DONE)
     assert rig.frames == []
     assert rig.arm.commanded == goal
@@ -117,9 +117,9 @@ def test_a_motion_to_where_the_arm_stands_is_done_at_once(rig: Rig) -> None:
 
 def test_a_new_motion_replaces_the_one_that_plays(rig: Rig) -> None:
     rig.start()
-    first = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake)
+    first = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, rig.arm.generation)
     rig.wait(1.0)
-    second = rig.arm.play(motion(rig.arm.commanded, HOME, 2.0), rig.wake)
+    second = rig.arm.play(motion(rig.arm.commanded, HOME, 2.0), rig.wake, rig.arm.generation)
     assert first.state is PlaybackState.STOPPED
     rig.until(lambda: second.state is not PlaybackState.PLAYING)
     assert second.state is PlaybackState.DONE
@@ -127,7 +127,7 @@ def test_a_new_motion_replaces_the_one_that_plays(rig: Rig) -> None:
 
 def test_a_motion_from_elsewhere_is_refused_and_the_arm_stays_active(rig: Rig) -> None:
     rig.start()
-    playback = rig.arm.play(motion(PICK, HOME, 4.0), rig.wake)
+    playback = rig.arm.play(motion(PICK, HOME, 4.0), rig.wake, rig.arm.generation)
     rig.until(lambda: playback.state is not PlaybackState.PLAYING)
     assert playback.state is PlaybackState.FAILED
     assert isinstance(playback.error, TooFast)
@@ -158,7 +158,7 @@ def test_the_log(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
 def test_leaving_the_context_shuts_down(rig: Rig) -> None:
     with rig.arm as arm:
         rig.start()
-        arm.play(motion(HOME, PICK, 4.0), rig.wake)
+        arm.play(motion(HOME, PICK, 4.0), rig.wake, arm.generation)
         rig.wait(1.0)
     assert rig.arm.state is State.FINALIZED
     assert rig.link.read() == b""  # closed
@@ -192,7 +192,7 @@ def late(rig: Rig, frame: int, seconds: float) -> list[float]:
                     signal.wait(until)
         rig.wake()
 
-    playback = rig.arm.play(schedule, hinder)
+    playback = rig.arm.play(schedule, hinder, rig.arm.generation)
     rig.until(lambda: playback.state is not PlaybackState.PLAYING)
     assert playback.state is PlaybackState.DONE
     assert [event.data for event in rig.frames] == [s.frame.data for s in schedule.setpoints]

@@ -43,7 +43,7 @@ class Rig:
         self.events: list[ArmEvent] = []
         self.wait(2.0)
         self.door = Door(self.robot, self.link, self.clock, lambda: self.active, self.events.append)
-        self.generation = self.door.renew()
+        self.generation = self.door.renew(self.door.generation)
 
     def wait(self, until: float) -> None:
         with (signal := self.clock.signal()):
@@ -99,7 +99,7 @@ def test_only_active_may_write() -> None:
 
 def test_an_older_generation_is_refused() -> None:
     rig = Rig()
-    rig.door.renew()
+    rig.door.renew(rig.door.generation)
     with pytest.raises(StaleGeneration):
         rig.write(degrees(1))
     assert rig.sent == []
@@ -141,7 +141,7 @@ def test_after_a_hold_the_old_motion_is_over_and_a_new_one_may_begin() -> None:
     rig.door.hold()
     with pytest.raises(StaleGeneration):
         rig.write(degrees(2))
-    rig.generation = rig.door.renew()
+    rig.generation = rig.door.renew(rig.door.generation)
     rig.wait(rig.door.earliest)
     rig.write(degrees(2))
     rig.door.hold()
@@ -224,7 +224,7 @@ def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
         lambda: True,
         lambda event: (events.append(event), door.hold())[0],  # type: ignore[func-returns-value]
     )
-    rig.door, rig.generation = door, door.renew()
+    rig.door, rig.generation = door, door.renew(door.generation)
     told.start()
     told.join(5)
     assert not told.is_alive()
