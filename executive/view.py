@@ -2,10 +2,10 @@
 
 import dataclasses
 import json
+import os
 import sys
 import threading
 from queue import SimpleQueue
-from types import TracebackType
 from typing import Any, Protocol, Self, TextIO
 
 import logs
@@ -18,12 +18,7 @@ class View(Protocol):
 
     def __enter__(self) -> Self: ...
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
+    def __exit__(self, *raised: object) -> None: ...
 
     def say(self, text: str) -> None:
         """Show a line that is no event."""
@@ -47,12 +42,7 @@ class _Lines:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self._queue.put(None)
         self._thread.join()
 
@@ -74,30 +64,17 @@ class _Lines:
 
     def _run(self) -> None:
         while (item := self._queue.get()) is not None:
-            line = self.line(item)
-            if line and not self._print(line):
-                self._stream = _NOWHERE
+            if line := self.line(item):
+                self._print(line)
 
-    def _print(self, line: str) -> bool:
+    def _print(self, line: str) -> None:
         try:
             self._stream.write(line + "\n")
             self._stream.flush()
-        except OSError:  # nobody reads any more; the goal goes on
-            return False
-        return True
-
-
-class _Nowhere:
-    """A stream for when nobody reads any more."""
-
-    def write(self, text: str) -> int:
-        return len(text)
-
-    def flush(self) -> None:
-        """Nothing to do."""
-
-
-_NOWHERE: Any = _Nowhere()
+        except OSError:  # nobody reads any more; the goal goes on, and so does what is buffered
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
 
 
 class JsonView(_Lines):

@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import TracebackType
 from typing import Protocol
 
 
@@ -17,12 +16,7 @@ class Signal(Protocol):
 
     def __enter__(self) -> object: ...
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
+    def __exit__(self, *raised: object) -> None: ...
 
     def wait(self, until: float | None) -> None:
         """Let go, sleep until notified or until the time [s], and take hold again."""
@@ -77,15 +71,10 @@ class _RealSignal:
         self._condition = threading.Condition()
 
     def __enter__(self) -> object:
-        return self._condition.__enter__()
+        return self._condition.acquire()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._condition.__exit__(kind, error, trace)
+    def __exit__(self, *raised: object) -> None:
+        self._condition.release()
 
     def wait(self, until: float | None) -> None:
         self._condition.wait(None if until is None else max(0.0, until - time.monotonic()))
@@ -210,12 +199,7 @@ class _SimulatedSignal:
     def __enter__(self) -> object:
         return self._lock.__enter__()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         self._lock.release()
 
     def wait(self, until: float | None) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from io import BufferedWriter
 from pathlib import Path
 from queue import SimpleQueue
-from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, Self
 
 from .compaction import compact
@@ -95,12 +94,7 @@ class Recorder:
         """The recorder itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *raised: object) -> None:
         """Closes."""
         self.close()
 

@@ -80,6 +80,18 @@ def pid(pool: Pool) -> int:
     return process.pid
 
 
+def until_at_work(process: int) -> None:
+    """Wait until a process has used 50 ms of processor time from now on."""
+    nap, begun = threading.Event(), ticks(process)
+    while ticks(process) < begun + 0.05 * os.sysconf("SC_CLK_TCK"):
+        nap.wait(0.005)
+
+
+def ticks(process: int) -> int:
+    """Processor time of a process, in clock ticks; field 14 of its stat line."""
+    return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11])
+
+
 def running(process: int) -> bool:
     """Whether a process is there, as a zombie too."""
     return Path(f"/proc/{process}").exists()
@@ -135,6 +147,7 @@ def test_a_worker_that_dies_costs_its_job_only(pool: Pool, how: signal.Signals) 
     assert isinstance(ask(pool, PICK), Plan)
     answer = Answer()
     pool.submit(LONG, answer)
+    until_at_work(pid(pool))
     os.kill(pid(pool), how)
     died = answer.wait()
     assert isinstance(died, WorkerDied)
