@@ -83,7 +83,7 @@ def tasks(trees: Path | None) -> None:
 @click.option("--json", is_flag=True, help="Print one JSON object per event.")
 def run(**options: Any) -> None:
     """Run tasks N in turn. Ctrl-C cancels and stops the arm; a second one leaves at once."""
-    from .setup import Options, execute
+    from .wiring import Options, execute
 
     verbose = click.get_current_context().find_root().params["verbose"]
     outcomes = execute(Options(**options, verbose=verbose))

@@ -45,6 +45,8 @@ CODES = {
     "hw.no_port": Code("", 3, "no serial port was named"),
     "hw.port_busy": Code("", 9, "somebody else has the port"),
     "log": Code("", 10, "the recording is incomplete"),
+    "log.unreadable": Code("", 3, "a file is no recording that can be read"),
+    "log.truncated": Code("", 3, "the end of a recording is missing"),
 }
 
 
