@@ -17,6 +17,15 @@ _PATH = click.Path(path_type=Path)
 robot_option = click.option(
     "--robot", type=_PATH, envvar="ARMTREE_ROBOT", help="Robot file; default: the Arduinobot."
 )
+port_option = click.option("--port", envvar="ARMTREE_PORT", help="Serial port, or: virtual.")
+recordings_option = click.option(
+    "--recordings",
+    type=_PATH,
+    envvar="ARMTREE_RECORDINGS",
+    default=Path("recordings"),
+    show_default=True,
+    help="Folder for recordings.",
+)
 trees_option = click.option(
     "--trees", type=_PATH, envvar="ARMTREE_TREES", help="Folder with task files of your own."
 )
@@ -60,17 +69,10 @@ def tasks(trees: Path | None) -> None:
 
 @cli.command()
 @click.argument("numbers", metavar="N...", nargs=-1, required=True, type=int)
-@click.option("--port", envvar="ARMTREE_PORT", help="Serial port, or: virtual.")
+@port_option
 @robot_option
 @trees_option
-@click.option(
-    "--recordings",
-    type=_PATH,
-    envvar="ARMTREE_RECORDINGS",
-    default=Path("recordings"),
-    show_default=True,
-    help="Folder for recordings.",
-)
+@recordings_option
 @click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning.")
 @click.option(
     "--workers",
@@ -88,6 +90,41 @@ def run(**options: Any) -> None:
     verbose = click.get_current_context().find_root().params["verbose"]
     outcomes = execute(Options(**options, verbose=verbose))
     sys.exit(look_up(outcomes[-1].code).exit)
+
+
+@cli.command()
+@port_option
+@robot_option
+@trees_option
+@recordings_option
+@click.option("--open", "really_open", is_flag=True, help="Open the port too: this moves the arm.")
+def doctor(
+    port: str | None,
+    robot: Path | None,
+    trees: Path | None,
+    recordings: Path,
+    really_open: bool,
+) -> None:
+    """Look whether all is there that a run needs. Opens no port unless told to."""
+    from hardware import serial_ports
+
+    from .doctor import examine
+
+    if really_open:
+        click.echo("Opening the port resets the board, and that moves the arm.")
+    wrong = 0
+    for check in examine(robot, port, trees, recordings, really_open):
+        wrong += not check.ok
+        click.echo(f"{'ok' if check.ok else 'NO':<4}{check.name:<12}{check.detail}")
+        if not check.ok and check.remedy:
+            click.echo(f"{'':<16}-> {check.remedy}")
+    found = serial_ports()
+    click.echo(f"\nSerial ports: {'' if found else 'none'}")
+    for each in found:
+        click.echo("  " + "  ".join(filter(None, (each.device, each.usb, each.name, each.by_id))))
+    given = f" --port {port}" if port else ""
+    click.echo("\nMend what says NO." if wrong else f"\nNext, type: armtree run 0{given}")
+    sys.exit(6 if wrong else 0)
 
 
 @cli.command()

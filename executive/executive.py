@@ -182,6 +182,7 @@ class Executive:
             raise self._mailbox.fault
         if self._mailbox.canceled:
             raise ActivationStopped("canceled before the arm was activated")
+        self._recordings.check_space()
         if self._arm.state is State.UNCONFIGURED:
             self._arm.configure()
         if self._arm.state is State.INACTIVE:

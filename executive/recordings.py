@@ -60,6 +60,14 @@ class Recordings:
             recorder.attach(file, "application/yaml", text.encode())
         self.tell(logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed))
 
+    def check_space(self) -> None:
+        """See that a run's recording has room.
+
+        Raises:
+            LogError: It has not.
+        """
+        logs.check_space(self._folder)
+
     def close(self) -> None:
         """Finish the recording that is open, if one is.
 

@@ -28,6 +28,7 @@ from .firmware import FIRMWARES, Firmware
 from .frames import Codec, Frame, check_position
 from .lifecycle import State
 from .link import Link
+from .ports import Check, SerialPort, check_port, serial_ports
 from .robot import CollisionRules, Joint, Mimic, Robot, Serial, WireField
 from .schedule import Schedule, Setpoint, compile_schedule, played
 from .serial_link import SerialLink
@@ -45,6 +46,7 @@ __all__ = [
     "BoardLink",
     "BoardState",
     "BytesReceived",
+    "Check",
     "Clock",
     "Codec",
     "CollisionRules",
@@ -73,6 +75,7 @@ __all__ = [
     "Schedule",
     "Serial",
     "SerialLink",
+    "SerialPort",
     "Setpoint",
     "Signal",
     "SimulatedClock",
@@ -85,10 +88,12 @@ __all__ = [
     "VirtualLink",
     "WireField",
     "WriteRefused",
+    "check_port",
     "check_position",
     "compile_schedule",
     "link_to",
     "load_robot",
     "played",
+    "serial_ports",
     "virtual_board",
 ]

@@ -45,6 +45,21 @@ class PortLock:
         os.write(file, b"%d\n" % os.getpid())
         self._held = file, path
 
+    def owner(self) -> str | None:
+        """Process id of who has the lock; None where nobody has it."""
+        try:
+            file = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        except OSError:
+            return None
+        try:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return os.read(file, 32).decode("ascii", "replace").strip() or "unknown"
+        else:
+            return None
+        finally:
+            os.close(file)
+
     def release(self) -> None:
         """Give the lock up. Harmless when not taken."""
         if self._held is not None:

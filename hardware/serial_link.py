@@ -1,8 +1,6 @@
 """A real serial port, through pyserial."""
 
 import errno
-import grp
-import os
 import termios
 import threading
 
@@ -17,6 +15,7 @@ from .errors import (
     PortStalled,
 )
 from .port_lock import PortLock
+from .ports import group_of, serial_ports
 
 # A 20-byte frame takes 2 ms on the wire; a board that takes none for this long is stuck.
 WRITE_TIMEOUT = 0.2
@@ -117,7 +116,7 @@ def _open_error(port: str, error: Exception) -> LinkError:
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         return PortMissing(port, _present())
     if number in (errno.EACCES, errno.EPERM):
-        return PortDenied(port, _group(port))
+        return PortDenied(port, group_of(port))
     if number in (errno.EAGAIN, errno.EBUSY):
         return PortBusy(port, "another program")
     why = f"{port} cannot be opened as a serial port ({error}); present: "
@@ -125,13 +124,4 @@ def _open_error(port: str, error: Exception) -> LinkError:
 
 
 def _present() -> list[str]:
-    from serial.tools import list_ports  # only for messages, and slow to load
-
-    return [found.device for found in list_ports.comports()]
-
-
-def _group(port: str) -> str:
-    try:
-        return grp.getgrgid(os.stat(port).st_gid).gr_name
-    except (OSError, KeyError):
-        return "dialout"
+    return [port.device for port in serial_ports()]

@@ -6,13 +6,14 @@ Importing this room is cheap: MCAP, rosbags, NumPy and matplotlib are loaded by 
 from .compaction import compact
 from .errors import (
     LogError,
+    NoSpace,
     RecordingError,
     RecordingExists,
     RecordingIncomplete,
     RecordingNotCreated,
     RecordingTruncated,
 )
-from .folder import recording_path
+from .folder import check_space, recording_path
 from .plot import plot
 from .reader import Message, read
 from .recorder import Recorder
@@ -37,6 +38,7 @@ __all__ = [
     "LogError",
     "LogLine",
     "Message",
+    "NoSpace",
     "NodeStatus",
     "Plan",
     "Received",
@@ -52,6 +54,7 @@ __all__ = [
     "Sent",
     "Summary",
     "Transition",
+    "check_space",
     "compact",
     "plot",
     "read",

@@ -3,6 +3,7 @@
     LogError
     ├── RecordingExists            FileExistsError: the name is taken, nothing was touched
     ├── RecordingNotCreated        the folder or the file cannot be made
+    ├── NoSpace                    the disk is too full to begin a run
     ├── RecordingIncomplete        something of a run could not be written
     └── RecordingError             ValueError: a file cannot be read
         └── RecordingTruncated     its end is missing; what precedes it was given
@@ -44,6 +45,20 @@ class RecordingNotCreated(LogError):
     def __init__(self, path: Path, cause: OSError) -> None:
         reason = cause.strerror or str(cause)
         super().__init__(path, f"cannot be created ({reason}); give another folder for recordings")
+
+
+class NoSpace(LogError):
+    """The disk is too full to begin a run."""
+
+    code = "log.no_space"
+
+    def __init__(self, path: Path, free: int, least: int) -> None:
+        have, need = free / 1e6, least / 1e6
+        super().__init__(
+            path,
+            f"only {have:.0f} MB are free and a run may need {need:.0f} MB; remove old recordings, "
+            "or give another folder for recordings",
+        )
 
 
 class RecordingIncomplete(LogError):

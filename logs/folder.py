@@ -1,9 +1,29 @@
 """Where recordings lie, and what they are called."""
 
+import shutil
 from datetime import UTC, datetime
 from pathlib import Path
 
-from .errors import RecordingNotCreated
+from .errors import NoSpace, RecordingNotCreated
+
+# A long run takes a few megabytes; the rest is left to the machine.
+LEAST_FREE = 100_000_000  # [bytes]
+
+
+def check_space(folder: Path) -> int:
+    """Free space where recordings are to be made [bytes].
+
+    Args:
+        folder: Folder for recordings; it need not be there yet.
+
+    Raises:
+        NoSpace: There is less than a run may need.
+    """
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    free = shutil.disk_usage(there).free
+    if free < LEAST_FREE:
+        raise NoSpace(folder, free, LEAST_FREE)
+    return free
 
 
 def recording_path(folder: Path, utc_ns: int, task: int) -> Path:

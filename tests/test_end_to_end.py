@@ -303,6 +303,32 @@ def test_a_recording_is_drawn(tmp_path: Path, robot: Path) -> None:
     assert finish(tmp_path, "plot", str(tmp_path / "nope.mcap"))[0] == 3
 
 
+def test_doctor_looks_and_opens_nothing(tmp_path: Path, listener: Listener) -> None:
+    status, out, err = finish(tmp_path, "doctor", "--port", listener.port)
+    assert (status, err) == (0, "")
+    assert "NO" not in out
+    assert out.splitlines()[-1] == f"Next, type: armtree run 0 --port {listener.port}"
+    assert listener.frames() == []
+
+
+def test_doctor_tells_what_is_missing_and_the_way_out(tmp_path: Path, robot: Path) -> None:
+    status, out, _ = finish(tmp_path, "doctor", "--port", "/dev/ttyNOPE", "--robot", str(robot))
+    assert status == 6
+    assert "NO  port        /dev/ttyNOPE" in out
+    assert "-> plug the board in" in out
+    robot.write_text(robot.read_text().replace('letter = "s"', 'letter = "ss"'))
+    status, out, _ = finish(tmp_path, "doctor", "--robot", str(robot))
+    assert f"{robot}:" in out
+    assert status == 6
+
+
+def test_doctor_opens_when_told_to(tmp_path: Path, robot: Path) -> None:
+    status, out, _ = finish(tmp_path, "doctor", "--open", "--robot", str(robot))
+    assert status == 0
+    assert out.startswith("Opening the port resets the board, and that moves the arm.")
+    assert "ok  board" in out
+
+
 def test_help_loads_nothing_heavy() -> None:
     code = "import sys; from executive import cli; print(*sorted(sys.modules))"
     command = [sys.executable, "-P", "-c", code]

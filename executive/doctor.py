@@ -1,0 +1,118 @@
+"""`armtree doctor`: is everything there that a run needs? It looks, and moves nothing."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from queue import SimpleQueue
+
+from hardware import (
+    VIRTUAL,
+    Arm,
+    Check,
+    Codec,
+    HardwareError,
+    RealClock,
+    Robot,
+    check_port,
+    link_to,
+    load_robot,
+)
+from logs import LogError, check_space
+from skills.motion import MotionError, Pool, Result, Verify
+from trees import Library, TreeError
+
+
+def examine(
+    robot_file: Path | None,
+    port: str | None,
+    trees: Path | None,
+    recordings: Path,
+    really_open: bool,
+) -> Iterator[Check]:
+    """Check one thing after the other.
+
+    Args:
+        robot_file: None for the shipped robot.
+        port: None to take the robot file's.
+        trees: Folder with more tasks.
+        recordings: Folder for recordings.
+        really_open: Whether to open the port, which resets the board and moves the arm.
+    """
+    try:
+        robot = load_robot(robot_file)
+    except HardwareError as error:
+        yield Check("robot", False, str(error), "mend that line")
+        return
+    yield Check("robot", True, f"{robot.name}, firmware {robot.firmware.name}")
+    yield _pose(robot)
+    yield _tasks(trees)
+    yield _planner(robot)
+    yield from _recordings(recordings)
+    yield from _port(robot, robot.serial.port if port is None else port, really_open)
+
+
+def _pose(robot: Robot) -> Check:
+    frame = Codec(robot.actuated).encode(robot.boot_pose)
+    return Check("pose", True, f"after a reset the board stands at {frame}")
+
+
+def _tasks(trees: Path | None) -> Check:
+    try:
+        library = Library(trees)
+        for number in library.numbers():
+            library.task(number)
+    except TreeError as error:
+        return Check("tasks", False, str(error), "mend that file")
+    return Check("tasks", True, f"{', '.join(map(str, library.numbers()))} can be read")
+
+
+def _planner(robot: Robot) -> Check:
+    answers: SimpleQueue[Result] = SimpleQueue()
+    with closing(Pool(robot, 1, RealClock())) as pool:
+        pool.start()
+        pool.submit(Verify([robot.boot_pose], 0.0), answers.put)
+        answer = answers.get()
+    if isinstance(answer, MotionError):
+        return Check("planner", False, str(answer), "mend the robot file or its URDF")
+    return Check("planner", True, "a worker has loaded the robot; its boot pose is free")
+
+
+def _recordings(folder: Path) -> Iterator[Check]:
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            yield Check("recorder", True, f"{folder} can be written")
+    except OSError as error:
+        remedy = "give another folder with --recordings"
+        yield Check("recorder", False, f"{folder}: {error.strerror}", remedy)
+        return
+    try:
+        yield Check("free disk", True, f"{check_space(folder) / 1e6:.0f} MB")
+    except LogError as error:
+        yield Check("free disk", False, str(error))
+
+
+def _port(robot: Robot, port: str, really_open: bool) -> Iterator[Check]:
+    if not port:
+        yield Check("port", False, "none is named", "give --port PORT, or --port virtual")
+        return
+    if port == VIRTUAL:
+        yield Check("port", True, "virtual: nothing real moves")
+    else:
+        checks = check_port(port)
+        yield from checks
+        if not all(check.ok for check in checks):
+            return
+    if really_open:
+        yield _open(robot, port)
+
+
+def _open(robot: Robot, port: str) -> Check:
+    try:
+        with Arm(robot, link_to(robot, port), RealClock()) as arm:
+            arm.configure()
+            arm.activate()
+    except HardwareError as error:
+        return Check("board", False, str(error), "see the message")
+    return Check("board", True, f"opened, and waited {robot.serial.boot_wait:g} s for its boot")
