@@ -1,0 +1,232 @@
+"""How the bottom room keeps time, stops, and sees a lost port.
+
+Everything runs on real pseudo-terminals, paced by the virtual Arduino with our firmware; only
+`stock_bytes_lost` is simulated, on the model of the published sketch.
+"""
+
+import dataclasses
+import logging
+import os
+import pty
+import random
+import statistics
+import sys
+import tempfile
+import threading
+import time
+import tty
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+# This file is named like a room, and its folder comes first where it is run by itself.
+sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
+
+from hardware import (
+    FIRMWARES,
+    VIRTUAL,
+    Arm,
+    ArmEvent,
+    Faulted,
+    FrameSent,
+    Playback,
+    PlaybackState,
+    RealClock,
+    Robot,
+    Schedule,
+    compile_schedule,
+    link_to,
+    load_robot,
+    virtual_board,
+)
+from logs import Recorder, Sent
+from skills.motion import Pool, Query
+from tests.bench.table import Row, arguments, show
+
+HOME, PICK = (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07, -0.7)
+
+
+def quick_robot(firmware: str = "armtree") -> Robot:
+    """The shipped robot, whose board needs no more than its boot."""
+    robot = load_robot()
+    serial = dataclasses.replace(robot.serial, boot_wait=1.1)
+    return dataclasses.replace(robot, serial=serial, firmware=FIRMWARES[firmware])
+
+
+def sweep(robot: Robot, start: Sequence[float], goal: Sequence[float], duration: float) -> Schedule:
+    """A straight motion at constant speed."""
+
+    def sample(times: Sequence[float]) -> list[list[float]]:
+        shares = [min(1.0, time / duration) for time in times]
+        return [[a + s * (b - a) for a, b in zip(start, goal, strict=True)] for s in shares]
+
+    return compile_schedule(robot, start, sample, duration)
+
+
+class Watch:
+    """Notes what an arm does, and wakes who waits for it."""
+
+    def __init__(self) -> None:
+        self.events: list[ArmEvent] = []
+        self.changed = threading.Condition()
+
+    def __call__(self, event: ArmEvent) -> None:
+        with self.changed:
+            self.events.append(event)
+            self.changed.notify_all()
+
+    def wake(self) -> None:
+        with self.changed:
+            self.changed.notify_all()
+
+    def until(self, so: Callable[[], bool]) -> None:
+        with self.changed:
+            assert self.changed.wait_for(so, timeout=30)
+
+
+@contextmanager
+def active(robot: Robot, port: str) -> Iterator[tuple[Arm, Watch]]:
+    """An active arm, watched."""
+    watch = Watch()
+    with Arm(robot, link_to(robot, port), RealClock(), watch) as arm:
+        arm.configure()
+        arm.activate()
+        yield arm, watch
+
+
+def play(arm: Arm, watch: Watch, goal: Sequence[float], seconds: float) -> Playback:
+    """Begin a sweep from where the arm is."""
+    schedule = sweep(arm.robot, arm.commanded, goal, seconds)
+    return arm.play(schedule, watch.wake, arm.generation)
+
+
+def p99(samples: Sequence[float]) -> float:
+    return statistics.quantiles(samples, n=100)[98]
+
+
+def stop_times(count: int) -> list[float]:
+    """From `stop()` to the hold frame written, streaming at full rate [ms]."""
+    times, rng = [], random.Random(1)
+    with active(quick_robot(), VIRTUAL) as (arm, watch):
+        for _ in range(count):
+            far = PICK if arm.commanded[0] > -0.7 else HOME
+            playback = play(arm, watch, far, 1.5)
+            written = rng.randint(2, 6)
+            watch.until(lambda p=playback, n=written: p.written >= n)  # type: ignore[misc]
+            begun = time.monotonic()
+            arm.stop()
+            last = watch.events[-1]
+            assert isinstance(last, FrameSent)
+            assert last.scheduled is None
+            times.append((time.monotonic() - begun) * 1000)
+    return times
+
+
+def unplug_times(count: int, streaming: bool) -> list[float]:
+    """From the port gone to the fault told [ms]."""
+    times = []
+    robot = quick_robot()
+    robot = dataclasses.replace(robot, serial=dataclasses.replace(robot.serial, boot_wait=0.0))
+    for _ in range(count):
+        master, slave = pty.openpty()
+        tty.setraw(slave)
+        with active(robot, os.ttyname(slave)) as (arm, watch):
+            os.close(slave)
+            if streaming:
+                playback = play(arm, watch, PICK, 1.5)
+                watch.until(lambda p=playback: p.written >= 3)  # type: ignore[misc]
+            begun = time.monotonic()
+            os.close(master)
+            watch.until(lambda w=watch: any(isinstance(e, Faulted) for e in w.events))  # type: ignore[misc]
+            (fault,) = (event for event in watch.events if isinstance(event, Faulted))
+            times.append((fault.time - begun) * 1000)
+    return times
+
+
+def lateness(arm: Arm, watch: Watch, goal: Sequence[float]) -> float:
+    """Lateness of the frames of one sweep, p99 [ms]."""
+    watch.events.clear()
+    playback = play(arm, watch, goal, 3.0)
+    watch.until(lambda: playback.state is PlaybackState.DONE)
+    frames = [event for event in watch.events if isinstance(event, FrameSent)]
+    return p99([(f.time - f.scheduled) * 1000 for f in frames if f.scheduled is not None])
+
+
+@contextmanager
+def busy(robot: Robot) -> Iterator[None]:
+    """A planner that plans and a recorder that records, all the time."""
+    ended, clock = threading.Event(), RealClock()
+    query = Query("arm", HOME, PICK[:3])
+    with tempfile.TemporaryDirectory() as folder, closing(Pool(robot, 1, clock)) as pool:
+        pool.start()
+        again = threading.Semaphore(1)
+
+        def keep_on() -> None:
+            with Recorder(
+                Path(folder) / "x.mcap", clock.epoch_ns(), lambda error: None
+            ) as recorder:
+                while not ended.is_set():
+                    again.acquire()
+                    recorder.put(Sent(clock.now(), b"x" * 20, 0.0, False, ("a",), (0.0,)))
+                    pool.submit(query, lambda answer: again.release())
+
+        thread = threading.Thread(target=keep_on)
+        thread.start()
+        yield
+        ended.set()
+        thread.join()
+
+
+def lateness_ratios(runs: int) -> list[float]:
+    """p99 while planner and recorder work, over p99 idle; alternating."""
+    robot, ratios = quick_robot(), []
+    with active(robot, VIRTUAL) as (arm, watch):
+        for _ in range(runs):
+            idle = lateness(arm, watch, PICK)
+            with busy(robot):
+                ratios.append(lateness(arm, watch, HOME) / idle)
+    return ratios
+
+
+def stock_bytes_lost(plans: int) -> int:
+    """Bytes that the model of the published sketch lost, with a hold at a random instant."""
+    rng, lost, stock = random.Random(1), 0, quick_robot("stock")
+    limits = [(joint.lower, joint.upper) for joint in stock.actuated]
+    for _ in range(plans):
+        rate = rng.choice((5.0, 10.0, 20.0, 50.0))
+        robot = dataclasses.replace(stock, firmware=dataclasses.replace(stock.firmware, rate=rate))
+        goal = [rng.uniform(*limit) for limit in limits]
+        seconds = max(map(abs, goal)) / rng.uniform(0.5, 10.0)  # 0.5 to 10 rad/s
+        schedule = sweep(robot, HOME, goal, seconds)
+        lost += _lost(robot, schedule, rng.uniform(0.0, schedule.duration))
+    return lost
+
+
+def _lost(robot: Robot, schedule: Schedule, hold: float) -> int:
+    board = virtual_board(robot)
+    booted = robot.firmware.boot_time
+    sent = [setpoint for setpoint in schedule.setpoints if setpoint.time <= hold]
+    for setpoint in sent:
+        board.receive(setpoint.frame.data, booted + setpoint.time)
+    if sent:
+        board.receive(sent[-1].frame.data, booted + hold)
+    return board.state(booted + schedule.duration + 10.0).lost
+
+
+def main(runs: int, file: Path | None) -> None:
+    """Measure and show."""
+    logging.getLogger().addHandler(logging.NullHandler())  # the faults are meant
+    stops = stop_times(100)
+    unplugs = unplug_times(50, streaming=True) + unplug_times(50, streaming=False)
+    rows = [
+        Row("lateness_ratio_p99", "1", lateness_ratios(runs)),
+        Row("stop_ms_p99", "ms", [p99(stops)]),
+        Row("unplug_seen_ms_p99", "ms", [p99(unplugs)]),
+        Row("stock_bytes_lost", "bytes", [stock_bytes_lost(1000)]),
+    ]
+    show(rows, file)
+
+
+if __name__ == "__main__":
+    given = arguments(__doc__ or "").parse_args()
+    main(given.runs, given.json)
