@@ -166,7 +166,10 @@ class _Builder:
 
     def _composite(self, spec: CompositeNode, scope: _Scope, name: str) -> Composite:
         if spec.kind == "parallel":
-            return Join(name or "parallel", self._side_by_side(spec, scope))
+            children = self._side_by_side(spec, scope)
+            if sum(map(_moves, children)) > 1:
+                self._wrong(spec.place, "only one node of a parallel may move the arm")
+            return Join(name or "parallel", children)
         children = [self.node(child, scope) for child in spec.children]
         return Sequence(name or "sequence", memory=True, children=children)
 
@@ -283,6 +286,10 @@ class _Builder:
 
     def _wrong(self, place: Place, message: str) -> None:
         self.mistakes.append(Mistake(place, message))
+
+
+def _moves(node: Behaviour) -> bool:
+    return any(isinstance(below, Skill) and below.moves for below in node.iterate())
 
 
 def _with_floats(plain: Any, kind: Any) -> Any:

@@ -1,16 +1,14 @@
 """The command line. What is heavy is loaded by the command that needs it."""
 
 import logging
+import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from .codes import INTERNAL, INTERRUPTED_EXIT, look_up
-
-if TYPE_CHECKING:
-    pass
 
 _PATH = click.Path(path_type=Path)
 
@@ -40,7 +38,7 @@ def cli(verbose: bool, debug: bool) -> None:
 
     Exit codes: 0 done, 1 a bug of ours, 2 usage, 3 bad file, 4 goal refused, 5 planning failed,
     6 hardware fault, 7 canceled, 8 timed out, 9 port busy, 10 recording incomplete, 130 left by
-    a second Ctrl-C.
+    Ctrl-C before a goal had begun, or by a second one.
     """
     root = logging.getLogger()
     root.setLevel(logging.INFO)
@@ -128,15 +126,18 @@ def doctor(
 
 
 @cli.command()
-@click.argument("recording", type=_PATH)
+@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=_PATH)
 @click.option("-o", "--output", type=_PATH, help="PNG file; default: beside the recording.")
-def plot(recording: Path, output: Path | None) -> None:
-    """Draw a recording to a PNG file."""
+def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
+    """Draw recordings to PNG files."""
     from logs.plot import plot as draw
 
-    target = output or recording.with_suffix(".png")
-    draw(recording, target)
-    click.echo(target)
+    if output and len(recordings) > 1:
+        raise click.UsageError("--output goes with one recording")
+    for recording in recordings:
+        target = output or recording.with_suffix(".png")
+        draw(recording, target)
+        click.echo(target)
 
 
 def main() -> None:
@@ -146,8 +147,10 @@ def main() -> None:
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
-    except click.Abort:
+    except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED_EXIT)
+    except BrokenPipeError:  # nobody reads any more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except Exception as error:
         if "--debug" in sys.argv:
             raise

@@ -6,7 +6,8 @@ OK = "ok"
 CANCELED = "goal.canceled"
 INTERNAL = "internal"
 
-INTERRUPTED_EXIT = 130  # left by a second Ctrl-C
+USAGE_EXIT = 2  # as click has it
+INTERRUPTED_EXIT = 130  # left by Ctrl-C before a goal had begun, or by a second one
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,37 +17,31 @@ class Code:
     Attributes:
         heading: What is said before the causes; empty where a cause says it all.
         exit: Status of the process.
-        meaning: For the documentation.
     """
 
     heading: str
     exit: int
-    meaning: str
 
 
 # A code is looked up whole, then by what stands before its dot.
 CODES = {
-    OK: Code("", 0, "done"),
-    INTERNAL: Code("A bug of ours", 1, "a bug of ours"),
-    "file": Code("", 3, "a task, subtree or robot file is wrong"),
-    "goal": Code("", 4, "the goal was refused"),
-    "goal.out_of_bounds": Code(
-        "Target position out of boundaries", 4, "a target lies outside its joint's limits"
-    ),
-    "goal.bad_target": Code("The target makes no sense", 4, "a target names the wrong joints"),
-    CANCELED: Code("Canceled", 7, "canceled"),
-    "plan": Code("One or more planners failed", 5, "no motion was found"),
-    "plan.timeout": Code("One or more planners failed", 8, "a planner ran out of time"),
-    "plan.motion_collides": Code(
-        "The motion would collide as its frames play it", 5, "the final check refused the frames"
-    ),
-    "plan.start_moved": Code("", 5, "the arm was moved after it was planned"),
-    "hw": Code("", 6, "the hardware failed"),
-    "hw.no_port": Code("", 3, "no serial port was named"),
-    "hw.port_busy": Code("", 9, "somebody else has the port"),
-    "log": Code("", 10, "the recording is incomplete"),
-    "log.unreadable": Code("", 3, "a file is no recording that can be read"),
-    "log.truncated": Code("", 3, "the end of a recording is missing"),
+    OK: Code("", 0),
+    INTERNAL: Code("A bug of ours", 1),
+    "file": Code("", 3),
+    "goal": Code("", 4),
+    "goal.out_of_bounds": Code("Target position out of boundaries", 4),
+    "goal.bad_target": Code("The target makes no sense", 4),
+    CANCELED: Code("Canceled", 7),
+    "plan": Code("One or more planners failed", 5),
+    "plan.timeout": Code("One or more planners failed", 8),
+    "plan.motion_collides": Code("The motion would collide as its frames play it", 5),
+    "plan.start_moved": Code("", 5),
+    "hw": Code("", 6),
+    "hw.no_port": Code("", 3),
+    "hw.port_busy": Code("", 9),
+    "log": Code("", 10),
+    "log.unreadable": Code("", 3),
+    "log.truncated": Code("", 3),
 }
 
 

@@ -17,13 +17,10 @@ class Interrupts:
 
     A signal that comes just as the main thread goes to sleep on a lock is not handled before the
     lock is free. A byte in a pipe is there whenever it came, so that is what is waited for.
-
-    Args:
-        cancel: Called in the main thread.
     """
 
-    def __init__(self, cancel: Callable[[], None]) -> None:
-        self._cancel = cancel
+    def __init__(self) -> None:
+        self._cancel: Callable[[], None] | None = None
         self._canceled = False
 
     def __enter__(self) -> Self:
@@ -42,6 +39,12 @@ class Interrupts:
         os.close(self._reader)
         os.close(self._writer)
 
+    def on_cancel(self, cancel: Callable[[], None]) -> None:
+        """Call this in the main thread at the first signal; at once if it has come already."""
+        self._cancel = cancel
+        if self._canceled:
+            cancel()
+
     def end(self) -> None:
         """Let `wait` return; called from any thread."""
         os.write(self._writer, bytes([_END]))
@@ -55,4 +58,5 @@ class Interrupts:
         if self._canceled:
             os._exit(INTERRUPTED_EXIT)
         self._canceled = True
-        self._cancel()
+        if self._cancel:
+            self._cancel()

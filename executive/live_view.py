@@ -108,7 +108,7 @@ class LiveView:
             title = Text.assemble((self._title, "bold"), f"   arm {self._arm}", style="")
             if not self._nodes:
                 return title
-            return Group(title, self._tree(), self._bar())
+            return Group(title, self._bar(), self._tree())
 
     def _tree(self) -> Branch:
         branches: dict[str, Branch] = {}

@@ -8,7 +8,7 @@ from hardware import ArmEvent, Clock, Robot
 from skills import SkillEvent
 
 from .goal import Goal
-from .records import arm_record, skill_record
+from .translate import arm_record, skill_record
 
 
 class Recordings:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from hardware import Arm, Clock, HardwareError
+from hardware import Arm, CancelTimeout, Clock
 from logs import Feedback, NodeStatus, Record
 from skills import Skill
 
@@ -18,12 +18,6 @@ logger = logging.getLogger(__name__)
 
 # What is asked to stop has this long to say that it has.
 CANCEL_DEADLINE = 0.25  # [s]
-
-
-class CancelTimeout(HardwareError):
-    """Something that was asked to stop did not in time, so the arm was taken out of *active*."""
-
-    code = "hw.cancel_timeout"
 
 
 class Mailbox:

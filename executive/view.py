@@ -105,7 +105,7 @@ def _result(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-_EVENTS: dict[type, str] = {
+EVENTS: dict[type, str] = {
     logs.Goal: "goal",
     logs.Sent: "sent",
     logs.Received: "received",
@@ -117,15 +117,15 @@ _EVENTS: dict[type, str] = {
     logs.LogLine: "log",
 }
 
-_UNITS = {"time": "time_s", "duration": "duration_s", "scheduled": "scheduled_s"}
+UNITS = {"time": "time_s", "duration": "duration_s", "scheduled": "scheduled_s"}
 
 
 def _event(record: logs.Record) -> dict[str, Any]:
-    fields = {_UNITS.get(key, key): value for key, value in dataclasses.asdict(record).items()}
+    fields = {UNITS.get(key, key): value for key, value in dataclasses.asdict(record).items()}
     for key, value in fields.items():
         if isinstance(value, bytes):
             fields[key] = value.decode("ascii", "backslashreplace")
-    return {"event": _EVENTS[type(record)], **fields}
+    return {"event": EVENTS[type(record)], **fields}
 
 
 class TextView(_Lines):

@@ -49,7 +49,7 @@ class Options:
 
 def execute(options: Options) -> list[Outcome]:
     """Run tasks from the command line; returns the outcomes, at least one."""
-    with _view(options) as view:
+    with Interrupts() as interrupts, _view(options) as view:
         try:
             robot, library = load_robot(options.robot), Library(options.trees)
         except (HardwareError, TreeError) as error:
@@ -72,11 +72,16 @@ def execute(options: Options) -> list[Outcome]:
                 PLANNING_TIMEOUT,
                 view.watch,
             )
-            return _drive(executive, clock, options.numbers, view)
+            interrupts.on_cancel(executive.cancel)
+            return _drive(executive, clock, options.numbers, view, interrupts)
 
 
 def _drive(
-    executive: Executive, clock: RealClock, numbers: Sequence[int], view: View
+    executive: Executive,
+    clock: RealClock,
+    numbers: Sequence[int],
+    view: View,
+    interrupts: Interrupts,
 ) -> list[Outcome]:
     """Run on a thread of its own; this one waits for signals."""
     outcomes: list[Outcome] = []
@@ -92,10 +97,9 @@ def _drive(
 
     handler = LogHandler(executive.tell, clock)
     logging.getLogger().addHandler(handler)
-    with Interrupts(executive.cancel) as interrupts:
-        owner = clock.spawn(own, "owner")
-        interrupts.wait()
-        owner.join()
+    owner = clock.spawn(own, "owner")
+    interrupts.wait()
+    owner.join()
     logging.getLogger().removeHandler(handler)
     if bugs:
         raise bugs[0]

@@ -1,6 +1,6 @@
 """The arm as it is: description, wire format, link, lifecycle, guard and streamer."""
 
-from .arm import VIRTUAL, Arm, link_to, virtual_board
+from .arm import Arm
 from .board import Board, BoardState
 from .board_link import BoardLink
 from .clock import Clock, RealClock, Signal, SimulatedClock
@@ -8,6 +8,7 @@ from .description import load_robot
 from .errors import (
     ActivationStopped,
     BadPosition,
+    CancelTimeout,
     DescriptionError,
     HardwareError,
     LinkError,
@@ -28,6 +29,7 @@ from .firmware import FIRMWARES, Firmware
 from .frames import Codec, Frame, check_position
 from .lifecycle import State
 from .link import Link
+from .links import VIRTUAL, link_to, virtual_board
 from .ports import Check, SerialPort, check_port, serial_ports
 from .robot import CollisionRules, Joint, Mimic, Robot, Serial, WireField
 from .schedule import Schedule, Setpoint, compile_schedule, played
@@ -46,6 +48,7 @@ __all__ = [
     "BoardLink",
     "BoardState",
     "BytesReceived",
+    "CancelTimeout",
     "Check",
     "Clock",
     "Codec",

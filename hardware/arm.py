@@ -8,7 +8,6 @@ import weakref
 from collections.abc import Callable
 from typing import Self
 
-from .board import Board
 from .clock import Clock
 from .door import Door
 from .errors import (
@@ -20,45 +19,16 @@ from .errors import (
     TransitionRefused,
 )
 from .events import ArmEvent, BytesReceived, Faulted, Observer, StateChanged
-from .firmware import Firmware
-from .frames import Codec
 from .lifecycle import Lifecycle, Result, State
 from .link import Link
 from .robot import Robot
 from .schedule import Schedule
-from .serial_link import SerialLink
 from .streamer import Playback, Streamer
-from .virtual_arduino import VirtualLink
 
 logger = logging.getLogger(__name__)
 
-VIRTUAL = "virtual"
-
 # Who shuts down waits this long for a transition of another thread; closing a port takes less.
 _SETTLE = 1.0  # [s]
-
-
-def virtual_board(robot: Robot) -> Board:
-    """The model of the board that a robot description names."""
-    return Board(*_board_of(robot))
-
-
-def link_to(robot: Robot, port: str) -> Link:
-    """The link to a port.
-
-    Args:
-        robot: Whose baud and, for the virtual Arduino, whose board.
-        port: A device, or `virtual` for the virtual Arduino.
-    """
-    if port == VIRTUAL:
-        return VirtualLink(*_board_of(robot))
-    return SerialLink(port, robot.serial.baud)
-
-
-def _board_of(robot: Robot) -> tuple[str, tuple[int, ...], Firmware, int]:
-    codec = Codec(robot.actuated)
-    boot = codec.encode(robot.boot_pose).servos
-    return codec.letters, boot, robot.firmware, robot.serial.baud
 
 
 def _nobody(event: ArmEvent) -> None:

@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 
 from .errors import DescriptionError
 from .firmware import FIRMWARES
-from .frames import servo_angle
+from .frames import Codec, servo_angle
+from .pace import unread_bytes
 from .robot import CollisionRules, Joint, Mimic, Robot, Serial, WireField
 from .toml_table import TomlTable
 
@@ -38,13 +39,27 @@ def load_robot(path: Path | None = None) -> Robot:
         collision=_collision(root.table("collision"), urdf.links),
     )
     root.done()
+    _check_board(root, robot)
     return robot
+
+
+def _check_board(root: TomlTable, robot: Robot) -> None:
+    """What the board's firmware asks of the rest."""
+    firmware, serial = robot.firmware, root.table("serial")
+    if robot.serial.boot_wait < firmware.boot_time:
+        wait, needs = robot.serial.boot_wait, f"{firmware.name} needs {firmware.boot_time:g} s"
+        serial.fail("boot_wait_s", f"{wait:g} s is too short: {needs} from reset to its first byte")
+    frame = Codec(robot.actuated).encode(robot.boot_pose)
+    if unread_bytes(frame, waiting=1) > firmware.ring:
+        what = f"frames of {len(frame.servos)} joints are too long for the {firmware.ring} bytes"
+        root.fail("joints", f"{what} that {firmware.name} can hold; a stop would not fit")
 
 
 @dataclass(frozen=True)
 class _UrdfJoint:
     lower: float
     upper: float
+    velocity: float
     mimic: Mimic | None
 
 
@@ -71,9 +86,10 @@ def _urdf_joint(path: Path, element: ElementTree.Element) -> _UrdfJoint:
     name, limit, mimic = element.get("name"), element.find("limit"), element.find("mimic")
     bounds = {} if limit is None else limit.attrib
     if element.get("type") == "continuous":
-        bounds = {"lower": "-inf", "upper": "inf"}
+        bounds = {**bounds, "lower": "-inf", "upper": "inf"}
     try:
         lower, upper = float(bounds["lower"]), float(bounds["upper"])
+        velocity = float(bounds.get("velocity", "inf"))
         leader = None if mimic is None else _mimic(mimic)
     except KeyError as error:
         raise DescriptionError(path, 0, f"joint {name} lacks {error.args[0]}") from error
@@ -81,7 +97,7 @@ def _urdf_joint(path: Path, element: ElementTree.Element) -> _UrdfJoint:
         raise DescriptionError(path, 0, f"joint {name}: {error}") from error
     if not lower <= upper:
         raise DescriptionError(path, 0, f"joint {name}: lower {lower:g} is above upper {upper:g}")
-    return _UrdfJoint(lower, upper, leader)
+    return _UrdfJoint(lower, upper, velocity, leader)
 
 
 def _mimic(element: ElementTree.Element) -> Mimic:
@@ -135,6 +151,9 @@ def _joint(name: str, table: TomlTable, urdf: _UrdfJoint) -> Joint:
     )
     if not joint.lower <= joint.boot <= joint.upper:
         table.fail("boot", f"{joint.boot:g} is outside [{joint.lower:g}, {joint.upper:g}]")
+    if joint.velocity > urdf.velocity:
+        most = f"the URDF's limit, {urdf.velocity:g} rad/s"
+        table.fail("velocity", f"{joint.velocity:g} rad/s is more than {most}")
     _check_travel(joint, table)
     table.done()
     return joint
@@ -184,8 +203,13 @@ def _wire(table: TomlTable) -> WireField:
 
 
 def _groups(root: TomlTable, joints: tuple[Joint, ...]) -> dict[str, tuple[str, ...]]:
+    """The two groups that tasks name; an arm without a gripper leaves that one out."""
     table, names = root.table("groups"), [joint.name for joint in joints]
-    groups = {group: table.names(group, names) for group in table}
+    groups = {
+        "arm": table.names("arm", names),
+        "gripper": table.names("gripper", names, default=[]),
+    }
+    table.done()
     members = [name for group in groups.values() for name in group]
     for name in names:
         if members.count(name) != 1:

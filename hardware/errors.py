@@ -11,6 +11,7 @@
     │   └── PortStalled           the other end stopped taking bytes
     ├── TransitionRefused         the lifecycle does not allow it now
     │   └── ActivationStopped     somebody stopped the arm while its board booted
+    ├── CancelTimeout             what drove the arm did not stop in time
     └── WriteRefused              the write guard said no; nothing was sent
         ├── NotActive             only an active arm may be written to
         ├── StaleGeneration       the motion was stopped meanwhile
@@ -142,6 +143,12 @@ class ActivationStopped(TransitionRefused):
     """Somebody stopped the arm while its board booted; it is inactive."""
 
     code = "hw.activation_stopped"
+
+
+class CancelTimeout(HardwareError):
+    """What drove the arm was asked to stop and did not in time, so the arm left *active*."""
+
+    code = "hw.cancel_timeout"
 
 
 class WriteRefused(HardwareError):

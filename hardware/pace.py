@@ -8,8 +8,9 @@ from .frames import Frame
 class Pace:
     """Knows from what was sent when the next frame may go.
 
-    A frame may go once the one before the last is done. Then one frame is at most being carried
-    out and one waits, and the board's ring has room for the hold frame of a stop at any moment.
+    A frame may go once the one before the last is done: one is carried out and one waits. Where
+    the ring would then have no room for the hold frame of a stop, it may go only once the last is
+    done. So a hold fits at any moment.
 
     Args:
         firmware: What the board runs.
@@ -21,12 +22,13 @@ class Pace:
         self._firmware = firmware
         self._wire_time = len(frame.data) * BITS_PER_BYTE / baud
         self._servos = frame.servos
+        self._one_may_wait = unread_bytes(frame, waiting=2) <= firmware.ring
         self._done = self._done_before = float("-inf")
 
     @property
     def earliest(self) -> float:
         """When the next frame may go [s]."""
-        return self._done_before
+        return self._done_before if self._one_may_wait else self._done
 
     @property
     def done(self) -> float:
@@ -43,3 +45,14 @@ class Pace:
         self._done_before = self._done
         self._done = begins + self._firmware.service_time(self._servos, frame.servos)
         self._servos = frame.servos
+
+
+def unread_bytes(frame: Frame, waiting: int) -> int:
+    """Bytes in the ring while a board turns the first servo of a frame and others wait.
+
+    Args:
+        frame: Any frame of the robot; they are all of one length.
+        waiting: Whole frames behind it.
+    """
+    first_field = len(frame.data) // len(frame.servos)
+    return len(frame.data) - first_field + waiting * len(frame.data)

@@ -89,9 +89,11 @@ class TomlTable:
             self.fail(key, f"{value!r} is not one of {', '.join(names)}{_nearest(value, names)}")
         return value
 
-    def names(self, key: str, choices: Iterable[str]) -> tuple[str, ...]:
-        """A list of distinct texts out of the choices."""
-        values = self._value(key, list)
+    def names(
+        self, key: str, choices: Iterable[str], default: list[str] | None = None
+    ) -> tuple[str, ...]:
+        """A list of distinct texts out of the choices; the default where one is given."""
+        values = self._value(key, list, default)
         return self._checked_names(key, values, list(choices))
 
     def pairs(self, key: str, choices: Iterable[str]) -> frozenset[frozenset[str]]:
@@ -134,11 +136,18 @@ class TomlTable:
         self._asked.add(key)
         value = self._values.get(key, default)
         if value is None:
-            self.fail(key, "is missing")
+            self._miss(key)
         right = isinstance(value, (int, float) if kind is float else kind)
         if not right or (isinstance(value, bool) and kind is not bool):
             self.fail(key, f"{value!r} is not {_KINDS[kind]}")
         return value
+
+    def _miss(self, key: str) -> NoReturn:
+        """Refuse a missing key; at the line of its misspelling where there is one."""
+        misspelt = _closest(key, [given for given in self._values if given not in self._asked])
+        if misspelt:
+            self.fail(misspelt, f"unknown key; did you mean {key}?")
+        self.fail(key, "is missing")
 
     def _full(self, key: str) -> str:
         return f"{self._name}.{key}" if self._name else key
@@ -152,10 +161,14 @@ class TomlTable:
 
 
 def _nearest(word: str, choices: list[str]) -> str:
+    near = _closest(word, choices)
+    return f"; did you mean {near}?" if near else ""
+
+
+def _closest(word: str, choices: list[str]) -> str:
     from difflib import get_close_matches  # only for messages
 
-    near = get_close_matches(word, choices, n=1)
-    return f"; did you mean {near[0]}?" if near else ""
+    return next(iter(get_close_matches(word, choices, n=1)), "")
 
 
 def _key_lines(text: str) -> dict[str, int]:

@@ -4,10 +4,10 @@ from .base import Context, Planned, Scheduled, Skill, SkillEvent
 from .bounds import CheckBounds, check_targets
 from .errors import BadTarget, Interrupted, OutOfBounds, SkillError, StartMoved
 from .execute import Execute
-from .outcome import Succeed
 from .plan_group import PlanArm, PlanGripper
 from .positions import Positions
 from .start import SetStart
+from .succeed import Succeed
 
 __all__ = [
     "BadTarget",

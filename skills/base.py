@@ -74,8 +74,11 @@ class Skill(BehaviourWithPorts):
         context: What it works with.
 
     Attributes:
+        moves: Whether it moves the arm, which only one skill may do at a time.
         failure: Why it failed last, if it did.
     """
+
+    moves = False
 
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name)

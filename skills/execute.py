@@ -23,6 +23,8 @@ class Execute(Skill):
     Success is told when the board is done with the last frame.
     """
 
+    moves = True
+
     INPUT_PORTS = {
         "arm_plan": PortInformation(Plan, description="the arm's motion"),
         "gripper_plan": PortInformation(Plan, description="the gripper's motion"),

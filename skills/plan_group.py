@@ -4,7 +4,7 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from .base import Planned, Skill
-from .motion import MotionError, Plan, Query
+from .motion import GoalInCollision, MotionError, Plan, Query, StartInCollision
 from .pending import Pending
 from .positions import Positions
 
@@ -52,6 +52,9 @@ class _PlanGroup(Skill, register=False):
         answer = self._pending.answer
         assert isinstance(answer, (Plan, MotionError))
         self.context.tell(Planned(self._query, answer))
+        if isinstance(answer, StartInCollision) and self.moved_before:
+            # Its start is where the task sends the groups that move before it.
+            raise GoalInCollision(answer.first, answer.second, answer.distance, answer.margin)
         if isinstance(answer, MotionError):
             raise answer
         self._set_output("plan", answer)

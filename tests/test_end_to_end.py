@@ -3,6 +3,7 @@
 import json
 import os
 import pty
+import re
 import shutil
 import signal
 import subprocess
@@ -327,6 +328,27 @@ def test_doctor_opens_when_told_to(tmp_path: Path, robot: Path) -> None:
     assert status == 0
     assert out.startswith("Opening the port resets the board, and that moves the arm.")
     assert "ok  board" in out
+
+
+def test_the_tour_of_the_readme_works_as_typed(tmp_path: Path, robot: Path) -> None:
+    text = (HARDWARE.parent / "README.md").read_text()
+    tour = text[text.index("## Five minutes") : text.index("## A real arm")]
+    commands, wave = re.findall(r"```(?:sh|yaml)\n(.*?)```", tour, re.DOTALL)
+    typed = re.findall(r"^armtree (.*?)(?: +#.*)?$", commands, re.MULTILINE)
+    assert len(typed) >= 4
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "3_wave.yaml").write_text(wave)
+    script = "set -e\n" + "\n".join(
+        f"{' '.join(ARMTREE)} {line}" for line in [*typed, "run 3 --trees mine"]
+    )
+    environment = {**os.environ, "ARMTREE_ROBOT": str(robot)}
+    command = ["sh", "-c", script]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "task 3 SUCCEEDED" in done.stdout
+    assert list(tmp_path.glob("recordings/*-1.png"))
 
 
 def test_help_loads_nothing_heavy() -> None:

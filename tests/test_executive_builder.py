@@ -220,6 +220,14 @@ def test_a_subtree_twice_keeps_its_values_apart(shop: Shop) -> None:
     tree.discard()
 
 
+def test_only_one_node_of_a_parallel_may_move_the_arm(shop: Shop) -> None:
+    reach = "      - subtree: reach"
+    target = "{arm: {joint_1: 0, joint_2: 0, joint_3: 0}, gripper: {joint_4: 0}}"
+    lines = ["- parallel:", *[reach, f"        with: {target}"] * 2]
+    with pytest.raises(FileError, match=r"3_x\.yaml:6:7: only one node of a parallel may move"):
+        shop.build(*lines)
+
+
 def test_a_value_goes_through_two_subtrees(shop: Shop) -> None:
     shop.subtree("outer", "a", "{subtree: reach, with: {arm: $a, gripper: {joint_4: 0}}}")
     arm = "{joint_1: 0.5, joint_2: 0, joint_3: 0}"

@@ -70,11 +70,15 @@ WRONG = {
     "no such urdf": ('"arduinobot.urdf"', '"none.urdf"', "urdf =", "urdf: .*none.urdf cannot be read: No such file"),
     "urdf is a folder": ('"arduinobot.urdf"', '"."', "urdf =", "urdf: .* cannot be read: Is a directory"),
     "urdf has no file name": ('"arduinobot.urdf"', '"a\\u0000b"', "urdf =", "urdf: .* cannot be read"),
-    "no serial": ("[serial]", "[cereal]", None, "serial: is missing"),
+    "no serial": ("[serial]", "[cereal]", "[cereal]", "cereal: unknown key; did you mean serial"),
     "port is a number": ('port = "virtual"', "port = 3", "port =", "serial.port: 3 is not a text"),
     "baud is a text": ("baud = 115200", 'baud = "fast"', "baud =", "serial.baud: 'fast' is not a whole number"),
     "baud is zero": ("baud = 115200", "baud = 0", "baud =", "serial.baud: 0 is less than 1"),
     "baud is half": ("baud = 115200", "baud = 1.5", "baud =", "serial.baud: 1.5 is not a whole number"),
+    "boot wait is too short": ("boot_wait_s = 2.0", "boot_wait_s = 0.5", "boot_wait_s", "serial.boot_wait_s: 0.5 s is too short: stock needs 1 s"),
+    "velocity over the URDF's": ("velocity = 1.0", "velocity = 11.0", "velocity =", "joints.joint_1.velocity: 11 rad/s is more than the URDF's limit, 10 rad/s"),
+    "a misspelt key": ("velocity = 1.0", "velocty = 1.0", "velocty", "joints.joint_1.velocty: unknown key; did you mean velocity"),
+    "a misspelt group": ("gripper = [", "griper = [", "griper", "groups.griper: unknown key; .* did you mean gripper"),
     "no baud": ("baud = 115200", "", "[serial]", "serial.baud: is missing"),
     "boot wait is negative": ("boot_wait_s = 2.0", "boot_wait_s = -1", "boot_wait_s", "serial.boot_wait_s: -1 is not allowed; it must be at least 0"),
     "boot wait is endless": ("boot_wait_s = 2.0", "boot_wait_s = inf", "boot_wait_s", "serial.boot_wait_s: inf is not allowed; it must be .*finite"),
@@ -185,11 +189,11 @@ urdf = "pan_tilt.urdf"
 
 [serial]
 baud = 9600
-boot_wait_s = 0.5
+boot_wait_s = 1.5
 firmware = "armtree"
 
 [groups]
-head = ["pan", "tilt"]
+arm = ["pan", "tilt"]
 
 [joints.tilt]
 velocity = 2.0

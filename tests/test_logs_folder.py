@@ -1,11 +1,12 @@
 """Where recordings lie."""
 
+import shutil
 from collections import namedtuple
 from pathlib import Path
 
 import pytest
 
-from logs import NoSpace, check_space, folder
+from logs import NoSpace, check_space
 
 Usage = namedtuple("Usage", "total used free")
 
@@ -15,6 +16,6 @@ def test_space_is_told_for_a_folder_that_is_not_there_yet(tmp_path: Path) -> Non
 
 
 def test_a_full_disk_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(folder.shutil, "disk_usage", lambda path: Usage(10, 9, 1_000_000))
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: Usage(10, 9, 1_000_000))
     with pytest.raises(NoSpace, match="only 1 MB are free and a run may need 100 MB"):
         check_space(tmp_path)

@@ -4,7 +4,14 @@ import pytest
 from py_trees.common import Status
 
 from skills import PlanArm, PlanGripper, Planned, Positions
-from skills.motion import NoPath, Plan, PlanTimeout, Query
+from skills.motion import (
+    GoalInCollision,
+    NoPath,
+    Plan,
+    PlanTimeout,
+    Query,
+    StartInCollision,
+)
 from tests.conftest import Bench
 
 START = Positions(joint_1=0.0, joint_2=0.0, joint_3=0.0, joint_4=0.0)
@@ -56,6 +63,15 @@ def test_a_planner_that_fails(bench: Bench, skill: PlanArm) -> None:
     (told,) = bench.told
     assert isinstance(told, Planned)
     assert told.answer is error
+
+
+def test_the_gripper_blames_the_arms_goal_where_it_begins(bench: Bench) -> None:
+    skill = bench.skill(PlanGripper, start=START, goal=GOAL)
+    skill.tick_once()
+    bench.desk.jobs[0].answer(StartInCollision("base_plate", "horizontal_arm", -0.009, 0.005))
+    skill.tick_once()
+    assert isinstance(skill.failure, GoalInCollision)
+    assert skill.feedback_message.startswith("At the goal, base_plate would be 9.0 mm deep")
 
 
 def test_halted(bench: Bench, skill: PlanArm) -> None:

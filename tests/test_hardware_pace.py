@@ -1,0 +1,41 @@
+"""The pace model: whatever it lets through, a hold finds room in the board's ring."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hardware import FIRMWARES, Board
+from hardware.frames import Frame
+from hardware.pace import Pace, unread_bytes
+
+BAUD = 115200
+LETTERS = "bsegtw"
+
+
+def frame(angles: list[int]) -> Frame:
+    text = "".join(f"{letter}{angle:03d}," for letter, angle in zip(LETTERS, angles, strict=False))
+    return Frame(tuple(angles), text.encode())
+
+
+def test_the_bytes_that_wait_are_those_behind_the_first_field() -> None:
+    four = frame([90, 90, 90, 0])
+    assert [unread_bytes(four, waiting) for waiting in (0, 1, 2)] == [15, 35, 55]
+
+
+@pytest.mark.parametrize("joints", range(1, 7))
+@given(data=st.data())
+def test_a_hold_at_any_instant_loses_nothing(joints: int, data: st.DataObject) -> None:
+    stock = FIRMWARES["stock"]
+    held = [90] * joints
+    board, pace = Board(LETTERS[:joints], held, stock, BAUD), Pace(stock, BAUD, frame(held))
+    now = stock.boot_time
+    for _ in range(data.draw(st.integers(1, 12))):
+        steps = st.lists(st.integers(-4, 4), min_size=joints, max_size=joints)
+        held = [min(180, max(0, h + s)) for h, s in zip(held, data.draw(steps), strict=True)]
+        now = max(now + data.draw(st.floats(0.0, 0.2)), pace.earliest)
+        board.receive(frame(held).data, now)
+        pace.sent(frame(held), now)
+    board.receive(frame(held).data, now + data.draw(st.floats(0.0, 0.2)))
+    state = board.state(now + 60.0)
+    assert state.lost == 0
+    assert state.servos == tuple(held)
