@@ -25,12 +25,12 @@ from .errors import (
     WriteRefused,
 )
 from .events import ArmEvent, BytesReceived, Faulted, FrameSent, Observer, StateChanged
-from .firmware import FIRMWARES, Firmware
 from .frames import Codec, Frame, check_position
 from .lifecycle import State
 from .link import Link
 from .links import VIRTUAL, link_to, virtual_board
 from .ports import Check, SerialPort, check_port, serial_ports
+from .profiles import FIRMWARES, Firmware
 from .robot import CollisionRules, Joint, Mimic, Robot, Serial, WireField
 from .schedule import Schedule, Setpoint, compile_schedule, played
 from .serial_link import SerialLink

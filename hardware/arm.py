@@ -8,6 +8,7 @@ import weakref
 from collections.abc import Callable
 from typing import Self
 
+from .banner import Banner
 from .clock import Clock
 from .door import Door
 from .errors import (
@@ -19,6 +20,7 @@ from .errors import (
     TransitionRefused,
 )
 from .events import ArmEvent, BytesReceived, Faulted, Observer, StateChanged
+from .frames import Codec
 from .lifecycle import Lifecycle, Result, State
 from .link import Link
 from .robot import Robot
@@ -60,6 +62,7 @@ class Arm:
         self._door: Door | None = None
         self._streamer: Streamer | None = None
         self._listener: threading.Thread | None = None
+        self._banner = Banner(robot.firmware, Codec(robot.actuated))
         self._lifecycle = Lifecycle(
             {
                 State.CONFIGURING: self._configure,
@@ -263,7 +266,9 @@ class Arm:
         assert self._link
         with self._signal:
             self._canceled, self._failure = False, None
-        logger.info("Starting the arm on port %s: it moves to its boot pose", self._link.port)
+            self._banner = Banner(self.robot.firmware, Codec(self.robot.actuated))
+        does = "stays where it is" if self.robot.firmware.banner else "moves to its boot pose"
+        logger.info("Starting the arm on port %s: it %s", self._link.port, does)
         try:
             self._link.open()
         except LinkError as error:
@@ -277,7 +282,7 @@ class Arm:
         """Wait until the board listens, and take its boot pose as the commanded one."""
         until = self._clock.now() + self.robot.serial.boot_wait
         with self._signal:
-            while not (self._canceled or self._failure) and self._clock.now() < until:
+            while self._booting() and self._clock.now() < until:
                 self._signal.wait(until)
         if self._failure:
             self._refusal = self._failure
@@ -286,11 +291,26 @@ class Arm:
             self._refusal = ActivationStopped("the arm was stopped while its board booted")
             self._close()
             return Result.FAILURE
-        self._door = Door(self.robot, link, self._clock, self._is_active, self._tell)
+        pose = self._boot_pose(link)
+        self._door = Door(self.robot, link, self._clock, self._is_active, self._tell, pose)
         period = 1 / self.robot.firmware.rate
         self._streamer = Streamer(self._door, self._clock, period, self.fault)
         logger.info("The arm on port %s is ready to take commands", link.port)
         return Result.SUCCESS
+
+    def _booting(self) -> bool:
+        """Whether there is still something to wait for; a banner tells the end of the boot."""
+        return not (self._canceled or self._failure or self._banner.frame)
+
+    def _boot_pose(self, link: Link) -> tuple[float, ...]:
+        """Where the arm stands now [rad]: what the board says, else where a reset puts it."""
+        codec, pose, frame = Codec(self.robot.actuated), self.robot.boot_pose, self._banner.frame
+        if frame is None:
+            if self.robot.firmware.banner:
+                what = "The board on port %s did not say where it stands; taking its boot pose"
+                logger.warning(what, link.port)
+            return pose
+        return pose if frame == codec.encode(pose) else codec.decode(frame)
 
     def _is_active(self) -> bool:
         return self.state is State.ACTIVE
@@ -331,6 +351,9 @@ class Arm:
         assert self._link
         try:
             while data := self._link.read():
+                with self._signal:
+                    self._banner.hear(data)
+                    self._signal.notify()
                 self._tell(BytesReceived(self._clock.now(), data))
         except LinkError as error:
             self.fault(error)

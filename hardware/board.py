@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .firmware import Firmware
+from .profiles import Firmware
 
 BITS_PER_BYTE = 10  # 8N1: start bit, eight data bits, stop bit
 # 0.12 s for 60 degrees, as data sheets of hobby servos give it at 4.8 V.
@@ -68,7 +68,10 @@ class Board:
         self._boot(0.0)
 
     def reset(self, now: float) -> None:
-        """Press the reset button: servos snap to the boot angles, unread bytes are gone."""
+        """Press the reset button: unread bytes are gone.
+
+        The servos snap to the boot angles, unless the firmware keeps what it holds.
+        """
         self.advance(now)
         self._resets += 1
         self._refused += self._parser.refused
@@ -76,15 +79,22 @@ class Board:
 
     def _boot(self, now: float) -> None:
         self._ready = now + self._firmware.boot_time
-        self._turns = [_Turn(a, a, now, SERVO_SPEED) for a in map(float, self._boot_angles)]
+        keeps = bool(self._resets and self._firmware.banner)
+        if not keeps:
+            self._turns = [_Turn(a, a, now, SERVO_SPEED) for a in map(float, self._boot_angles)]
         self._wire: deque[tuple[float, int]] = deque()
         self._ring: deque[tuple[float, int]] = deque()
         self._line_free = self._free = now
         self._says: deque[tuple[float, bytes]] = deque()
         if self._firmware.banner:
-            self._says.append((self._ready, self._firmware.banner))
+            self._says.append((self._ready, self._banner(b"kept " if keeps else b"boot ")))
         blocking = self._firmware.degree_time > 0
         self._parser = _Stock(self._letters) if blocking else _Strict(self._letters)
+
+    def _banner(self, which: bytes) -> bytes:
+        turns = zip(self._letters, self._turns, strict=True)
+        held = "".join(f"{letter}{turn.goal:03.0f}," for letter, turn in turns)
+        return self._firmware.banner + which + held.encode("ascii") + b"\n"
 
     def receive(self, data: bytes, now: float) -> None:
         """Put bytes on the line; they arrive one by one at its speed."""

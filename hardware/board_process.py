@@ -13,7 +13,7 @@ from dataclasses import asdict
 
 from .board import Board
 from .clock import RealClock
-from .firmware import Firmware
+from .profiles import Firmware
 
 # While nobody has the port open a poll on it returns at once, so the wait for an opener is naps.
 _NAP_MS = 5

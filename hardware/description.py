@@ -6,9 +6,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from .errors import DescriptionError
-from .firmware import FIRMWARES
 from .frames import Codec, servo_angle
 from .pace import unread_bytes
+from .profiles import FIRMWARES
 from .robot import CollisionRules, Joint, Mimic, Robot, Serial, WireField
 from .toml_table import TomlTable
 

@@ -26,6 +26,7 @@ class Door:
         clock: Whose time.
         active: Tells whether the lifecycle stands in *active*.
         observe: Told of every frame, after it was written.
+        positions: Where the arm stands, one value per actuated joint [rad].
     """
 
     def __init__(
@@ -35,6 +36,7 @@ class Door:
         clock: Clock,
         active: Callable[[], bool],
         observe: Observer,
+        positions: tuple[float, ...],
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
         self._active, self._observe = active, observe
@@ -42,7 +44,7 @@ class Door:
         self._lock = threading.RLock()  # an observer, or a signal's handler, may hold the arm
         self._generation = 0
         self._closed = self._hold_due = False
-        self._commanded = robot.boot_pose
+        self._commanded = positions
         self._holds = self._codec.encode(self._commanded)
         self._pace = Pace(robot.firmware, robot.serial.baud, self._holds)
 

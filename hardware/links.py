@@ -1,9 +1,9 @@
 """From the name of a port to the link behind it."""
 
 from .board import Board
-from .firmware import Firmware
 from .frames import Codec
 from .link import Link
+from .profiles import Firmware
 from .robot import Robot
 from .serial_link import SerialLink
 from .virtual_arduino import VirtualLink

@@ -1,8 +1,8 @@
 """How fast the board digests frames, as a model: it never says so itself."""
 
 from .board import BITS_PER_BYTE
-from .firmware import Firmware
 from .frames import Frame
+from .profiles import Firmware
 
 
 class Pace:

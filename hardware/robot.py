@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from .firmware import Firmware
+from .profiles import Firmware
 
 
 @dataclass(frozen=True, slots=True)

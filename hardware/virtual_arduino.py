@@ -12,7 +12,7 @@ from typing import Any
 
 from .board import BoardState
 from .errors import LinkError, PortLost
-from .firmware import Firmware
+from .profiles import Firmware
 from .serial_link import SerialLink
 
 _PROGRAM = f"{__package__}.board_process"

@@ -12,6 +12,7 @@ from hardware import (
     Faulted,
     FrameSent,
     HardwareError,
+    Robot,
     Schedule,
     SimulatedClock,
     State,
@@ -29,12 +30,14 @@ def nothing() -> None:
     """Watches nothing."""
 
 
-def motion(start: Sequence[float], goal: Sequence[float], duration: float) -> Schedule:
+def motion(
+    start: Sequence[float], goal: Sequence[float], duration: float, robot: Robot = ROBOT
+) -> Schedule:
     def sample(times: Sequence[float]) -> list[list[float]]:
         parts = [time / duration for time in times]
         return [[a + (b - a) * part for a, b in zip(start, goal, strict=True)] for part in parts]
 
-    return compile_schedule(ROBOT, start, sample, duration)
+    return compile_schedule(robot, start, sample, duration)
 
 
 class Rig:

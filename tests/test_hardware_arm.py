@@ -174,7 +174,7 @@ def test_what_the_board_says_is_told() -> None:
             arm.configure()
             arm.activate()
     assert [event for event in events if isinstance(event, BytesReceived)] == [
-        BytesReceived(1.0, b"armtree 1\r\n")
+        BytesReceived(1.0, b"armtree 1 AVW? kept b090,s090,e090,g000,\n")
     ]
 
 

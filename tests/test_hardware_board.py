@@ -171,11 +171,19 @@ def test_the_line_takes_its_time() -> None:
 
 def test_our_firmware_says_so_when_it_has_booted() -> None:
     board = Board("bseg", BOOT, OURS, 115200)
-    board.reset(2.0)
-    assert board.says_next() == 3.0
-    assert board.says(2.9) == b""
-    assert board.says(3.0) == b"armtree 1\r\n"
+    assert board.says_next() == 1.0
+    assert board.says(0.9) == b""
+    assert board.says(1.0) == b"armtree 1 AVW? boot b090,s090,e090,g000,\n"
     assert board.says_next() is None
+
+
+def test_a_reset_leaves_our_firmware_where_it_was_told_to_be() -> None:
+    board = booted("armtree")
+    board.receive(b"b009,s125,e085,g000,", 0.0)
+    board.says(2.0)
+    board.reset(2.0)
+    assert board.says(3.0) == b"armtree 1 AVW? kept b009,s125,e085,g000,\n"
+    assert board.state(3.0).servos == (9, 125, 85, 0)
 
 
 OURS_DAMAGE = {

@@ -42,7 +42,14 @@ class Rig:
         self.active = True
         self.events: list[ArmEvent] = []
         self.wait(2.0)
-        self.door = Door(self.robot, self.link, self.clock, lambda: self.active, self.events.append)
+        self.door = Door(
+            self.robot,
+            self.link,
+            self.clock,
+            lambda: self.active,
+            self.events.append,
+            self.robot.boot_pose,
+        )
         self.generation = self.door.renew(self.door.generation)
 
     def wait(self, until: float) -> None:
@@ -223,6 +230,7 @@ def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
         rig.clock,
         lambda: True,
         lambda event: (events.append(event), door.hold())[0],  # type: ignore[func-returns-value]
+        rig.robot.boot_pose,
     )
     rig.door, rig.generation = door, door.renew(door.generation)
     told.start()

@@ -21,7 +21,8 @@ class Firmware:
         max_step: Largest change that one frame may ask for, summed over the servos [deg].
         ring: Unread bytes the board can hold.
         boot_time: From reset until it reads its line [s].
-        banner: What it says when it has booted.
+        banner: How the line begins that it says when it has booted; the line ends with the frame
+            it holds, which a reset leaves alone. Empty for a board that says nothing.
     """
 
     name: str
@@ -46,6 +47,6 @@ class Firmware:
 # 10 Hz leaves the stock sketch 100 ms a frame: 4 servos x 5 ms and 16 degrees x 5 ms.
 STOCK = Firmware("stock", 10.0, 0.005, 16, 63, 1.0, b"")
 # The same largest step: it bounds how far the arm still moves after a stop.
-ARMTREE = Firmware("armtree", 50.0, 0.0, 16, 63, 1.0, b"armtree 1\r\n")
+ARMTREE = Firmware("armtree", 50.0, 0.0, 16, 63, 1.0, b"armtree 1 AVW? ")
 
 FIRMWARES = {firmware.name: firmware for firmware in (STOCK, ARMTREE)}
