@@ -1,0 +1,13 @@
+// The angles that the servos hold, in memory that a reset leaves alone.
+
+#pragma once
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "servo.h"
+
+// The angles [deg] held before the reset; false when there are none, as after power-on.
+bool held_recall(uint8_t angles[SERVOS]);
+
+void held_store(const uint8_t angles[SERVOS]);
