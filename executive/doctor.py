@@ -113,6 +113,7 @@ def _open(robot: Robot, port: str) -> Check:
         with Arm(robot, link_to(robot, port), RealClock()) as arm:
             arm.configure()
             arm.activate()
+            stands = ", ".join(f"{name} {q:.3f}" for name, q in arm.read().items())
     except HardwareError as error:
         return Check("board", False, str(error), "see the message")
-    return Check("board", True, f"opened, and waited {robot.serial.boot_wait:g} s for its boot")
+    return Check("board", True, f"booted; commanded to {stands} rad")

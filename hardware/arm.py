@@ -5,7 +5,7 @@ import contextlib
 import logging
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Self
 
 from .banner import Banner
@@ -21,6 +21,7 @@ from .errors import (
 )
 from .events import ArmEvent, BytesReceived, Faulted, Observer, StateChanged
 from .frames import Codec
+from .interfaces import states
 from .lifecycle import Lifecycle, Result, State
 from .link import Link
 from .robot import Robot
@@ -153,31 +154,45 @@ class Arm:
         self._settle()
         self._request("shutdown", State.FINALIZED)
 
+    def read(self) -> Mapping[str, float]:
+        """The state interfaces, such as `joint_1/position`, and their values [rad].
+
+        Open loop: they are what was commanded, and joints that follow others do so exactly.
+
+        Raises:
+            NotActive: Where an arm stands is only known once it was activated.
+        """
+        return states(self.robot, self.commanded)
+
     @property
     def generation(self) -> int:
-        """Number of the motion that may write; every stop and every new motion ends it.
+        """Number of the newest motion; its end, and every stop, counts it up.
 
         Raises:
             NotActive: The arm is not active.
         """
         return self._open_door().generation
 
-    def play(self, schedule: Schedule, changed: Callable[[], None], generation: int) -> Playback:
+    def play(
+        self, schedule: Schedule, changed: Callable[[], None], owner: str, generation: int
+    ) -> Playback:
         """Begin to play a schedule.
 
         Args:
             schedule: What to play.
             changed: Called from another thread after every frame and at the end.
+            owner: Whose motion it is, for whoever is refused meanwhile.
             generation: The arm's, when the motion was decided on.
 
         Raises:
             NotActive: The arm is not active.
-            StaleGeneration: There was a stop since then.
+            InterfaceClaimed: Another motion is being played; stop it first.
+            StaleGeneration: There was a stop, or another motion, since then.
         """
         streamer = self._streamer
         if self.state is not State.ACTIVE or streamer is None:
             raise self._not_active()
-        return streamer.play(schedule, changed, generation)
+        return streamer.play(schedule, changed, owner, generation)
 
     def stop(self) -> None:
         """Drop what is left of the motion and hold; in any state, any number of times.

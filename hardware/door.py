@@ -6,12 +6,13 @@ limits, and that the board can digest the frame now.
 """
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from .clock import Clock
-from .errors import LinkError, NotActive, StaleGeneration, TooFast
+from .errors import BadPosition, LinkError, NotActive, TooFast
 from .events import FrameSent, Observer
 from .frames import Codec, Frame
+from .interfaces import Claim, Claims, command_interfaces
 from .link import Link
 from .pace import Pace
 from .robot import Robot
@@ -27,6 +28,9 @@ class Door:
         active: Tells whether the lifecycle stands in *active*.
         observe: Told of every frame, after it was written.
         positions: Where the arm stands, one value per actuated joint [rad].
+
+    Attributes:
+        interfaces: The command interfaces, in the order of the fields in a frame.
     """
 
     def __init__(
@@ -42,7 +46,8 @@ class Door:
         self._active, self._observe = active, observe
         self._codec = Codec(robot.actuated)
         self._lock = threading.RLock()  # an observer, or a signal's handler, may hold the arm
-        self._generation = 0
+        self.interfaces = command_interfaces(robot)
+        self._claims = Claims(self.interfaces)
         self._closed = self._hold_due = False
         self._commanded = positions
         self._holds = self._codec.encode(self._commanded)
@@ -65,57 +70,58 @@ class Door:
 
     @property
     def generation(self) -> int:
-        """Number of the motion that may write; every stop ends it."""
-        return self._generation
+        """Number of the newest motion; its end, and every stop, counts it up."""
+        return self._claims.generation
 
-    def renew(self, generation: int) -> int:
-        """Begin a new generation; whoever still writes for an older one is refused.
-
-        Args:
-            generation: The one that is to be followed.
+    def claim(self, owner: str, interfaces: Iterable[str], generation: int) -> Claim:
+        """Claim command interfaces, for a motion that was decided on in a generation.
 
         Raises:
-            StaleGeneration: It has ended already.
+            WriteRefused: Unknown, claimed by another, or there was a stop since then.
         """
         with self._lock:
-            self._check_generation(generation)
-            self._generation += 1
-            return self._generation
+            return self._claims.take(owner, interfaces, generation)
+
+    def give_up(self, claim: Claim) -> None:
+        """End a claim. Harmless when it has ended."""
+        with self._lock:
+            self._claims.give_up(claim)
 
     def close(self) -> None:
         """Shut the door for good; a write that is under way ends first."""
         with self._lock:
             self._closed = True
 
-    def write(self, positions: Sequence[float], generation: int, scheduled: float) -> bool:
+    def write(self, positions: Sequence[float], claim: Claim, scheduled: float) -> bool:
         """Command positions; a frame of the same bytes as the last is not sent again.
 
         Args:
-            positions: One value per actuated joint [rad].
-            generation: Whose motion this is.
+            positions: One value per claimed interface [rad]; the other joints stay.
+            claim: Whose motion this is.
             scheduled: When this was due [s].
 
         Returns:
             Whether a frame was sent.
 
         Raises:
-            WriteRefused: Not active, an old generation, a bad value, or too much for the board.
+            WriteRefused: Not active, a claim that ended, a bad value, or too much for the board.
             PortLost: The port went away; what the board got is unknown.
             PortStalled: The board takes no more; likewise.
         """
         with self._lock:
             self._check_active()
-            self._check_generation(generation)
-            frame = self._codec.encode(positions)
+            self._claims.check(claim)
+            target = self._target(positions, claim)
+            frame = self._codec.encode(target)
             if frame != self._holds:
                 self._check_pace(frame)
-                self._send(frame, tuple(positions), scheduled)
+                self._send(frame, target, scheduled)
                 return True
-            self._commanded = tuple(positions)
+            self._commanded = target
             return False
 
     def hold(self) -> None:
-        """End the generation and repeat the last frame, once; nothing if none was written since.
+        """End all claims and repeat the last frame, once; nothing if none was written since.
 
         Raises:
             NotActive: Only an active arm is written to.
@@ -123,7 +129,7 @@ class Door:
             PortStalled: The board takes no more.
         """
         with self._lock:
-            self._generation += 1
+            self._claims.end()
             if self._hold_due:
                 self._check_active()
                 self._send(self._holds, self._commanded, None)
@@ -132,9 +138,13 @@ class Door:
         if self._closed or not self._active():
             raise NotActive("the arm is not active; configure and activate it first")
 
-    def _check_generation(self, generation: int) -> None:
-        if generation != self._generation:
-            raise StaleGeneration("this motion was stopped; nothing more is sent for it")
+    def _target(self, positions: Sequence[float], claim: Claim) -> tuple[float, ...]:
+        if len(positions) != len(claim.interfaces):
+            names = ", ".join(claim.interfaces)
+            raise BadPosition(f"{len(positions)} values for {len(claim.interfaces)}: {names}")
+        commanded = dict(zip(self.interfaces, self._commanded, strict=True))
+        commanded.update(zip(claim.interfaces, positions, strict=True))
+        return tuple(commanded.values())
 
     def _check_pace(self, frame: Frame) -> None:
         step, most = self._pace.step(frame), self._robot.firmware.max_step

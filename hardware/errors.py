@@ -14,6 +14,8 @@
     ├── CancelTimeout             what drove the arm did not stop in time
     └── WriteRefused              the write guard said no; nothing was sent
         ├── NotActive             only an active arm may be written to
+        ├── InterfaceUnknown      the arm has no such command interface
+        ├── InterfaceClaimed      somebody else commands that joint
         ├── StaleGeneration       the motion was stopped meanwhile
         ├── BadPosition           not finite, missing or outside the limits
         └── TooFast               more than the board can digest
@@ -21,6 +23,7 @@
 Every error carries a stable `code`, and its message says what to do next.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 
@@ -161,6 +164,26 @@ class NotActive(WriteRefused):
     """Only an active arm may be written to."""
 
     code = "hw.not_active"
+
+
+class InterfaceUnknown(WriteRefused):
+    """The arm has no such command interface."""
+
+    code = "hw.no_interface"
+
+    def __init__(self, name: str, present: Sequence[str]) -> None:
+        super().__init__(f"there is no command interface {name}; there are {', '.join(present)}")
+
+
+class InterfaceClaimed(WriteRefused):
+    """Somebody else commands that joint."""
+
+    code = "hw.claimed"
+
+    def __init__(self, name: str, owner: str, other: str) -> None:
+        super().__init__(
+            f"{name} is claimed by {owner}, so {other} cannot command it; stop the arm first"
+        )
 
 
 class StaleGeneration(WriteRefused):

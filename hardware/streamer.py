@@ -9,6 +9,7 @@ from enum import Enum
 from .clock import Clock
 from .door import Door
 from .errors import HardwareError, LinkError, NotActive, StaleGeneration
+from .interfaces import Claim
 from .schedule import Schedule
 
 logger = logging.getLogger(__name__)
@@ -28,15 +29,16 @@ class Playback:
 
     Attributes:
         schedule: What is played.
+        claim: By which it is written.
         written: Setpoints whose frames were written.
         state: How far it is.
         error: What failed, where it failed.
         latest: Largest lateness of a frame so far [s].
     """
 
-    def __init__(self, schedule: Schedule, generation: int, changed: Callable[[], None]) -> None:
+    def __init__(self, schedule: Schedule, claim: Claim, changed: Callable[[], None]) -> None:
         self.schedule = schedule
-        self.generation = generation
+        self.claim = claim
         self.written = 0
         self.state = PlaybackState.PLAYING
         self.error: HardwareError | None = None
@@ -75,24 +77,27 @@ class Streamer:
         self._closing = False
         self._thread = clock.spawn(self._run, "streamer")
 
-    def play(self, schedule: Schedule, changed: Callable[[], None], generation: int) -> Playback:
-        """Begin to play, from now on; whatever was playing is stopped.
+    def play(
+        self, schedule: Schedule, changed: Callable[[], None], owner: str, generation: int
+    ) -> Playback:
+        """Begin to play, from now on.
 
         Args:
             schedule: What to play.
             changed: Called from the streamer's thread after every frame and at the end.
+            owner: Whose motion it is.
             generation: The door's, when the motion was decided on.
 
         Raises:
             NotActive: The streamer was closed.
-            StaleGeneration: There was a stop since then.
+            InterfaceClaimed: Another motion is being played.
+            StaleGeneration: There was a stop, or another motion, since then.
         """
         with self._signal:
             if self._closing:
                 raise NotActive("the arm left the active state; configure and activate it first")
-            renewed = self._door.renew(generation)
-            self._drop()
-            self._playback = Playback(schedule, renewed, changed)
+            claim = self._door.claim(owner, self._door.interfaces, generation)
+            self._playback = Playback(schedule, claim, changed)
             self._signal.notify()
             return self._playback
 
@@ -158,6 +163,7 @@ class Streamer:
         self, playback: Playback, state: PlaybackState, error: HardwareError | None = None
     ) -> None:
         with self._signal:
+            self._door.give_up(playback.claim)
             playback.end(state, error)
 
     def _next(self) -> Playback | None:
@@ -175,9 +181,9 @@ class Streamer:
             late = self._clock.now() - due
             if late > self._period:
                 origin += late
-            self._door.write(setpoint.positions, playback.generation, due)
+            self._door.write(setpoint.positions, playback.claim, due)
             playback.wrote(late)
-        self._door.write(playback.schedule.end, playback.generation, self._clock.now())
+        self._door.write(playback.schedule.end, playback.claim, self._clock.now())
         if playback.schedule.setpoints:
             self._sleep(playback, max(origin + playback.schedule.duration, self._door.done))
 

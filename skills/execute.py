@@ -79,7 +79,7 @@ class Execute(Skill):
             raise self._pending.answer
         if self._playback is None:
             arm, wake = self.context.arm, self.context.wake
-            self._playback = arm.play(self._schedule, wake, self._generation)
+            self._playback = arm.play(self._schedule, wake, self.name, self._generation)
         return self._follow(self._playback)
 
     def _follow(self, playback: Playback) -> Status:

@@ -12,6 +12,7 @@ from hardware import (
     ArmEvent,
     BoardLink,
     BytesReceived,
+    InterfaceClaimed,
     NotActive,
     PlaybackState,
     PortNotGiven,
@@ -72,7 +73,7 @@ def test_writing_outside_active_is_refused(rig: Rig) -> None:
 
     def refused(state: State) -> None:
         with pytest.raises(NotActive, match=f"the arm is {state.value}; configure and activate"):
-            rig.arm.play(schedule, nothing, rig.arm.generation)
+            rig.arm.play(schedule, nothing, "test", rig.arm.generation)
         with pytest.raises(NotActive):
             _ = rig.arm.commanded
 
@@ -90,7 +91,7 @@ def test_writing_outside_active_is_refused(rig: Rig) -> None:
 def test_a_motion_plays_at_its_times_to_its_end(rig: Rig) -> None:
     rig.start()
     schedule, began = motion(HOME, PICK, 4.0), rig.clock.now()
-    playback = rig.arm.play(schedule, rig.wake, rig.arm.generation)
+    playback = rig.arm.play(schedule, rig.wake, "test", rig.arm.generation)
     rig.until(lambda: playback.state is not PlaybackState.PLAYING)
     assert playback.state is PlaybackState.DONE
     assert playback.written == len(schedule.setpoints) == len(rig.frames)
@@ -108,26 +109,48 @@ def test_a_motion_plays_at_its_times_to_its_end(rig: Rig) -> None:
 def test_a_motion_to_where_the_arm_stands_is_done_at_once(rig: Rig) -> None:
     rig.start()
     goal = (1e-4, 0.0, 0.0, 0.0)
-    playback = rig.arm.play(motion(HOME, goal, 1.0), rig.wake, rig.arm.generation)
+    playback = rig.arm.play(motion(HOME, goal, 1.0), rig.wake, "test", rig.arm.generation)
     rig.until(lambda: playback.state is PlaybackState.DONE)
     assert rig.frames == []
     assert rig.arm.commanded == goal
     assert rig.clock.now() == 2.0
 
 
-def test_a_new_motion_replaces_the_one_that_plays(rig: Rig) -> None:
+def test_a_second_motion_is_refused_while_one_plays(rig: Rig) -> None:
     rig.start()
-    first = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, rig.arm.generation)
+    first = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "first", rig.arm.generation)
     rig.wait(1.0)
-    second = rig.arm.play(motion(rig.arm.commanded, HOME, 2.0), rig.wake, rig.arm.generation)
-    assert first.state is PlaybackState.STOPPED
+    back = motion(rig.arm.commanded, HOME, 2.0)
+    with pytest.raises(InterfaceClaimed, match="claimed by first, so second cannot"):
+        rig.arm.play(back, rig.wake, "second", rig.arm.generation)
+    rig.until(lambda: first.state is not PlaybackState.PLAYING)
+    assert first.state is PlaybackState.DONE
+    back = motion(rig.arm.commanded, HOME, 2.0)
+    second = rig.arm.play(back, rig.wake, "second", rig.arm.generation)
     rig.until(lambda: second.state is not PlaybackState.PLAYING)
     assert second.state is PlaybackState.DONE
 
 
+def test_the_state_is_the_command_and_a_follower_follows(rig: Rig) -> None:
+    rig.start()
+    goal = (-1.4, -0.6, -0.07, -0.7)
+    playback = rig.arm.play(motion(HOME, goal, 4.0), rig.wake, "test", rig.arm.generation)
+    rig.until(lambda: playback.state is PlaybackState.DONE)
+    assert rig.arm.read() == {
+        "joint_1/position": -1.4,
+        "joint_2/position": -0.6,
+        "joint_3/position": -0.07,
+        "joint_4/position": -0.7,
+        "joint_5/position": 0.7,
+    }
+    rig.arm.deactivate()
+    with pytest.raises(NotActive):
+        rig.arm.read()
+
+
 def test_a_motion_from_elsewhere_is_refused_and_the_arm_stays_active(rig: Rig) -> None:
     rig.start()
-    playback = rig.arm.play(motion(PICK, HOME, 4.0), rig.wake, rig.arm.generation)
+    playback = rig.arm.play(motion(PICK, HOME, 4.0), rig.wake, "test", rig.arm.generation)
     rig.until(lambda: playback.state is not PlaybackState.PLAYING)
     assert playback.state is PlaybackState.FAILED
     assert isinstance(playback.error, TooFast)
@@ -158,7 +181,7 @@ def test_the_log(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
 def test_leaving_the_context_shuts_down(rig: Rig) -> None:
     with rig.arm as arm:
         rig.start()
-        arm.play(motion(HOME, PICK, 4.0), rig.wake, arm.generation)
+        arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", arm.generation)
         rig.wait(1.0)
     assert rig.arm.state is State.FINALIZED
     assert rig.link.read() == b""  # closed
@@ -192,7 +215,7 @@ def late(rig: Rig, frame: int, seconds: float) -> list[float]:
                     signal.wait(until)
         rig.wake()
 
-    playback = rig.arm.play(schedule, hinder, rig.arm.generation)
+    playback = rig.arm.play(schedule, hinder, "test", rig.arm.generation)
     rig.until(lambda: playback.state is not PlaybackState.PLAYING)
     assert playback.state is PlaybackState.DONE
     assert [event.data for event in rig.frames] == [s.frame.data for s in schedule.setpoints]

@@ -31,7 +31,7 @@ def rig() -> Iterator[Rig]:
 @pytest.mark.parametrize("moving", [True, False])
 def test_a_port_that_is_lost_takes_the_arm_out_of_active(rig: Rig, moving: bool) -> None:
     rig.start()
-    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, rig.arm.generation)
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
     if not moving:
         rig.until(lambda: playback.state is PlaybackState.DONE)
     rig.wait(0.5)
@@ -52,7 +52,7 @@ def test_a_port_that_is_lost_takes_the_arm_out_of_active(rig: Rig, moving: bool)
 @pytest.mark.parametrize("cause", [PortStalled, PortLost])
 def test_a_fault_ends_the_motion_with_that_fault_named(rig: Rig, cause: type[PortLost]) -> None:
     rig.start()
-    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, rig.arm.generation)
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
     rig.wait(1.0)
     error = cause("board", "it")
     rig.arm.fault(error)
@@ -70,7 +70,7 @@ def test_a_hold_that_cannot_be_written_is_a_fault(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig.start()
-    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, rig.arm.generation)
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
     rig.wait(1.0)
     stuck = PortStalled("board", "Something went wrong")
 
@@ -216,7 +216,7 @@ def test_an_observer_that_fails_keeps_the_arm_from_nothing(
     with rig.clock.working(), Arm(ROBOT, rig.link, rig.clock, broken) as arm:
         arm.configure()
         arm.activate()
-        playback = arm.play(motion(HOME, PICK, 4.0), rig.wake, arm.generation)
+        playback = arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", arm.generation)
         rig.until(lambda: playback.state is not PlaybackState.PLAYING)
         assert playback.state is PlaybackState.DONE
     assert arm.state is State.FINALIZED
@@ -228,7 +228,7 @@ def test_stop_races_with_everything() -> None:
     for _ in range(30):
         rig = Rig()
         rig.start()
-        playback = rig.arm.play(motion(HOME, PICK, 4.0), nothing, rig.arm.generation)
+        playback = rig.arm.play(motion(HOME, PICK, 4.0), nothing, "test", rig.arm.generation)
 
         def deactivate(arm: Arm = rig.arm) -> None:
             with contextlib.suppress(TransitionRefused):  # the fault was first

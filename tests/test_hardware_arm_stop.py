@@ -21,7 +21,7 @@ def rig() -> Iterator[Rig]:
 
 def test_stop_mid_motion_writes_one_hold_and_nothing_more(rig: Rig) -> None:
     rig.start()
-    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, rig.arm.generation)
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
     rig.wait(1.234)
     written = len(rig.frames)
     for _ in range(3):
@@ -78,7 +78,9 @@ def test_stops_at_any_instant_leave_one_hold_and_lose_nothing() -> None:
         rig = Rig()
         with rig.clock.working(), rig.arm:
             rig.start()
-            rig.arm.play(motion(HOME, (-1.4, -0.6, -0.07, -0.7), 1.0), rig.wake, rig.arm.generation)
+            rig.arm.play(
+                motion(HOME, (-1.4, -0.6, -0.07, -0.7), 1.0), rig.wake, "test", rig.arm.generation
+            )
             rig.wait(hundredths / 100)
             rig.arm.stop()
             written = len(rig.frames)
@@ -91,11 +93,11 @@ def test_stops_at_any_instant_leave_one_hold_and_lose_nothing() -> None:
 
 def test_after_a_stop_the_arm_moves_on_from_where_it_was_commanded(rig: Rig) -> None:
     rig.start()
-    rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, rig.arm.generation)
+    rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
     rig.wait(1.0)
     rig.arm.stop()
     back = motion(rig.arm.commanded, HOME, 4.0)
-    playback = rig.arm.play(back, rig.wake, rig.arm.generation)
+    playback = rig.arm.play(back, rig.wake, "test", rig.arm.generation)
     rig.until(lambda: playback.state is not PlaybackState.PLAYING)
     assert playback.state is PlaybackState.DONE
     assert rig.link.board.state(rig.clock.now()).servos == (90, 90, 90, 0)
@@ -103,7 +105,7 @@ def test_after_a_stop_the_arm_moves_on_from_where_it_was_commanded(rig: Rig) -> 
 
 def test_deactivate_mid_motion_holds_first(rig: Rig) -> None:
     rig.start()
-    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, rig.arm.generation)
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
     rig.wait(1.0)
     rig.arm.deactivate()
     assert playback.state is PlaybackState.STOPPED
@@ -122,6 +124,6 @@ def test_a_motion_decided_on_before_a_stop_is_not_played_after_it(rig: Rig) -> N
     decided = rig.arm.generation
     rig.arm.stop()
     with pytest.raises(StaleGeneration):
-        rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, decided)
+        rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", decided)
     rig.wait(5)
     assert rig.frames == []

@@ -58,7 +58,9 @@ def test_the_arm_begins_where_the_board_says_it_stands() -> None:
         assert arm.commanded == ROBOT.boot_pose
         done = clock.signal()
         goal = (-1.4, -0.6, -0.07, 0.0)
-        playback = arm.play(motion(arm.commanded, goal, 4.0, ROBOT), lambda: None, arm.generation)
+        playback = arm.play(
+            motion(arm.commanded, goal, 4.0, ROBOT), lambda: None, "test", arm.generation
+        )
         with done:
             done.wait(clock.now() + 6.0)
         assert playback.written

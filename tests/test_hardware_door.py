@@ -12,6 +12,8 @@ from hardware import (
     BoardLink,
     Firmware,
     FrameSent,
+    InterfaceClaimed,
+    InterfaceUnknown,
     NotActive,
     PortLost,
     SimulatedClock,
@@ -21,6 +23,7 @@ from hardware import (
     virtual_board,
 )
 from hardware.door import Door
+from hardware.interfaces import Claim
 
 ROBOT = load_robot()
 HOME = (0.0, 0.0, 0.0, 0.0)
@@ -50,15 +53,18 @@ class Rig:
             self.events.append,
             self.robot.boot_pose,
         )
-        self.generation = self.door.renew(self.door.generation)
+        self.claim = self.claimed()
 
     def wait(self, until: float) -> None:
         with (signal := self.clock.signal()):
             while self.clock.now() < until:
                 signal.wait(until)
 
+    def claimed(self) -> Claim:
+        return self.door.claim("test", self.door.interfaces, self.door.generation)
+
     def write(self, positions: tuple[float, ...]) -> bool:
-        return self.door.write(positions, self.generation, self.clock.now())
+        return self.door.write(positions, self.claim, self.clock.now())
 
     @property
     def sent(self) -> list[str]:
@@ -104,12 +110,55 @@ def test_only_active_may_write() -> None:
     assert rig.sent == []
 
 
-def test_an_older_generation_is_refused() -> None:
+def test_a_claim_that_was_given_up_is_refused() -> None:
     rig = Rig()
-    rig.door.renew(rig.door.generation)
+    for _ in range(2):
+        rig.door.give_up(rig.claim)
     with pytest.raises(StaleGeneration):
         rig.write(degrees(1))
     assert rig.sent == []
+
+
+def test_two_owners_of_one_joint_are_an_error_that_names_both() -> None:
+    rig = Rig()
+    why = "joint_1/position is claimed by test, so jog cannot command it; stop the arm first"
+    with pytest.raises(InterfaceClaimed, match=why):
+        rig.door.claim("jog", ["joint_1/position"], rig.door.generation)
+    assert rig.write(degrees(1))
+    rig.door.give_up(rig.claim)
+    rig.door.claim("jog", ["joint_1/position"], rig.door.generation)
+
+
+def test_a_joint_that_has_no_servo_cannot_be_claimed() -> None:
+    rig = Rig()
+    with pytest.raises(InterfaceUnknown, match="no command interface joint_5/position; there are"):
+        rig.door.claim("jog", ["joint_5/position"], rig.door.generation)
+
+
+def test_who_claims_one_joint_moves_that_one() -> None:
+    rig = Rig()
+    rig.write(degrees(10))
+    rig.door.give_up(rig.claim)
+    jog = rig.door.claim("jog", ["joint_2/position"], rig.door.generation)
+    other = rig.door.claim("other", ["joint_4/position"], rig.door.generation)
+    assert rig.door.write([math.radians(-4.5)], jog, 2.0)
+    with pytest.raises(BadPosition, match="2 values for 1: joint_2/position"):
+        rig.door.write([0.0, 0.0], jog, 2.0)
+    rig.wait(rig.door.earliest)
+    assert rig.door.write([-0.1], other, 2.0)
+    assert rig.sent[1:] == ["b100,s095,e090,g000,", "b100,s095,e090,g011,"]
+    rig.door.hold()
+    for claim in (jog, other):
+        with pytest.raises(StaleGeneration):
+            rig.door.write([0.0], claim, 2.0)
+
+
+def test_a_motion_decided_on_before_another_one_began_or_ended_is_refused() -> None:
+    rig = Rig()
+    during = rig.door.generation
+    rig.door.give_up(rig.claim)
+    with pytest.raises(StaleGeneration):
+        rig.door.claim("test", rig.door.interfaces, during)
 
 
 def test_too_large_a_step_is_refused() -> None:
@@ -148,7 +197,7 @@ def test_after_a_hold_the_old_motion_is_over_and_a_new_one_may_begin() -> None:
     rig.door.hold()
     with pytest.raises(StaleGeneration):
         rig.write(degrees(2))
-    rig.generation = rig.door.renew(rig.door.generation)
+    rig.claim = rig.claimed()
     rig.wait(rig.door.earliest)
     rig.write(degrees(2))
     rig.door.hold()
@@ -232,7 +281,8 @@ def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
         lambda event: (events.append(event), door.hold())[0],  # type: ignore[func-returns-value]
         rig.robot.boot_pose,
     )
-    rig.door, rig.generation = door, door.renew(door.generation)
+    rig.door = door
+    rig.claim = rig.claimed()
     told.start()
     told.join(5)
     assert not told.is_alive()

@@ -97,7 +97,7 @@ def active(robot: Robot, port: str) -> Iterator[tuple[Arm, Watch]]:
 def play(arm: Arm, watch: Watch, goal: Sequence[float], seconds: float) -> Playback:
     """Begin a sweep from where the arm is."""
     schedule = sweep(arm.robot, arm.commanded, goal, seconds)
-    return arm.play(schedule, watch.wake, arm.generation)
+    return arm.play(schedule, watch.wake, "test", arm.generation)
 
 
 def p99(samples: Sequence[float]) -> float:

@@ -1,0 +1,107 @@
+"""Interfaces by name, as in ros2_control: what can be commanded and known, and who commands it.
+
+Every joint with a servo has the command interface `<joint>/position`; every joint, those that
+follow another included, has the state interface of the same name.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from .errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration
+from .robot import Joint, Robot
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """The right to command some joints, until it is given up or a stop ends it.
+
+    Attributes:
+        owner: Who has it.
+        interfaces: Names of the command interfaces.
+        generation: Number of the motion that may write.
+    """
+
+    owner: str
+    interfaces: tuple[str, ...]
+    generation: int
+
+
+class Claims:
+    """Who commands which joint; one user at a time. Its caller locks.
+
+    Args:
+        interfaces: The command interfaces there are.
+
+    Attributes:
+        generation: Number of the newest motion; every claim and every end of one counts it up.
+    """
+
+    def __init__(self, interfaces: Sequence[str]) -> None:
+        self._interfaces = tuple(interfaces)
+        self._held: dict[str, Claim] = {}
+        self.generation = 0
+
+    def take(self, owner: str, interfaces: Iterable[str], generation: int) -> Claim:
+        """Claim interfaces for a motion that was decided on in a generation.
+
+        Raises:
+            InterfaceUnknown: There is no such interface.
+            InterfaceClaimed: Another owner has it.
+            StaleGeneration: There was a stop, or another motion, since then.
+        """
+        names = tuple(interfaces)
+        for name in names:
+            if name not in self._interfaces:
+                raise InterfaceUnknown(name, self._interfaces)
+            if name in self._held:
+                raise InterfaceClaimed(name, self._held[name].owner, owner)
+        if generation != self.generation:
+            raise StaleGeneration("the arm was stopped or moved since this motion was decided on")
+        self.generation += 1
+        claim = Claim(owner, names, self.generation)
+        self._held.update(dict.fromkeys(names, claim))
+        return claim
+
+    def check(self, claim: Claim) -> None:
+        """Refuse a claim that has ended.
+
+        Raises:
+            StaleGeneration: It has.
+        """
+        for name in claim.interfaces:
+            if name not in self._held or self._held[name].generation != claim.generation:
+                raise StaleGeneration("this motion was stopped; nothing more is sent for it")
+
+    def give_up(self, claim: Claim) -> None:
+        """End a claim. Harmless when it has ended."""
+        if claim in self._held.values():
+            self._held = {name: held for name, held in self._held.items() if held != claim}
+            self.generation += 1
+
+    def end(self) -> None:
+        """End all claims."""
+        self._held.clear()
+        self.generation += 1
+
+
+def command_interfaces(robot: Robot) -> tuple[str, ...]:
+    """The interfaces that can be claimed, in the order of the fields in a frame."""
+    return tuple(_position(joint) for joint in robot.actuated)
+
+
+def states(robot: Robot, commanded: Sequence[float]) -> Mapping[str, float]:
+    """The state interfaces and their values [rad]: the command, for nothing is measured.
+
+    Args:
+        robot: Whose joints.
+        commanded: One value per actuated joint [rad].
+    """
+    known = {joint.name: q for joint, q in zip(robot.actuated, commanded, strict=True)}
+    for joint in robot.joints:
+        if joint.mimic:
+            known[joint.name] = joint.mimic.value(known[joint.mimic.leader])
+    return {_position(joint): known[joint.name] for joint in robot.joints}
+
+
+def _position(joint: Joint) -> str:
+    return f"{joint.name}/position"
