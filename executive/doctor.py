@@ -10,12 +10,10 @@ from hardware import (
     VIRTUAL,
     Arm,
     Check,
-    Codec,
     HardwareError,
     RealClock,
     Robot,
     check_port,
-    link_to,
     load_robot,
 )
 from logs import LogError, check_space
@@ -53,7 +51,7 @@ def examine(
 
 
 def _pose(robot: Robot) -> Check:
-    frame = Codec(robot.actuated).encode(robot.boot_pose)
+    frame = robot.wire_format.encode(robot.boot_pose)
     return Check("pose", True, f"after a reset the board stands at {frame}")
 
 
@@ -110,7 +108,7 @@ def _port(robot: Robot, port: str, really_open: bool) -> Iterator[Check]:
 
 def _open(robot: Robot, port: str) -> Check:
     try:
-        with Arm(robot, link_to(robot, port), RealClock()) as arm:
+        with Arm(robot, robot.driver.link(robot, port), RealClock()) as arm:
             arm.configure()
             arm.activate()
             stands = ", ".join(f"{name} {q:.3f}" for name, q in arm.read().items())

@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardware import VIRTUAL, HardwareError, RealClock, Robot, link_to, load_robot
+from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
 from skills.motion import Pool
 from trees import Library, TreeError
 
@@ -63,7 +63,7 @@ def execute(options: Options) -> list[Outcome]:
         with closing(Pool(robot, options.workers, clock)) as pool:
             executive = Executive(
                 robot,
-                link_to(robot, port) if port else None,
+                robot.driver.link(robot, port) if port else None,
                 library,
                 pool,
                 options.recordings,

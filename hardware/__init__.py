@@ -27,15 +27,15 @@ from .errors import (
     WriteRefused,
 )
 from .events import ArmEvent, BytesReceived, Faulted, FrameSent, Observer, StateChanged
-from .frames import Codec, Frame, check_position
+from .frames import Codec, Frame, WireField, check_position
 from .lifecycle import State
 from .link import Link
-from .links import VIRTUAL, link_to, virtual_board
 from .ports import Check, SerialPort, check_port, serial_ports
 from .profiles import FIRMWARES, Firmware
-from .robot import CollisionRules, Joint, Mimic, Robot, Serial, WireField
+from .robot import CollisionRules, Joint, Mimic, Robot, Serial
 from .schedule import Schedule, Setpoint, compile_schedule, played
 from .serial_link import SerialLink
+from .serial_servo import VIRTUAL, virtual_board
 from .streamer import Playback, PlaybackState
 from .virtual_arduino import VirtualArduino, VirtualLink
 
@@ -98,7 +98,6 @@ __all__ = [
     "check_port",
     "check_position",
     "compile_schedule",
-    "link_to",
     "load_robot",
     "played",
     "serial_ports",

@@ -20,7 +20,6 @@ from .errors import (
     TransitionRefused,
 )
 from .events import ArmEvent, BytesReceived, Faulted, Observer, StateChanged
-from .frames import Codec
 from .interfaces import states
 from .lifecycle import Lifecycle, Result, State
 from .link import Link
@@ -63,7 +62,7 @@ class Arm:
         self._door: Door | None = None
         self._streamer: Streamer | None = None
         self._listener: threading.Thread | None = None
-        self._banner = Banner(robot.firmware, Codec(robot.actuated))
+        self._banner = Banner(robot.firmware, robot.wire_format)
         self._lifecycle = Lifecycle(
             {
                 State.CONFIGURING: self._configure,
@@ -281,7 +280,7 @@ class Arm:
         assert self._link
         with self._signal:
             self._canceled, self._failure = False, None
-            self._banner = Banner(self.robot.firmware, Codec(self.robot.actuated))
+            self._banner = Banner(self.robot.firmware, self.robot.wire_format)
         does = "stays where it is" if self.robot.firmware.banner else "moves to its boot pose"
         logger.info("Starting the arm on port %s: it %s", self._link.port, does)
         try:
@@ -319,7 +318,7 @@ class Arm:
 
     def _boot_pose(self, link: Link) -> tuple[float, ...]:
         """Where the arm stands now [rad]: what the board says, else where a reset puts it."""
-        codec, pose, frame = Codec(self.robot.actuated), self.robot.boot_pose, self._banner.frame
+        codec, pose, frame = self.robot.wire_format, self.robot.boot_pose, self._banner.frame
         if frame is None:
             if self.robot.firmware.banner:
                 what = "The board on port %s did not say where it stands; taking its boot pose"

@@ -1,6 +1,7 @@
 """What a board says when it has booted: who it is, and where its servos are."""
 
-from .frames import Codec, Frame
+from .driver import WireFormat
+from .frames import Frame
 from .profiles import Firmware
 
 # A line of ours is far shorter; what never ends a line is no banner.
@@ -18,7 +19,7 @@ class Banner:
         frame: What the board holds; None until it has said so.
     """
 
-    def __init__(self, firmware: Firmware, codec: Codec) -> None:
+    def __init__(self, firmware: Firmware, codec: WireFormat) -> None:
         self._begins, self._codec = firmware.banner, codec
         self._unfinished = b""
         self.frame: Frame | None = None

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
+from .driver import Driver, load_driver
 from .errors import DescriptionError
-from .frames import Codec, servo_angle
-from .pace import unread_bytes
-from .profiles import FIRMWARES
-from .robot import CollisionRules, Joint, Mimic, Robot, Serial, WireField
+from .robot import CollisionRules, Joint, Mimic, Robot, Serial
 from .toml_table import TomlTable
 
 _MOVING = ("revolute", "continuous", "prismatic")
@@ -26,7 +24,8 @@ def load_robot(path: Path | None = None) -> Robot:
     root = TomlTable.read(path)
     urdf_path = path.parent / root.text("urdf")
     urdf = _read_urdf(root, urdf_path)
-    joints = _joints(root, urdf)
+    driver = load_driver(root)
+    joints = _joints(root, urdf, driver)
     groups = _groups(root, joints)
     robot = Robot(
         name=root.text("name"),
@@ -35,24 +34,13 @@ def load_robot(path: Path | None = None) -> Robot:
         joints=joints,
         groups=groups,
         serial=_serial(root.table("serial")),
-        firmware=FIRMWARES[root.table("serial").choice("firmware", FIRMWARES)],
+        driver=driver,
+        firmware=driver.firmwares[root.table("serial").choice("firmware", driver.firmwares)],
         collision=_collision(root.table("collision"), urdf.links),
     )
     root.done()
-    _check_board(root, robot)
+    driver.check(root, robot)
     return robot
-
-
-def _check_board(root: TomlTable, robot: Robot) -> None:
-    """What the board's firmware asks of the rest."""
-    firmware, serial = robot.firmware, root.table("serial")
-    if robot.serial.boot_wait < firmware.boot_time:
-        wait, needs = robot.serial.boot_wait, f"{firmware.name} needs {firmware.boot_time:g} s"
-        serial.fail("boot_wait_s", f"{wait:g} s is too short: {needs} from reset to its first byte")
-    frame = Codec(robot.actuated).encode(robot.boot_pose)
-    if unread_bytes(frame, waiting=1) > firmware.ring:
-        what = f"frames of {len(frame.servos)} joints are too long for the {firmware.ring} bytes"
-        root.fail("joints", f"{what} that {firmware.name} can hold; a stop would not fit")
 
 
 @dataclass(frozen=True)
@@ -108,7 +96,7 @@ def _mimic(element: ElementTree.Element) -> Mimic:
     return Mimic(element.attrib["joint"], multiplier, offset)
 
 
-def _joints(root: TomlTable, urdf: _Urdf) -> tuple[Joint, ...]:
+def _joints(root: TomlTable, urdf: _Urdf, driver: Driver) -> tuple[Joint, ...]:
     """The joints of the robot file in its order, then the mimics of the URDF."""
     table = root.table("joints")
     for name in table:
@@ -116,8 +104,7 @@ def _joints(root: TomlTable, urdf: _Urdf) -> tuple[Joint, ...]:
             table.fail(name, f"the URDF has no such joint; it has {', '.join(urdf.joints)}")
         if urdf.joints[name].mimic:
             table.fail(name, "follows another joint in the URDF and has no servo of its own")
-    own = {name: _joint(name, table.table(name), urdf.joints[name]) for name in table}
-    _check_letters(table, own)
+    own = {name: _joint(name, table.table(name), urdf.joints[name], driver) for name in table}
     mimics = []
     for name, described in urdf.joints.items():
         if described.mimic and described.mimic.leader in own:
@@ -129,16 +116,7 @@ def _joints(root: TomlTable, urdf: _Urdf) -> tuple[Joint, ...]:
     return (*own.values(), *mimics)
 
 
-def _check_letters(table: TomlTable, joints: dict[str, Joint]) -> None:
-    taken: dict[str, str] = {}
-    for name, joint in joints.items():
-        letter = joint.wire.letter if joint.wire else ""
-        if letter in taken:
-            table.fail(name, f"its letter {letter} on the wire is that of {taken[letter]} already")
-        taken[letter] = name
-
-
-def _joint(name: str, table: TomlTable, urdf: _UrdfJoint) -> Joint:
+def _joint(name: str, table: TomlTable, urdf: _UrdfJoint, driver: Driver) -> Joint:
     joint = Joint(
         name=name,
         lower=urdf.lower,
@@ -147,29 +125,15 @@ def _joint(name: str, table: TomlTable, urdf: _UrdfJoint) -> Joint:
         acceleration=table.number("acceleration", above=0),
         boot=table.number("boot"),
         mimic=None,
-        wire=_wire(table.table("wire")),
+        wire=driver.wire(table, urdf.lower, urdf.upper),
     )
     if not joint.lower <= joint.boot <= joint.upper:
         table.fail("boot", f"{joint.boot:g} is outside [{joint.lower:g}, {joint.upper:g}]")
     if joint.velocity > urdf.velocity:
         most = f"the URDF's limit, {urdf.velocity:g} rad/s"
         table.fail("velocity", f"{joint.velocity:g} rad/s is more than {most}")
-    _check_travel(joint, table)
     table.done()
     return joint
-
-
-def _check_travel(joint: Joint, table: TomlTable) -> None:
-    """A frame has three digits, and a servo turns from 0 to 180 degrees."""
-    assert joint.wire is not None
-    for limit in (joint.lower, joint.upper):
-        try:
-            travels = 0 <= servo_angle(joint.wire, limit) <= 180
-        except (ArithmeticError, ValueError):  # an endless limit, or next to no span
-            travels = False
-        if not travels:
-            what = f"the URDF's limit {limit:g} rad"
-            table.fail("wire", f"{what} is no servo angle from 0 to 180 degrees with this field")
 
 
 def _mimic_joint(name: str, urdf: _UrdfJoint, leader: Joint) -> Joint:
@@ -185,21 +149,6 @@ def _mimic_joint(name: str, urdf: _UrdfJoint, leader: Joint) -> Joint:
         mimic=urdf.mimic,
         wire=None,
     )
-
-
-def _wire(table: TomlTable) -> WireField:
-    letter = table.text("letter")
-    if len(letter) != 1 or not ("a" <= letter <= "z"):
-        table.fail("letter", f"{letter!r} is not one letter from a to z")
-    field = WireField(
-        letter=letter,
-        sign=table.integer("sign", choices=(-1, 1)),
-        offset=math.radians(table.number("offset_deg")),
-        span=math.radians(table.number("span_deg", above=0)),
-        reversed=table.boolean("reversed"),
-    )
-    table.done()
-    return field
 
 
 def _groups(root: TomlTable, joints: tuple[Joint, ...]) -> dict[str, tuple[str, ...]]:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from .clock import Clock
 from .errors import BadPosition, LinkError, NotActive, TooFast
 from .events import FrameSent, Observer
-from .frames import Codec, Frame
+from .frames import Frame, check_position
 from .interfaces import Claim, Claims, command_interfaces
 from .link import Link
 from .pace import Pace
@@ -44,7 +44,7 @@ class Door:
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
         self._active, self._observe = active, observe
-        self._codec = Codec(robot.actuated)
+        self._codec = robot.wire_format
         self._lock = threading.RLock()  # an observer, or a signal's handler, may hold the arm
         self.interfaces = command_interfaces(robot)
         self._claims = Claims(self.interfaces)
@@ -112,6 +112,8 @@ class Door:
             self._check_active()
             self._claims.check(claim)
             target = self._target(positions, claim)
+            for joint, q in zip(self._robot.actuated, target, strict=True):
+                check_position(joint, q)
             frame = self._codec.encode(target)
             if frame != self._holds:
                 self._check_pace(frame)

@@ -10,7 +10,28 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .errors import BadPosition
-from .robot import Joint, WireField
+from .robot import Joint
+
+
+@dataclass(frozen=True, slots=True)
+class WireField:
+    """How one joint travels in a frame, in servo degrees.
+
+    The value is `trunc((sign * q + offset) * 180 / span)`, and 180 minus that where `reversed`.
+
+    Attributes:
+        letter: Names the servo on the wire.
+        sign: +1 or -1, applied to the joint value.
+        offset: Added to the signed joint value [rad].
+        span: Joint travel that the servo's 180 degrees cover [rad].
+        reversed: Whether the servo is mounted the other way round.
+    """
+
+    letter: str
+    sign: int
+    offset: float
+    span: float
+    reversed: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +61,7 @@ class Codec:
     """
 
     def __init__(self, joints: Sequence[Joint]) -> None:
-        self._fields = [(joint, joint.wire) for joint in joints if joint.wire]
+        self._fields = [(j, j.wire) for j in joints if isinstance(j.wire, WireField)]
         self.letters = "".join(wire.letter for _, wire in self._fields)
         self._pattern = re.compile(re.sub("(.)", r"\1([0-9]{3}),", self.letters).encode("ascii"))
 

@@ -1,31 +1,15 @@
-"""The robot as data: joints, groups, limits and what travels on the wire."""
+"""The robot as data: joints, groups, limits, and the board it hangs on."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .profiles import Firmware
 
-
-@dataclass(frozen=True, slots=True)
-class WireField:
-    """How one joint travels in a frame, in servo degrees.
-
-    The value is `trunc((sign * q + offset) * 180 / span)`, and 180 minus that where `reversed`.
-
-    Attributes:
-        letter: Names the servo on the wire.
-        sign: +1 or -1, applied to the joint value.
-        offset: Added to the signed joint value [rad].
-        span: Joint travel that the servo's 180 degrees cover [rad].
-        reversed: Whether the servo is mounted the other way round.
-    """
-
-    letter: str
-    sign: int
-    offset: float
-    span: float
-    reversed: bool
+if TYPE_CHECKING:
+    from .driver import Driver, WireFormat
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +43,8 @@ class Joint:
         acceleration: Limit [rad/s2].
         boot: Where a reset of the board puts it [rad].
         mimic: Whom it follows; None for a joint of its own.
-        wire: How it travels in a frame; None for a joint that has no servo of its own.
+        wire: How it travels in a frame, as its driver read it; None for a joint that has no servo
+            of its own.
     """
 
     name: str
@@ -69,7 +54,7 @@ class Joint:
     acceleration: float
     boot: float
     mimic: Mimic | None
-    wire: WireField | None
+    wire: object | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +100,7 @@ class Robot:
         joints: All moving joints, mimics included, in the order of the robot file.
         groups: Group name to the names of its joints, mimics included.
         serial: The line to the board.
+        driver: What speaks to the board.
         firmware: What runs on the board.
         collision: What may not touch.
     """
@@ -125,6 +111,7 @@ class Robot:
     joints: tuple[Joint, ...]
     groups: Mapping[str, tuple[str, ...]]
     serial: Serial
+    driver: "Driver"
     firmware: Firmware
     collision: CollisionRules
 
@@ -132,6 +119,11 @@ class Robot:
     def actuated(self) -> tuple[Joint, ...]:
         """Joints with a servo, in the order of their fields in a frame."""
         return tuple(joint for joint in self.joints if joint.wire)
+
+    @cached_property
+    def wire_format(self) -> "WireFormat":
+        """Joint positions to frames and back."""
+        return self.driver.wire_format(self.actuated)
 
     @property
     def boot_pose(self) -> tuple[float, ...]:

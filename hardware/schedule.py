@@ -4,7 +4,8 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from .frames import Codec, Frame
+from .driver import WireFormat
+from .frames import Frame
 from .pace import Pace
 from .robot import Robot
 
@@ -63,7 +64,7 @@ def compile_schedule(
     Raises:
         BadPosition: A sample is missing, not finite or outside the limits.
     """
-    codec = Codec(robot.actuated)
+    codec = robot.wire_format
     last = codec.encode(start)
     pace = Pace(robot.firmware, robot.serial.baud, last)
     period, setpoints, shift = 1 / robot.firmware.rate, [], 0.0
@@ -98,7 +99,7 @@ def played(
         When the frame of each position goes out [s], and the positions, one value per actuated
         joint [rad].
     """
-    codec, in_turn = Codec(robot.actuated), robot.firmware.degree_time > 0
+    codec, in_turn = robot.wire_format, robot.firmware.degree_time > 0
     held = list(codec.encode(start).servos)
     times, rows = [0.0], [codec.decode(codec.frame(held))]
     for setpoint in schedule.setpoints:
@@ -114,7 +115,7 @@ def played(
 
 
 def _steps(
-    robot: Robot, codec: Codec, start: Sequence[float], sample: Sampler, duration: float
+    robot: Robot, codec: WireFormat, start: Sequence[float], sample: Sampler, duration: float
 ) -> Iterator[tuple[float, ...]]:
     """The positions at the end of every period, as many periods as the board needs."""
     rate = robot.firmware.rate
@@ -131,7 +132,7 @@ def _steps(
         before, before_time = frame, time
 
 
-def _fits(codec: Codec, before: Frame, rows: Sequence[Sequence[float]], most: int) -> bool:
+def _fits(codec: WireFormat, before: Frame, rows: Sequence[Sequence[float]], most: int) -> bool:
     servos = before.servos
     for row in rows:
         after = codec.encode(row).servos

@@ -185,6 +185,7 @@ def test_whatever_a_value_is_the_file_loads_or_is_refused(
 
 OTHER_TOML = """
 name = "pan-tilt"
+driver = "serial_servo"
 urdf = "pan_tilt.urdf"
 
 [serial]

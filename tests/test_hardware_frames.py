@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware import BadPosition, Codec, Joint, check_position, load_robot
+from hardware import BadPosition, Codec, Joint, WireField, check_position, load_robot
 
 ROBOT = load_robot()
 CODEC = Codec(ROBOT.actuated)
@@ -124,7 +124,7 @@ def test_what_is_no_frame_is_told(data: bytes) -> None:
 
 def test_a_robot_of_other_letters_has_frames_of_its_own() -> None:
     def lettered(joint: Joint, letter: str) -> Joint:
-        assert joint.wire
+        assert isinstance(joint.wire, WireField)
         return dataclasses.replace(joint, wire=dataclasses.replace(joint.wire, letter=letter))
 
     joints = [lettered(ROBOT.joint("joint_1"), "x"), lettered(ROBOT.joint("joint_4"), "q")]

@@ -26,7 +26,6 @@ from hardware import (
     StateChanged,
     VirtualArduino,
     VirtualLink,
-    link_to,
 )
 from tests.hardware_rigs import ROBOT, open_files
 
@@ -37,7 +36,7 @@ EAGER = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot
 def test_a_virtual_port_that_does_not_open_ends_its_process(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    link = link_to(ROBOT, "virtual")
+    link = ROBOT.driver.link(ROBOT, "virtual")
     assert isinstance(link, VirtualLink)
     pids: list[int] = []
 
@@ -111,7 +110,7 @@ def test_an_arm_whose_port_is_lost_leaves_active_at_once() -> None:
             if isinstance(event, StateChanged) and event.start is State.ERRORPROCESSING:
                 left.set()
 
-        link = link_to(EAGER, "virtual")
+        link = EAGER.driver.link(EAGER, "virtual")
         assert isinstance(link, VirtualLink)
         with Arm(EAGER, link, RealClock(), see) as arm:
             arm.configure()
@@ -128,7 +127,7 @@ def test_an_arm_whose_port_is_lost_leaves_active_at_once() -> None:
 
 def test_a_virtual_port_activated_ten_times_leaks_nothing() -> None:
     files = open_files()
-    with Arm(EAGER, link_to(EAGER, "virtual"), RealClock()) as arm:
+    with Arm(EAGER, EAGER.driver.link(EAGER, "virtual"), RealClock()) as arm:
         arm.configure()
         for _ in range(10):
             arm.activate()
@@ -140,10 +139,10 @@ def test_a_virtual_port_activated_ten_times_leaks_nothing() -> None:
 def test_the_end_of_the_interpreter_closes_the_port() -> None:
     program = """
 import dataclasses
-from hardware import Arm, RealClock, link_to, load_robot
+from hardware import Arm, RealClock, load_robot
 robot = load_robot()
 robot = dataclasses.replace(robot, serial=dataclasses.replace(robot.serial, boot_wait=0.0))
-link = link_to(robot, "virtual")
+link = robot.driver.link(robot, "virtual")
 arm = Arm(robot, link, RealClock(), lambda event: print(event, flush=True))
 arm.configure()
 arm.activate()
@@ -166,8 +165,9 @@ print(link.arduino.pid)
 def test_a_killed_owner_takes_its_board_along() -> None:
     program = """
 import sys
-from hardware import link_to, load_robot
-link = link_to(load_robot(), "virtual")
+from hardware import load_robot
+robot = load_robot()
+link = robot.driver.link(robot, "virtual")
 link.open()
 link.arduino.state()
 print(link.arduino.pid, flush=True)

@@ -35,7 +35,6 @@ from hardware import (
     Robot,
     Schedule,
     compile_schedule,
-    link_to,
     load_robot,
     virtual_board,
 )
@@ -88,7 +87,7 @@ class Watch:
 def active(robot: Robot, port: str) -> Iterator[tuple[Arm, Watch]]:
     """An active arm, watched."""
     watch = Watch()
-    with Arm(robot, link_to(robot, port), RealClock(), watch) as arm:
+    with Arm(robot, robot.driver.link(robot, port), RealClock(), watch) as arm:
         arm.configure()
         arm.activate()
         yield arm, watch

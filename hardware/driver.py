@@ -1,0 +1,89 @@
+"""What speaks to one kind of board, as a seam: an installed package may bring its own.
+
+A robot file names its driver; it is found among the entry points `armtree.hardware`. Limits,
+lifecycle, pace and stop stay in front of every driver.
+"""
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import entry_points
+from typing import Protocol
+
+from .frames import Frame
+from .link import Link
+from .profiles import Firmware
+from .robot import Joint, Robot
+from .toml_table import TomlTable
+
+GROUP = "armtree.hardware"
+
+
+class WireFormat(Protocol):
+    """Joint positions to frames and back."""
+
+    def encode(self, positions: Sequence[float]) -> Frame:
+        """The frame for joint positions [rad], one value per actuated joint.
+
+        Raises:
+            BadPosition: A value is missing, not a number, not finite or outside its limits.
+        """
+
+    def frame(self, servos: Sequence[int]) -> Frame:
+        """The frame for servo angles, in the servos' own unit."""
+
+    def parse(self, data: bytes) -> Frame:
+        """The frame that these bytes spell.
+
+        Raises:
+            ValueError: They are no frame of this robot.
+        """
+
+    def decode(self, frame: Frame) -> tuple[float, ...]:
+        """The joint positions that a frame stands for [rad], within their limits."""
+
+
+class Driver(Protocol):
+    """The kind of board a robot file names. Made without arguments; equal ones are alike."""
+
+    @property
+    def firmwares(self) -> Mapping[str, Firmware]:
+        """What may run on the board, by the names that a robot file gives."""
+
+    def wire(self, joint: TomlTable, lower: float, upper: float) -> object:
+        """Read how a joint travels, from the key `wire` of its table.
+
+        Args:
+            joint: The table, which refuses wrong values.
+            lower: The joint's smallest position [rad].
+            upper: Its largest [rad].
+
+        Raises:
+            DescriptionError: The table is wrong.
+        """
+
+    def check(self, root: TomlTable, robot: Robot) -> None:
+        """Refuse a robot that the board cannot drive.
+
+        Raises:
+            DescriptionError: It cannot.
+        """
+
+    def wire_format(self, joints: Sequence[Joint]) -> WireFormat:
+        """The wire format of these actuated joints."""
+
+    def link(self, robot: Robot, port: str) -> Link:
+        """The line to a robot's board; `virtual` is a port without hardware."""
+
+
+def load_driver(root: TomlTable) -> Driver:
+    """The driver that a robot file names.
+
+    Raises:
+        DescriptionError: There is none of that name, or it cannot be loaded.
+    """
+    present = {point.name: point for point in entry_points(group=GROUP)}
+    name = root.choice("driver", present)
+    try:
+        driver: Driver = present[name].load()()
+    except Exception as error:  # somebody else's code: whatever it raises, the file names it
+        root.fail("driver", f"{name} cannot be loaded from {present[name].value}: {error!r}")
+    return driver

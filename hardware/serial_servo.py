@@ -1,0 +1,100 @@
+"""The driver for servos on an Arduino that takes frames such as `b090,s090,e090,g000,`."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from .board import Board
+from .frames import Codec, WireField, servo_angle
+from .link import Link
+from .pace import unread_bytes
+from .profiles import FIRMWARES, Firmware
+from .robot import Joint, Robot
+from .serial_link import SerialLink
+from .toml_table import TomlTable
+from .virtual_arduino import VirtualLink
+
+VIRTUAL = "virtual"
+
+
+@dataclass(frozen=True)
+class SerialServo:
+    """The published sketch's wire format, on the published sketch and on our firmware."""
+
+    @property
+    def firmwares(self) -> Mapping[str, Firmware]:
+        """The profiles there are."""
+        return FIRMWARES
+
+    def wire(self, joint: TomlTable, lower: float, upper: float) -> WireField:
+        """Read a joint's field of the frame."""
+        table = joint.table("wire")
+        letter = table.text("letter")
+        if len(letter) != 1 or not ("a" <= letter <= "z"):
+            table.fail("letter", f"{letter!r} is not one letter from a to z")
+        field = WireField(
+            letter=letter,
+            sign=table.integer("sign", choices=(-1, 1)),
+            offset=math.radians(table.number("offset_deg")),
+            span=math.radians(table.number("span_deg", above=0)),
+            reversed=table.boolean("reversed"),
+        )
+        table.done()
+        for limit in (lower, upper):
+            if not _travels(field, limit):
+                what = f"the URDF's limit {limit:g} rad is no servo angle from 0 to 180 degrees"
+                joint.fail("wire", f"{what} with this field")
+        return field
+
+    def check(self, root: TomlTable, robot: Robot) -> None:
+        """Letters tell joints apart, the board has booted in time, and a stop fits its ring."""
+        _check_letters(root.table("joints"), robot.actuated)
+        firmware, serial = robot.firmware, root.table("serial")
+        if robot.serial.boot_wait < firmware.boot_time:
+            wait, needs = robot.serial.boot_wait, f"{firmware.name} needs {firmware.boot_time:g} s"
+            what = f"{wait:g} s is too short: {needs} from reset to its first byte"
+            serial.fail("boot_wait_s", what)
+        frame = robot.wire_format.encode(robot.boot_pose)
+        if unread_bytes(frame, waiting=1) > firmware.ring:
+            what = f"frames of {len(frame.servos)} joints are too long for the {firmware.ring}"
+            root.fail("joints", f"{what} bytes that {firmware.name} can hold; a stop would not fit")
+
+    def wire_format(self, joints: Sequence[Joint]) -> Codec:
+        """The codec of these joints."""
+        return Codec(joints)
+
+    def link(self, robot: Robot, port: str) -> Link:
+        """A serial port, or the virtual Arduino."""
+        if port == VIRTUAL:
+            return VirtualLink(*_board_of(robot))
+        return SerialLink(port, robot.serial.baud)
+
+
+def virtual_board(robot: Robot) -> Board:
+    """The model of the board that a robot description names."""
+    return Board(*_board_of(robot))
+
+
+def _board_of(robot: Robot) -> tuple[str, tuple[int, ...], Firmware, int]:
+    codec = Codec(robot.actuated)
+    boot = codec.encode(robot.boot_pose).servos
+    return codec.letters, boot, robot.firmware, robot.serial.baud
+
+
+def _travels(field: WireField, limit: float) -> bool:
+    """Whether a limit [rad] is an angle that a frame can hold and a servo can turn to."""
+    try:
+        return 0 <= servo_angle(field, limit) <= 180
+    except (ArithmeticError, ValueError):  # an endless limit, or next to no span
+        return False
+
+
+def _check_letters(table: TomlTable, joints: Sequence[Joint]) -> None:
+    taken: dict[str, str] = {}
+    for joint in joints:
+        assert isinstance(joint.wire, WireField)
+        letter = joint.wire.letter
+        if letter in taken:
+            what = f"its letter {letter} on the wire is that of {taken[letter]} already"
+            table.fail(joint.name, what)
+        taken[letter] = joint.name
