@@ -27,6 +27,7 @@ class BoardLink:
         with self._changed:
             self._open, self._lost = True, False
             self.board.reset(self._clock.now())
+            self.board.says(self._clock.now())  # what came before nobody heard
 
     def write(self, data: bytes) -> None:
         """Put bytes on the line.
@@ -40,6 +41,7 @@ class BoardLink:
                 why = f"Something went wrong while sending the message {text} to the port"
                 raise PortLost(self.port, f"{why} {self.port}")
             self.board.receive(data, self._clock.now())
+            self._changed.notify()  # who reads must know when to expect an answer
 
     def read(self) -> bytes:
         """Wait for bytes; empty once the link is closed.

@@ -5,6 +5,7 @@ of JSON that tells its state, and ends when its standard input does. As with an 
 port resets the board.
 """
 
+import contextlib
 import json
 import os
 import select
@@ -52,6 +53,7 @@ class _Shell:
             self._opened = not hung_up
             if self._opened:
                 self._board.reset(self._clock.now())
+                self._board.says(self._clock.now())  # what came before nobody heard
                 self._listen()
 
     def _events(self) -> int:
@@ -78,7 +80,8 @@ class _Shell:
     def _say(self) -> None:
         data = self._board.says(self._clock.now())
         if data and self._opened:
-            os.write(self._master, data)
+            with contextlib.suppress(BlockingIOError):  # nobody reads: it is lost, as on a wire
+                os.write(self._master, data)
 
     def _answer(self) -> bool:
         if not sys.stdin.readline():
