@@ -3,7 +3,7 @@
 import numpy as np
 
 import logs
-from hardware import ArmEvent, BytesReceived, Faulted, FrameSent, Robot, StateChanged
+from hardware import ArmEvent, BytesReceived, CommandSent, Faulted, FrameSent, Robot, StateChanged
 from skills import Planned, Scheduled, SkillEvent
 from skills.motion import MotionError
 
@@ -17,6 +17,8 @@ def arm_record(event: ArmEvent, robot: Robot) -> logs.Record:
             names = tuple(joint.name for joint in robot.actuated)
             hold = event.scheduled is None
             return logs.Sent(event.time, event.data, event.scheduled, hold, names, event.positions)
+        case CommandSent():
+            return logs.Sent(event.time, event.data, None, False, (), ())
         case BytesReceived():
             return logs.Received(event.time, event.data)
         case StateChanged():

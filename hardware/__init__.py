@@ -8,8 +8,11 @@ from .description import load_robot
 from .errors import (
     ActivationStopped,
     BadPosition,
+    BoardReset,
+    BoardSilent,
     CancelTimeout,
     DescriptionError,
+    FrameLost,
     HardwareError,
     InterfaceClaimed,
     InterfaceUnknown,
@@ -26,7 +29,7 @@ from .errors import (
     TransitionRefused,
     WriteRefused,
 )
-from .events import ArmEvent, BytesReceived, Faulted, FrameSent, Observer, StateChanged
+from .events import ArmEvent, BytesReceived, CommandSent, Faulted, FrameSent, Observer, StateChanged
 from .frames import Codec, Frame, WireField, check_position
 from .lifecycle import State
 from .link import Link
@@ -48,6 +51,8 @@ __all__ = [
     "BadPosition",
     "Board",
     "BoardLink",
+    "BoardReset",
+    "BoardSilent",
     "BoardState",
     "BytesReceived",
     "CancelTimeout",
@@ -55,10 +60,12 @@ __all__ = [
     "Clock",
     "Codec",
     "CollisionRules",
+    "CommandSent",
     "DescriptionError",
     "Faulted",
     "Firmware",
     "Frame",
+    "FrameLost",
     "FrameSent",
     "HardwareError",
     "InterfaceClaimed",

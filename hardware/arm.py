@@ -3,23 +3,23 @@
 import atexit
 import contextlib
 import logging
-import threading
 import weakref
 from collections.abc import Callable, Mapping
 from typing import Self
 
-from .banner import Banner
 from .clock import Clock
+from .connection import Connection
 from .door import Door
 from .errors import (
     ActivationStopped,
+    BoardSilent,
     HardwareError,
     LinkError,
     NotActive,
     PortNotGiven,
     TransitionRefused,
 )
-from .events import ArmEvent, BytesReceived, Faulted, Observer, StateChanged
+from .events import ArmEvent, Faulted, Observer, StateChanged
 from .interfaces import states
 from .lifecycle import Lifecycle, Result, State
 from .link import Link
@@ -59,10 +59,7 @@ class Arm:
         self._canceled = False
         self._refusal: HardwareError | None = None  # why the last request was not carried out
         self._failure: HardwareError | None = None  # the fault that ends this activation
-        self._door: Door | None = None
-        self._streamer: Streamer | None = None
-        self._listener: threading.Thread | None = None
-        self._banner = Banner(robot.firmware, robot.wire_format)
+        self._connection: Connection | None = None
         self._lifecycle = Lifecycle(
             {
                 State.CONFIGURING: self._configure,
@@ -114,6 +111,7 @@ class Arm:
             TransitionRefused: Not legal now.
         """
         self._request("activate", State.ACTIVE)
+        self._greet()
         if self._failure:  # in the very moment of becoming active, when it could not be raised
             with contextlib.suppress(TransitionRefused):
                 self._transition("raise_error")
@@ -231,6 +229,11 @@ class Arm:
         streamer = self._streamer
         return streamer is not None and streamer.playing
 
+    def _notify(self) -> None:
+        """Wake who waits for the board's boot, or for the end of a transition."""
+        with self._signal:
+            self._signal.notify()
+
     def _cancel(self) -> None:
         """End the wait for the board's boot."""
         with self._signal:
@@ -257,14 +260,18 @@ class Arm:
         try:
             return self._lifecycle.request(label)
         finally:
-            with self._signal:
-                self._signal.notify()
+            self._notify()
+
+    @property
+    def _streamer(self) -> Streamer | None:
+        connection = self._connection
+        return connection.streamer if connection else None
 
     def _open_door(self) -> Door:
-        door = self._door
-        if self.state is not State.ACTIVE or door is None:
+        connection = self._connection
+        if self.state is not State.ACTIVE or connection is None or connection.door is None:
             raise self._not_active()
-        return door
+        return connection.door
 
     def _not_active(self) -> NotActive:
         return NotActive(f"the arm is {self.state.value}; configure and activate it first")
@@ -280,57 +287,68 @@ class Arm:
         assert self._link
         with self._signal:
             self._canceled, self._failure = False, None
-            self._banner = Banner(self.robot.firmware, self.robot.wire_format)
         does = "stays where it is" if self.robot.firmware.banner else "moves to its boot pose"
         logger.info("Starting the arm on port %s: it %s", self._link.port, does)
+        connection = Connection(
+            self.robot,
+            self._link,
+            self._clock,
+            self._tell,
+            self._is_active,
+            self.fault,
+            self._notify,
+        )
         try:
-            self._link.open()
+            connection.open()
         except LinkError as error:
             logger.error("The port %s did not open: %s", self._link.port, error)
             self._refusal = error
             return Result.FAILURE
-        self._listener = self._clock.spawn(self._listen, "listener")
-        return self._boot(self._link)
+        self._connection = connection
+        result = self._boot(connection)
+        if result is Result.SUCCESS:
+            logger.info("The arm on port %s is ready to take commands", self._link.port)
+        if result is Result.FAILURE:
+            self._close()
+        return result
 
-    def _boot(self, link: Link) -> Result:
-        """Wait until the board listens, and take its boot pose as the commanded one."""
+    def _boot(self, connection: Connection) -> Result:
+        """Wait until the board listens; our firmware says when."""
         until = self._clock.now() + self.robot.serial.boot_wait
         with self._signal:
-            while self._booting() and self._clock.now() < until:
+            while not (self._canceled or self._failure or connection.dialogue.holds):
+                if self._clock.now() >= until:
+                    break
                 self._signal.wait(until)
         if self._failure:
             self._refusal = self._failure
             return Result.ERROR
         if self._canceled:
             self._refusal = ActivationStopped("the arm was stopped while its board booted")
-            self._close()
             return Result.FAILURE
-        pose = self._boot_pose(link)
-        self._door = Door(self.robot, link, self._clock, self._is_active, self._tell, pose)
-        period = 1 / self.robot.firmware.rate
-        self._streamer = Streamer(self._door, self._clock, period, self.fault)
-        logger.info("The arm on port %s is ready to take commands", link.port)
+        try:
+            connection.start()
+        except BoardSilent as error:
+            logger.error("%s", error)
+            self._refusal = error
+            return Result.FAILURE
         return Result.SUCCESS
 
-    def _booting(self) -> bool:
-        """Whether there is still something to wait for; a banner tells the end of the boot."""
-        return not (self._canceled or self._failure or self._banner.frame)
-
-    def _boot_pose(self, link: Link) -> tuple[float, ...]:
-        """Where the arm stands now [rad]: what the board says, else where a reset puts it."""
-        codec, pose, frame = self.robot.wire_format, self.robot.boot_pose, self._banner.frame
-        if frame is None:
-            if self.robot.firmware.banner:
-                what = "The board on port %s did not say where it stands; taking its boot pose"
-                logger.warning(what, link.port)
-            return pose
-        return pose if frame == codec.encode(pose) else codec.decode(frame)
+    def _greet(self) -> None:
+        connection = self._connection
+        try:
+            if connection and connection.door:
+                connection.door.greet()
+        except NotActive:
+            return  # a fault came first
+        except LinkError as error:
+            self.fault(error)
 
     def _is_active(self) -> bool:
         return self.state is State.ACTIVE
 
     def _deactivate(self) -> Result:
-        port = self._link.port if self._link and self._streamer else None
+        port = self._link.port if self._link and self._connection else None
         if port:
             logger.info("Stopping the arm on port %s", port)
         self._close()
@@ -343,34 +361,9 @@ class Arm:
         return Result.SUCCESS
 
     def _close(self, error: HardwareError | None = None) -> None:
-        """Close the port and wait for the threads that used it."""
-        streamer, listener = self._streamer, self._listener
-        self._streamer = self._door = self._listener = None
-        if streamer:
-            streamer.close(error)
-            streamer.join()
-        self._close_link()
-        if listener and listener is not threading.current_thread():
-            listener.join()
-
-    def _close_link(self) -> None:
-        if self._link:
-            try:
-                self._link.close()
-            except LinkError as error:
-                logger.error("Closing the port %s failed: %s", self._link.port, error)
-
-    def _listen(self) -> None:
-        """Read what the board says until the link is closed or lost."""
-        assert self._link
-        try:
-            while data := self._link.read():
-                with self._signal:
-                    self._banner.hear(data)
-                    self._signal.notify()
-                self._tell(BytesReceived(self._clock.now(), data))
-        except LinkError as error:
-            self.fault(error)
+        connection, self._connection = self._connection, None
+        if connection:
+            connection.close(error)
 
     def _changed(self, label: str, start: State, goal: State) -> None:
         self._tell(StateChanged(self._clock.now(), label, start, goal))

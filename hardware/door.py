@@ -9,8 +9,9 @@ import threading
 from collections.abc import Callable, Iterable, Sequence
 
 from .clock import Clock
+from .dialogue import Dialogue
 from .errors import BadPosition, LinkError, NotActive, TooFast
-from .events import FrameSent, Observer
+from .events import CommandSent, FrameSent, Observer
 from .frames import Frame, check_position
 from .interfaces import Claim, Claims, command_interfaces
 from .link import Link
@@ -26,7 +27,8 @@ class Door:
         link: Where to write.
         clock: Whose time.
         active: Tells whether the lifecycle stands in *active*.
-        observe: Told of every frame, after it was written.
+        observe: Told of all that was written.
+        dialogue: Which counts what goes out.
         positions: Where the arm stands, one value per actuated joint [rad].
 
     Attributes:
@@ -40,10 +42,11 @@ class Door:
         clock: Clock,
         active: Callable[[], bool],
         observe: Observer,
+        dialogue: Dialogue,
         positions: tuple[float, ...],
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
-        self._active, self._observe = active, observe
+        self._active, self._observe, self._dialogue = active, observe, dialogue
         self._codec = robot.wire_format
         self._lock = threading.RLock()  # an observer, or a signal's handler, may hold the arm
         self.interfaces = command_interfaces(robot)
@@ -86,6 +89,19 @@ class Door:
         """End a claim. Harmless when it has ended."""
         with self._lock:
             self._claims.give_up(claim)
+
+    def greet(self) -> None:
+        """Ask a board that has booted to acknowledge frames, if it can.
+
+        Raises:
+            NotActive: Only an active arm is written to.
+            LinkError: The port failed.
+        """
+        with self._lock:
+            self._check_active()
+            if greeting := self._dialogue.greeting:
+                self._put(greeting)
+                self._observe(CommandSent(self._clock.now(), greeting))
 
     def close(self) -> None:
         """Shut the door for good; a write that is under way ends first."""
@@ -159,11 +175,15 @@ class Door:
     def _send(self, frame: Frame, positions: tuple[float, ...], scheduled: float | None) -> None:
         now = self._clock.now()
         self._hold_due = scheduled is not None
-        try:
-            self._link.write(frame.data)
-        except LinkError:
-            self._closed = True  # what the board got is unknown, so nothing may follow
-            raise
+        self._dialogue.sends(frame, now)
+        self._put(frame.data)
         self._pace.sent(frame, now)
         self._holds, self._commanded = frame, positions
         self._observe(FrameSent(now, frame.data, positions, scheduled))
+
+    def _put(self, data: bytes) -> None:
+        try:
+            self._link.write(data)
+        except LinkError:
+            self._closed = True  # what the board got is unknown, so nothing may follow
+            raise

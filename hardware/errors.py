@@ -9,6 +9,10 @@
     │   ├── PortBusy              somebody else has it
     │   ├── PortLost              it went away, or a write failed half-way
     │   └── PortStalled           the other end stopped taking bytes
+    ├── BoardError                what the board says, or keeps to itself
+    │   ├── BoardSilent           it did not say that it has booted
+    │   ├── BoardReset            it started anew while the arm was active
+    │   └── FrameLost             it took other frames than were sent
     ├── TransitionRefused         the lifecycle does not allow it now
     │   └── ActivationStopped     somebody stopped the arm while its board booted
     ├── CancelTimeout             what drove the arm did not stop in time
@@ -134,6 +138,46 @@ class PortStalled(LinkError):
             f"{why}: the port {port} takes no more bytes. Check the cable and the power of the "
             "board, then run again",
         )
+
+
+class BoardError(HardwareError):
+    """The board does not do what it was told."""
+
+    code = "hw.board"
+
+
+class BoardSilent(BoardError):
+    """The board did not say that it has booted."""
+
+    code = "hw.board_silent"
+
+    def __init__(self, port: str, firmware: str, seconds: float) -> None:
+        super().__init__(
+            f"The board on port {port} did not say within {seconds:g} s that it runs the firmware "
+            f"{firmware}. Flash it, or name in the robot file what the board runs; opening the "
+            "port must reset it"
+        )
+
+
+class BoardReset(BoardError):
+    """The board started anew, so where its servos go nobody commanded."""
+
+    code = "hw.board_reset"
+
+    def __init__(self, line: str) -> None:
+        super().__init__(
+            f"The board was reset while the arm was active; it says {line!r}. Check the servos' "
+            "supply (a dip resets the board), then run again"
+        )
+
+
+class FrameLost(BoardError):
+    """The board took other frames than were sent."""
+
+    code = "hw.frame_lost"
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"{what}. Check the cable and what runs beside it, then run again")
 
 
 class TransitionRefused(HardwareError):

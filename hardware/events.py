@@ -25,6 +25,19 @@ class FrameSent:
 
 
 @dataclass(frozen=True, slots=True)
+class CommandSent:
+    """Bytes that are no frame went out: a setting of the board.
+
+    Attributes:
+        time: When they were written [s].
+        data: The bytes.
+    """
+
+    time: float
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class BytesReceived:
     """The board said something.
 
@@ -67,5 +80,5 @@ class Faulted:
     error: HardwareError
 
 
-ArmEvent = FrameSent | BytesReceived | StateChanged | Faulted
+ArmEvent = FrameSent | CommandSent | BytesReceived | StateChanged | Faulted
 Observer = Callable[[ArmEvent], None]

@@ -7,8 +7,9 @@ from collections.abc import Callable
 from enum import Enum
 
 from .clock import Clock
+from .dialogue import ANSWER, Dialogue
 from .door import Door
-from .errors import HardwareError, LinkError, NotActive, StaleGeneration
+from .errors import BoardError, HardwareError, LinkError, NotActive, StaleGeneration
 from .interfaces import Claim
 from .schedule import Schedule
 
@@ -31,25 +32,41 @@ class Playback:
         schedule: What is played.
         claim: By which it is written.
         written: Setpoints whose frames were written.
+        arrived: Setpoints whose frames the board has; it is not later than it says so, and where
+            it says nothing, those that were written.
         state: How far it is.
         error: What failed, where it failed.
         latest: Largest lateness of a frame so far [s].
     """
 
-    def __init__(self, schedule: Schedule, claim: Claim, changed: Callable[[], None]) -> None:
+    def __init__(
+        self, schedule: Schedule, claim: Claim, began: int, changed: Callable[[], None]
+    ) -> None:
         self.schedule = schedule
-        self.claim = claim
-        self.written = 0
+        self.claim, self._began = claim, began
+        self.written = self.arrived = 0
         self.state = PlaybackState.PLAYING
         self.error: HardwareError | None = None
         self.latest = 0.0
         self._changed = changed
 
-    def wrote(self, lateness: float) -> None:
-        """Note a frame that was written, and by how much it was late [s]."""
+    def wrote(self, lateness: float, taken: int) -> None:
+        """Note a frame that was written.
+
+        Args:
+            lateness: By how much it was late [s].
+            taken: Frames that the board has, those from before included.
+        """
         self.latest = max(self.latest, lateness)
         self.written += 1
+        self.arrived = max(0, taken - self._began)
         self._changed()
+
+    def took(self, taken: int) -> None:
+        """Note how many frames the board has, those from before included."""
+        if taken - self._began > self.arrived:
+            self.arrived = taken - self._began
+            self._changed()
 
     def end(self, state: PlaybackState, error: HardwareError | None = None) -> None:
         """Note how it ended; only the first end counts."""
@@ -63,15 +80,22 @@ class Streamer:
 
     Args:
         door: Through which it writes.
+        dialogue: Which knows what has arrived.
         clock: Whose time.
         period: Lateness up to this is absorbed; beyond it the rest shifts by it [s].
         fault: Told when the port failed; it closes this streamer.
     """
 
     def __init__(
-        self, door: Door, clock: Clock, period: float, fault: Callable[[HardwareError], None]
+        self,
+        door: Door,
+        dialogue: Dialogue,
+        clock: Clock,
+        period: float,
+        fault: Callable[[HardwareError], None],
     ) -> None:
-        self._door, self._clock, self._period, self._fault = door, clock, period, fault
+        self._door, self._dialogue, self._clock = door, dialogue, clock
+        self._period, self._fault = period, fault
         self._signal = clock.signal()
         self._playback: Playback | None = None
         self._closing = False
@@ -97,9 +121,16 @@ class Streamer:
             if self._closing:
                 raise NotActive("the arm left the active state; configure and activate it first")
             claim = self._door.claim(owner, self._door.interfaces, generation)
-            self._playback = Playback(schedule, claim, changed)
+            self._playback = Playback(schedule, claim, self._dialogue.sent, changed)
             self._signal.notify()
             return self._playback
+
+    def heard(self) -> None:
+        """Note that the board said something."""
+        with self._signal:
+            if self._playback:
+                self._playback.took(self._dialogue.taken)
+            self._signal.notify()
 
     def stop(self) -> None:
         """Drop what is left and hold.
@@ -150,7 +181,7 @@ class Streamer:
                 self._end(playback, PlaybackState.DONE)
             except StaleGeneration:
                 self._end(playback, PlaybackState.STOPPED)
-            except LinkError as error:
+            except (LinkError, BoardError) as error:
                 self._fault(error)
                 return
             except NotActive:
@@ -181,20 +212,25 @@ class Streamer:
             late = self._clock.now() - due
             if late > self._period:
                 origin += late
+            self._dialogue.check(self._clock.now())
             self._door.write(setpoint.positions, playback.claim, due)
-            playback.wrote(late)
+            playback.wrote(late, self._dialogue.taken)
         self._door.write(playback.schedule.end, playback.claim, self._clock.now())
         if playback.schedule.setpoints:
             self._sleep(playback, max(origin + playback.schedule.duration, self._door.done))
+            self._sleep(playback, self._clock.now() + ANSWER, self._dialogue.settled)
+            self._dialogue.check(self._clock.now())
 
-    def _sleep(self, playback: Playback, until: float) -> None:
-        """Wait for a time [s].
+    def _sleep(
+        self, playback: Playback, until: float, over: Callable[[], bool] = lambda: False
+    ) -> None:
+        """Wait for a time [s], or until it is over.
 
         Raises:
             StaleGeneration: The playback was stopped meanwhile.
         """
         with self._signal:
-            while playback is self._playback and self._clock.now() < until:
+            while playback is self._playback and not over() and self._clock.now() < until:
                 self._signal.wait(until)
             if playback is not self._playback:
                 raise StaleGeneration("stopped")

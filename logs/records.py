@@ -77,7 +77,7 @@ class Feedback:
 
     Attributes:
         goal_id: UUID, 32 hexadecimal digits.
-        percentage: Frames written over frames scheduled [%].
+        percentage: Frames that arrived over frames scheduled [%].
         phase: What is going on, such as `planning`.
         node: Name of the tree's node at work.
     """

@@ -49,11 +49,11 @@ class Execute(Skill):
 
     @property
     def progress(self) -> float | None:
-        """Frames written over frames scheduled; None until the motion begins."""
+        """Frames the board has over frames scheduled; None until the motion begins."""
         if self._playback is None:
             return None
         total = len(self._playback.schedule.setpoints)
-        return self._playback.written / total if total else 1.0
+        return self._playback.arrived / total if total else 1.0
 
     def on_start(self) -> Status:
         """Turn the plans into frames and have them checked."""
@@ -84,7 +84,7 @@ class Execute(Skill):
 
     def _follow(self, playback: Playback) -> Status:
         frames = len(playback.schedule.setpoints)
-        self.feedback_message = f"{playback.written} of {frames} frames"
+        self.feedback_message = f"{playback.arrived} of {frames} frames"
         if playback.state is PlaybackState.PLAYING:
             return Status.RUNNING
         if playback.error:

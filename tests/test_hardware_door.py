@@ -22,6 +22,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
+from hardware.dialogue import Dialogue
 from hardware.door import Door
 from hardware.interfaces import Claim
 
@@ -51,6 +52,7 @@ class Rig:
             self.clock,
             lambda: self.active,
             self.events.append,
+            Dialogue(self.robot.firmware, self.robot.wire_format),
             self.robot.boot_pose,
         )
         self.claim = self.claimed()
@@ -279,6 +281,7 @@ def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
         rig.clock,
         lambda: True,
         lambda event: (events.append(event), door.hold())[0],  # type: ignore[func-returns-value]
+        Dialogue(rig.robot.firmware, rig.robot.wire_format),
         rig.robot.boot_pose,
     )
     rig.door = door

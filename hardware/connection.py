@@ -1,0 +1,114 @@
+"""An open line to a board: from an activation to its end."""
+
+import logging
+import threading
+from collections.abc import Callable
+
+from .clock import Clock
+from .dialogue import Dialogue
+from .door import Door
+from .errors import BoardError, BoardSilent, HardwareError, LinkError
+from .events import BytesReceived, Observer
+from .link import Link
+from .robot import Robot
+from .streamer import Streamer
+
+logger = logging.getLogger(__name__)
+
+
+class Connection:
+    """The line, the thread that listens on it, and, once the board has booted, what may write.
+
+    Args:
+        robot: Whose board.
+        link: The line to it.
+        clock: Whose time.
+        observe: Told of every byte in both directions.
+        active: Tells whether the lifecycle stands in *active*.
+        fault: Told what fails, from any thread.
+        heard: Called whenever the board has said something.
+
+    Attributes:
+        dialogue: What the board said.
+        door: Through which it is written to; None until `start`.
+        streamer: What plays motions; None until `start`.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        link: Link,
+        clock: Clock,
+        observe: Observer,
+        active: Callable[[], bool],
+        fault: Callable[[HardwareError], None],
+        heard: Callable[[], None],
+    ) -> None:
+        self._robot, self._link, self._clock = robot, link, clock
+        self._observe, self._active = observe, active
+        self._fault, self._heard = fault, heard
+        self._listener: threading.Thread | None = None
+        self.dialogue = Dialogue(robot.firmware, robot.wire_format)
+        self.door: Door | None = None
+        self.streamer: Streamer | None = None
+
+    def open(self) -> None:
+        """Open the port, which resets the board, and listen.
+
+        Raises:
+            LinkError: The port cannot be had.
+        """
+        self._link.open()
+        self._listener = self._clock.spawn(self._listen, "listener")
+
+    def start(self) -> None:
+        """Take the board as booted, and where it stands as commanded.
+
+        Raises:
+            BoardSilent: It did not say what its firmware says when it has booted.
+        """
+        robot, dialogue = self._robot, self.dialogue
+        if robot.firmware.banner and not dialogue.holds:
+            raise BoardSilent(self._link.port, robot.firmware.name, robot.serial.boot_wait)
+        pose = self._boot_pose()
+        self.door = Door(
+            robot, self._link, self._clock, self._active, self._observe, dialogue, pose
+        )
+        period = 1 / robot.firmware.rate
+        self.streamer = Streamer(self.door, dialogue, self._clock, period, self._fault)
+
+    def close(self, error: HardwareError | None = None) -> None:
+        """Close the port and wait for the threads that used it.
+
+        Args:
+            error: Why, where a fault is the reason.
+        """
+        if self.streamer:
+            self.streamer.close(error)
+            self.streamer.join()
+        try:
+            self._link.close()
+        except LinkError as failure:
+            logger.error("Closing the port %s failed: %s", self._link.port, failure)
+        if self._listener and self._listener is not threading.current_thread():
+            self._listener.join()
+
+    def _boot_pose(self) -> tuple[float, ...]:
+        """Where the arm stands now [rad]: what the board says, else where a reset puts it."""
+        wire_format, pose = self._robot.wire_format, self._robot.boot_pose
+        held = self.dialogue.holds
+        if held is None or held == wire_format.encode(pose):
+            return pose
+        return wire_format.decode(held)
+
+    def _listen(self) -> None:
+        """Read what the board says until the link is closed or lost."""
+        try:
+            while data := self._link.read():
+                self._observe(BytesReceived(self._clock.now(), data))
+                self.dialogue.hear(data)
+                if self.streamer:
+                    self.streamer.heard()
+                self._heard()
+        except (LinkError, BoardError) as error:
+            self._fault(error)

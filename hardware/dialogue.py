@@ -1,0 +1,109 @@
+"""What the board says, held against what it was sent. The protocol is in `firmware/README.md`."""
+
+import binascii
+import re
+import threading
+from collections import deque
+
+from .driver import WireFormat
+from .errors import BoardReset, FrameLost
+from .frames import Frame
+from .profiles import Firmware
+
+# A line of ours is shorter; what never ends a line is none [bytes].
+_LONGEST = 200
+_ACK = re.compile(rb"k([0-9a-f]{4}),([0-9a-f]{2}),([0-9a-f]{2}),([0-9a-f]{4})")
+# An answer takes 2 ms on the line, and an adapter keeps it for up to 16 ms more.
+ANSWER = 0.25  # [s]
+_WRAP = 0x10000  # the board counts frames in 16 bits
+
+
+class Dialogue:
+    """What is known of a board since its port was opened. Threads may share it.
+
+    Args:
+        firmware: A board whose firmware has no banner says nothing that is understood here.
+        wire_format: Of the robot's frames.
+
+    Attributes:
+        holds: What the board said, when it had booted, that it holds; None until then.
+        sent: Frames that went out.
+    """
+
+    def __init__(self, firmware: Firmware, wire_format: WireFormat) -> None:
+        self._banner, self._wire_format = firmware.banner, wire_format
+        self._lock = threading.Lock()
+        self._unfinished = b""
+        self._taken = self._sum = 0
+        # Of each frame that it has not acknowledged: when it went out, and its sum after it.
+        self._waiting = deque[tuple[float, int]]()
+        self.holds: Frame | None = None
+        self.sent = 0
+
+    @property
+    def taken(self) -> int:
+        """Frames that the board has; all that were sent where it tells nothing."""
+        return self._taken if self._banner else self.sent
+
+    @property
+    def greeting(self) -> bytes:
+        """What to send a board that has booted, so that it acknowledges frames."""
+        return self.holds.data[:1] + b"A01;" if self.holds else b""
+
+    def sends(self, frame: Frame, now: float) -> None:
+        """Note a frame that is about to go out at a time [s]."""
+        with self._lock:
+            self.sent += 1
+            if self._banner:
+                self._sum = binascii.crc_hqx(bytes(frame.servos), self._sum)
+                self._waiting.append((now, self._sum))
+
+    def hear(self, data: bytes) -> None:
+        """Take what the board said; what is damaged on its way is passed over.
+
+        Raises:
+            BoardReset: It has started anew, so it holds what nobody commanded.
+            FrameLost: It took other frames than were sent.
+        """
+        if not self._banner:
+            return
+        *lines, rest = (self._unfinished + data).split(b"\n")
+        self._unfinished = rest[-_LONGEST:]
+        for line in lines:
+            if line.startswith(self._banner):
+                self._start(line)
+            elif match := _ACK.fullmatch(line):
+                self._acknowledge(*(int(digits, 16) for digits in match.groups()))
+
+    def check(self, now: float) -> None:
+        """Refuse to go on where the board leaves a frame without an answer.
+
+        Raises:
+            FrameLost: It went out too long before now [s].
+        """
+        with self._lock:
+            if self._waiting and now - self._waiting[0][0] >= ANSWER:
+                taken = f"the board acknowledged {self._taken} of {self.sent} frames"
+                raise FrameLost(f"{taken}, and then nothing for {ANSWER:g} s")
+
+    def settled(self) -> bool:
+        """Whether the board has all that was sent."""
+        return self.taken == self.sent
+
+    def _start(self, line: bytes) -> None:
+        if self.holds:
+            raise BoardReset(line.decode("ascii", "replace"))
+        try:
+            self.holds = self._wire_format.parse(line.split()[-1])
+        except ValueError:
+            return  # damaged; whoever waits for it gives up in time
+
+    def _acknowledge(self, count: int, refused: int, lost: int, total: int) -> None:
+        with self._lock:
+            new = (count - self._taken) % _WRAP
+            known = min(new, len(self._waiting))
+            expected = [self._waiting.popleft()[1] for _ in range(known)]
+            self._taken += new
+            if new and (known < new or expected[-1] != total):
+                counts = f"it refused {refused} bytes and lost {lost}"
+                raise FrameLost(f"the board took other frames than were sent; {counts}")
