@@ -8,6 +8,8 @@ import random
 import pytest
 
 from hardware import FIRMWARES, Board, Codec, load_robot
+from hardware.frames import Frame
+from hardware.pace import Pace
 from tests.avr import rig
 from tests.avr.rig import BAUD, BOOT, MakeBoard, frame
 from tests.hardware_rigs import motion
@@ -97,3 +99,24 @@ def test_no_schedule_and_no_stop_overruns_the_sketch(board: MakeBoard) -> None:
         assert report.angles == sent[-1].frame.servos
         here = codec.decode(sent[-1].frame)
     assert longest > 10
+
+
+@pytest.mark.parametrize(("degree_time", "loses"), [(None, False), (0.005, True)])
+def test_the_pace_is_that_of_the_code(
+    board: MakeBoard, degree_time: float | None, loses: bool
+) -> None:
+    """A motion without a rest, every frame as early as it may go; 5 ms a degree is too fast."""
+    firmware, held = FIRMWARES["stock"], list(BOOT)
+    if degree_time:
+        firmware = dataclasses.replace(firmware, degree_time=degree_time)
+    code, pace = board("stock"), Pace(firmware, BAUD, Frame(BOOT, frame(BOOT)))
+    now, step = code.run(0.0).time, -firmware.max_step
+    for _ in range(100):
+        held[0] += step
+        if not 20 < held[0] < 160:
+            step = -step
+        now = code.run(max(0.0, pace.earliest - now)).time
+        code.put(frame(held))
+        pace.sent(Frame(tuple(held), frame(held)), now)
+    code.put(frame(held))  # the hold
+    assert (code.run(0.5).lost > 0) == loses
