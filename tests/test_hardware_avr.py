@@ -5,13 +5,12 @@ import os
 import random
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from hardware import FIRMWARES, Board, PortLost, RealClock, SerialLink
+from hardware import FIRMWARES, Board, RealClock, SerialLink
 from tests.avr import rig
 from tests.avr.rig import BAUD, BOOT, TASKS, AvrArduino, AvrBoard, Built, MakeBoard, at, frame
 
@@ -22,12 +21,6 @@ BYTE = 10 / BAUD  # [s]
 # What delay(5) and Servo.write really take a degree, measured on the published sketch.
 DEGREE_TIME = 0.005066  # [s]
 COMMANDS = [b"bA01;", b"bA00;", b"bW05;", b"bV09;", b"sV09;", b"eV09;", b"gV09;"]
-
-
-@pytest.fixture(params=["armtree", "stock"])
-def arduino(built: Built, request: pytest.FixtureRequest) -> Iterator[AvrArduino]:
-    with closing(AvrArduino(built, request.param, boot_time=0.1)) as arduino:
-        yield arduino
 
 
 # Both firmwares: pins, pulses, boot ----------------------------------------------------------
@@ -132,36 +125,6 @@ def test_our_commands_do_no_harm_to_the_sketch(board: MakeBoard) -> None:
 
 
 # In real time, through a real port -----------------------------------------------------------
-
-
-def test_a_port_to_avr_code(arduino: AvrArduino) -> None:
-    clock, link = RealClock(), SerialLink(arduino.port, BAUD)
-    arduino.until(lambda report: report.servos[0].pulses > 0)
-    link.open()
-    link.write(frame((0, 0, 0, 180)))
-    arduino.until(lambda report: report.resets == 1 and report.lost == 20)
-    pulses = arduino.report().servos[0].pulses
-    arduino.until(lambda report: report.servos[0].pulses > pulses)
-    link.write(frame(TASKS[0]))
-    arduino.until(lambda report: at(report, TASKS[0]))
-    link.close()
-    arduino.until(lambda report: not report.opened)
-    errors: list[PortLost] = []
-
-    def listen() -> None:
-        try:
-            while link.read():
-                pass
-        except PortLost as error:
-            errors.append(error)
-
-    link.open()
-    arduino.until(lambda report: report.resets == 2)
-    reader = clock.spawn(listen, "reader")
-    arduino.vanish()
-    reader.join(rig.PATIENCE)
-    assert errors
-    link.close()
 
 
 def test_the_port_has_the_speed_of_the_line(built: Built) -> None:

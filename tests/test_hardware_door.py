@@ -172,9 +172,9 @@ def test_too_large_a_step_is_refused() -> None:
 
 def test_a_frame_before_the_board_has_room_is_refused() -> None:
     rig = Rig()
-    assert rig.write(degrees(10))  # moves until 2.072 s
+    assert rig.write(degrees(10))  # moves until 2.073 s
     assert rig.write(degrees(0))  # waits behind it
-    assert rig.door.earliest == pytest.approx(2.0 + 20 * 10 / 115200 + 0.070)
+    assert rig.door.earliest == pytest.approx(2.0 + 20 * 10 / 115200 + 14 * 0.0051)
     rig.wait(math.nextafter(rig.door.earliest, 0))
     with pytest.raises(TooFast, match="before the board has room for it"):
         rig.write(degrees(10))

@@ -26,7 +26,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <getopt.h>
-#include <math.h>
 #include <poll.h>
 #include <pty.h>
 #include <stdbool.h>
@@ -37,34 +36,22 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "avr_ioport.h"
 #include "avr_uart.h"
+#include "pins.h"
 #include "sim_avr.h"
 #include "sim_hex.h"
 
-#define HZ 16000000.0
 #define BYTE_CYCLES (HZ * 10 / 115200)
 #define SLICE (HZ / 2000)  // 0.5 ms
 #define IN_HAND 64         // bytes read ahead from the port; the rest waits in the kernel
-#define SERVOS 4
-#define NO_ANGLE 181
 
 typedef struct {
     char *data;
     size_t length, size;
 } Bytes;
 
-typedef struct {
-    avr_cycle_count_t up;
-    double us, period_us;
-    unsigned long pulses;
-    bool seen[NO_ANGLE + 1];  // whole degrees since the last report, and what is none
-    double off_us;            // farthest from a whole degree since the last report
-} Servo;
-
-static avr_t *avr;
+avr_t *avr;
 static avr_uart_t *uart;
-static Servo servos[SERVOS];
 
 static double boot_s = 1.0;
 static uint16_t lost_at, refused_at;
@@ -150,33 +137,6 @@ static void hear(avr_irq_t *irq, uint32_t value, void *unused) {
     append(&said, &byte, 1);
 }
 
-// The pins ----------------------------------------------------------------------------------------
-
-static int degrees(double us, double *off) {
-    int angle = lround((us - 544) * 180 / 1856);
-    if (angle < 0 || angle > 180) angle = angle < 0 ? 0 : 180;
-    *off = us - (544 + angle * 1856 / 180);
-    return fabs(*off) <= 2 ? angle : NO_ANGLE;
-}
-
-static void pin(avr_irq_t *irq, uint32_t level, void *parameter) {
-    (void)irq;
-    Servo *servo = parameter;
-    static avr_cycle_count_t began[SERVOS];
-    if (level && !servo->up) {
-        avr_cycle_count_t *last = &began[servo - servos];
-        if (*last) servo->period_us = (avr->cycle - *last) * 1e6 / HZ;
-        *last = servo->up = avr->cycle;
-    } else if (!level && servo->up) {
-        double off;
-        servo->us = (avr->cycle - servo->up) * 1e6 / HZ;
-        servo->up = 0;
-        servo->pulses++;
-        servo->seen[degrees(servo->us, &off)] = true;
-        if (fabs(off) > fabs(servo->off_us)) servo->off_us = off;
-    }
-}
-
 // The chip ----------------------------------------------------------------------------------------
 
 static avr_cycle_count_t keep_alive(avr_t *avr, avr_cycle_count_t when, void *unused) {
@@ -206,7 +166,7 @@ static void reset(double boot) {
     refused_before += counter(refused_at);
     empty_line();
     line_free = avr->cycle;
-    for (int i = 0; i < SERVOS; i++) servos[i].up = 0;
+    pins_idle();
     avr_reset(avr);
     // What the boot loaders of Uno and old Nano use: their variables below, their stack above.
     memset(avr->data + 0x100, 0xb0, 0x200);
@@ -260,37 +220,17 @@ static void load(const char *path) {
     }
     avr_irq_register_notify(
         avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), hear, NULL);
-    for (int i = 0; i < SERVOS; i++) {
-        avr_irq_register_notify(
-            avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('B'), i), pin, &servos[i]);
-    }
+    pins_watch();
 }
 
 // What is asked -----------------------------------------------------------------------------------
 
 static void report(bool with_said) {
-    double off;
     printf("{\"time\": %.6f, \"opened\": %s, \"resets\": %lu, \"lost\": %lu, \"refused\": %lu, "
            "\"servos\": [",
            avr->cycle / HZ, opened ? "true" : "false", resets, lost_before + counter(lost_at),
            refused_before + counter(refused_at));
-    for (int i = 0; i < SERVOS; i++) {
-        Servo *servo = &servos[i];
-        int angle = servo->pulses ? degrees(servo->us, &off) : NO_ANGLE;
-        printf("%s{\"angle\": ", i ? ", " : "");
-        printf(angle == NO_ANGLE ? "null" : "%d", angle);
-        printf(", \"us\": %.2f, \"period_us\": %.2f, \"pulses\": %lu, \"off_us\": %.2f, \"seen\": [",
-               servo->us, servo->period_us, servo->pulses, servo->off_us);
-        const char *comma = "";
-        for (int degree = 0; degree <= NO_ANGLE; degree++) {
-            if (!servo->seen[degree]) continue;
-            printf("%s%d", comma, degree);
-            comma = ", ";
-        }
-        printf("]}");
-        memset(servo->seen, 0, sizeof servo->seen);
-        servo->off_us = 0;
-    }
+    pins_report();
     printf("]");
     if (with_said) {
         printf(", \"said\": \"");

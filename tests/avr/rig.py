@@ -69,7 +69,8 @@ def build(folder: Path) -> Built:
     """Builds the simulator's host and both firmwares."""
     host, stock = folder / "host", folder / "stock.elf"
     simavr = ["-I", str(SIMAVR), "-lsimavr", "-lutil", "-lm"]
-    _run("gcc", "-O2", "-Wall", "-Wextra", "-Werror", HERE / "host.c", "-o", host, *simavr)
+    parts = [HERE / "host.c", HERE / "pins.c"]
+    _run("gcc", "-O2", "-Wall", "-Wextra", "-Werror", *parts, "-o", host, *simavr)
     sources = [HERE / "stock.c", FIRMWARE / "servo.c"]
     _run("avr-gcc", *_FLAGS, "-I", FIRMWARE, *sources, "-o", stock)
     _run("avr-objcopy", "-O", "ihex", "-R", ".eeprom", stock, folder / "stock.hex")
