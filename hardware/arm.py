@@ -16,6 +16,7 @@ from .errors import (
     HardwareError,
     LinkError,
     NotActive,
+    PortLost,
     PortNotGiven,
     TransitionRefused,
 )
@@ -23,6 +24,7 @@ from .events import ArmEvent, Faulted, Observer, StateChanged
 from .interfaces import states
 from .lifecycle import Lifecycle, Result, State
 from .link import Link
+from .lookout import Lookout
 from .robot import Robot
 from .schedule import Schedule
 from .streamer import Playback, Streamer
@@ -60,6 +62,7 @@ class Arm:
         self._refusal: HardwareError | None = None  # why the last request was not carried out
         self._failure: HardwareError | None = None  # the fault that ends this activation
         self._connection: Connection | None = None
+        self._lookout: Lookout | None = None
         self._lifecycle = Lifecycle(
             {
                 State.CONFIGURING: self._configure,
@@ -223,6 +226,8 @@ class Arm:
             self._transition("raise_error")
         except TransitionRefused as refusal:
             logger.debug("fault outside active: %s", refusal)
+        if self._lookout and isinstance(error, PortLost):
+            self._lookout.begin()
 
     @property
     def _playing(self) -> bool:
@@ -252,6 +257,8 @@ class Arm:
         return faulting or self._lifecycle.changing
 
     def _request(self, label: str, wanted: State) -> None:
+        if self._lookout:
+            self._lookout.end()
         if self._transition(label) is not wanted:
             refusal, self._refusal = self._refusal, None
             raise refusal or TransitionRefused(f"{label} failed: the arm is {self.state.value}")
@@ -305,6 +312,7 @@ class Arm:
             self._refusal = error
             return Result.FAILURE
         self._connection = connection
+        self._lookout = Lookout(self._link.port, self._clock)
         result = self._boot(connection)
         if result is Result.SUCCESS:
             logger.info("The arm on port %s is ready to take commands", self._link.port)

@@ -61,6 +61,12 @@ def serial_ports() -> list[SerialPort]:
     ]
 
 
+def lasting_name(port: str) -> Path | None:
+    """The name of a port that stays when its board is plugged in again; None without one."""
+    device = os.path.realpath(port)
+    return next((link for link in _links() if os.path.realpath(link) == device), None)
+
+
 def check_port(port: str) -> list[Check]:
     """Whether a port could be opened, as far as can be told without doing it."""
     there = _check_there(port)

@@ -124,4 +124,4 @@ def _open_error(port: str, error: Exception) -> LinkError:
 
 
 def _present() -> list[str]:
-    return [port.device for port in serial_ports()]
+    return [" = ".join(filter(None, (port.device, port.by_id))) for port in serial_ports()]

@@ -12,6 +12,7 @@ from hardware import (
     Faulted,
     FrameSent,
     HardwareError,
+    RealClock,
     Robot,
     Schedule,
     SimulatedClock,
@@ -97,3 +98,13 @@ def settled(rig: Rig, state: State) -> None:
 def open_files() -> int:
     """How many file descriptors this process has."""
     return len(os.listdir("/proc/self/fd"))
+
+
+def settled_for(arm: Arm, state: State, patience: float) -> None:
+    """Waits in real time until an arm is in a state, for so long at the most [s]."""
+    clock = RealClock()
+    signal, until = clock.signal(), clock.now() + patience
+    while arm.state is not state:
+        assert clock.now() < until, arm.state
+        with signal:
+            signal.wait(clock.now() + 0.002)
