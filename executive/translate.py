@@ -39,6 +39,7 @@ def skill_record(event: SkillEvent, robot: Robot, now: float) -> logs.Record:
                 robot.firmware.name,
                 tuple(setpoint.time for setpoint in schedule.setpoints),
                 tuple(str(setpoint.frame) for setpoint in schedule.setpoints),
+                tuple(setpoint.delay for setpoint in schedule.setpoints),
                 schedule.slowed,
             )
 

@@ -70,7 +70,7 @@ class Dialogue:
         *lines, rest = (self._unfinished + data).split(b"\n")
         self._unfinished = rest[-_LONGEST:]
         for line in lines:
-            if line.startswith(self._banner):
+            if self._banner in line:  # a reset may have cut the line before short
                 self._start(line)
             elif match := _ACK.fullmatch(line):
                 self._acknowledge(*(int(digits, 16) for digits in match.groups()))

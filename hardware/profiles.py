@@ -44,10 +44,10 @@ class Firmware:
         return self.degree_time * steps
 
 
-# A degree takes the published sketch 5.066 ms: its delay(5), and Servo.write (measured on machine
-# code, tests/avr); the resonator of an Uno adds up to 0.5 %. Taken for 5 ms, a motion without a
-# rest loses its first byte within 8 s. 10 Hz leaves 100 ms a frame, which 4 servos and 15 degrees
-# need; frames of more come slower.
+# A degree takes the published sketch its delay(5) and the time of Servo.write, 5.066 ms in all
+# (tests/avr/stock.c), and the resonator of an Uno may add 0.5 %. Taken for 5 ms, a motion without
+# a rest loses its first byte within 8 s. 10 Hz leaves 100 ms a frame, which 4 servos and 15
+# degrees need; frames of more come slower.
 STOCK = Firmware("stock", 10.0, 0.0051, 16, 63, 1.0, b"")
 # The same largest step: it bounds how far the arm still moves after a stop.
 ARMTREE = Firmware("armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ")

@@ -19,11 +19,13 @@ class Setpoint:
 
     Attributes:
         time: From the start of the motion [s].
+        delay: How much later that is than planned, for the board's sake [s].
         positions: The joint values it stands for, one per actuated joint [rad].
         frame: What travels.
     """
 
     time: float
+    delay: float
     positions: tuple[float, ...]
     frame: Frame
 
@@ -69,13 +71,13 @@ def compile_schedule(
     pace = Pace(robot.firmware, robot.serial.baud, last)
     period, setpoints, shift = 1 / robot.firmware.rate, [], 0.0
     end, periods = tuple(start), 0
-    for number, end in enumerate(_steps(robot, codec, start, sample, duration)):
+    for number, (planned, end) in enumerate(_steps(robot, codec, start, sample, duration)):
         frame, periods = codec.encode(end), number + 1
         if frame != last:
             time = max(number * period + shift, pace.earliest)
             shift = time - number * period
             pace.sent(frame, time)
-            setpoints.append(Setpoint(time, end, frame))
+            setpoints.append(Setpoint(time, max(0.0, time - planned), end, frame))
             last = frame
     done = max(periods * period + shift, pace.done) if setpoints else 0.0
     late = done - math.ceil(duration / period - 1e-9) * period
@@ -116,19 +118,23 @@ def played(
 
 def _steps(
     robot: Robot, codec: WireFormat, start: Sequence[float], sample: Sampler, duration: float
-) -> Iterator[tuple[float, ...]]:
-    """The positions at the end of every period, as many periods as the board needs."""
+) -> Iterator[tuple[float, tuple[float, ...]]]:
+    """The positions at the end of every period, as many periods as the board needs.
+
+    With each comes when the period begins, as planned [s].
+    """
     rate = robot.firmware.rate
     times = [min(k / rate, duration) for k in range(math.ceil(duration * rate - 1e-9) + 1)]
     before, before_time = codec.encode(start), 0.0
-    for time, row in zip(times[1:], sample(times)[1:], strict=True):
+    for number, (time, row) in enumerate(zip(times[1:], sample(times)[1:], strict=True)):
         frame, parts = codec.encode(row), 1
         rows = [row]
         while not _fits(codec, before, rows, robot.firmware.max_step):
             parts += 1
             step = (time - before_time) / parts
             rows = [*sample([before_time + step * k for k in range(1, parts)]), row]
-        yield from (tuple(float(q) for q in row) for row in rows)
+        for part, row in enumerate(rows):
+            yield (number + part / parts) / rate, tuple(float(q) for q in row)
         before, before_time = frame, time
 
 

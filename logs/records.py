@@ -182,6 +182,7 @@ class Schedule:
         firmware: The profile the frames were spaced for.
         times: When each frame is due, from the start of the motion [s], (N,).
         frames: The frames as text, (N,).
+        delays_s: How much later each is than planned, for the board's sake [s], (N,).
         slowed_s: By how much the board's pace stretched the motion [s].
     """
 
@@ -190,6 +191,7 @@ class Schedule:
     firmware: str
     times: tuple[float, ...]
     frames: tuple[str, ...]
+    delays_s: tuple[float, ...]
     slowed_s: float
 
 

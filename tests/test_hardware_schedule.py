@@ -75,6 +75,7 @@ def test_a_slow_motion_keeps_its_grid() -> None:
     schedule = straight(STOCK, (-0.5, 0, 0, 0), 4.0)
     steps = [setpoint.time * STOCK.firmware.rate for setpoint in schedule.setpoints]
     assert steps == pytest.approx([round(step) for step in steps])
+    assert max(setpoint.delay for setpoint in schedule.setpoints) == pytest.approx(0.0)
     assert schedule.duration == pytest.approx(4.0)
     assert schedule.slowed == 0.0
 
@@ -89,6 +90,11 @@ def test_a_fast_motion_is_slowed_and_says_by_how_much() -> None:
     check(STOCK, HOME, schedule)
     assert schedule.slowed == pytest.approx(schedule.duration - 0.1)
     assert schedule.slowed > 0.5
+    delays = [setpoint.delay for setpoint in schedule.setpoints]
+    assert delays == sorted(delays)  # it falls ever more behind
+    assert delays[0] == 0.0
+    last = schedule.setpoints[-1]
+    assert last.time - last.delay == pytest.approx(0.1 * (1 - 1 / len(schedule.setpoints)))
 
 
 @pytest.mark.parametrize("duration", [0.0, 3.0])
@@ -121,6 +127,10 @@ def test_a_stock_board_passes_every_corner() -> None:
     assert corners == [(90, 90, 90, 0), (87, 90, 90, 0), (87, 88, 90, 0)]
     ends = [CODEC.encode(row).servos for row in played(OURS, HOME, schedule)[1]]
     assert ends == [(90, 90, 90, 0), (87, 88, 90, 0)]
+
+
+# How long after a stop the board may still turn [s]; ARCHITECTURE.md promises it.
+STOP_TIME = {"stock": 0.25, "armtree": 0.05}
 
 
 def wander(seed: int, speed: float) -> tuple[tuple[float, ...], Sampler, float]:
@@ -183,3 +193,33 @@ def test_no_motion_and_no_stop_overruns_the_board(
         held = schedule.setpoints[count - 1].frame if count else CODEC.encode(start)
         assert state.lost == state.refused == 0
         assert state.servos == held.servos
+
+
+@settings(max_examples=120, deadline=None)
+@given(
+    st.sampled_from([STOCK, OURS]),
+    st.integers(0, 2**32),
+    st.sampled_from([0.3, 1.0, 3.0, 10.0]),
+    st.floats(0, 1),
+)
+def test_after_a_stop_the_board_turns_no_more_than_two_frames(
+    robot: Robot, seed: int, speed: float, part: float
+) -> None:
+    """One frame may be under way and one may wait behind it."""
+    start, sample, duration = wander(seed, speed)
+    schedule = compile_schedule(robot, start, sample, duration)
+    if not schedule.setpoints:
+        return
+    firmware = dataclasses.replace(robot.firmware, boot_time=0.0)
+    board = Board(CODEC.letters, CODEC.encode(start).servos, firmware, robot.serial.baud)
+    stop = part * schedule.duration
+    sent = [setpoint for setpoint in schedule.setpoints if setpoint.time <= stop]
+    for setpoint in sent:
+        board.receive(setpoint.frame.data, setpoint.time)
+    if sent:
+        board.receive(sent[-1].frame.data, stop)
+    before = board.state(stop).servos
+    soon = board.state(stop + STOP_TIME[firmware.name]).servos
+    travel = sum(abs(b - a) for a, b in zip(before, soon, strict=True))
+    assert travel <= 2 * firmware.max_step
+    assert board.state(stop + 10).servos == soon

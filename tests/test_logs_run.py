@@ -136,7 +136,7 @@ def pick_run(frames: int | None = None, begin: float = 40.0) -> list[Record]:
         arm,
         node(t + 0.7201, "PlanArm", "SUCCESS", "straight"),
         node(t + 0.7202, "Plan both", "SUCCESS"),
-        Schedule(t + 0.75, 10.0, "stock", arm.times, texts, 0.0),
+        Schedule(t + 0.75, 10.0, "stock", arm.times, texts, (0.0,) * len(texts), 0.0),
         node(t + 0.7503, "Execute", "RUNNING"),
     ]
     return head + (_cut(motion, frames) if frames else _through(motion, begin))
