@@ -1,8 +1,6 @@
 """The arm as it is: description, wire format, link, lifecycle, guard and streamer."""
 
 from .arm import Arm
-from .board import Board, BoardState
-from .board_link import BoardLink
 from .clock import Clock, RealClock, Signal, SimulatedClock
 from .description import load_robot
 from .errors import (
@@ -40,7 +38,9 @@ from .schedule import Schedule, Setpoint, compile_schedule, played
 from .serial_link import SerialLink
 from .serial_servo import VIRTUAL, virtual_board
 from .streamer import Playback, PlaybackState
-from .virtual_arduino import VirtualArduino, VirtualLink
+from .virtual.arduino import VirtualArduino, VirtualLink
+from .virtual.board import Board, BoardState
+from .virtual.link import BoardLink
 
 __all__ = [
     "FIRMWARES",

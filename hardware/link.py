@@ -2,6 +2,8 @@
 
 from typing import Protocol
 
+BITS_PER_BYTE = 10  # 8N1: start bit, eight data bits, stop bit
+
 
 class Link(Protocol):
     """A byte stream to a board. Opening it resets the board, and that moves the arm."""

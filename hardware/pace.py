@@ -1,7 +1,7 @@
 """How fast the board digests frames, as a model: it never says so itself."""
 
-from .board import BITS_PER_BYTE
 from .frames import Frame
+from .link import BITS_PER_BYTE
 from .profiles import Firmware
 
 

@@ -133,8 +133,8 @@ def _steps(
             parts += 1
             step = (time - before_time) / parts
             rows = [*sample([before_time + step * k for k in range(1, parts)]), row]
-        for part, row in enumerate(rows):
-            yield (number + part / parts) / rate, tuple(float(q) for q in row)
+        for part, positions in enumerate(rows):
+            yield (number + part / parts) / rate, tuple(float(q) for q in positions)
         before, before_time = frame, time
 
 

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from .board import Board
 from .frames import Codec, WireField, servo_angle
 from .link import Link
 from .pace import unread_bytes
@@ -12,7 +11,8 @@ from .profiles import FIRMWARES, Firmware
 from .robot import Joint, Robot
 from .serial_link import SerialLink
 from .toml_table import TomlTable
-from .virtual_arduino import VirtualLink
+from .virtual.arduino import VirtualLink
+from .virtual.board import Board
 
 VIRTUAL = "virtual"
 

@@ -1,8 +1,8 @@
 """The board as a pure model: bytes and time in, servo angles and bytes out.
 
-Here are its line and its boot; the program it runs is in `board_stock` (the published sketch) or
-`board_armtree` (our firmware). It holds no clock and does no I/O; `virtual_arduino` puts it behind
-a pseudo-terminal and `board_link` behind an in-process link.
+Here are its line and its boot; the program it runs is in `stock` (the published sketch) or
+`armtree` (our firmware). It holds no clock and does no I/O; `arduino` puts it behind
+a pseudo-terminal and `link` behind an in-process link.
 """
 
 from collections import deque
@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from .board_armtree import ArmtreeFirmware
-from .board_stock import StockSketch
-from .board_transmitter import Transmitter
-from .profiles import Firmware
+from hardware.link import BITS_PER_BYTE
+from hardware.profiles import Firmware
 
-BITS_PER_BYTE = 10  # 8N1: start bit, eight data bits, stop bit
+from .armtree import ArmtreeFirmware
+from .stock import StockSketch
+from .transmitter import Transmitter
 
 
 @dataclass(frozen=True, slots=True)

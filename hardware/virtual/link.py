@@ -1,8 +1,9 @@
 """The board in-process, on the injected clock: the same model, without a pseudo-terminal."""
 
+from hardware.clock import Clock
+from hardware.errors import PortLost
+
 from .board import Board
-from .clock import Clock
-from .errors import PortLost
 
 
 class BoardLink:

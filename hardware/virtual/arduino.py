@@ -10,12 +10,13 @@ import tty
 from dataclasses import asdict
 from typing import Any
 
-from .board import BoardState
-from .errors import LinkError, PortLost
-from .profiles import Firmware
-from .serial_link import SerialLink
+from hardware.errors import LinkError, PortLost
+from hardware.profiles import Firmware
+from hardware.serial_link import SerialLink
 
-_PROGRAM = f"{__package__}.board_process"
+from .board import BoardState
+
+_PROGRAM = f"{__package__}.process"
 
 
 class VirtualArduino:

@@ -12,9 +12,10 @@ import select
 import sys
 from dataclasses import asdict
 
+from hardware.clock import RealClock
+from hardware.profiles import Firmware
+
 from .board import Board
-from .clock import RealClock
-from .profiles import Firmware
 
 # While nobody has the port open a poll on it returns at once, so the wait for an opener is naps.
 _NAP_MS = 5

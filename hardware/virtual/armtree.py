@@ -1,12 +1,12 @@
-"""Our firmware, as a program of the modelled board: what `firmware/armtree.c` does.
+"""Our firmware, as a program of the modelled board: what `hardware/firmware/armtree.c` does.
 
-The protocol, with every line and counter, is in `firmware/README.md`.
+The protocol, with every line and counter, is in `hardware/firmware/README.md`.
 """
 
 import binascii
 from collections.abc import Sequence
 
-from .board_transmitter import Transmitter
+from .transmitter import Transmitter
 
 ANGLE_MAX = 180  # [deg]
 CYCLE_MS = 20  # of the servo pulses

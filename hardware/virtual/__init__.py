@@ -1,0 +1,1 @@
+"""Stand-ins for a board: one pure model, behind a pseudo-terminal or in-process."""
