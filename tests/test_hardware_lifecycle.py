@@ -3,6 +3,7 @@
 import itertools
 import re
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -172,3 +173,16 @@ def test_a_callback_may_not_request() -> None:
 
     machine.callbacks[State.CONFIGURING] = request
     assert machine.lifecycle.request("configure") is State.UNCONFIGURED  # refused, so ERROR
+
+
+def drawing() -> str:
+    """The table as a Mermaid state diagram."""
+    lines = ["```mermaid", "stateDiagram-v2", "    [*] --> unconfigured"]
+    for label, start, goal in EDGES:
+        lines.append(f"    {start.value} --> {goal.value}: {label.removeprefix('transition_')}")
+    return "\n".join([*lines, "    finalized --> [*]", "```"])
+
+
+def test_the_drawing_in_the_architecture_is_this_table() -> None:
+    text = (Path(__file__).parents[1] / "ARCHITECTURE.md").read_text()
+    assert drawing() in text, f"paste this into ARCHITECTURE.md:\n{drawing()}"
