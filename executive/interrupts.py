@@ -28,7 +28,9 @@ class Interrupts:
         os.set_blocking(self._writer, False)
         self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
         self._handlers: dict[signal.Signals, Any] = {
-            number: signal.signal(number, self._interrupt) for number in _SIGNALS
+            number: signal.signal(number, self._interrupt)
+            for number in _SIGNALS
+            if not _hangup_ignored(number)
         }
         return self
 
@@ -60,3 +62,8 @@ class Interrupts:
         self._canceled = True
         if self._cancel:
             self._cancel()
+
+
+def _hangup_ignored(number: signal.Signals) -> bool:
+    """Whether whoever started us wants us to outlive the terminal, as nohup does."""
+    return number is signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN

@@ -153,7 +153,10 @@ def test_plain_text_names_the_port_first_and_the_outcome_last(tmp_path: Path, ro
     assert lines[-1].strip().startswith("recording ")
 
 
-def test_ctrl_c_in_a_move_sends_the_hold_frame_and_no_other(tmp_path: Path, robot: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_in_a_move_sends_the_hold_frame_and_no_other(
+    tmp_path: Path, robot: Path, number: signal.Signals
+) -> None:
     with start(tmp_path, "run", "1", "--robot", str(robot), "--json") as process:
         assert process.stdout
         told = []
@@ -161,7 +164,7 @@ def test_ctrl_c_in_a_move_sends_the_hold_frame_and_no_other(tmp_path: Path, robo
             told.append(json.loads(line))
             moved = sum(event["event"] == "sent" for event in told)
             if moved == 4 and told[-1]["event"] == "sent":
-                process.send_signal(signal.SIGINT)
+                process.send_signal(number)
     result = told[-1]
     assert process.returncode == 7
     assert (result["state"], result["code"], result["success"]) == (
@@ -174,6 +177,24 @@ def test_ctrl_c_in_a_move_sends_the_hold_frame_and_no_other(tmp_path: Path, robo
     assert frames[-1] == frames[-2]
     assert holds.count(True) == 1
     assert holds[-1]
+
+
+def test_the_end_of_the_shell_changes_nothing_where_nohup_says_so(
+    tmp_path: Path, robot: Path
+) -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup leaves it to its program
+    try:
+        process = start(tmp_path, "run", "0", "--robot", str(robot), "--json")
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    with process:
+        assert process.stdout
+        told = []
+        for line in process.stdout:
+            told.append(json.loads(line))
+            if told[-1]["event"] == "sent":
+                process.send_signal(signal.SIGHUP)
+    assert (process.returncode, told[-1]["state"]) == (0, "SUCCEEDED")
 
 
 def test_ctrl_c_while_the_board_boots_sends_nothing(tmp_path: Path, robot: Path) -> None:
