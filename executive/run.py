@@ -155,9 +155,10 @@ class Run:
         self._tree.root.stop(Status.INVALID)
         self._arm.stop()
         self._show()
-        if not self._mailbox.wait_until(self._settled, CANCEL_DEADLINE):
+        deadline = CANCEL_DEADLINE + self._arm.robot.brake
+        if not self._mailbox.wait_until(self._settled, deadline):
             busy = ", ".join(skill.name for skill in self._tree.skills if skill.busy)
-            late = CancelTimeout(f"{busy} did not stop within {CANCEL_DEADLINE * 1000:.0f} ms")
+            late = CancelTimeout(f"{busy} did not stop within {deadline * 1000:.0f} ms")
             self._arm.fault(late)
             raise late
         if self._mailbox.fault:

@@ -127,7 +127,7 @@ class Arm:
             TransitionRefused: Not legal now.
         """
         if self._playing:
-            self.stop()
+            self._hold()
         self._request("deactivate", State.INACTIVE)
 
     def cleanup(self) -> None:
@@ -149,7 +149,7 @@ class Arm:
         if self.state is State.FINALIZED:
             return
         if self._playing:
-            self.stop()
+            self._hold()
         self._cancel()
         self._settle()
         self._request("shutdown", State.FINALIZED)
@@ -198,15 +198,11 @@ class Arm:
         """Drop what is left of the motion and hold; in any state, any number of times.
 
         What the board has already swallowed it still carries out. While the board boots, this
-        ends the activation.
+        ends the activation. A robot that brakes slows down first, and another stop does not
+        shorten that.
         """
         self._cancel()
-        streamer = self._streamer
-        if self.state is State.ACTIVE and streamer:
-            try:
-                streamer.stop()
-            except LinkError as error:
-                self.fault(error)
+        self._hold(self.robot.brake)
 
     def fault(self, error: HardwareError) -> None:
         """Take the arm out of *active*, for this error; coming back is a person's act.
@@ -228,6 +224,14 @@ class Arm:
             logger.debug("fault outside active: %s", refusal)
         if self._lookout and isinstance(error, PortLost):
             self._lookout.begin()
+
+    def _hold(self, brake: float = 0.0) -> None:
+        streamer = self._streamer
+        if self.state is State.ACTIVE and streamer:
+            try:
+                streamer.stop(brake)
+            except LinkError as error:
+                self.fault(error)
 
     @property
     def _playing(self) -> bool:

@@ -37,6 +37,7 @@ def load_robot(path: Path | None = None) -> Robot:
         driver=driver,
         firmware=driver.firmwares[root.table("serial").choice("firmware", driver.firmwares)],
         collision=_collision(root.table("collision"), urdf.links),
+        brake=root.number("brake_s", least=0) if "brake_s" in root else 0.0,
     )
     root.done()
     driver.check(root, robot)

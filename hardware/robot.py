@@ -103,6 +103,7 @@ class Robot:
         driver: What speaks to the board.
         firmware: What runs on the board.
         collision: What may not touch.
+        brake: How long a stop slows the motion down before it holds [s]; 0 to hold at once.
     """
 
     name: str
@@ -114,6 +115,7 @@ class Robot:
     driver: "Driver"
     firmware: Firmware
     collision: CollisionRules
+    brake: float = 0.0
 
     @property
     def actuated(self) -> tuple[Joint, ...]:

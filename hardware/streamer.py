@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import math
 import threading
 from collections.abc import Callable
 from enum import Enum
@@ -49,6 +50,11 @@ class Playback:
         self.error: HardwareError | None = None
         self.latest = 0.0
         self._changed = changed
+
+    @property
+    def sent_all(self) -> bool:
+        """Whether every frame was written."""
+        return self.written == len(self.schedule.setpoints)
 
     def wrote(self, lateness: float, taken: int) -> None:
         """Note a frame that was written.
@@ -98,6 +104,7 @@ class Streamer:
         self._period, self._fault = period, fault
         self._signal = clock.signal()
         self._playback: Playback | None = None
+        self._braking: tuple[float, float] | None = None  # since when and for how long [s]
         self._closing = False
         self._thread = clock.spawn(self._run, "streamer")
 
@@ -122,6 +129,7 @@ class Streamer:
                 raise NotActive("the arm left the active state; configure and activate it first")
             claim = self._door.claim(owner, self._door.interfaces, generation)
             self._playback = Playback(schedule, claim, self._dialogue.sent, changed)
+            self._braking = None
             self._signal.notify()
             return self._playback
 
@@ -132,17 +140,33 @@ class Streamer:
                 self._playback.took(self._dialogue.taken)
             self._signal.notify()
 
-    def stop(self) -> None:
+    def stop(self, brake: float = 0.0) -> None:
         """Drop what is left and hold.
+
+        Args:
+            brake: How long to slow down before, evenly and along the schedule [s].
 
         Raises:
             LinkError: The hold frame could not be written; the playback ends with that fault.
         """
+        if brake and self._brakes(brake):
+            return
         with contextlib.suppress(NotActive):  # whatever took it out of *active* stops it, too
             self._door.hold()
         with self._signal:
             self._drop()
             self._signal.notify()
+
+    def _brakes(self, brake: float) -> bool:
+        """Begin to slow down, or go on with it; false where there is nothing left to slow down."""
+        with self._signal:
+            playback = self._playback
+            if not self.playing or not playback or playback.sent_all:
+                return False
+            if self._braking is None:
+                self._braking = self._clock.now(), brake
+                self._signal.notify()
+            return True
 
     def close(self, error: HardwareError | None = None) -> None:
         """Shut the door and drop what is left, without a hold frame. Harmless when closed.
@@ -207,8 +231,11 @@ class Streamer:
     def _play(self, playback: Playback) -> None:
         origin = self._clock.now()
         for setpoint in playback.schedule.setpoints:
-            due = origin + setpoint.time
-            self._sleep(playback, max(due, self._door.earliest))
+            self._await(playback, origin + setpoint.time)
+            due = self._due(origin + setpoint.time)
+            if due == math.inf:
+                self._door.hold()
+                raise StaleGeneration("slowed down to a stop")
             late = self._clock.now() - due
             if late > self._period:
                 origin += late
@@ -220,6 +247,32 @@ class Streamer:
             self._sleep(playback, max(origin + playback.schedule.duration, self._door.done))
             self._sleep(playback, self._clock.now() + ANSWER, self._dialogue.settled)
             self._dialogue.check(self._clock.now())
+
+    def _await(self, playback: Playback, planned: float) -> None:
+        """Wait until a frame is due that was planned for a time [s]; braking may shift it."""
+        with self._signal:
+            while playback is self._playback:
+                until = max(self._due(planned), self._door.earliest)
+                if until == math.inf or self._clock.now() >= until:
+                    return
+                self._signal.wait(until)
+        raise StaleGeneration("stopped")
+
+    def _due(self, planned: float) -> float:
+        """When a frame is due that was planned for a time [s]; infinite where braking ends before.
+
+        Slowing down evenly to rest within T covers half of what T would: the time t(s) at which
+        the schedule's s is reached solves s = t - t^2 / 2T.
+        """
+        if self._braking is None:
+            return planned
+        since, brake = self._braking
+        ahead = planned - since
+        if ahead <= 0:
+            return planned
+        if ahead >= brake / 2:
+            return math.inf
+        return since + brake * (1 - math.sqrt(1 - 2 * ahead / brake))
 
     def _sleep(
         self, playback: Playback, until: float, over: Callable[[], bool] = lambda: False

@@ -44,11 +44,11 @@ def motion(
 class Rig:
     """An arm on an in-process board, and all that it tells."""
 
-    def __init__(self) -> None:
+    def __init__(self, robot: Robot = ROBOT) -> None:
         self.clock = SimulatedClock()
-        self.link = BoardLink(virtual_board(ROBOT), self.clock)
+        self.link = BoardLink(virtual_board(robot), self.clock)
         self.events: list[ArmEvent] = []
-        self.arm = Arm(ROBOT, self.link, self.clock, self.events.append)
+        self.arm = Arm(robot, self.link, self.clock, self.events.append)
         self.woken = self.clock.signal()
 
     def wake(self) -> None:
@@ -81,9 +81,9 @@ class Rig:
 
     @classmethod
     @contextlib.contextmanager
-    def alone(cls) -> Iterator["Rig"]:
+    def alone(cls, robot: Robot = ROBOT) -> Iterator["Rig"]:
         """A rig in time that passes only when this thread waits, too; no thread is left behind."""
-        before, rig = threading.active_count(), cls()
+        before, rig = threading.active_count(), cls(robot)
         with rig.clock.working():
             yield rig
             rig.arm.shutdown()

@@ -1,15 +1,18 @@
 """Runs that are stopped: by a person at any moment, by a fault, by a bug."""
 
+import dataclasses
 import os
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 import logs
 from executive.goal import GoalState
-from hardware import State
+from hardware import Robot, SimulatedClock, State
 from skills import Execute, PlanGripper, Skill
+from skills.motion import Pool
 from tests.conftest import Rig, RigMaker
 
 
@@ -275,3 +278,15 @@ def test_threads_and_descriptors_do_not_grow(rig: RigMaker) -> None:
     del arm
     assert threading.active_count() <= threads
     assert len(os.listdir("/proc/self/fd")) <= descriptors
+
+
+def test_a_brake_adds_its_time_to_the_deadline(
+    robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool, tmp_path: Path
+) -> None:
+    arm = Rig(dataclasses.replace(robot, brake=1.0), shared_clock, shared_pool, tmp_path)
+    at_frame(arm, 10, arm.executive.cancel)
+    arm.run(1)
+    (outcome,) = arm.outcomes
+    assert (outcome.state, outcome.code) == (GoalState.CANCELED, "goal.canceled")
+    assert len(arm.frames) > 11
+    assert arm.frames[-1] == f"({arm.frames[-2]})"

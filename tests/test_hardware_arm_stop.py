@@ -1,6 +1,8 @@
 """Stopping the arm: in every state, at every instant, once."""
 
+import dataclasses
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 
@@ -10,7 +12,7 @@ from hardware import (
     StaleGeneration,
     State,
 )
-from tests.hardware_rigs import HOME, PICK, Rig, motion
+from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion
 
 
 @pytest.fixture
@@ -127,3 +129,60 @@ def test_a_motion_decided_on_before_a_stop_is_not_played_after_it(rig: Rig) -> N
         rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", decided)
     rig.wait(5)
     assert rig.frames == []
+
+
+# Braking -------------------------------------------------------------------------------------
+
+BRAKE = 1.0  # [s]
+BRAKING = dataclasses.replace(ROBOT, brake=BRAKE)
+
+
+@pytest.mark.parametrize("stops", [1, 3])
+def test_a_robot_that_brakes_slows_down_along_its_schedule(stops: int) -> None:
+    with Rig.alone(BRAKING) as rig:
+        rig.start()
+        schedule, began = motion(HOME, (-1.4, 0, 0, 0), 4.0), rig.clock.now()
+        playback = rig.arm.play(schedule, rig.wake, "test", rig.arm.generation)
+        rig.wait(1.0)
+        for _ in range(stops):
+            rig.arm.stop()
+            rig.wait(0.1)
+        stop = began + 1.0
+        rig.until(lambda: playback.state is not PlaybackState.PLAYING)
+        assert playback.state is PlaybackState.STOPPED
+        *frames, hold = rig.frames
+        assert [frame.data for frame in frames] == [
+            s.frame.data for s in schedule.setpoints if s.time < 1.0 + BRAKE / 2
+        ]
+        assert (hold.data, hold.scheduled) == (frames[-1].data, None)
+        assert hold.time <= stop + BRAKE
+        for frame, setpoint in zip(frames, schedule.setpoints, strict=False):
+            since = frame.time - stop
+            on_time = since - since**2 / (2 * BRAKE) if since > 0 else since
+            assert setpoint.time == pytest.approx(1.0 + on_time)
+        gaps = [b.time - a.time for a, b in pairwise(frames) if a.time > stop]
+        assert gaps == sorted(gaps)
+        assert rig.link.board.state(rig.clock.now() + 10).lost == 0
+
+
+def test_nothing_is_left_to_slow_down_after_the_last_frame() -> None:
+    with Rig.alone(BRAKING) as rig:
+        rig.start()
+        schedule = motion(HOME, (-0.1, 0, 0, 0), 1.0)
+        playback = rig.arm.play(schedule, rig.wake, "test", rig.arm.generation)
+        rig.until(lambda: playback.written == len(schedule.setpoints))
+        rig.arm.stop()
+        assert playback.state is PlaybackState.STOPPED
+        assert rig.frames[-1].scheduled is None
+
+
+def test_deactivate_does_not_wait_for_the_brake() -> None:
+    with Rig.alone(BRAKING) as rig:
+        rig.start()
+        rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+        rig.wait(1.0)
+        rig.arm.stop()
+        now = rig.clock.now()
+        rig.arm.deactivate()
+        assert rig.clock.now() == now
+        assert rig.frames[-1].scheduled is None

@@ -113,6 +113,7 @@ WRONG = {
     "reversed is a number": ("reversed = false", "reversed = 0", "wire =", "joints.joint_1.wire.reversed: 0 is not true or false"),
     "unknown key on the wire": ("reversed = false", "reversed = false, min = 1", "wire =", "joints.joint_1.wire.min: unknown key"),
     "margin is negative": ("margin_m = 0.005", "margin_m = -0.1", "margin_m", "collision.margin_m: -0.1 is not allowed"),
+    "brake is negative": ('name = "arduinobot"', 'name = "arduinobot"\nbrake_s = -1', "brake_s", "brake_s: -1 is not allowed; it must be at least 0"),
     "floor is a text": ("floor_m = 0.0", 'floor_m = "low"', "floor_m", "collision.floor_m: 'low' is not a number"),
     "unknown link": ('floor_ignores = ["base_link"]', 'floor_ignores = ["base"]', "floor_ignores", "collision.floor_ignores: 'base' is not one of .*did you mean base_"),
     "pair of three": ('["base_link", "base_plate"]', '["base_link", "base_plate", "claw_support"]', "allowed", "collision.allowed: .* is not a pair of names"),
