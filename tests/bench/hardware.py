@@ -1,7 +1,8 @@
 """How the bottom room keeps time, stops, and sees a lost port.
 
-Everything runs on real pseudo-terminals, paced by the virtual Arduino with our firmware; only
-`stock_bytes_lost` is simulated, on the model of the published sketch.
+Everything runs on real pseudo-terminals, paced by the virtual Arduino with our firmware;
+`frames_per_s` by its machine code on a simulated chip. Only `stock_bytes_lost` is simulated, on the
+model of the published sketch.
 """
 
 import dataclasses
@@ -9,6 +10,7 @@ import logging
 import os
 import pty
 import random
+import re
 import statistics
 import sys
 import tempfile
@@ -34,12 +36,14 @@ from hardware import (
     RealClock,
     Robot,
     Schedule,
+    SerialLink,
     compile_schedule,
     load_robot,
     virtual_board,
 )
 from logs import Recorder, Sent
 from skills.motion import Pool, Query
+from tests.avr import rig
 from tests.bench.table import Row, arguments, show
 
 HOME, PICK = (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07, -0.7)
@@ -125,7 +129,9 @@ def unplug_times(count: int, streaming: bool) -> list[float]:
     """From the port gone to the fault told [ms]."""
     times = []
     robot = quick_robot()
-    robot = dataclasses.replace(robot, serial=dataclasses.replace(robot.serial, boot_wait=0.0))
+    serial = dataclasses.replace(robot.serial, boot_wait=0.0)
+    silent = dataclasses.replace(robot.firmware, banner=b"")  # nobody is at the other end
+    robot = dataclasses.replace(robot, serial=serial, firmware=silent)
     for _ in range(count):
         master, slave = pty.openpty()
         tty.setraw(slave)
@@ -212,6 +218,49 @@ def _lost(robot: Robot, schedule: Schedule, hold: float) -> int:
     return board.state(booted + schedule.duration + 10.0).lost
 
 
+def frames_per_s(seconds: float) -> float:
+    """Frames that the machine code of our firmware takes, each acknowledged [1/s].
+
+    The simulated chip keeps real time, and its line the speed of a real one.
+    """
+    clock, counts, sent = RealClock(), [0], 0
+    with tempfile.TemporaryDirectory() as folder:
+        built = rig.build(Path(folder))
+        with closing(rig.AvrArduino(built, "armtree", 0.1)) as arduino:
+            link = SerialLink(arduino.port, rig.BAUD)
+            link.open()
+            for line in _lines(link):
+                if line.startswith(b"armtree"):
+                    link.write(b"bA01;")
+                elif line.startswith(b"status"):
+                    begun = clock.now()
+                elif match := re.fullmatch(rb"k([0-9a-f]{4}),00,00,[0-9a-f]{4}", line):
+                    counts.append(int(match[1], 16))
+                    if clock.now() - begun >= seconds:
+                        break
+                while sent - counts[-1] < 40:
+                    link.write(rig.frame([sent % 181] * 4))
+                    sent += 1
+            link.close()
+    assert counts == list(range(len(counts))), "a frame was lost"
+    return counts[-1] / (clock.now() - begun)
+
+
+def _lines(link: SerialLink) -> Iterator[bytes]:
+    said = b""
+    while True:
+        *lines, said = (said + link.read()).split(b"\n")
+        yield from lines
+
+
+def throughput() -> list[Row]:
+    """What is known of `frames_per_s`."""
+    if missing := rig.missing():
+        sys.stderr.write(f"frames_per_s is left out: {missing}\n")
+        return []
+    return [Row("frames_per_s", "1/s", [frames_per_s(5.0) for _ in range(3)])]
+
+
 def main(runs: int, file: Path | None) -> None:
     """Measure and show."""
     logging.getLogger().addHandler(logging.NullHandler())  # the faults are meant
@@ -219,6 +268,7 @@ def main(runs: int, file: Path | None) -> None:
     unplugs = unplug_times(50, streaming=True) + unplug_times(50, streaming=False)
     rows = [
         Row("lateness_ratio_p99", "1", lateness_ratios(runs)),
+        *throughput(),
         Row("stop_ms_p99", "ms", [p99(stops)]),
         Row("unplug_seen_ms_p99", "ms", [p99(unplugs)]),
         Row("stock_bytes_lost", "bytes", [stock_bytes_lost(1000)]),
