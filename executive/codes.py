@@ -39,6 +39,8 @@ CODES = {
     "hw": Code("", 6),
     "hw.no_port": Code("", 3),
     "hw.port_busy": Code("", 9),
+    "task": Code("The task failed", 11),
+    "task.timeout": Code("The task failed", 8),
     "log": Code("", 10),
     "log.unreadable": Code("", 3),
     "log.truncated": Code("", 3),

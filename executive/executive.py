@@ -82,7 +82,15 @@ class Executive:
         self._recordings = Recordings(recordings, robot, clock, watch, mailbox.fail)
         self._arm = Arm(robot, link, clock, self._arm_did)
         self._context = Context(
-            robot, self._arm, pool, seed, timeout, mailbox.wake, self._recordings.skill_did
+            robot,
+            self._arm,
+            pool,
+            seed,
+            timeout,
+            mailbox.wake,
+            self._recordings.skill_did,
+            clock,
+            mailbox.wake_at,
         )
 
     def cancel(self) -> None:
@@ -126,8 +134,9 @@ class Executive:
         """Judge a goal as far as that goes without the arm."""
         goal = attempt.goal
         try:
-            attempt.task = task = self._library.task(goal.task)
-            attempt.tree = build(task, self._library, self._context, f"run_{goal.identity}")
+            draft = self._library.draft(goal.task)
+            attempt.task = draft[0]
+            attempt.tree = build(draft, self._library, self._context, f"run_{goal.identity}")
         except _OURS as error:
             attempt.error = error
         return attempt.error is None

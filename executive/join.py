@@ -1,4 +1,4 @@
-"""A parallel that lets all its children end before it judges them."""
+"""Parallels: one that lets all its children end before it judges them, one that takes the first."""
 
 from collections.abc import Iterator
 
@@ -27,9 +27,28 @@ class Join(Composite):
         for child in unfinished:
             yield from child.tick()
         self.current_child = self.children[-1] if self.children else None
-        statuses = {child.status for child in self.children}
+        self.judge({child.status for child in self.children})
+        yield self
+
+    def judge(self, statuses: set[Status]) -> None:
+        """Take the status that those of the children make."""
         if Status.RUNNING in statuses:
             self.status = Status.RUNNING
         else:
             self.stop(Status.SUCCESS if statuses <= {Status.SUCCESS} else Status.FAILURE)
-        yield self
+
+
+class Race(Join):
+    """Succeeds with the first child that does, and halts the others; fails if all do."""
+
+    def judge(self, statuses: set[Status]) -> None:
+        """Take the status that those of the children make."""
+        if Status.SUCCESS in statuses:
+            for child in self.children:
+                if child.status is Status.RUNNING:
+                    child.stop(Status.INVALID)
+            self.stop(Status.SUCCESS)
+        elif Status.RUNNING in statuses:
+            self.status = Status.RUNNING
+        else:
+            self.stop(Status.FAILURE)

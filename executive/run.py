@@ -1,6 +1,7 @@
 """The run loop: one thread ticks, stops and edits a tree; everybody else posts and wakes it."""
 
 import logging
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -32,6 +33,11 @@ class Mailbox:
         self._signal = clock.signal()
         self._woken = self._canceled = False
         self._fault: Exception | None = None
+        self._deadline = math.inf
+
+    def wake_at(self, time: float) -> None:
+        """Ask for a tick at a time [s]; from the owner thread, and anew at each tick."""
+        self._deadline = min(self._deadline, time)
 
     def wake(self) -> None:
         """Ask for a tick."""
@@ -62,11 +68,17 @@ class Mailbox:
         return self._fault
 
     def wait(self) -> None:
-        """Wait until somebody posts."""
+        """Wait until somebody posts, or the earliest time that was asked for has come."""
         with self._signal:
-            while not (self._woken or self._canceled or self._fault):
-                self._signal.wait(None)
+            while not (self._woken or self._canceled or self._fault or self._due):
+                self._signal.wait(None if self._deadline == math.inf else self._deadline)
             self._woken = False
+            if self._due:
+                self._deadline = math.inf
+
+    @property
+    def _due(self) -> bool:
+        return self._clock.now() >= self._deadline
 
     def wait_until(self, settled: Callable[[], bool], seconds: float) -> bool:
         """Wait until something is so; False when it took longer than that [s]."""

@@ -1,8 +1,12 @@
 """What became of a goal, and why."""
 
+from collections.abc import Iterator
+
+from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from hardware import ActivationStopped
+from skills import TaskFailed
 
 from .builder import Tree
 from .codes import CANCELED, INTERNAL, OK, look_up
@@ -32,14 +36,26 @@ def judge(tree: Tree | None, error: Exception | None, canceled: bool) -> tuple[G
 
 
 def _causes(tree: Tree) -> tuple[str, str]:
-    """The code of the first failed skill, and what every failed skill says."""
-    failed = [skill for skill in tree.skills if skill.failure is not None]
+    """The code of the first failed node that knows why, and what every one of them says."""
+    failed = list(_failed(tree.root))
     if not failed:
-        return INTERNAL, f"{tree.root.name} failed without a cause"
-    code = getattr(failed[0].failure, "code", INTERNAL)
+        return TaskFailed.code, f"{tree.root.name} failed, as its tree has it"
+    code = getattr(failed[0][1], "code", INTERNAL)
     heading = look_up(code).heading
     said = "; ".join(
-        f"{skill.name}: {skill.failure}" if code.startswith("plan.") else str(skill.failure)
-        for skill in failed
+        f"{name}: {failure}" if code.startswith("plan.") else str(failure)
+        for name, failure in failed
     )
     return code, f"{heading}: {said}" if heading else said
+
+
+def _failed(node: Behaviour) -> Iterator[tuple[str, Exception]]:
+    """The nodes that a failure came from; what others have made good is none."""
+    if node.status is not Status.FAILURE:
+        return
+    failure: Exception | None = getattr(node, "failure", None)
+    if failure:
+        yield node.name, failure
+        return
+    for child in node.children:
+        yield from _failed(child)

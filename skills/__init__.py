@@ -2,30 +2,63 @@
 
 from .base import Context, Planned, Scheduled, Skill, SkillEvent
 from .bounds import CheckBounds, check_targets
-from .errors import BadTarget, Interrupted, OutOfBounds, SkillError, StartMoved
+from .check_hardware import CheckHardware
+from .errors import (
+    BadTarget,
+    ConditionFails,
+    FunctionFailed,
+    Interrupted,
+    OutOfBounds,
+    SkillError,
+    StartMoved,
+    TaskFailed,
+    TookTooLong,
+)
 from .execute import Execute
+from .function import Cancel, condition, skill
+from .keys import Compare, Set
 from .plan_group import PlanArm, PlanGripper
+from .ports import Port
 from .positions import Positions
+from .say import Fail, Say
 from .start import SetStart
 from .succeed import Succeed
+from .targets import Shift, Target
+from .wait import Wait
 
 __all__ = [
     "BadTarget",
+    "Cancel",
     "CheckBounds",
+    "CheckHardware",
+    "Compare",
+    "ConditionFails",
     "Context",
     "Execute",
+    "Fail",
+    "FunctionFailed",
     "Interrupted",
     "OutOfBounds",
     "PlanArm",
     "PlanGripper",
     "Planned",
+    "Port",
     "Positions",
+    "Say",
     "Scheduled",
+    "Set",
     "SetStart",
+    "Shift",
     "Skill",
     "SkillError",
     "SkillEvent",
     "StartMoved",
     "Succeed",
+    "Target",
+    "TaskFailed",
+    "TookTooLong",
+    "Wait",
     "check_targets",
+    "condition",
+    "skill",
 ]

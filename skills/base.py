@@ -8,7 +8,7 @@ from typing import Any
 from py_trees.common import Status
 from py_trees.ports import BehaviourWithPorts
 
-from hardware import Arm, HardwareError, Robot, Schedule
+from hardware import Arm, Clock, HardwareError, Robot, Schedule
 
 from .errors import SkillError
 from .motion import MotionError, Plan, Pool, Query
@@ -55,6 +55,8 @@ class Context:
         timeout: How long a planner may take [s].
         wake: Asks for a tick; may be called from any thread.
         tell: Hands an event to whoever records.
+        clock: Whose time.
+        wake_at: Asks for a tick at a time [s]; only within a tick, and anew at each.
     """
 
     robot: Robot
@@ -64,6 +66,8 @@ class Context:
     timeout: float
     wake: Callable[[], None]
     tell: Callable[[SkillEvent], None]
+    clock: Clock
+    wake_at: Callable[[float], None]
 
 
 class Skill(BehaviourWithPorts):
@@ -75,10 +79,16 @@ class Skill(BehaviourWithPorts):
 
     Attributes:
         moves: Whether it moves the arm, which only one skill may do at a time.
+        condition: Whether it only asks, and ends in the tick in which it begins.
+        may_fail: Whether it can fail.
+        may_succeed: Whether it can succeed.
         failure: Why it failed last, if it did.
     """
 
     moves = False
+    condition = False
+    may_fail = True
+    may_succeed = True
 
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name)
@@ -97,6 +107,19 @@ class Skill(BehaviourWithPorts):
         Raises:
             SkillError: What is wrong.
         """
+
+    @classmethod
+    def shortest(cls, inputs: Mapping[str, Any]) -> float:
+        """How long it takes at least [s], by the inputs written in the task."""
+        return 0.0
+
+    @classmethod
+    def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
+        """Where the inputs written in the task send the arm: values of the actuated joints [rad].
+
+        Only whole configurations count; they are what can be checked for collision beforehand.
+        """
+        return []
 
     @property
     def busy(self) -> bool:

@@ -32,14 +32,26 @@ class CheckBounds(Skill):
         """Check the targets that are spelled out."""
         check_targets(robot, {name: inputs[name] for name in cls.INPUT_PORTS if name in inputs})
 
+    @classmethod
+    def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
+        """The goal, where both targets are spelled out."""
+        if any(group not in inputs for group in cls.INPUT_PORTS):
+            return []
+        targets = {group: inputs[group] for group in cls.INPUT_PORTS}
+        return [tuple(_joined(robot, targets).values())]
+
     def on_start(self) -> Status:
         """Check, and join both targets."""
         targets = {group: self.get_input(group) for group in self.INPUT_PORTS}
         check_targets(self.context.robot, targets)
-        joined = {name: q for target in targets.values() for name, q in target.items()}
-        names = [joint.name for joint in self.context.robot.actuated]
-        self._set_output("goal", Positions((name, joined[name]) for name in names))
+        self._set_output("goal", _joined(self.context.robot, targets))
         return Status.SUCCESS
+
+
+def _joined(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> Positions:
+    """The target of every actuated joint."""
+    joined = {name: q for target in targets.values() for name, q in target.items()}
+    return Positions((joint.name, joined[joint.name]) for joint in robot.actuated)
 
 
 def check_targets(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> None:

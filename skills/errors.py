@@ -4,7 +4,11 @@ SkillError
 ├── OutOfBounds     a target lies outside the limits
 ├── BadTarget       a target names no joint, the wrong one, or contradicts itself
 ├── StartMoved      the arm no longer stands where the plan begins
-└── Interrupted     somebody stopped the motion from outside the tree
+├── Interrupted     somebody stopped the motion from outside the tree
+└── TaskFailed      the task itself says so
+    ├── ConditionFails  something it asks for is not so
+    ├── FunctionFailed  a registered function raised something
+    └── TookTooLong     a timeout of the task is over
 """
 
 
@@ -36,3 +40,27 @@ class Interrupted(SkillError):
     """The motion was stopped from outside the tree."""
 
     code = "hw.stopped"
+
+
+class TaskFailed(SkillError):
+    """The task ends in failure by its own tree."""
+
+    code = "task.failed"
+
+
+class ConditionFails(TaskFailed):
+    """Something that the task asks for is not so."""
+
+    code = "task.condition"
+
+
+class FunctionFailed(TaskFailed):
+    """A registered function raised something."""
+
+    code = "task.function"
+
+
+class TookTooLong(TaskFailed):
+    """A timeout of the task is over."""
+
+    code = "task.timeout"

@@ -150,10 +150,19 @@ class Bench:
         self.events: list[Any] = []
         self.told: list[SkillEvent] = []
         self.wakes = 0
+        self.deadlines: list[float] = []
         self.arm = Arm(robot, self.link, clock, self.events.append)
         self._signal = clock.signal()
         self.context = Context(
-            robot, self.arm, pool or cast("Pool", self.desk), 1, 5.0, self._wake, self.told.append
+            robot,
+            self.arm,
+            pool or cast("Pool", self.desk),
+            1,
+            5.0,
+            self._wake,
+            self.told.append,
+            clock,
+            self.deadlines.append,
         )
 
     def skill(self, kind: type[Skill], **inputs: object) -> Any:

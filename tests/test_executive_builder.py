@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from py_trees.blackboard import Blackboard
 from py_trees.composites import Sequence
 
-from executive.builder import MAX_NODES, Tree, build
+from executive.assembly import MAX_NODES
+from executive.builder import Tree, build
 from executive.join import Join
 from hardware import Arm, Robot, SimulatedClock
 from skills import BadTarget, CheckBounds, Context, Execute, OutOfBounds, SkillError
@@ -37,14 +38,16 @@ class Shop:
     def build(self, *lines: str) -> Tree:
         self.write("3_x.yaml", HEAD + "".join(f"    {line}\n" for line in lines))
         library = Library(self.folder)
-        return build(library.task(3), library, self.context, "run")
+        return build(library.draft(3), library, self.context, "run")
 
 
 @pytest.fixture
 def shop(robot: Robot, shared_clock: SimulatedClock, tmp_path: Path) -> Iterator[Shop]:
     arm = Arm(robot, None, shared_clock)
     pool = Pool(robot, 1, shared_clock)  # never started
-    yield Shop(tmp_path, Context(robot, arm, pool, 1, 5.0, lambda: None, lambda _: None))
+    nothing: Callable[..., None] = lambda *_: None  # noqa: E731
+    context = Context(robot, arm, pool, 1, 5.0, nothing, nothing, shared_clock, nothing)
+    yield Shop(tmp_path, context)
     assert (Blackboard.storage, Blackboard.metadata, Blackboard.clients) == ({}, {}, {})
 
 
@@ -55,7 +58,12 @@ BOUNDS = (
 PLAN = "- PlanArm: {start: $start, goal: $goal, plan: $plan}"
 
 WRONG = [
-    (["- Sukseed"], 6, 7, "no skill Sukseed; there are CheckBounds, Execute"),
+    (
+        ["- Sukseed"],
+        6,
+        7,
+        "no skill Sukseed; there are CheckBounds, CheckHardware, Compare, Execute",
+    ),
     (["- Sukseed"], 6, 7, "did you mean Succeed?"),
     (["- succeed"], 6, 7, "did you mean Succeed?"),
     (["- Skill"], 6, 7, "no skill Skill"),
@@ -70,17 +78,22 @@ WRONG = [
     ([START, PLAN.replace("$goal", "$gaol"), BOUNDS], 7, 38, "nothing has written $gaol"),
     ([START, PLAN.replace("goal: $goal, ", "")], 7, 7, "PlanArm needs goal: target of every"),
     ([START, PLAN.replace("$goal", "5")], 7, 38, "PlanArm.goal: 5 is not a mapping from joint"),
-    ([START, PLAN.replace("$goal", "goal")], 7, 38, "PlanArm.goal: 'goal' is not a mapping"),
+    ([START, PLAN.replace("$goal", "goal")], 7, 38, "PlanArm.goal: no pose goal; there are"),
     ([START, PLAN.replace("$goal", "[0]")], 7, 38, "is not a mapping"),
-    ([START, PLAN.replace("$goal", "{joint_1: true}")], 7, 38, "is not a mapping"),
-    ([START, PLAN.replace("$goal", "{joint_1: $x}")], 7, 38, "is not a mapping"),
-    ([START, PLAN.replace("$goal", "{joint_1: 1_0}")], 7, 38, "is not a mapping"),
-    ([START, PLAN.replace("$goal", "{joint_1: 1:30}")], 7, 38, "is not a mapping"),
+    (
+        [START, PLAN.replace("$goal", "{joint_1: true}")],
+        7,
+        48,
+        "True is not an angle in rad or deg",
+    ),
+    ([START, PLAN.replace("$goal", "{joint_1: $x}")], 7, 48, "$x has no value before the run"),
+    ([START, PLAN.replace("$goal", "{joint_1: 1_0}")], 7, 48, "'1_0' is not an angle"),
+    ([START, PLAN.replace("$goal", "{joint_1: 1:30}")], 7, 48, "'1:30' is not an angle"),
     (
         [START, BOUNDS, PLAN, "- Execute: {arm_plan: $plan, gripper_plan: $start}"],
         9,
         48,
-        "Execute.gripper_plan: $start is a mapping from joint names to numbers, not a Plan",
+        "$start is a mapping from joint names to angles, or a pose, not a Plan",
     ),
     (
         [START, BOUNDS, PLAN, "- Execute: {arm_plan: $plan, gripper_plan: 1}"],
@@ -282,7 +295,7 @@ def test_nothing_is_left_behind(shop: Shop) -> None:
 def test_two_trees_do_not_meet(shop: Shop) -> None:
     library = Library(shop.folder)
     build_one: Callable[[str], Tree] = lambda name: build(  # noqa: E731
-        library.task(1), library, shop.context, name
+        library.draft(1), library, shop.context, name
     )
     first, second = build_one("run_1"), build_one("run_2")
     first.discard()
@@ -310,6 +323,6 @@ def test_any_change_of_a_task_is_built_or_refused(
     (shop.folder / "3_x.yaml").write_text(text)
     library = Library(shop.folder)
     try:
-        build(library.task(3), library, shop.context, "run").discard()
+        build(library.draft(3), library, shop.context, "run").discard()
     except (FileError, SkillError) as error:
         assert str(error)  # noqa: PT017  what matters is that nothing else comes out

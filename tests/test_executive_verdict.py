@@ -1,31 +1,31 @@
 """What is said of how a goal ended."""
 
-from typing import cast
-
 import pytest
 from py_trees.behaviour import Behaviour
-from py_trees.behaviours import Dummy
 from py_trees.common import Status
+from py_trees.composites import Sequence
+from py_trees.decorators import FailureIsSuccess
 
 from executive.builder import Tree
 from executive.goal import GoalState
 from executive.verdict import judge
 from hardware import ActivationStopped, NotActive, PortNotGiven
-from skills import OutOfBounds, Skill
+from skills import OutOfBounds
 from skills.motion import MotionCollides, PlanCanceled, PlanTimeout
 
 
-class Failed:
+class Failed(Behaviour):
     """As much of a skill as is judged."""
 
     def __init__(self, name: str, failure: Exception | None) -> None:
-        self.name, self.failure = name, failure
+        super().__init__(name)
+        self.failure, self.status = failure, Status.FAILURE if failure else Status.SUCCESS
 
 
-def tree(status: Status, *skills: Failed) -> Tree:
-    root: Behaviour = Dummy("task")
+def tree(status: Status, *skills: Behaviour) -> Tree:
+    root = Sequence("task", memory=True, children=list(skills))
     root.status = status
-    return Tree(root, tuple(cast("list[Skill]", list(skills))), {}, "run")
+    return Tree(root, (), {}, "run")
 
 
 def test_done() -> None:
@@ -100,9 +100,16 @@ def test_the_last_check() -> None:
     assert message.startswith("The motion would collide as its frames play it: Execute: ")
 
 
-def test_a_failure_that_nobody_explains_is_a_bug() -> None:
+def test_a_failure_that_no_skill_explains() -> None:
     assert judge(tree(Status.FAILURE), None, False) == (
         GoalState.ABORTED,
-        "internal",
-        "task failed without a cause",
+        "task.failed",
+        "task failed, as its tree has it",
     )
+
+
+def test_what_was_made_good_is_not_the_cause() -> None:
+    forgiven = FailureIsSuccess("forgiven", Failed("A", OutOfBounds("a")))
+    forgiven.status = Status.SUCCESS
+    failed = tree(Status.FAILURE, forgiven, Failed("B", PlanTimeout(5.0)))
+    assert judge(failed, None, False)[1] == "plan.timeout"

@@ -1,30 +1,49 @@
 """The tasks that ship, their grammar, and the reading of task files."""
 
-from .document import Located
+from .document import Located, nested
 from .errors import DuplicateTask, FileError, Mistake, Place, TreeError, UnknownTask
 from .grammar import (
-    COMPOSITES,
-    CompositeNode,
-    Key,
-    SkillNode,
+    UNTYPED,
+    VERSION,
+    PosesFile,
     SubtreeFile,
-    SubtreeNode,
     TaskFile,
-    TreeNode,
-    choices,
+    parse_value,
 )
 from .library import Library
+from .node_parser import MAX_NUMBER, Mistakes
+from .nodes import (
+    KINDS,
+    ControlNode,
+    Key,
+    Kind,
+    SkillNode,
+    SubtreeNode,
+    TreeNode,
+    Value,
+)
+from .values import ANY, TYPES, UNITS, Declaration, choices, fit, words
 
 __all__ = [
-    "COMPOSITES",
-    "CompositeNode",
+    "ANY",
+    "KINDS",
+    "MAX_NUMBER",
+    "TYPES",
+    "UNITS",
+    "UNTYPED",
+    "VERSION",
+    "ControlNode",
+    "Declaration",
     "DuplicateTask",
     "FileError",
     "Key",
+    "Kind",
     "Library",
     "Located",
     "Mistake",
+    "Mistakes",
     "Place",
+    "PosesFile",
     "SkillNode",
     "SubtreeFile",
     "SubtreeNode",
@@ -32,5 +51,10 @@ __all__ = [
     "TreeError",
     "TreeNode",
     "UnknownTask",
+    "Value",
     "choices",
+    "fit",
+    "nested",
+    "parse_value",
+    "words",
 ]

@@ -80,7 +80,7 @@ def read_text(path: Path) -> str:
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
-        place = _place_of(path, data[: error.start].decode("utf-8"))
+        place = _place_of(path, data[: error.start].decode("utf-8"), [])
         raise FileError([Mistake(place, f"is not UTF-8 text: {error.reason}")]) from error
 
 
@@ -94,19 +94,41 @@ def read_document(path: Path, text: str) -> Located:
     Raises:
         FileError: Not YAML, too long, too deep, a tag, an alias, or a key given twice.
     """
+    root, mistakes = draft_document(path, text)
+    if mistakes:
+        raise FileError(mistakes)
+    return root
+
+
+def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
+    """Read one YAML document as far as it can be read.
+
+    Args:
+        path: Named in errors.
+        text: What to read.
+
+    Returns:
+        The document, with None in place of every value that is refused, and why they are.
+
+    Raises:
+        FileError: It cannot be read on: not YAML, too long, too deep.
+    """
     text = text.removeprefix("\ufeff")
     if len(text) > MAX_BYTES:
         raise FileError([Mistake(Place(path, 1, 1), f"longer than {MAX_BYTES} characters")])
     if found := _FORBIDDEN.search(text):
-        place = _place_of(path, text[: found.start()])
+        place = _place_of(path, text[: found.start()], _lines(text))
         what = "directives are" if found[0] == "%" else f"the character {found[0]!r} is"
         raise FileError([Mistake(place, f"{what} not allowed")])
+    reader = _Reader(path, text)
     try:
-        return _Reader(path, text).document()
+        return reader.document(), reader.mistakes
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        place = Place(path, mark.line + 1, mark.column + 1) if mark else Place(path, 1, 1)
-        raise FileError([Mistake(place, error.problem or "is not YAML")]) from error
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        place = Place(path, line, column, "", _lines(text))
+        broken = Mistake(place, error.problem or "is not YAML")
+        raise FileError([*reader.mistakes, broken]) from error
 
 
 def nested(value: Located) -> Mapping[str, Located]:
@@ -138,82 +160,113 @@ _CORE: tuple[tuple[re.Pattern[str], Callable[[str], Scalar]], ...] = tuple(
 
 
 class _Reader:
+    """Makes values of the parser's events.
+
+    Attributes:
+        mistakes: What was refused so far.
+    """
+
     def __init__(self, path: Path, text: str) -> None:
-        self._path = path
+        self._path, self._lines = path, _lines(text)
         self._events = YAML(typ="safe", pure=True).parse(io.StringIO(text))
+        self.mistakes: list[Mistake] = []
 
     def document(self) -> Located:
         next(self._events)  # the stream begins
         begin = next(self._events)
         if isinstance(begin, StreamEndEvent):
-            self._refuse(begin, "the file is empty")
-        root = self._value(next(self._events), 0)
+            self._end(self._place(begin, ""), "the file is empty")
+        root = self._value(next(self._events), 0, "")
         next(self._events)  # the document ends
         after = next(self._events)
         if not isinstance(after, StreamEndEvent):
-            self._refuse(after, "a second document begins here; a file holds one")
+            place = self._place(after, "")
+            self._end(place, "a second document begins here; a file holds one")
         return root
 
-    def _value(self, event: Event, depth: int, label: Place | None = None) -> Located:
+    def _value(self, event: Event, depth: int, way: str, label: Place | None = None) -> Located:
         # The parser puts an empty value where the next token stands.
-        place = label if label and _empty(event) else self._place(event)
+        place = label if label and _empty(event) else self._place(event, way)
         if depth > MAX_DEPTH:
-            self._refuse(event, f"nested deeper than {MAX_DEPTH} levels")
+            self._end(place, f"nested deeper than {MAX_DEPTH} levels")
         if isinstance(event, AliasEvent):
-            self._refuse(event, "aliases (*name) are not allowed; write it out")
+            self._wrong(place, "aliases (*name) are not allowed; write it out")
+            return Located(place, None, label or place)
         assert isinstance(event, ScalarEvent | CollectionStartEvent)
         if event.tag is not None:
-            self._refuse(event, f"tags are not allowed: {event.tag!r}")
-        if isinstance(event, ScalarEvent):
-            return Located(place, self._scalar(event), label or place)
-        if isinstance(event, SequenceStartEvent):
-            return Located(place, self._items(depth + 1), label or place)
-        return Located(place, self._mapping(depth + 1), label or place)
+            self._wrong(place, f"tags are not allowed: {event.tag!r}")
+        return Located(place, self._content(event, depth + 1, place), label or place)
 
-    def _items(self, depth: int) -> list[Located]:
-        items = []
+    def _content(
+        self, event: ScalarEvent | CollectionStartEvent, depth: int, place: Place
+    ) -> Scalar | list[Located] | dict[str, Located]:
+        if isinstance(event, ScalarEvent):
+            return self._scalar(event, place)
+        if isinstance(event, SequenceStartEvent):
+            return self._items(depth, place.way)
+        return self._mapping(depth, place.way)
+
+    def _items(self, depth: int, way: str) -> list[Located]:
+        items: list[Located] = []
         while not isinstance(event := next(self._events), SequenceEndEvent):
-            items.append(self._value(event, depth))
+            items.append(self._value(event, depth, f"{way}[{len(items)}]"))
         return items
 
-    def _mapping(self, depth: int) -> dict[str, Located]:
+    def _mapping(self, depth: int, way: str) -> dict[str, Located]:
         values: dict[str, Located] = {}
         while not isinstance(event := next(self._events), MappingEndEvent):
-            key = self._value(event, depth)
-            if not isinstance(key.value, str):
-                self._refuse(event, f"the key {key} is not a text")
-            if key.value in values:
-                self._refuse(event, f"the key {key.value} is given twice")
-            values[key.value] = self._value(next(self._events), depth, key.place)
+            key = self._value(event, depth, way)
+            name = key.value
+            if not isinstance(name, str):
+                self._wrong(key.place, f"the key {key} is not a text")
+            elif name in values:
+                self._wrong(key.place, f"the key {name} is given twice")
+            below = f"{way}.{name}" if way else str(name)
+            label = Place(self._path, key.place.line, key.place.column, below, self._lines)
+            value = self._value(next(self._events), depth, below, label)
+            if isinstance(name, str):
+                values.setdefault(name, value)
         return values
 
-    def _scalar(self, event: ScalarEvent) -> Scalar:
+    def _scalar(self, event: ScalarEvent, place: Place) -> Scalar:
         text: str = event.value
         make = _core(text) if event.style is None else str
         if make is not str and len(text) > MAX_DIGITS:
-            self._refuse(event, f"a number of more than {MAX_DIGITS} digits")
-        if len(text) > MAX_TEXT:
-            self._refuse(event, f"a text of more than {MAX_TEXT} characters")
-        if odd := next((c for c in text if not c.isprintable() and c not in "\n\t"), None):
-            self._refuse(event, f"the character {odd!r} is not allowed")
-        return make(text)
+            self._wrong(place, f"a number of more than {MAX_DIGITS} digits")
+        elif len(text) > MAX_TEXT:
+            self._wrong(place, f"a text of more than {MAX_TEXT} characters")
+        elif odd := next((c for c in text if not c.isprintable() and c not in "\n\t"), None):
+            self._wrong(place, f"the character {odd!r} is not allowed")
+        else:
+            return make(text) if event.tag is None else None
+        return None
 
-    def _place(self, event: Event) -> Place:
-        return Place(self._path, event.start_mark.line + 1, event.start_mark.column + 1)
+    def _place(self, event: Event, way: str) -> Place:
+        mark = event.start_mark
+        return Place(self._path, mark.line + 1, mark.column + 1, way, self._lines)
 
-    def _refuse(self, event: Event, message: str) -> NoReturn:
-        raise FileError([Mistake(self._place(event), message)])
+    def _wrong(self, place: Place, message: str) -> None:
+        self.mistakes.append(Mistake(place, message))
+
+    def _end(self, place: Place, message: str) -> NoReturn:
+        raise FileError([*self.mistakes, Mistake(place, message)])
 
 
 def _empty(event: Event) -> bool:
-    return isinstance(event, ScalarEvent) and not event.value and event.style is None
+    if not isinstance(event, ScalarEvent):
+        return False
+    return not event.value and event.style is None and event.tag is None
 
 
 def _core(text: str) -> Callable[[str], Scalar]:
     return next((make for pattern, make in _CORE if pattern.fullmatch(text)), str)
 
 
-def _place_of(path: Path, before: str) -> Place:
+def _lines(text: str) -> list[str]:
+    return re.split(r"\r\n|\r|\n", text)
+
+
+def _place_of(path: Path, before: str, lines: list[str]) -> Place:
     """The place right after a text."""
-    lines = re.split(r"\r\n|\r|\n", before)
-    return Place(path, len(lines), len(lines[-1]) + 1)
+    passed = _lines(before)
+    return Place(path, len(passed), len(passed[-1]) + 1, "", lines)

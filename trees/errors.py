@@ -7,22 +7,44 @@ TreeError
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 _SHOWN = 20  # mistakes in a message
+_BEFORE, _WIDTH = 40, 76  # how much of a line is shown
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place in a file; line and column count from 1, and are 0 where the whole file is meant."""
+    """A place in a file; line and column count from 1, and are 0 where the whole file is meant.
+
+    Attributes:
+        path: The file.
+        line: From 1.
+        column: From 1.
+        way: Through the document, such as `tree.sequence[2].PlanArm.goal`.
+        lines: All lines of the file.
+    """
 
     path: Path
     line: int
     column: int
+    way: str = field(default="", compare=False)
+    lines: Sequence[str] = field(default=(), compare=False, repr=False)
 
     def __str__(self) -> str:
         return f"{self.path}:{self.line}:{self.column}" if self.line else str(self.path)
+
+    @property
+    def excerpt(self) -> str:
+        """The line with a caret below the column, and the way; empty where no text is known."""
+        if not 0 < self.line <= len(self.lines):
+            return ""
+        begin = max(0, self.column - 1 - _BEFORE)
+        shown = self.lines[self.line - 1][begin : begin + _WIDTH].replace("\t", " ")
+        printable = "".join(c if c.isprintable() else "?" for c in shown)
+        pointer = f"{' ' * (self.column - 1 - begin)}^ {self.way}".rstrip()
+        return f"    {printable}\n    {pointer}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +55,8 @@ class Mistake:
     message: str
 
     def __str__(self) -> str:
-        return f"{self.place}: {self.message}"
+        excerpt = self.place.excerpt
+        return f"{self.place}: {self.message}" + (f"\n{excerpt}" if excerpt else "")
 
 
 class TreeError(Exception):

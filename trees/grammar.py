@@ -1,89 +1,34 @@
-"""The grammar of task and subtree files: a located document in, checked values out.
+"""The grammar of files: a text in, a checked task, subtree or set of poses out.
 
 What a skill's name or port means is not known here; the builder above checks that.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
+from typing import Any, TypeVar
 
-from .document import Located, nested, read_document
-from .errors import FileError, Mistake, Place
+from .document import Located, draft_document, nested
+from .errors import FileError, Mistake
+from .node_parser import Mistakes, NodeParser
+from .nodes import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
+from .values import TYPES, Declaration, choices, fit
 
-MAX_NUMBER = 2**31 - 1
-COMPOSITES = ("sequence", "parallel")
+VERSION = 1  # of the grammar
 
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+Read = TypeVar("Read")
 
-
-@dataclass(frozen=True, slots=True)
-class Key:
-    """A value by name, `$name` in a file: a port of the subtree or a key of the blackboard.
-
-    Attributes:
-        place: Where it stands.
-        name: Without the $.
-        label: Where the port stands that it is wired to.
-    """
-
-    place: Place
-    name: str
-    label: Place
-
-
-Value = Located | Key
-
-
-@dataclass(frozen=True, slots=True)
-class SkillNode:
-    """A leaf.
-
-    Attributes:
-        place: Where it stands.
-        skill: Name of the skill.
-        ports: What its ports are wired to.
-    """
-
-    place: Place
-    skill: str
-    ports: Mapping[str, Value]
-
-
-@dataclass(frozen=True, slots=True)
-class CompositeNode:
-    """Several nodes: one after the other (`sequence`) or at once (`parallel`).
-
-    A parallel waits until all its children have ended, then fails if any of them did.
-    """
-
-    place: Place
-    kind: str
-    children: "tuple[TreeNode, ...]"
-
-
-@dataclass(frozen=True, slots=True)
-class SubtreeNode:
-    """A subtree from a file of its own.
-
-    Attributes:
-        place: Where it stands.
-        name: Which.
-        values: What its ports are wired to.
-    """
-
-    place: Place
-    name: str
-    values: Mapping[str, Value]
-
-
-TreeNode = SkillNode | CompositeNode | SubtreeNode
+_TASK_KEYS = ("task", "name", "description", "parameters", "replaces", "grammar", "tree")
+_SUBTREE_KEYS = ("subtree", "description", "ports", "replaces", "grammar", "tree")
+_POSES_KEYS = ("poses", "replaces", "grammar")
+_OPTIONAL = ("parameters", "replaces", "grammar")
+_DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
 
 
 @dataclass(frozen=True, slots=True)
 class TaskFile:
-    """A numbered task, checked.
+    """A numbered task.
 
     Attributes:
         path: Its file.
@@ -91,6 +36,8 @@ class TaskFile:
         number: Task number.
         name: One word.
         description: What it does.
+        parameters: What may be given when it is called; a default is a Located.
+        replaces: Name of the shipped task that it takes the place of; empty for none.
         tree: What to do.
     """
 
@@ -99,6 +46,8 @@ class TaskFile:
     number: int
     name: str
     description: str
+    parameters: Mapping[str, Declaration]
+    replaces: str
     tree: TreeNode
 
 
@@ -110,15 +59,41 @@ class SubtreeFile:
         path: Its file.
         text: The file as it was read.
         name: One word.
-        ports: What it must be given.
+        description: What it does.
+        ports: What it is given; a port without a type takes what its uses take.
+        replaces: Its own name where it takes the place of a shipped one; else empty.
         tree: What to do.
     """
 
     path: Path
     text: str
     name: str
-    ports: tuple[str, ...]
+    description: str
+    ports: Mapping[str, Declaration]
+    replaces: str
     tree: TreeNode
+
+
+@dataclass(frozen=True, slots=True)
+class PosesFile:
+    """Poses by name.
+
+    Attributes:
+        path: The file.
+        text: The file as it was read.
+        poses: Joint values [rad] by joint name, by the name of the pose.
+        labels: Where each name stands.
+        replaces: Which of them take the place of shipped ones.
+    """
+
+    path: Path
+    text: str
+    poses: Mapping[str, Mapping[str, float]]
+    labels: Mapping[str, Located]
+    replaces: tuple[str, ...]
+
+
+UNTYPED = ""  # the type of a port that takes what its uses take
 
 
 def parse_task(path: Path, text: str) -> TaskFile:
@@ -127,17 +102,51 @@ def parse_task(path: Path, text: str) -> TaskFile:
     Raises:
         FileError: With every mistake in it.
     """
-    parser = _Parser(read_document(path, text), ("task", "name", "description", "tree"))
+    return _strict(*draft_task(path, text))
+
+
+def draft_task(path: Path, text: str) -> tuple[TaskFile, list[Mistake]]:
+    """Read a task file as far as it can be read, with every mistake in it.
+
+    Raises:
+        FileError: It is not YAML.
+    """
+    parser = _Parser(path, text, _TASK_KEYS)
     task = TaskFile(
         path=path,
         text=text,
         number=parser.number("task"),
         name=parser.name("name"),
         description=parser.line("description"),
+        parameters=parser.declared("parameters", ()),
+        replaces=parser.name("replaces", needed=False),
         tree=parser.tree("tree"),
     )
-    parser.done()
-    return task
+    parser.used("parameters", task.tree)
+    return task, parser.mistakes.found
+
+
+def parse_head(path: Path, text: str) -> TaskFile:
+    """Check a task file without its tree, which takes a fraction of the time.
+
+    Raises:
+        FileError: With every mistake in what was read.
+    """
+    head, _, tree = text.partition("\ntree:")
+    if re.search(r"^[^\s#]", tree, re.MULTILINE) or not tree:
+        return parse_task(path, text)  # something follows the tree
+    parser = _Parser(path, head, _TASK_KEYS)
+    task = TaskFile(
+        path=path,
+        text=head,
+        number=parser.number("task"),
+        name=parser.name("name"),
+        description=parser.line("description"),
+        parameters=parser.declared("parameters", ()),
+        replaces=parser.name("replaces", needed=False),
+        tree=SkillNode(parser.root.place, "", {}),
+    )
+    return _strict(task, parser.mistakes.found)
 
 
 def parse_subtree(path: Path, text: str) -> SubtreeFile:
@@ -146,173 +155,221 @@ def parse_subtree(path: Path, text: str) -> SubtreeFile:
     Raises:
         FileError: With every mistake in it.
     """
-    parser = _Parser(read_document(path, text), ("subtree", "description", "ports", "tree"))
-    parser.line("description")
+    return _strict(*draft_subtree(path, text))
+
+
+def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
+    """Read a subtree file as far as it can be read, with every mistake in it.
+
+    Raises:
+        FileError: It is not YAML.
+    """
+    parser = _Parser(path, text, _SUBTREE_KEYS)
     subtree = SubtreeFile(
         path=path,
         text=text,
         name=parser.name("subtree"),
-        ports=parser.names("ports"),
+        description=parser.line("description"),
+        ports=parser.declared("ports", ("output",), needed=True),
+        replaces=parser.name("replaces", needed=False),
         tree=parser.tree("tree"),
     )
-    parser.used("ports", set(_keys(subtree.tree)))
-    parser.done()
-    return subtree
+    parser.used("ports", subtree.tree)
+    return subtree, parser.mistakes.found
+
+
+def parse_poses(path: Path, text: str) -> PosesFile:
+    """Check a file of poses.
+
+    Raises:
+        FileError: With every mistake in it.
+    """
+    parser = _Parser(path, text, _POSES_KEYS)
+    labels = nested(parser.get("poses") or parser.root)
+    wanted, wrong = Declaration("positions"), parser.mistakes.add
+    poses = {name: fit(value, wanted, {}, wrong) for name, value in labels.items()}
+    for name, value in labels.items():
+        parser.nodes.name(Located(value.label, name, value.label), "a pose")
+    replaced = parser.get("replaces", needed=False)
+    names = replaced.value if replaced and isinstance(replaced.value, list) else []
+    if replaced and not names:
+        wrong(replaced.place, f"replaces: {replaced} is not a list of names of poses")
+    replaces = tuple(parser.nodes.name(item, "replaces") for item in names)
+    return _strict(PosesFile(path, text, poses, labels, replaces), parser.mistakes.found)
+
+
+def parse_value(text: str, source: str) -> Located:
+    """Read a value that stands outside any file, such as on the command line.
+
+    Args:
+        text: What to read.
+        source: Named in errors.
+
+    Raises:
+        FileError: It is not YAML.
+    """
+    root, mistakes = draft_document(Path(source), text)
+    return _strict(root, mistakes)
+
+
+def _strict(read: Read, mistakes: list[Mistake]) -> Read:
+    if mistakes:
+        raise FileError(mistakes)
+    return read
 
 
 class _Parser:
     """Reads the keys of a file and collects the mistakes."""
 
-    def __init__(self, root: Located, keys: tuple[str, ...]) -> None:
-        self._root, self._values = root, nested(root)
-        self._mistakes: list[Mistake] = []
+    def __init__(self, path: Path, text: str, keys: tuple[str, ...]) -> None:
+        self.root, known = draft_document(path, text)
+        self.mistakes = Mistakes(known)
+        self.nodes = NodeParser(self.mistakes)
+        self._wrong = self.mistakes.add
+        self._values = nested(self.root)
         if not self._values:
-            self._wrong(root.place, f"expected the keys {', '.join(keys)}")
+            needed = ", ".join(key for key in keys if key not in _OPTIONAL)
+            self._wrong(self.root.place, f"expected the keys {needed}")
         for key, value in self._values.items():
             if key not in keys:
                 self._wrong(value.label, f"unknown key {key}; there are {choices(key, keys)}")
+        version = self.get("grammar", needed=False)
+        if version and (type(version.value) is not int or version.value != VERSION):
+            here = f"this armtree reads grammar {VERSION}"
+            self._wrong(version.place, f"grammar: {version} is another one; {here}")
 
-    def done(self) -> None:
-        """Raise what was collected."""
-        if self._mistakes:
-            raise FileError(self._mistakes)
+    def get(self, key: str, needed: bool = True) -> Located | None:
+        value = self._values.get(key)
+        if value is None and needed and self._values:
+            self._wrong(self.root.place, f"the key {key} is missing")
+        return value
 
     def number(self, key: str) -> int:
-        value = self._get(key)
-        if value is not None:
-            number = value.value
-            if type(number) is int and 0 <= number <= MAX_NUMBER:
-                return number
-            self._wrong(value.place, f"{key}: {value} is no number from 0 to {MAX_NUMBER}")
-        return 0
+        value = self.get(key)
+        return self.nodes.number(value, key) if value else 0
 
-    def name(self, key: str) -> str:
-        value = self._get(key)
-        return self._name(value, key) if value else ""
+    def name(self, key: str, needed: bool = True) -> str:
+        value = self.get(key, needed)
+        return self.nodes.name(value, key) if value else ""
 
-    def names(self, key: str) -> tuple[str, ...]:
-        value = self._get(key)
+    def line(self, key: str) -> str:
+        value = self.get(key)
+        return self.nodes.line(value, key) if value else ""
+
+    def tree(self, key: str) -> TreeNode:
+        value = self.get(key)
+        return self.nodes.node(value) if value else SkillNode(self.root.place, "", {})
+
+    def declared(
+        self, key: str, more: tuple[str, ...], needed: bool = False
+    ) -> dict[str, Declaration]:
+        """Parameters or ports, by name."""
+        value = self.get(key, needed)
         if value is None:
-            return ()
-        if not isinstance(value.value, list):
-            self._wrong(value.place, f"{key}: {value} is not a list of names")
-            return ()
+            return {}
+        if isinstance(value.value, list) and needed:
+            return {name: Declaration(UNTYPED) for name in self._names(value, key)}
+        if not isinstance(value.value, dict):
+            what = "a mapping of names to types" + (", or a list of names" if needed else "")
+            self._wrong(value.place, f"{key}: {value.value} is not {what}")
+            return {}
+        declared = {}
+        for name, item in value.value.items():
+            self.nodes.name(Located(item.label, name, item.label), key)
+            declared[name] = self._declaration(item, f"{key}: {name}", (*_DECLARED_KEYS, *more))
+        return declared
+
+    def used(self, key: str, tree: TreeNode) -> None:
+        """See to it that every declared name is used."""
+        names, value = set(_keys(tree)), self._values.get(key)
+        if value is None:
+            return
+        items = value.value if isinstance(value.value, list) else []
+        places = {item.value: item.place for item in items}
+        places |= {name: item.label for name, item in nested(value).items()}
+        for name, place in places.items():
+            if name not in names and isinstance(name, str):
+                self._wrong(place, f"{key}: nothing in the tree uses ${name}")
+
+    def _names(self, value: Located, key: str) -> list[str]:
         names: list[str] = []
-        for item in value.value:
-            name = self._name(item, key)
+        for item in value.value if isinstance(value.value, list) else []:
+            name = self.nodes.name(item, key)
             if name in names and name:
                 self._wrong(item.place, f"{key}: {name} is given twice")
             names.append(name)
-        return tuple(names)
+        return names
 
-    def line(self, key: str) -> str:
-        value = self._get(key)
-        if value is None:
-            return ""
-        if not isinstance(value.value, str) or not value.value.strip():
-            self._wrong(value.place, f"{key}: {value} is not a text")
-            return ""
-        return " ".join(value.value.split())
-
-    def used(self, key: str, used: set[str]) -> None:
-        """See to it that every name of a list is used."""
-        value = self._values.get(key)
-        for item in value.value if value and isinstance(value.value, list) else []:
-            if isinstance(item.value, str) and item.value not in used:
-                self._wrong(item.place, f"{key}: nothing in the tree uses ${item.value}")
-
-    def tree(self, key: str) -> TreeNode:
-        value = self._get(key)
-        return self._node(value) if value else SkillNode(self._root.place, "", {})
-
-    def _get(self, key: str) -> Located | None:
-        value = self._values.get(key)
-        if value is None and self._values:
-            self._wrong(self._root.place, f"the key {key} is missing")
-        return value
-
-    def _name(self, value: Located, what: str) -> str:
-        if isinstance(value.value, str) and _NAME.fullmatch(value.value):
-            return value.value
-        rule = "a letter, then letters, digits, _ or -"
-        self._wrong(value.place, f"{what}: {value} is not a name ({rule})")
-        return ""
-
-    def _node(self, value: Located) -> TreeNode:
+    def _declaration(self, value: Located, what: str, known: tuple[str, ...]) -> Declaration:
         if isinstance(value.value, str):
-            return SkillNode(value.place, self._name(value, "a node"), {})
+            return Declaration(self._type(value, what, "output" in known))
         keys = nested(value)
-        if "subtree" in keys:
-            return self._subtree(value, keys)
-        if len(keys) != 1:
-            self._wrong(value.place, _no_node(value, tuple(keys)))
-            return SkillNode(value.place, "", {})
-        ((kind, inner),) = keys.items()
-        if kind in COMPOSITES:
-            return self._composite(value.place, kind, inner)
-        if isinstance(inner.value, list):
-            there = choices(kind, COMPOSITES)
-            self._wrong(inner.label, f"only {there} hold a list of nodes, not {kind}")
-            return SkillNode(value.place, "", {})
-        return SkillNode(value.place, kind, self._wiring(inner, f"the ports of {kind}"))
+        for key, item in keys.items():
+            if key not in known:
+                self._wrong(item.label, f"unknown key {key}; there are {choices(key, known)}")
+        if "type" not in keys:
+            self._wrong(value.place, f"{what} needs a type: {', '.join(TYPES)}")
+            return Declaration(UNTYPED)
+        kind = self._type(keys["type"], what, "output" in known)
+        return Declaration(
+            kind,
+            default=keys.get("default"),
+            least=self._bound(kind, keys.get("min")),
+            most=self._bound(kind, keys.get("max")),
+            choices=self._choices(kind, keys.get("choices")),
+            output=self._flag(keys.get("output")),
+            description=self.nodes.line(keys["description"], what) if "description" in keys else "",
+        )
 
-    def _composite(self, place: Place, kind: str, inner: Located) -> CompositeNode:
-        if not isinstance(inner.value, list) or not inner.value:
-            self._wrong(inner.place, f"{kind} needs a list of nodes, not {inner}")
-            return CompositeNode(place, kind, ())
-        return CompositeNode(place, kind, tuple(self._node(item) for item in inner.value))
+    def _type(self, value: Located, what: str, opaque: bool) -> str:
+        """A type; a port may also have one that only skills know, such as Plan."""
+        kind = value.value
+        if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
+            return kind
+        self._wrong(value.place, f"{what}: no type {kind}; there are {choices(str(kind), TYPES)}")
+        return UNTYPED
 
-    def _subtree(self, value: Located, keys: Mapping[str, Located]) -> TreeNode:
-        for key, other in keys.items():
-            if key not in ("subtree", "with"):
-                self._wrong(other.label, f"unknown key {key}; beside subtree there is only with")
-        name = self._name(keys["subtree"], "subtree")
-        values = self._wiring(keys["with"], "with") if "with" in keys else {}
-        return SubtreeNode(value.place, name, values)
+    def _bound(self, kind: str, value: Located | None) -> Any:
+        if value is None:
+            return None
+        if kind in ("text", "boolean", "positions"):
+            self._wrong(value.label, f"a {kind} has no min and no max")
+            return None
+        return fit(value, Declaration(kind), {}, self._wrong) if kind else None
 
-    def _wiring(self, value: Located, what: str) -> dict[str, Value]:
-        if not isinstance(value.value, dict):
-            self._wrong(value.place, f"{what} must be a mapping, not {value}")
-            return {}
-        return {port: self._wired(item) for port, item in value.value.items()}
+    def _choices(self, kind: str, value: Located | None) -> tuple[str, ...]:
+        if value is None:
+            return ()
+        items = value.value if isinstance(value.value, list) else []
+        if kind != "text" or not items or any(not isinstance(item.value, str) for item in items):
+            self._wrong(value.label, "choices are a list of texts, for the type text")
+        return tuple(str(item.value) for item in items)
 
-    def _wired(self, value: Located) -> Value:
-        if not isinstance(value.value, str) or not value.value.startswith("$"):
-            return value
-        name = Located(value.place, value.value[1:], value.label)
-        return Key(value.place, self._name(name, "what follows $"), value.label)
-
-    def _wrong(self, place: Place, message: str) -> None:
-        self._mistakes.append(Mistake(place, message))
-
-
-def _no_node(value: Located, keys: tuple[str, ...]) -> str:
-    kinds = (*COMPOSITES, "subtree")
-    if not keys:
-        return f"a node is one of {', '.join(kinds)}, or a skill's name, not {value}"
-    near = "".join(_meant(key, kinds) for key in keys)
-    said = f"here are {', '.join(keys)}{near}"
-    return f"a node has one key, {', '.join(kinds)}, or a skill's name; {said}"
+    def _flag(self, value: Located | None) -> bool:
+        if value is not None and not isinstance(value.value, bool):
+            self._wrong(value.place, f"{value} is not true or false")
+        return value is not None and value.value is True
 
 
 def _keys(node: TreeNode) -> Iterator[str]:
     """The names of all values that a tree takes by name."""
     match node:
-        case CompositeNode():
+        case ControlNode():
             for child in node.children:
                 yield from _keys(child)
+            values = node.options
         case SkillNode():
-            yield from (value.name for value in node.ports.values() if isinstance(value, Key))
+            values = node.ports
         case SubtreeNode():
-            yield from (value.name for value in node.values.values() if isinstance(value, Key))
+            values = node.values
+    for value in values.values():
+        yield from (value.name,) if isinstance(value, Key) else _keys_within(value)
 
 
-def choices(word: str, known: Iterable[str]) -> str:
-    """What there is, and what was probably meant."""
-    names = sorted(known)
-    return (", ".join(names) or "none") + _meant(word, names)
-
-
-def _meant(word: str, known: Sequence[str]) -> str:
-    near = get_close_matches(word, known, n=1)
-    return f"; did you mean {near[0]}?" if near else ""
+def _keys_within(value: Located) -> Iterator[str]:
+    inner = value.value
+    items = inner if isinstance(inner, list) else nested(value).values()
+    for item in items:
+        if isinstance(item.value, str) and item.value.startswith("$"):
+            yield item.value[1:]
+        yield from _keys_within(item)

@@ -1,65 +1,124 @@
 """Finding task files: those that ship, and a user's own folder on top.
 
 A task's file is named by its number and name, `1_pick.yaml`, so that one of many is found without
-reading the others; any other `.yaml` file holds a subtree named like the file.
+reading the others; `poses.yaml` holds poses, any other `.yaml` file a subtree named like the file.
 """
 
+import os
 import re
+from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path
 
 from .document import read_text
 from .errors import DuplicateTask, FileError, Mistake, Place, UnknownTask
-from .grammar import SubtreeFile, TaskFile, choices, parse_subtree, parse_task
+from .grammar import (
+    PosesFile,
+    SubtreeFile,
+    TaskFile,
+    draft_subtree,
+    draft_task,
+    parse_head,
+    parse_poses,
+    parse_task,
+)
+from .values import choices
 
 _TASK = re.compile(r"([0-9]+)_.+\.yaml")
 _ALMOST_TASK = re.compile(r"[0-9].*\.ya?ml")
+_POSES = "poses.yaml"
 
 
 class Library:
-    """The tasks there are.
+    """The tasks there are. A file is read when it is asked for, so a change shows at once.
 
     Args:
         folder: A user's own task files; None for only those that ship.
 
+    Attributes:
+        shipped: Folder of the files that ship.
+        folder: The user's, or None.
+
     Raises:
         FileError: The folder is not there or cannot be read, or a file in it is named wrongly.
-        DuplicateTask: Two files claim one number.
+        DuplicateTask: Two files claim one number, and neither says that it replaces the other.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        folders = [Path(str(resources.files(__package__)))]
+        self.shipped = Path(str(resources.files(__package__)))
         if folder is not None:
             if not folder.is_dir():
                 raise _misnamed(folder, "there is no such folder")
-            folders += [] if folder.samefile(folders[0]) else [folder]
+            if folder.samefile(self.shipped):
+                folder = None
+        self.folder = folder
         self._tasks: dict[int, Path] = {}
         self._subtrees: dict[str, Path] = {}
-        for path in (path for folder in folders for path in _files(folder)):
-            self._add(path)
+        self._poses: list[Path] = []
+        for each in filter(None, (self.shipped, folder)):
+            for name in _files(each):
+                self._add(each, name)
 
-    def _add(self, path: Path) -> None:
-        if named := _TASK.fullmatch(path.name):
+    def _add(self, folder: Path, name: str) -> None:
+        if not name.endswith((".yaml", ".yml")):
+            return
+        path = folder / name
+        if named := _TASK.fullmatch(name):
             self._add_task(int(named[1]), path)
-        elif _ALMOST_TASK.fullmatch(path.name):
+        elif _ALMOST_TASK.fullmatch(name):
             raise _misnamed(path, "a task's file is named like 3_wave.yaml; rename this one")
-        elif path.suffix == ".yaml":
+        elif name == _POSES:
+            self._poses.append(path)
+        elif name.endswith(".yaml"):
             self._add_subtree(path.stem, path)
 
     def _add_task(self, number: int, path: Path) -> None:
-        if number in self._tasks:
-            raise DuplicateTask(number, self._tasks[number], path)
+        there = self._tasks.get(number)
+        if there and not self._replaces(there, path, _task_replaces):
+            raise DuplicateTask(number, there, path)
         self._tasks[number] = path
 
     def _add_subtree(self, name: str, path: Path) -> None:
-        if name in self._subtrees:
-            there = self._subtrees[name]
-            raise _misnamed(path, f"subtree {name} is in {there} already; rename this one")
+        there = self._subtrees.get(name)
+        if there and not self._replaces(there, path, _subtree_replaces):
+            raise _misnamed(
+                path,
+                f"subtree {name} is in {there} already; rename this one, or write into it "
+                f"replaces: {name}",
+            )
         self._subtrees[name] = path
+
+    def _replaces(self, there: Path, path: Path, says: Callable[[Path], str]) -> bool:
+        """Whether a user's file says that it takes the place of a shipped one."""
+        stem = there.stem.partition("_")[2] if _TASK.fullmatch(there.name) else there.stem
+        return there.parent == self.shipped and says(path) == stem
 
     def numbers(self) -> list[int]:
         """The task numbers there are, ascending."""
         return sorted(self._tasks)
+
+    def subtrees(self) -> list[str]:
+        """The names of the subtrees there are, in order."""
+        return sorted(self._subtrees)
+
+    def subtree_path(self, name: str) -> Path:
+        """The file of a subtree that there is."""
+        return self._subtrees[name]
+
+    @property
+    def pose_files(self) -> tuple[Path, ...]:
+        """The files of poses, the user's last."""
+        return tuple(self._poses)
+
+    def path(self, number: int) -> Path:
+        """The file of a task.
+
+        Raises:
+            UnknownTask: No file has that number.
+        """
+        if number not in self._tasks:
+            raise UnknownTask(number, self.numbers())
+        return self._tasks[number]
 
     def task(self, number: int) -> TaskFile:
         """Read a task.
@@ -68,39 +127,101 @@ class Library:
             UnknownTask: No file has that number.
             FileError: The file is wrong.
         """
-        if number not in self._tasks:
-            raise UnknownTask(number, self.numbers())
-        path = self._tasks[number]
-        task = parse_task(path, read_text(path))
-        if task.number != number:
-            message = f"the file is named for task {number} but says task {task.number}"
-            raise FileError([Mistake(Place(path, 1, 1), message)])
-        return task
+        path = self.path(number)
+        return _as_named(parse_task(path, read_text(path)), number)
 
-    def subtree(self, name: str, asked: Place) -> SubtreeFile:
-        """Read a subtree.
+    def head(self, number: int) -> TaskFile:
+        """Read a task without its tree, for lists.
+
+        Raises:
+            UnknownTask: No file has that number.
+            FileError: The file is wrong before its tree.
+        """
+        path = self.path(number)
+        return _as_named(parse_head(path, read_text(path)), number)
+
+    def draft(self, number: int) -> tuple[TaskFile, list[Mistake]]:
+        """Read a task as far as it can be read, with every mistake in it.
+
+        Raises:
+            UnknownTask: No file has that number.
+            FileError: The file is not YAML.
+        """
+        path = self.path(number)
+        task, mistakes = draft_task(path, read_text(path))
+        if not mistakes:
+            _as_named(task, number)
+        return task, mistakes
+
+    def subtree(self, name: str, asked: Place) -> tuple[SubtreeFile, list[Mistake]]:
+        """Read a subtree as far as it can be read, with every mistake in it.
 
         Args:
             name: Which.
             asked: Where it is asked for.
 
         Raises:
-            FileError: There is none of that name, or its file is wrong.
+            FileError: There is none of that name, or its file is not YAML.
         """
         if name not in self._subtrees:
             there = choices(name, self._subtrees)
             raise FileError([Mistake(asked, f"no subtree {name}; there are {there}")])
         path = self._subtrees[name]
-        subtree = parse_subtree(path, read_text(path))
-        if subtree.name != name:
+        subtree, mistakes = draft_subtree(path, read_text(path))
+        if subtree.name != name and not mistakes:
             message = f"the file is named {path.name} but says subtree {subtree.name}"
             raise FileError([Mistake(Place(path, 1, 1), message)])
-        return subtree
+        return subtree, mistakes
+
+    def poses(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, str]]:
+        """Read the poses.
+
+        Returns:
+            Joint values [rad] by the name of the pose; and the texts of the files, by name.
+
+        Raises:
+            FileError: A file is wrong, or has a pose that ships too and does not say so.
+        """
+        poses: dict[str, Mapping[str, float]] = {}
+        texts: dict[str, str] = {}
+        for path in self._poses:
+            file = parse_poses(path, read_text(path))
+            _check_replaced(file, poses)
+            poses |= file.poses
+            texts[path.name if path.name not in texts else f"{path.parent.name}_{_POSES}"] = (
+                file.text
+            )
+        return poses, texts
 
 
-def _files(folder: Path) -> list[Path]:
+def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:
+    mistakes = [
+        Mistake(file.labels[name].label, f"pose {name} ships; to replace it, add it to replaces")
+        for name in file.poses
+        if name in shipped and name not in file.replaces
+    ]
+    if mistakes:
+        raise FileError(mistakes)
+
+
+def _as_named(task: TaskFile, number: int) -> TaskFile:
+    if task.number != number:
+        message = f"the file is named for task {number} but says task {task.number}"
+        raise FileError([Mistake(Place(task.path, 1, 1), message)])
+    return task
+
+
+def _task_replaces(path: Path) -> str:
+    return parse_head(path, read_text(path)).replaces
+
+
+def _subtree_replaces(path: Path) -> str:
+    return draft_subtree(path, read_text(path))[0].replaces
+
+
+def _files(folder: Path) -> list[str]:
     try:
-        return sorted(folder.iterdir())
+        return sorted(os.listdir(folder))
     except OSError as error:
         raise _misnamed(folder, f"this folder cannot be read: {error.strerror}") from error
 

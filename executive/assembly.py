@@ -1,0 +1,329 @@
+"""Putting a tree together from its files, node by node, and noting every mistake on the way."""
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.behaviours import Dummy
+
+import trees
+from skills import Context, Port, Skill
+from trees import (
+    ANY,
+    KINDS,
+    UNTYPED,
+    ControlNode,
+    Declaration,
+    Key,
+    Library,
+    Located,
+    Mistake,
+    Mistakes,
+    Place,
+    SkillNode,
+    SubtreeFile,
+    SubtreeNode,
+    TaskFile,
+    TreeNode,
+    Value,
+    choices,
+)
+
+from .branches import Branches
+from .flow import check_flow
+from .keys import Keys
+from .port_types import declaration, declarations, known_skills, port_value
+from .scope import Scope
+from .scope import resolve as without_scope
+from .sources import Source, Sources
+
+MAX_NODES = 10_000
+MAX_SUBTREES = 8  # within each other
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A skill and what its ports are wired to.
+
+    Attributes:
+        skill: Which.
+        place: Where it stands.
+        namespace: Of its keys.
+        keys: Full names of keys, by port.
+        inputs: Values that are spelled out, by port.
+    """
+
+    skill: Skill
+    place: Place
+    namespace: str
+    keys: Mapping[str, str]
+    inputs: Mapping[str, Any]
+
+
+class Assembly:
+    """Puts a tree together.
+
+    Args:
+        library: Where the files are.
+        context: What skills work with.
+
+    Attributes:
+        mistakes: What is wrong.
+        leaves: The skills, in the order of the file.
+        files: What was read, by name.
+    """
+
+    def __init__(self, library: Library, context: Context) -> None:
+        self._context = context
+        self._sources = Sources(library)
+        self._branches = Branches(self, context)
+        self.known = known_skills()
+        self.keys = Keys()
+        self._places: dict[Behaviour, Place] = {}
+        self._nodes = 0
+        self.mistakes = Mistakes()
+        self.leaves: list[Leaf] = []
+        self.files = self._sources.files
+        self.wrong = self.mistakes.add
+
+    def task(
+        self,
+        task: TaskFile,
+        known: Iterable[Mistake],
+        namespace: str,
+        arguments: Mapping[str, Located] | None,
+    ) -> Behaviour:
+        """The tree of a task.
+
+        Args:
+            task: As far as it could be read.
+            known: What is known to be wrong with it.
+            namespace: Of its keys.
+            arguments: Values of its parameters; None where it is only checked, and those without a
+                default have no value yet.
+        """
+        self.mistakes = Mistakes(known)
+        self.wrong = self.mistakes.add
+        self.files[task.path.name] = task.text
+        self._sources.load_poses(self.mistakes)
+        given = self._arguments(task, arguments, namespace)
+        root = self.node(task.tree, Scope(namespace, given), task.name)
+        self._finish(root)
+        return root
+
+    def subtree(self, file: SubtreeFile, known: Mistakes, namespace: str) -> Behaviour:
+        """A subtree by itself, to be checked: its ports are as they are declared."""
+        self.mistakes, self.wrong = known, known.add
+        self._sources.load_poses(self.mistakes)
+        inputs = {name: port for name, port in file.ports.items() if not port.output}
+        self.keys.written |= {
+            f"{namespace}/{name}": port.type or ANY for name, port in inputs.items()
+        }
+        root = self.node(file.tree, Scope(namespace, {}, (file.name,)), file.name)
+        self._finish(root)
+        return root
+
+    def _finish(self, root: Behaviour) -> None:
+        if not self.mistakes.found:
+            shortest: dict[Behaviour, float] = {
+                leaf.skill: type(leaf.skill).shortest(leaf.inputs) for leaf in self.leaves
+            }
+            check_flow(root, shortest, self._places, self.mistakes)
+
+    def _arguments(
+        self, task: TaskFile, arguments: Mapping[str, Located] | None, namespace: str
+    ) -> dict[str, Value]:
+        for name, value in (arguments or {}).items():
+            if name not in task.parameters:
+                there = choices(name, task.parameters)
+                self.wrong(
+                    value.place, f"task {task.number} has no parameter {name}; there are {there}"
+                )
+        known = {n: v for n, v in (arguments or {}).items() if n in task.parameters}
+        given: dict[str, Value] = {}
+        for name, declared in task.parameters.items():
+            taken = self._given(name, declared, known.get(name))
+            if taken is not None:
+                given[name] = taken
+            elif arguments is None and declared.type == "positions":
+                self.keys.written[f"{namespace}/{name}"] = declared.type
+            elif arguments is None:
+                given[name] = _stand_in(declared, task.tree.place)
+            else:
+                place = task.tree.place
+                at = Place(place.path, 1, 1, "parameters", place.lines)
+                self.wrong(at, f"the parameter {name} must be given, with --set {name}=VALUE")
+        return given
+
+    def _given(self, name: str, declared: Declaration, value: Value | None) -> Value | None:
+        """What a parameter or port is given, else its default, checked; None for nothing."""
+        if isinstance(declared.default, Located):
+            self.fit(declared.default, declared, f"the default of {name}")
+            value = declared.default if value is None else value
+        if isinstance(value, Located) and declared.type != UNTYPED:
+            self.fit(value, declared, name)
+        return value
+
+    def node(self, spec: TreeNode, scope: Scope, name: str = "") -> Behaviour:
+        """The node of a spec, with all below it."""
+        self._nodes += 1
+        if self._nodes > MAX_NODES:
+            if self._nodes == MAX_NODES + 1:
+                self.wrong(spec.place, f"the tree has more than {MAX_NODES} nodes")
+            return Dummy("too many")
+        shown = name or spec.name
+        if isinstance(spec, SubtreeNode):
+            return self._file(spec, scope, shown)
+        node = (
+            self._branches.make(spec, scope, shown)
+            if isinstance(spec, ControlNode)
+            else self._skill(spec, scope, shown)
+        )
+        self._places[node] = spec.place
+        return node
+
+    # Files
+
+    def _file(self, spec: SubtreeNode, scope: Scope, shown: str) -> Behaviour:
+        what = f"subtree {spec.source}" if isinstance(spec.source, str) else f"task {spec.source}"
+        label = spec.source if isinstance(spec.source, str) else what
+        way = (*scope.within, label)
+        if label in scope.within:
+            self.wrong(spec.place, f"{what} would hold itself: {' -> '.join(way)}")
+        elif len(way) > MAX_SUBTREES:
+            self.wrong(spec.place, f"more than {MAX_SUBTREES} subtrees within each other")
+        elif spec.source != "" and (source := self._sources.get(spec, self.mistakes)):
+            self._check_names(spec.values, source.declared, f"{source.what} of {what}")
+            ports = self._ports(spec, source, scope, what)
+            if ports is not None:
+                inner = Scope(f"{scope.namespace}/{source.name}_{self._nodes}", ports, way)
+                node = self.node(source.tree, inner, shown or source.name)
+                self._check_written(spec, source, ports, what)
+                return node
+        return Dummy(label)
+
+    def _ports(
+        self, spec: SubtreeNode, source: Source, scope: Scope, what: str
+    ) -> dict[str, Value] | None:
+        ports: dict[str, Value] = {}
+        complete = True
+        for name, declared in source.declared.items():
+            given = self._given(name, declared, self.resolve(spec.values.get(name), scope))
+            if given is None:
+                complete = False
+                self.wrong(spec.place, f"{what} needs {name}: {declared.description or declared}")
+                continue
+            ports[name] = given
+            if isinstance(given, Key) and not declared.output and declared.type != UNTYPED:
+                self.keys.copy().read(given, declared.type, f"{what}: {name}", self.mistakes)
+            elif isinstance(given, Located) and declared.output:
+                self.wrong(given.place, f"{what} writes {name}; name a key such as ${name}")
+        return ports if complete else None
+
+    def _check_written(
+        self, spec: SubtreeNode, source: Source, ports: Mapping[str, Value], what: str
+    ) -> None:
+        for name, declared in source.declared.items():
+            key = ports[name]
+            if declared.output and isinstance(key, Key) and key.name not in self.keys.written:
+                self.wrong(spec.place, f"{what} does not write {name} on every way through it")
+
+    # Skills
+
+    def _skill(self, spec: SkillNode, scope: Scope, shown: str) -> Behaviour:
+        kind = self.known.get(spec.skill)
+        if kind is None:
+            if spec.skill:  # else the file is wrong here, and that is told already
+                there = choices(spec.skill, (*self.known, *KINDS, "subtree", "task"))
+                self.wrong(spec.place, f"no skill {spec.skill}; there are {there}")
+            return Dummy(spec.skill)
+        ports = declarations(kind)
+        self._check_names(spec.ports, ports, f"port of {spec.skill}")
+        wired = {p: self.resolve(v, scope) for p, v in spec.ports.items() if p in ports}
+        keys = {port: value.name for port, value in wired.items() if isinstance(value, Key)}
+        skill: Skill = kind(shown or spec.skill, self._context)
+        inputs, types = self._inputs(spec, kind, wired)
+        self._outputs(spec, kind, wired, types)
+        self.leaves.append(Leaf(skill, spec.place, scope.namespace, keys, inputs))
+        return skill
+
+    def _inputs(
+        self, spec: SkillNode, kind: type[Skill], wired: Mapping[str, Value | None]
+    ) -> tuple[dict[str, Any], dict[str, str]]:
+        """The literal inputs of a skill, and the types of all; checks them on the way."""
+        inputs: dict[str, Any] = {}
+        types: dict[str, str] = {}
+        for port, info in kind.input_ports().items():
+            value, what, wanted = wired.get(port), f"{spec.skill}.{port}", declaration(info)
+            like = types.get(info.like) if isinstance(info, Port) else None
+            if like:
+                wanted = Declaration(like, wanted.default, wanted.optional)
+            if isinstance(value, Key):
+                types[port] = self.keys.read(value, wanted.type, what, self.mistakes)
+            elif value is not None:
+                inputs[port] = port_value(self.fit(value, wanted, what))
+                types[port] = _type_of(inputs[port]) if wanted.type == ANY else wanted.type
+            elif wanted.needed:
+                self.wrong(spec.place, f"{spec.skill} needs {port}: {info.description}")
+        return inputs, types
+
+    def _outputs(
+        self,
+        spec: SkillNode,
+        kind: type[Skill],
+        wired: Mapping[str, Value | None],
+        types: Mapping[str, str],
+    ) -> None:
+        for port, info in kind.output_ports().items():
+            value = wired.get(port)
+            if isinstance(value, Key):
+                like = types.get(info.like) if isinstance(info, Port) else None
+                self.keys.write(value, like or declaration(info).type, self.mistakes)
+            elif value is not None:
+                self.wrong(value.place, f"{spec.skill} writes {port}; name a key such as ${port}")
+
+    # Values
+
+    def resolve(self, value: Value | None, scope: Scope) -> Value | None:
+        """What a value means outside its file."""
+        return None if value is None else without_scope(value, scope, self.mistakes.add_last)
+
+    def fit(self, value: Located, wanted: Declaration, what: str) -> Any:
+        """The value that a text means where something is wanted; None where it is wrong."""
+        fitted = trees.fit(
+            value,
+            wanted,
+            self._sources.poses,
+            lambda place, why: self.wrong(place, f"{what}: {why}"),
+        )
+        if wanted.type == "positions" and isinstance(value.value, str) and fitted is not None:
+            self._sources.use_poses()
+        return fitted
+
+    def _check_names(self, given: Mapping[str, Value], known: Collection[str], what: str) -> None:
+        for port in given:
+            if port not in known:
+                there = choices(port, known)
+                self.wrong(given[port].label, f"{port} is no {what}; there are {there}")
+
+
+def _stand_in(declared: Declaration, place: Place) -> Located:
+    """A value for a parameter that is given only when the task is called."""
+    value: bool | str | float
+    match declared.type:
+        case "boolean":
+            value = False
+        case "text":
+            value = declared.choices[0] if declared.choices else "text"
+        case kind:
+            least = -math.inf if declared.least is None else declared.least
+            most = math.inf if declared.most is None else declared.most
+            number = min(max(0.0, least), most)
+            value = int(number) if kind == "integer" else number
+    return Located(place, value, place)
+
+
+def _type_of(value: object) -> str:
+    return {bool: "boolean", float: "number", str: "text"}.get(type(value), ANY)

@@ -1,0 +1,138 @@
+"""The nodes that hold others: made from their specs, with what is known of keys on every branch."""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.composites import Selector, Sequence
+from py_trees.decorators import FailureIsSuccess, Inverter
+
+from skills import Context, Skill
+from trees import KINDS, ControlNode, Declaration, Key, SkillNode, TreeNode, choices
+
+from .control import Guard, ReactiveSelector, ReactiveSequence, Repeat, Retry, Timeout, WaitFor
+from .join import Join, Race
+from .keys import Keys
+from .scope import Scope
+
+if TYPE_CHECKING:
+    from .assembly import Assembly
+
+
+class Branches:
+    """Makes the nodes that hold others.
+
+    Args:
+        assembly: Makes what they hold.
+        context: Whose clock.
+    """
+
+    def __init__(self, assembly: "Assembly", context: Context) -> None:
+        self._assembly, self._context = assembly, context
+
+    def make(self, spec: ControlNode, scope: Scope, shown: str) -> Behaviour:
+        """The node of a spec, with all below it."""
+        options = {
+            option: self._option(spec, option, declared, scope)
+            for option, declared in KINDS[spec.kind].options.items()
+        }
+        make: Callable[..., Behaviour] = getattr(self, f"_{spec.kind}", self._decorator)
+        return make(spec, scope, shown or spec.kind, options)
+
+    def _option(self, spec: ControlNode, option: str, declared: Declaration, scope: Scope) -> Any:
+        value = self._assembly.resolve(spec.options.get(option), scope)
+        if isinstance(value, Key):
+            self._assembly.wrong(value.place, f"{spec.kind}: {option} must be known before the run")
+            return declared.default
+        if value is None:
+            return declared.default
+        return self._assembly.fit(value, declared, f"{spec.kind}: {option}")
+
+    def _sequence(
+        self, spec: ControlNode, scope: Scope, shown: str, options: Mapping[str, Any]
+    ) -> Behaviour:
+        children = [self._assembly.node(child, scope) for child in spec.children]
+        if options["memory"] is False:
+            return ReactiveSequence(shown, children, self._context)
+        return Sequence(shown, memory=True, children=children)
+
+    def _selector(
+        self, spec: ControlNode, scope: Scope, shown: str, options: Mapping[str, Any]
+    ) -> Behaviour:
+        children, ways = self._apart(spec, scope)
+        self._assembly.keys.join(ways)
+        if options["memory"] is False:
+            return ReactiveSelector(shown, children, self._context)
+        return Selector(shown, memory=True, children=children)
+
+    def _parallel(
+        self, spec: ControlNode, scope: Scope, shown: str, options: Mapping[str, Any]
+    ) -> Behaviour:
+        children, ways = self._apart(spec, scope)
+        if options["policy"] == "any":
+            self._assembly.keys.join(ways)
+        else:
+            self._assembly.keys.gather(ways, self._assembly.mistakes)
+        if sum(map(_moves, children)) > 1:
+            self._assembly.wrong(spec.place, "only one node of a parallel may move the arm")
+        return Race(shown, children) if options["policy"] == "any" else Join(shown, children)
+
+    def _guard(
+        self, spec: ControlNode, scope: Scope, shown: str, options: Mapping[str, Any]
+    ) -> Behaviour:
+        child, condition = (*spec.children, *[SkillNode(spec.place, "", {})] * 2)[:2]
+        asked = self._condition(condition, scope)
+        children = [self._assembly.node(child, scope), asked]
+        pause = options["otherwise"] == "pause"
+        return Guard(shown, children, self._context, pause, options["every"] or 0.1)
+
+    def _decorator(
+        self, spec: ControlNode, scope: Scope, shown: str, options: Mapping[str, Any]
+    ) -> Behaviour:
+        (child,), context, before = spec.children, self._context, self._assembly.keys.copy()
+        if spec.kind == "wait_for":
+            return WaitFor(shown, self._condition(child, scope), context, options["every"] or 0.1)
+        node = self._assembly.node(child, scope)
+        match spec.kind:
+            case "retry":
+                return Retry(
+                    shown, node, context, options["attempts"] or 1, options["backoff"] or 0
+                )
+            case "repeat":
+                return Repeat(shown, node, context, options["times"])
+            case "timeout":
+                return Timeout(shown, node, context, options["after"] or 0.0)
+            case "force_success":
+                self._assembly.keys.join([before, self._assembly.keys])
+                return FailureIsSuccess(shown, node)
+            case _:
+                self._assembly.keys.join([before, self._assembly.keys])
+                return Inverter(shown, node)
+
+    def _condition(self, spec: TreeNode, scope: Scope) -> Behaviour:
+        node = self._assembly.node(spec, scope)
+        for below in node.iterate():
+            if isinstance(below, Skill) and not below.condition:
+                there = [name for name, kind in self._assembly.known.items() if kind.condition]
+                self._assembly.wrong(
+                    spec.place,
+                    f"{below.name} acts, and cannot be a condition; there are "
+                    f"{choices(below.name, there)}",
+                )
+        return node
+
+    def _apart(self, spec: ControlNode, scope: Scope) -> tuple[list[Behaviour], list[Keys]]:
+        """Children of which none knows what another writes."""
+        before, children, ways = self._assembly.keys, [], []
+        for child in spec.children:
+            self._assembly.keys = before.copy()
+            children.append(self._assembly.node(child, scope))
+            ways.append(self._assembly.keys)
+        self._assembly.keys = before
+        for way in ways:  # what one of them has read is read
+            before.unread = {n: key for n, key in before.unread.items() if n in way.unread}
+        return children, ways or [before]
+
+
+def _moves(node: Behaviour) -> bool:
+    return any(isinstance(below, Skill) and below.moves for below in node.iterate())

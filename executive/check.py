@@ -1,0 +1,150 @@
+"""`armtree check`: everything that can be found wrong with task files before anything moves."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+from hardware import Arm, RealClock, Robot
+from skills import Context
+from skills.motion import MotionError, Pool, Result, Verify
+from trees import FileError, Library, Mistake, Mistakes, Place, TreeError
+
+from .assembly import Assembly
+from .builder import poses, refusals
+
+Pose = tuple[float, ...]
+
+
+@dataclass
+class Findings:
+    """What was found.
+
+    Attributes:
+        files: What was checked.
+        mistakes: What is wrong, in the order of files and lines.
+    """
+
+    files: list[Path] = field(default_factory=list)
+    mistakes: list[Mistake] = field(default_factory=list)
+
+
+def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Findings:
+    """Check task files, subtrees and poses.
+
+    Args:
+        robot: For which robot.
+        folder: The user's task files.
+        files: Only these; none for all there are.
+    """
+    context = _context(robot)
+    findings = Findings()
+    places: dict[Pose, list[Place]] = {}
+    try:
+        jobs = list(_jobs(folder, files))
+    except TreeError as error:
+        findings.mistakes = _mistakes(error)
+        return findings
+    for path, library, name in jobs:
+        findings.files.append(path)
+        checker = _Checker(library, context, places)
+        findings.mistakes += checker.check(name)
+    findings.mistakes += _collisions(robot, places, context)
+    findings.mistakes = list(FileError(findings.mistakes).mistakes)
+    return findings
+
+
+def _jobs(
+    folder: Path | None, files: Sequence[Path]
+) -> Iterator[tuple[Path, Library, int | str | None]]:
+    """File, library, and its number or name there; None for poses."""
+    if not files:
+        yield from _all(Library(folder))
+        return
+    libraries: dict[Path, dict[Path, tuple[Library, int | str | None]]] = {}
+    for file in files:
+        parent = file.resolve().parent
+        if parent not in libraries:
+            libraries[parent] = {
+                path.resolve(): (library, name) for path, library, name in _all(Library(parent))
+            }
+        if file.resolve() not in libraries[parent]:
+            wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"
+            raise FileError([Mistake(Place(file, 0, 0), wrong)])
+        yield file, *libraries[parent][file.resolve()]
+
+
+def _all(library: Library) -> Iterator[tuple[Path, Library, int | str | None]]:
+    for path in library.pose_files:
+        yield path, library, None
+    for name in library.subtrees():
+        yield library.subtree_path(name), library, name
+    for number in library.numbers():
+        yield library.path(number), library, number
+
+
+class _Checker:
+    """Checks one file of a library.
+
+    Args:
+        library: The library.
+        context: Of a robot that does nothing.
+        places: Filled with the poses that are spelled out, and where.
+    """
+
+    def __init__(self, library: Library, context: Context, places: dict[Pose, list[Place]]) -> None:
+        self._library, self._context, self._places = library, context, places
+
+    def check(self, name: int | str | None) -> list[Mistake]:
+        """What is wrong with the task of a number, the subtree of a name, or for None the poses."""
+        try:
+            if name is None:
+                self._library.poses()
+                return []
+            assembly = Assembly(self._library, self._context)
+            if isinstance(name, int):
+                assembly.task(*self._library.draft(name), "/check", None)
+            else:
+                place = Place(self._library.subtree_path(name), 1, 1)
+                file, known = self._library.subtree(name, place)
+                assembly.subtree(file, Mistakes(known), "/check")
+        except TreeError as error:
+            return _mistakes(error)
+        if assembly.mistakes.found:
+            return assembly.mistakes.found
+        robot = self._context.robot
+        refused = refusals(assembly.leaves, robot)
+        if not refused:
+            for place, pose in poses(assembly.leaves, robot):
+                self._places.setdefault(pose, []).append(place)
+        return refused
+
+
+def _mistakes(error: TreeError) -> list[Mistake]:
+    if isinstance(error, FileError):
+        return list(error.mistakes)
+    return [Mistake(Place(Path(getattr(error, "path", "")), 0, 0), str(error))]
+
+
+def _collisions(
+    robot: Robot, places: dict[Pose, list[Place]], context: Context
+) -> Iterator[Mistake]:
+    if not places:
+        return
+    answers: SimpleQueue[Result] = SimpleQueue()
+    with closing(context.pool) as pool:
+        pool.start()
+        for pose, where in places.items():
+            pool.submit(Verify([pose], robot.collision.margin), answers.put)
+            answer = answers.get()
+            if isinstance(answer, MotionError):
+                yield from (Mistake(place, f"this pose collides: {answer}") for place in where)
+
+
+def _context(robot: Robot) -> Context:
+    nothing: Callable[..., Any] = lambda *_: None  # noqa: E731
+    clock = RealClock()
+    arm, pool = Arm(robot, None, clock), Pool(robot, 1, clock)
+    return Context(robot, arm, pool, 1, 5.0, nothing, nothing, clock, nothing)

@@ -1,0 +1,188 @@
+"""What values may be: types, units and bounds, and the reading of a value that is written out."""
+
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+from .document import Located
+from .errors import Place
+
+# What the types with a unit are measured in; the first of each is what a bare number means.
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "angle": {"rad": 1.0, "deg": math.pi / 180},
+    "duration": {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0},
+    "length": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+}
+TYPES = ("number", "integer", "boolean", "text", *UNITS, "positions")
+ANY = "any"
+
+_QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?) ?([A-Za-z]\S*)")
+_WORDS = {
+    "number": "a number",
+    "integer": "a whole number",
+    "boolean": "true or false",
+    "text": "a text",
+    "positions": "a mapping from joint names to angles, or a pose",
+    ANY: "a number, a text, or true or false",
+}
+
+_PYTHON: Mapping[str, tuple[type, ...]] = {
+    "integer": (int,),
+    "boolean": (bool,),
+    "text": (str,),
+    ANY: (float, bool, str),
+}
+
+Wrong = Callable[[Place, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """What a parameter, a port or an option may be.
+
+    Attributes:
+        type: One of TYPES, ANY, or the name of a type that cannot be written out.
+        default: Taken where none is given; None where one must be, unless it is optional.
+        optional: Whether it may be left out although there is no default.
+        least: Smallest value, in the type's first unit.
+        most: Largest value.
+        choices: The only values there are; empty for all.
+        output: Whether it is a key that is written, not a value that is read.
+        description: One line.
+    """
+
+    type: str
+    default: Any = None
+    optional: bool = False
+    least: float | None = None
+    most: float | None = None
+    choices: tuple[str, ...] = ()
+    output: bool = False
+    description: str = ""
+
+    @property
+    def needed(self) -> bool:
+        """Whether it must be given."""
+        return self.default is None and not self.optional
+
+    @property
+    def unit(self) -> str:
+        """What a bare number means; empty for types without a unit."""
+        return next(iter(UNITS.get("angle" if self.type == "positions" else self.type, {})), "")
+
+    def __str__(self) -> str:
+        return words(self.type)
+
+
+def words(kind: str) -> str:
+    """A type in words."""
+    if kind in UNITS:
+        units = list(UNITS[kind])
+        article = "an" if kind == "angle" else "a"
+        return f"{article} {kind} in {', '.join(units[:-1])} or {units[-1]}"
+    return _WORDS.get(kind) or f"a {kind}"
+
+
+def fit(
+    value: Located, wanted: Declaration, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
+) -> Any:
+    """The value that a text means where something is wanted.
+
+    Args:
+        value: As it is written.
+        wanted: What it must be.
+        poses: Joint values [rad] by the name of the pose.
+        wrong: Told what is wrong with it.
+
+    Returns:
+        A float in the type's first unit, an int, a bool, a str, or a dict of floats; None where it
+        is wrong.
+    """
+    if wanted.type == "positions":
+        return _positions(value, poses, wrong)
+    if wanted.type in ("number", *UNITS):
+        fitted = _number(value, wanted.type, wrong)
+    else:
+        fitted = _plain(value, wanted.type, wrong)
+    if fitted is not None and (reason := _beyond(fitted, wanted)):
+        wrong(value.place, f"{value} {reason}")
+    return fitted
+
+
+def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
+    plain = value.value
+    if kind == ANY and type(plain) is int:
+        return float(plain)
+    python = _PYTHON.get(kind)
+    # A truth value is a whole number to Python.
+    if python and isinstance(plain, python) and (kind != "integer" or type(plain) is int):
+        return plain
+    hint = "" if python else "; name a key that a skill writes, such as $key"
+    wrong(value.place, f"{value} is not {words(kind)}{hint}")
+    return None
+
+
+def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> float | None:
+    plain = value.value
+    if type(plain) in (int, float):
+        number = float(plain)  # type: ignore[arg-type]
+    elif isinstance(plain, str) and kind in UNITS and (found := _QUANTITY.fullmatch(plain)):
+        if found[2] not in UNITS[kind]:
+            wrong(
+                value.place,
+                f"{value}: no unit {found[2]}; there are {choices(found[2], UNITS[kind])}",
+            )
+            return None
+        number = float(found[1]) * UNITS[kind][found[2]]
+    else:
+        wrong(value.place, f"{value} is not {words(kind)}")
+        return None
+    if finite and not math.isfinite(number):
+        wrong(value.place, f"{value} is not finite")
+        return None
+    return number
+
+
+def _positions(
+    value: Located, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
+) -> dict[str, float] | None:
+    if isinstance(value.value, str):
+        if value.value in poses:
+            return dict(poses[value.value])
+        wrong(value.place, f"no pose {value.value}; there are {choices(value.value, poses)}")
+        return None
+    if not isinstance(value.value, dict):
+        wrong(value.place, f"{value} is not {words('positions')}")
+        return None
+    return {
+        joint: number
+        for joint, item in value.value.items()
+        if (number := _number(item, "angle", wrong, finite=False)) is not None
+    }
+
+
+def _beyond(fitted: Any, wanted: Declaration) -> str:
+    """Why a value is not allowed; empty where it is."""
+    unit = f" {wanted.unit}".rstrip()
+    if wanted.least is not None and fitted < wanted.least:
+        return f"is less than {wanted.least:g}{unit}"
+    if wanted.most is not None and fitted > wanted.most:
+        return f"is more than {wanted.most:g}{unit}"
+    if wanted.choices and fitted not in wanted.choices:
+        return f"is none of {choices(str(fitted), wanted.choices)}"
+    return ""
+
+
+def choices(word: str, known: Iterable[str]) -> str:
+    """What there is, and what was probably meant."""
+    names = sorted(known)
+    return (", ".join(names) or "none") + meant(word, names)
+
+
+def meant(word: str, known: Sequence[str]) -> str:
+    """What was probably meant; empty where nothing is near."""
+    near = get_close_matches(word, known, n=1)
+    return f"; did you mean {near[0]}?" if near else ""
