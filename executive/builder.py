@@ -12,6 +12,7 @@ from hardware import Robot
 from skills import Context, Skill, SkillError
 from trees import FileError, Library, Located, Mistake, Place, TaskFile
 
+from .arguments import FILE, as_text
 from .assembly import Assembly, Leaf
 
 
@@ -70,6 +71,8 @@ def build(
         SkillError: A skill refuses what the task spells out, such as a target out of bounds.
     """
     assembly = Assembly(library, context)
+    if arguments:
+        assembly.files[FILE] = as_text(arguments)
     root = assembly.task(*draft, f"/{namespace}", arguments or {})
     if assembly.mistakes.found:
         raise FileError(assembly.mistakes.found)

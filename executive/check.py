@@ -14,6 +14,7 @@ from trees import FileError, Library, Mistake, Mistakes, Place, TreeError
 
 from .assembly import Assembly
 from .builder import poses, refusals
+from .outline import Entry, outline
 
 Pose = tuple[float, ...]
 
@@ -54,6 +55,20 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     findings.mistakes += _collisions(robot, places, context)
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
+
+
+def outline_of(robot: Robot, library: Library, number: int) -> Entry:
+    """The tree of a task, to be shown.
+
+    Raises:
+        UnknownTask: There is none of that number.
+        FileError: It is wrong.
+    """
+    assembly = Assembly(library, _context(robot))
+    root = assembly.task(*library.draft(number), "/show", None)
+    if assembly.mistakes.found:
+        raise FileError(assembly.mistakes.found)
+    return outline(root, assembly.leaves, "/show")
 
 
 def _jobs(

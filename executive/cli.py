@@ -9,24 +9,15 @@ from typing import Any
 import click
 
 from .codes import INTERNAL, INTERRUPTED_EXIT, look_up
-
-_PATH = click.Path(path_type=Path)
-
-robot_option = click.option(
-    "--robot", type=_PATH, envvar="ARMTREE_ROBOT", help="Robot file; default: the Arduinobot."
+from .options import (
+    PATH,
+    port_option,
+    recordings_option,
+    robot_option,
+    skills_option,
+    trees_option,
 )
-port_option = click.option("--port", envvar="ARMTREE_PORT", help="Serial port, or: virtual.")
-recordings_option = click.option(
-    "--recordings",
-    type=_PATH,
-    envvar="ARMTREE_RECORDINGS",
-    default=Path("recordings"),
-    show_default=True,
-    help="Folder for recordings.",
-)
-trees_option = click.option(
-    "--trees", type=_PATH, envvar="ARMTREE_TREES", help="Folder with task files of your own."
-)
+from .task_commands import COMMANDS
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -48,29 +39,19 @@ def cli(verbose: bool, debug: bool) -> None:
 
 
 @cli.command()
-@trees_option
-def tasks(trees: Path | None) -> None:
-    """List the tasks there are."""
-    from trees import Library, TreeError
-
-    library, wrong = Library(trees), []
-    for number in library.numbers():
-        try:
-            task = library.task(number)
-            click.echo(f"{number:>4}  {task.name:<12} {task.description}")
-        except TreeError as error:
-            wrong.append(error)
-            click.echo(f"{number:>4}  is wrong", err=True)
-    if wrong:
-        raise wrong[0]
-
-
-@cli.command()
 @click.argument("numbers", metavar="N...", nargs=-1, required=True, type=int)
 @port_option
 @robot_option
 @trees_option
+@skills_option
 @recordings_option
+@click.option(
+    "--set",
+    "settings",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Value of a parameter of the task; may be given again.",
+)
 @click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning.")
 @click.option(
     "--workers",
@@ -126,8 +107,8 @@ def doctor(
 
 
 @cli.command()
-@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=_PATH)
-@click.option("-o", "--output", type=_PATH, help="PNG file; default: beside the recording.")
+@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
+@click.option("-o", "--output", type=PATH, help="PNG file; default: beside the recording.")
 def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
     """Draw recordings to PNG files."""
     from logs.plot import plot as draw
@@ -138,6 +119,10 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
         target = output or recording.with_suffix(".png")
         draw(recording, target)
         click.echo(target)
+
+
+for command in COMMANDS:
+    cli.add_command(command)
 
 
 def main() -> None:

@@ -98,15 +98,15 @@ class Retry(_Loop):
         self, name: str, child: Behaviour, context: Context, attempts: int, backoff: float
     ) -> None:
         super().__init__(name, child, context)
-        self._attempts, self._backoff = attempts, backoff
+        self.attempts, self._backoff = attempts, backoff
 
     def update(self) -> Status:
         """Judge the attempt."""
         if self.decorated.status is not Status.FAILURE:
             return self.decorated.status
         self.rounds += 1
-        self.feedback_message = f"{self.rounds} of {self._attempts} attempts failed"
-        if self.rounds == self._attempts:
+        self.feedback_message = f"{self.rounds} of {self.attempts} attempts failed"
+        if self.rounds == self.attempts:
             return Status.FAILURE
         return self.again(self._backoff * 2.0 ** min(self.rounds - 1, 30))
 

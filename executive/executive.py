@@ -3,8 +3,9 @@
 import dataclasses
 import logging
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import logs
 from hardware import (
@@ -20,7 +21,7 @@ from hardware import (
 )
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
-from trees import Library, TaskFile, TreeError
+from trees import Library, Located, TaskFile, TreeError
 
 from .builder import Tree, build
 from .goal import Goal, GoalState, Outcome
@@ -102,7 +103,12 @@ class Executive:
         """Record something from outside, such as a line of the log."""
         self._recordings.tell(record)
 
-    def run(self, tasks: Sequence[int], report: Callable[[Outcome], None]) -> list[Outcome]:
+    def run(
+        self,
+        tasks: Sequence[int],
+        report: Callable[[Outcome], None],
+        arguments: Mapping[str, Located] = MappingProxyType({}),
+    ) -> list[Outcome]:
         """Run tasks in turn, up to the first that is not done.
 
         What can be judged without the arm is judged for all of them before it is activated.
@@ -110,6 +116,7 @@ class Executive:
         Args:
             tasks: Their numbers.
             report: Told of every outcome as soon as its recording is closed.
+            arguments: Values of the tasks' parameters, by name.
 
         Returns:
             The outcomes of those that were begun or refused.
@@ -117,7 +124,7 @@ class Executive:
         attempts = [_Attempt(self._goal(number)) for number in tasks]
         try:
             for attempt in attempts:
-                if not self._build(attempt):
+                if not self._build(attempt, arguments):
                     return [self._refuse(attempt, report)]
             self._pool.start()
             with self._arm:
@@ -130,13 +137,14 @@ class Executive:
     def _goal(self, number: int) -> Goal:
         return Goal(number, uuid.uuid4().hex, self._clock.now())
 
-    def _build(self, attempt: _Attempt) -> bool:
+    def _build(self, attempt: _Attempt, arguments: Mapping[str, Located]) -> bool:
         """Judge a goal as far as that goes without the arm."""
         goal = attempt.goal
         try:
             draft = self._library.draft(goal.task)
             attempt.task = draft[0]
-            attempt.tree = build(draft, self._library, self._context, f"run_{goal.identity}")
+            namespace = f"run_{goal.identity}"
+            attempt.tree = build(draft, self._library, self._context, namespace, arguments)
         except _OURS as error:
             attempt.error = error
         return attempt.error is None

@@ -118,7 +118,7 @@ def _node(subtrees: Mapping[str, Mapping[str, Declaration]]) -> Schema:
         for name, ports in sorted(subtrees.items())
     ]
     other = {"type": "string", "not": {"enum": sorted(subtrees)}}
-    given = {"with": {"type": "object"}, "name": _SHOWN}
+    given: Schema = {"with": {"type": "object"}, "name": _SHOWN}
     forms.append(_form("subtree", other, given, []))
     forms.append(_form("task", {"type": "integer", "minimum": 0}, given, []))
     return {"anyOf": forms}

@@ -2,15 +2,16 @@
 
 import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
 from skills.motion import Pool
-from trees import Library, TreeError
+from trees import Library, Located, TreeError
 
+from .arguments import read_arguments
 from .executive import Executive
 from .goal import GoalState, Outcome
 from .interrupts import Interrupts
@@ -29,6 +30,8 @@ class Options:
         port: None to take the robot file's.
         robot: Robot file; None for the shipped robot.
         trees: Folder with more tasks.
+        skills: Folder with more skills; they are loaded already.
+        settings: Parameters of the task, each as NAME=VALUE.
         recordings: Folder for recordings.
         seed: For whatever draws at random.
         workers: Planner processes.
@@ -40,6 +43,8 @@ class Options:
     port: str | None
     robot: Path | None
     trees: Path | None
+    skills: Path | None
+    settings: tuple[str, ...]
     recordings: Path
     seed: int
     workers: int
@@ -52,6 +57,7 @@ def execute(options: Options) -> list[Outcome]:
     with Interrupts() as interrupts, _view(options) as view:
         try:
             robot, library = load_robot(options.robot), Library(options.trees)
+            arguments = read_arguments(options.settings, options.numbers)
         except (HardwareError, TreeError) as error:
             task = options.numbers[0]
             outcome = Outcome(task, GoalState.ABORTED, error.code, str(error), 0, 0.0, "")
@@ -73,13 +79,14 @@ def execute(options: Options) -> list[Outcome]:
                 view.watch,
             )
             interrupts.on_cancel(executive.cancel)
-            return _drive(executive, clock, options.numbers, view, interrupts)
+            return _drive(executive, clock, options.numbers, arguments, view, interrupts)
 
 
 def _drive(
     executive: Executive,
     clock: RealClock,
     numbers: Sequence[int],
+    arguments: Mapping[str, Located],
     view: View,
     interrupts: Interrupts,
 ) -> list[Outcome]:
@@ -89,7 +96,7 @@ def _drive(
 
     def own() -> None:
         try:
-            outcomes.extend(executive.run(numbers, view.report))
+            outcomes.extend(executive.run(numbers, view.report, arguments))
         except Exception as error:  # carried over to the thread that tells the user
             bugs.append(error)
         finally:

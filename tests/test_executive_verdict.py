@@ -21,6 +21,9 @@ class Failed(Behaviour):
         super().__init__(name)
         self.failure, self.status = failure, Status.FAILURE if failure else Status.SUCCESS
 
+    def update(self) -> Status:
+        return self.status
+
 
 def tree(status: Status, *skills: Behaviour) -> Tree:
     root = Sequence("task", memory=True, children=list(skills))

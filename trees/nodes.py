@@ -100,7 +100,6 @@ class Kind:
 
 
 MAX_DURATION = 86_400.0  # [s]
-FOREVER = "forever"
 
 _MEMORY = Declaration(
     "boolean",

@@ -1,0 +1,133 @@
+"""Trees to look at: as text, Mermaid, Graphviz DOT and SVG."""
+
+from collections.abc import Callable, Mapping
+from html import escape
+
+from .outline import Entry
+
+_WIDTH, _LINE, _GAP = 7.3, 16, 14  # of a character, of a line, between boxes [px]
+
+
+def as_text(root: Entry, ports: bool) -> str:
+    """Lines with branches, for a terminal."""
+    return "\n".join(_lines(root, "", "", ports))
+
+
+def _lines(entry: Entry, first: str, rest: str, ports: bool) -> list[str]:
+    below = "│ " if entry.children else "  "
+    lines = [f"{first}{entry.title}"]
+    lines += [f"{rest}{below}  {wire}" for wire in (entry.wiring() if ports else [])]
+    for child in entry.children:
+        last = child is entry.children[-1]
+        turn, on = ("└─ ", "   ") if last else ("├─ ", "│  ")
+        lines += _lines(child, rest + turn, rest + on, ports)
+    return lines
+
+
+def as_mermaid(root: Entry, ports: bool) -> str:
+    """A Mermaid flowchart."""
+    numbers = {id(entry): f"n{number}" for number, entry in enumerate(root.walk())}
+    lines = ["flowchart TD"]
+    for entry in root.walk():
+        label = "<br/>".join(_mermaid(line) for line in _label(entry, ports))
+        opening, closing = ('["', '"]') if entry.children else ('(["', '"])')
+        lines.append(f"    {numbers[id(entry)]}{opening}{label}{closing}")
+        lines += [f"    {numbers[id(entry)]} --> {numbers[id(c)]}" for c in entry.children]
+    return "\n".join(lines)
+
+
+def _mermaid(text: str) -> str:
+    return "".join(c if c.isalnum() or c in " _.,:-+=/$" else f"#{ord(c)};" for c in text)
+
+
+def as_dot(root: Entry, ports: bool) -> str:
+    """A Graphviz graph."""
+    numbers = {id(entry): f"n{number}" for number, entry in enumerate(root.walk())}
+    lines = ["digraph tree {", "    ordering=out; node [fontname=Helvetica, fontsize=11];"]
+    for entry in root.walk():
+        label = "\\n".join(_quoted(line) for line in _label(entry, ports))
+        shape = "box" if entry.children else "ellipse"
+        lines.append(f'    {numbers[id(entry)]} [label="{label}", shape={shape}];')
+        lines += [f"    {numbers[id(entry)]} -> {numbers[id(c)]};" for c in entry.children]
+    return "\n".join([*lines, "}"])
+
+
+def _quoted(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"')
+
+
+def as_svg(root: Entry, ports: bool) -> str:
+    """A drawing, from left to right."""
+    labels = {id(entry): _label(entry, ports) for entry in root.walk()}
+    shapes: list[str] = []
+    columns = _columns(root, labels, 0, {})
+    height, _ = _draw(root, labels, columns, 0, 10.0, shapes)
+    width = sum(columns.values()) + 40.0 * len(columns)
+    return "\n".join(
+        [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
+            f'width="{width:.0f}" height="{height:.0f}" font-family="Helvetica, sans-serif" '
+            'font-size="12">',
+            '<rect width="100%" height="100%" fill="white"/>',
+            *shapes,
+            "</svg>",
+        ]
+    )
+
+
+def _columns(
+    entry: Entry, labels: Mapping[int, list[str]], depth: int, widths: dict[int, float]
+) -> dict[int, float]:
+    """How wide every level is [px]."""
+    own = max(map(len, labels[id(entry)])) * _WIDTH + 16
+    widths[depth] = max(widths.get(depth, 0.0), own)
+    for child in entry.children:
+        _columns(child, labels, depth + 1, widths)
+    return widths
+
+
+def _draw(
+    entry: Entry,
+    labels: Mapping[int, list[str]],
+    columns: Mapping[int, float],
+    depth: int,
+    top: float,
+    shapes: list[str],
+) -> tuple[float, float]:
+    """Draw a node and all below it; returns where it ends and where its middle is [px]."""
+    lines = labels[id(entry)]
+    left = 10.0 + sum(columns[level] + 40.0 for level in range(depth))
+    own, bottom, middles = len(lines) * _LINE + 10.0, top, []
+    for child in entry.children:
+        bottom, middle = _draw(child, labels, columns, depth + 1, bottom, shapes)
+        middles.append(middle)
+    bottom = max(bottom, top + own + _GAP)
+    middle = (middles[0] + middles[-1]) / 2 if middles else top + own / 2
+    middle = max(middle, top + own / 2)
+    right = left + columns[depth]
+    for end in middles:
+        shapes.append(
+            f'<path d="M{right:.0f} {middle:.0f}H{right + 20:.0f}V{end:.0f}H{right + 40:.0f}" '
+            'fill="none" stroke="#888"/>'
+        )
+    fill, radius = ("#e8eef7", 3) if entry.children else ("#f3f7e8", 12)
+    shapes.append(
+        f'<rect x="{left:.0f}" y="{middle - own / 2:.0f}" width="{columns[depth]:.0f}" '
+        f'height="{own:.0f}" rx="{radius}" fill="{fill}" stroke="#556"/>'
+    )
+    for number, line in enumerate(lines):
+        baseline = middle - own / 2 + 5 + (number + 0.8) * _LINE
+        shapes.append(f'<text x="{left + 8:.0f}" y="{baseline:.0f}">{escape(line)}</text>')
+    return bottom, middle
+
+
+def _label(entry: Entry, ports: bool) -> list[str]:
+    return [entry.title, *(entry.wiring() if ports else [])]
+
+
+DRAWINGS: Mapping[str, Callable[[Entry, bool], str]] = {
+    "text": as_text,
+    "mermaid": as_mermaid,
+    "dot": as_dot,
+    "svg": as_svg,
+}

@@ -1,0 +1,103 @@
+"""Export to the XML of BehaviorTree.CPP 4, with the node models that Groot2 needs.
+
+It shows the tree; there are no nodes of these names in C++ that would move an arm.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping
+
+from py_trees.behaviour import Behaviour
+
+from skills import Skill
+
+from .control import Guard, Repeat, Retry, Timeout
+from .outline import Entry
+
+FORMAT = "4"
+
+
+def as_groot(root: Entry, name: str) -> str:
+    """A file for Groot2.
+
+    Args:
+        root: Of the tree.
+        name: Of the tree.
+    """
+    document = ET.Element("root", BTCPP_format=FORMAT, main_tree_to_execute=name)
+    _add(ET.SubElement(document, "BehaviorTree", ID=name), root)
+    models = ET.SubElement(document, "TreeNodesModel")
+    for kind in sorted({type(e.node) for e in root.walk() if isinstance(e.node, Skill)}, key=_id):
+        _model(models, kind)
+    ET.indent(document)
+    return ET.tostring(document, encoding="unicode", xml_declaration=True)
+
+
+def _id(kind: type[Skill]) -> str:
+    return kind.__name__
+
+
+def _model(models: ET.Element, kind: type[Skill]) -> None:
+    tag = "Condition" if kind.condition else "Action"
+    model = ET.SubElement(models, tag, ID=kind.__name__)
+    for port, info in kind.input_ports().items():
+        ET.SubElement(model, "input_port", name=_port(port)).text = info.description
+    for port, info in kind.output_ports().items():
+        ET.SubElement(model, "output_port", name=_port(port)).text = info.description
+
+
+def _add(parent: ET.Element, entry: Entry) -> None:
+    node, shown = entry.node, {"name": entry.node.name}
+    if isinstance(node, Skill):
+        ports = {_port(port): _value(text) for port, text in entry.ports.items()}
+        ET.SubElement(parent, type(node).__name__, shown | ports)
+        return
+    tag, attributes = _control(entry.kind, node)
+    element = ET.SubElement(parent, tag, shown | attributes)
+    children = entry.children[::-1] if isinstance(node, Guard) else entry.children
+    if isinstance(node, Guard) and node.pause:
+        # A sequence that is tried again for ever waits where a guard would.
+        element = ET.SubElement(element, "ReactiveSequence", shown)
+    for child in children:
+        _add(element, child)
+
+
+def _port(name: str) -> str:
+    """BehaviorTree.CPP keeps `name` and words that begin with an underscore to itself."""
+    return f"{name}_" if name == "name" else name
+
+
+def _value(text: str) -> str:
+    return "{" + text[1:].replace("/", "_") + "}" if text.startswith("$") else text
+
+
+_CONTROLS: Mapping[str, str] = {
+    "sequence": "Sequence",
+    "reactive sequence": "ReactiveSequence",
+    "selector": "Fallback",
+    "reactive selector": "ReactiveFallback",
+    "inverter": "Inverter",
+    "force success": "ForceSuccess",
+}
+
+
+def _control(kind: str, node: Behaviour) -> tuple[str, dict[str, str]]:
+    if kind in _CONTROLS:
+        return _CONTROLS[kind], {}
+    match node:
+        case Retry():
+            return "RetryUntilSuccessful", {"num_attempts": str(node.attempts)}
+        case Repeat():
+            return "Repeat", {"num_cycles": str(node.times or -1)}
+        case Timeout():
+            return "Timeout", {"msec": str(round(node.after * 1000))}
+        case Guard() if not node.pause:
+            return "ReactiveSequence", {}
+    counts: Callable[[int, int], dict[str, str]] = lambda success, failure: {  # noqa: E731
+        "success_count": str(success),
+        "failure_count": str(failure),
+    }
+    if kind == "parallel":
+        return "Parallel", counts(-1, 1)
+    if kind == "parallel, any":
+        return "Parallel", counts(1, -1)
+    return "RetryUntilSuccessful", {"num_attempts": "-1"}  # wait for, and a guard that pauses

@@ -1,0 +1,66 @@
+"""`armtree new`: a commented task file that runs."""
+
+import re
+from pathlib import Path
+
+from trees import FileError, Library, Mistake, Place
+
+from .schema import NAME
+from .task_commands import schema_text
+
+_TEXT = """\
+# yaml-language-server: $schema={schema}
+# Everything that can stand here is on one page: trees/README.md. `armtree check` finds mistakes.
+task: {number}
+name: {name}
+description: Turn the arm to and fro.
+
+# What may be given when it is called: armtree run {number} --set swing="30 deg"
+parameters:
+  swing: {{type: angle, default: 20 deg, min: 1 deg, max: 60 deg, description: how far it turns}}
+
+# What to do. `armtree skills` lists the skills, `armtree show {number}` draws this tree.
+tree:
+  sequence:
+    - subtree: reach                # a whole target: arm and gripper
+      with: {{arm: upright, gripper: open}}
+    - repeat:
+        sequence:
+          - subtree: move_joints    # some joints; the others stay
+            with: {{joints: {{joint_1: $swing}}}}   # in rad, or with a unit
+          - Wait: {{duration: 200 ms}}
+          - subtree: move_joints
+            with: {{joints: {{joint_1: 0}}}}
+      times: 2
+    - Say: {{text: "{name}: done"}}
+"""
+
+
+def write_task(folder: Path, number: int, name: str) -> Path:
+    """Write a task file, and the schema that editors complete it by.
+
+    Args:
+        folder: Where to; it is made if it is not there.
+        number: Of the task.
+        name: Of the task.
+
+    Raises:
+        FileError: The number is taken, the name is none, or the file cannot be written.
+    """
+    path = folder / f"{number}_{name}.yaml"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        library = Library(folder)
+        if number in library.numbers():
+            raise _wrong(path, f"task {number} is in {library.path(number)} already")
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
+            raise _wrong(path, f"{name!r} is not a name: a letter, then letters, digits, _ or -")
+        (folder / NAME).write_text(schema_text(library))
+        path.write_text(_TEXT.format(number=number, name=name, schema=NAME))
+    except OSError as error:
+        raise _wrong(path, f"cannot be written: {error.strerror}") from error
+    return path
+
+
+def _wrong(path: Path, message: str) -> FileError:
+    return FileError([Mistake(Place(path, 0, 0), message)])

@@ -1,0 +1,51 @@
+"""Options that several commands have."""
+
+from pathlib import Path
+
+import click
+
+PATH = click.Path(path_type=Path)
+OWN_TREES = Path("trees")
+
+
+def _own_trees() -> Path | None:
+    return OWN_TREES if OWN_TREES.is_dir() else None
+
+
+robot_option = click.option(
+    "--robot", type=PATH, envvar="ARMTREE_ROBOT", help="Robot file; default: the Arduinobot."
+)
+port_option = click.option("--port", envvar="ARMTREE_PORT", help="Serial port, or: virtual.")
+recordings_option = click.option(
+    "--recordings",
+    type=PATH,
+    envvar="ARMTREE_RECORDINGS",
+    default=Path("recordings"),
+    show_default=True,
+    help="Folder for recordings.",
+)
+trees_option = click.option(
+    "--trees",
+    type=PATH,
+    envvar="ARMTREE_TREES",
+    default=_own_trees,
+    help="Folder with task files of your own; default: ./trees, if there is one.",
+)
+
+
+def _load(_context: click.Context, _option: click.Parameter, folder: Path | None) -> Path | None:
+    """Load the skills before anything asks for them; a broken file is told of."""
+    from .plugins import load_skills
+
+    for wrong in load_skills(folder):
+        click.echo(f"Broken skills are left out: {wrong}", err=True)
+    return folder
+
+
+skills_option = click.option(
+    "--skills",
+    type=PATH,
+    envvar="ARMTREE_SKILLS",
+    callback=_load,
+    help="Folder with skills of your own: Python files.",
+)
