@@ -216,11 +216,16 @@ class Assembly:
                 self.wrong(spec.place, f"{what} needs {name}: {declared.description or declared}")
                 continue
             ports[name] = given
-            if isinstance(given, Key) and not declared.output and declared.type != UNTYPED:
+            if isinstance(given, Key) and self._typed(given, declared):
                 self.keys.copy().read(given, declared.type, f"{what}: {name}", self.mistakes)
             elif isinstance(given, Located) and declared.output:
                 self.wrong(given.place, f"{what} writes {name}; name a key such as ${name}")
         return ports if complete else None
+
+    def _typed(self, key: Key, declared: Declaration) -> bool:
+        """Whether a port that reads a key says of which type."""
+        reads = declared.type != UNTYPED and not declared.output
+        return reads and key.name in self.keys.written
 
     def _check_written(
         self, spec: SubtreeNode, source: Source, ports: Mapping[str, Value], what: str
@@ -238,9 +243,11 @@ class Assembly:
             if spec.skill:  # else the file is wrong here, and that is told already
                 there = choices(spec.skill, (*self.known, *KINDS, "subtree", "task"))
                 self.wrong(spec.place, f"no skill {spec.skill}; there are {there}")
+            self._forgive(spec.ports.values(), scope)
             return Dummy(spec.skill)
         ports = declarations(kind)
         self._check_names(spec.ports, ports, f"port of {spec.skill}")
+        self._forgive((v for p, v in spec.ports.items() if p not in ports), scope)
         wired = {p: self.resolve(v, scope) for p, v in spec.ports.items() if p in ports}
         keys = {port: value.name for port, value in wired.items() if isinstance(value, Key)}
         skill: Skill = kind(shown or spec.skill, self._context)
@@ -248,6 +255,12 @@ class Assembly:
         self._outputs(spec, kind, wired, types)
         self.leaves.append(Leaf(skill, spec.place, scope.namespace, keys, inputs))
         return skill
+
+    def _forgive(self, values: Iterable[Value], scope: Scope) -> None:
+        """Take keys at ports that are not there as written, so that one mistake is told once."""
+        for value in values:
+            if isinstance(key := self.resolve(value, scope), Key):
+                self.keys.written.setdefault(key.name, ANY)
 
     def _inputs(
         self, spec: SkillNode, kind: type[Skill], wired: Mapping[str, Value | None]

@@ -83,7 +83,8 @@ def _jobs(
         parent = file.resolve().parent
         if parent not in libraries:
             libraries[parent] = {
-                path.resolve(): (library, name) for path, library, name in _all(Library(parent))
+                path.resolve(): (library, name)
+                for path, library, name in _all(Library(file.parent))
             }
         if file.resolve() not in libraries[parent]:
             wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"

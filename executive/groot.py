@@ -16,13 +16,14 @@ from .outline import Entry
 FORMAT = "4"
 
 
-def as_groot(root: Entry, name: str) -> str:
+def as_groot(root: Entry, number: int) -> str:
     """A file for Groot2.
 
     Args:
         root: Of the tree.
-        name: Of the tree.
+        number: Of the task.
     """
+    name = f"task_{number}"  # a tree may not be called like a skill in it
     document = ET.Element("root", BTCPP_format=FORMAT, main_tree_to_execute=name)
     _add(ET.SubElement(document, "BehaviorTree", ID=name), root)
     models = ET.SubElement(document, "TreeNodesModel")

@@ -207,7 +207,7 @@ def show(
     from .groot import as_groot
 
     root = outline_of(load_robot(robot), Library(trees), number)
-    text = as_groot(root, root.node.name) if form == "groot" else DRAWINGS[form](root, ports)
+    text = as_groot(root, number) if form == "groot" else DRAWINGS[form](root, ports)
     if output:
         output.write_text(text + "\n")
         click.echo(output)
