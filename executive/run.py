@@ -97,6 +97,16 @@ class _Reached(NamedTuple):
     node: str
 
 
+class _Shown:
+    """A node, and the status that was told of it last."""
+
+    __slots__ = ("node", "path", "status")
+
+    def __init__(self, node: Behaviour, path: str) -> None:
+        self.node, self.path = node, path
+        self.status: Status | None = None
+
+
 class Run:
     """One tree, run once.
 
@@ -120,8 +130,7 @@ class Run:
     ) -> None:
         self._goal, self._tree, self._arm = goal, tree, arm
         self._clock, self._mailbox, self._tell = clock, mailbox, tell
-        self._paths = dict(_paths(tree.root, ""))
-        self._shown: dict[Behaviour, Status] = {}
+        self._shown = [_Shown(node, path) for node, path in _paths(tree.root, "")]
         # Those that measure how far they are, whether or not they have begun.
         self._moving = [s for s in tree.skills if type(s).progress is not Skill.progress]
         self._reached = _Reached(0, "", "")
@@ -182,26 +191,30 @@ class Run:
     def _show(self) -> None:
         """Tell what has changed since the last tick."""
         now = self._clock.now()
-        for node, path in self._paths.items():
-            shown = self._shown.get(node)
+        for shown in self._shown:
+            node = shown.node
+            if node.status is shown.status:
+                continue
             # py_trees invalidates finished nodes too; what they did stays true.
-            halted = node.status is Status.INVALID and shown in (Status.SUCCESS, Status.FAILURE)
-            if node.status is not shown and not halted:
-                self._shown[node] = node.status
-                status, message = node.status.name, node.feedback_message
-                self._tell(NodeStatus(now, path, node.name, status, message))
+            ended = shown.status is Status.SUCCESS or shown.status is Status.FAILURE
+            if node.status is Status.INVALID and ended:
+                continue
+            shown.status = node.status
+            status, message = node.status.name, node.feedback_message
+            self._tell(NodeStatus(now, shown.path, node.name, status, message))
         self._show_progress(now)
 
     def _show_progress(self, now: float) -> None:
-        running = [skill.name for skill in self._tree.skills if skill.status is Status.RUNNING]
-        if not running:
+        skills = reversed(self._tree.skills)
+        running = next((skill for skill in skills if skill.status is Status.RUNNING), None)
+        if running is None:
             return
         shares = [skill.progress for skill in self._moving]
         done = sum(share or 0.0 for share in shares) / len(shares) if shares else 0.0
         # 100 belongs to success alone, and what was reached is never taken back.
         percentage = max(self._reached.percentage, min(99, int(100 * done)))
         phase = "planning" if all(share is None for share in shares) else "executing"
-        reached = _Reached(percentage, phase, running[-1])
+        reached = _Reached(percentage, phase, running.name)
         if reached != self._reached:
             self._reached = reached
             self._tell(Feedback(now, self._goal.identity, *reached))

@@ -168,7 +168,7 @@ class _Reader:
 
     def __init__(self, path: Path, text: str) -> None:
         self._path, self._lines = path, _lines(text)
-        self._events = YAML(typ="safe", pure=True).parse(io.StringIO(text))
+        self._events = YAML(typ="safe", pure=True, plug_ins=[]).parse(io.StringIO(text))
         self.mistakes: list[Mistake] = []
 
     def document(self) -> Located:

@@ -1,0 +1,98 @@
+"""The example tasks, run on the in-process board, and their recordings."""
+
+from pathlib import Path
+
+import pytest
+
+import logs
+import trees
+from executive.arguments import read_arguments
+from executive.plugins import load_skills
+from hardware import SimulatedClock
+from tests.conftest import Rig, RigMaker
+
+EXAMPLES = Path(trees.__file__).parent / "examples"
+
+
+@pytest.fixture
+def examples(rig: RigMaker) -> Rig:
+    assert load_skills(EXAMPLES / "skills") == []
+    return rig(EXAMPLES)
+
+
+def said(rig: Rig, name: str) -> list[str]:
+    """What a node said when it ended."""
+    records = rig.told(logs.NodeStatus)
+    return [r.message for r in records if r.name == name and r.status in ("SUCCESS", "FAILURE")]
+
+
+@pytest.mark.parametrize("number", [3, 4, 5, 6, 7, 8])
+def test_an_example(examples: Rig, number: int) -> None:
+    (outcome,) = examples.run(number)
+    assert outcome.success, outcome.message
+    assert outcome.frames > 0
+    results = [message.fields() for message in logs.read(Path(outcome.recording), ["/result"])]
+    assert [result["state"] for result in results] == ["SUCCEEDED"]
+
+
+def test_the_stubborn_one_recovers(examples: Rig) -> None:
+    examples.run(5)
+    assert said(examples, "retry") == ["2 of 2 attempts failed"]
+    assert said(examples, "Say")[0] == "gave up, going back"
+
+
+def test_the_watchful_one_holds_and_goes_on(
+    examples: Rig, shared_clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from executive.port_types import known_skills
+
+    near = known_skills()["nobody_near"].function.__globals__  # type: ignore[attr-defined]
+    begun = (shared_clock.now() + 4.0) % 60.0
+    monkeypatch.setitem(near, "NEAR", (begun, begun + 1.5))
+    (outcome,) = examples.run(6)
+    assert outcome.success
+    starts = [r for r in examples.told(logs.NodeStatus) if r.name == "SetStart"]
+    assert [frame for frame in examples.frames if frame.startswith("(")]  # it held
+    assert len(starts) >= 1
+    assert examples.frames[-1].startswith("b009,s125,e085")
+
+
+def test_a_key_goes_from_a_function_to_a_text(examples: Rig) -> None:
+    examples.run(7)
+    assert said(examples, "Say") == ["measured [m]: 0.21"]
+
+
+def test_parameters_at_call_time(examples: Rig) -> None:
+    with examples.clock.working():
+        (outcome,) = examples.executive.run(
+            [3], examples.outcomes.append, read_arguments(["swing=5 deg", "times=1"], [3])
+        )
+    assert outcome.success
+    turned = {frame[:4] for frame in examples.frames}
+    assert "b095" in turned
+    assert max(turned) == "b095"
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("swing=90 deg", "is more than 1.0472 rad"),
+        ("swnig=1", "did you mean swing?"),
+        ("times=1.5", "is not a whole number"),
+        ("times=[", "--set times=[:1:2"),
+    ],
+)
+def test_wrong_parameters_are_refused(examples: Rig, setting: str, words: str) -> None:
+    from trees import FileError
+
+    with examples.clock.working():
+        try:
+            (outcome,) = examples.executive.run(
+                [3], examples.outcomes.append, read_arguments([setting], [3])
+            )
+        except FileError as error:
+            assert words in str(error)  # noqa: PT017  not every one can be read at all
+            return
+    assert outcome.code == "file.task"
+    assert words in outcome.message
+    assert examples.opened == 0

@@ -1,0 +1,228 @@
+"""`armtree check`: what is wrong is found before anything moves, with its line."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+import trees
+from executive.check import check
+from executive.plugins import load_skills
+from hardware import Robot
+from trees import Library
+
+SHIPPED = Path(trees.__file__).parent
+EXAMPLES = SHIPPED / "examples"
+
+HEAD = "task: 3\nname: x\ndescription: y\n"
+MOVE = "{subtree: move_joints, with: {joints: upright}}"
+SAY = "Say: {text: a}"
+
+
+def found(robot: Robot, folder: Path, text: str) -> list[str]:
+    """The mistakes in a task file, each `line:column message`."""
+    (folder / "3_x.yaml").write_text(text)
+    mistakes = check(robot, None, [folder / "3_x.yaml"]).mistakes
+    return [f"{m.place.line}:{m.place.column} {m.message}" for m in mistakes]
+
+
+def tree(text: str, above: str = "") -> str:
+    return f"{HEAD}{above}tree: {text}\n"
+
+
+RIGHT = [
+    "{timeout: {Wait: {duration: 1}}, after: 2 s}",
+    "{repeat: {Say: {text: a}}, times: 3}",
+    "{timeout: {repeat: {Say: {text: a}}}, after: 2}",
+    "{parallel: [{repeat: {Say: {text: a}}}, {Wait: {duration: 1 min}}], policy: any}",
+    "{repeat: {Compare: {left: 1, is: '<', right: 2}}}",
+    "{selector: [{Fail: {reason: a}}, {Say: {text: b}}]}",
+    "{force_success: {Fail: {reason: a}}}",
+    "{inverter: CheckHardware}",
+    "{guard: Succeed, while: {inverter: CheckHardware}}",
+    "{sequence: [{Set: {value: 1, key: $a}}, {Compare: {left: $a, is: '<', right: 2}}]}",
+    "{selector: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}], name: w}",
+    "{subtree: move_joints, with: {joints: {joint_1: -80 deg, joint_3: -0.1 rad}}}",
+    "{task: 1}",
+    "{Say: {text: $$5}}",
+]
+
+
+@pytest.mark.parametrize("text", [line for line in RIGHT if "name: w" not in line])
+def test_right(robot: Robot, tmp_path: Path, text: str) -> None:
+    assert found(robot, tmp_path, tree(text)) == []
+
+
+WRONG = [
+    (f"{{sequence: [{{Fail: {{reason: a}}}}, {{{SAY}}}]}}", "never reached: Fail before it never"),
+    (f"{{selector: [{{{SAY}}}, {{{SAY}}}]}}", "is never reached: Say before it never fails"),
+    (f"{{repeat: {{{SAY}}}}}", "never ends: nothing in it can fail"),
+    ("{parallel: [{repeat: Succeed}, {repeat: Succeed}], policy: any}", "no node of it can succ"),
+    (f"{{retry: {{{SAY}}}, attempts: 2}}", "has nothing to retry"),
+    (
+        "{timeout: {Wait: {duration: 3}}, after: 2 s}",
+        "always fails after 2 s; what it holds takes 3",
+    ),
+    ("{timeout: {repeat: {Wait: {duration: 1}}, times: 3}, after: 2}", "takes 3 s at least"),
+    ("{Wait: {duration: -1}}", "4:25 Wait.duration: -1 is less than 0 s"),
+    ("{Wait: {duration: 2 days}}", "no unit days; there are h, min, ms, s"),
+    ("{Wait: {duration: .nan}}", "is not finite"),
+    ("{Wait: {duration: 1:30}}", "'1:30' is not a duration in s, ms, min or h"),
+    ("{Wait: {duration: true}}", "True is not a duration"),
+    ("{retry: CheckHardware, attempts: 0}", "retry: attempts: 0 is less than 1"),
+    ("{retry: CheckHardware, attempts: 1e3}", "1000.0 is not a whole number"),
+    ("{retry: CheckHardware}", "retry needs attempts: how often at most"),
+    ("{retry: CheckHardware, attempt: 3}", "did you mean attempts?"),
+    ("{parallel: [Succeed], policy: al}", "'al' is none of all, any; did you mean all?"),
+    ("{sequence: [Succeed], memory: off}", "'off' is not true or false"),
+    ("{guard: Succeed}", "guard needs while: the condition"),
+    ("{guard: Succeed, while: {Wait: {duration: 1}}}", "Wait acts, and cannot be a condition"),
+    ("{wait_for: SetStart}", "SetStart acts, and cannot be a condition"),
+    ("{inverter: [Succeed]}", "a node is one of"),
+    ("{timeout: CheckHardware, after: $x}", "timeout: after must be known before the run"),
+    ("{Compare: {left: 1, is: lt, right: 2}}", "Compare.is: 'lt' is none of !=, <"),
+    ("{Compare: {left: 1, is: '<', right: a}}", "Compare.right: 'a' is not a number"),
+    (
+        "{sequence: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}, {Say: {text: b}}]}",
+        "$a is written a second time; what line 4 writes nothing reads",
+    ),
+    (
+        "{parallel: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}]}",
+        "which writes it too, so that nobody knows which comes last",
+    ),
+    (
+        "{sequence: [{selector: [CheckHardware, {Set: {value: 1, key: $a}}]},"
+        " {Say: {text: b, value: $a}}]}",
+        "nothing has written $a when Say.value reads it",
+    ),
+    (
+        "{sequence: [{force_success: {Set: {value: 1, key: $a}}}, {Say: {text: b, value: $a}}]}",
+        "nothing has written $a",
+    ),
+    (
+        "{sequence: [{Set: {value: 1, key: $a}}, {Say: {text: $a}}]}",
+        "Say.text: $a is a number, not a text",
+    ),
+    ("{subtree: move_joints, with: {joints: {joint_1: 200 deg}}}", "joint_1"),
+    ("{subtree: move_joints, with: {joints: {joint_9: 1}}}", "joint_9 is no joint of the robot"),
+    ("{subtree: move_joints, with: {joints: {joint_1: 80 dge}}}", "did you mean deg?"),
+    ("{subtree: move_joints, with: {joints: upwright}}", "no pose upwright; there are"),
+    ("{subtree: move_joints, with: {joints: upwright}}", "did you mean upright?"),
+    (
+        "{subtree: reach, with: {arm: upright, gripper: {joint_4: -0.5, joint_5: 0.1}}}",
+        "joint_5 = 0.1 contradicts joint_4",
+    ),
+    (f"{{parallel: [{MOVE}, {MOVE}]}}", "only one node of a parallel may move the arm"),
+    ("{task: 3}", "task 3 would hold itself"),
+    ("{task: 99}", "no task 99; there are 0, 1, 2"),
+    ("{task: 1, with: {speed: 1}}", "speed is no parameter of task 1; there are none"),
+    ("{Say: {text: a}, name: a/b}", "has a / or more than 60 characters"),
+    (
+        "{subtree: reach, with: {gripper: closed,"
+        " arm: {joint_1: 0, joint_2: -1.5, joint_3: -0.5}}}",
+        "this pose collides",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), WRONG, ids=range(len(WRONG)))
+def test_wrong(robot: Robot, tmp_path: Path, text: str, words: str) -> None:
+    mistakes = found(robot, tmp_path, tree(text))
+    assert any(words in mistake for mistake in mistakes), mistakes
+    assert all(not mistake.startswith("0:") for mistake in mistakes)
+
+
+PARAMETERS = [
+    ("{a: {type: angel, default: 1}}", "no type angel; there are"),
+    ("{a: {type: angle, default: 5 s}}", "no unit s; there are deg, rad"),
+    ("{a: {type: angle, default: 90 deg, max: 1}}", "is more than 1 rad"),
+    ("{a: {type: text, default: x, choices: [y]}}", "'x' is none of y"),
+    ("{a: {type: text, min: 1}}", "a text has no min and no max"),
+    ("{a: {default: 1}}", "a needs a type"),
+    ("{a: {type: number, defalt: 1}}", "did you mean default?"),
+    ("{b: number}", "nothing in the tree uses $b"),
+    ("[a]", "is not a mapping of names to types"),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), PARAMETERS)
+def test_wrong_parameters(robot: Robot, tmp_path: Path, text: str, words: str) -> None:
+    mistakes = found(robot, tmp_path, tree("{Wait: {duration: $a}}", f"parameters: {text}\n"))
+    assert any(words in mistake for mistake in mistakes), mistakes
+
+
+def test_all_kinds_of_mistakes_of_a_file_at_once(robot: Robot, tmp_path: Path) -> None:
+    text = f"{HEAD}speed: 1\ntree:\n  sequence:\n    - Sukseed\n    - Wait: {{duration: 5 x}}\n"
+    text += "    - Say: {text: a, text: b}\n    - Say: {text: *b}\n"
+    lines = [mistake.partition(":")[0] for mistake in found(robot, tmp_path, text)]
+    assert lines == ["4", "7", "8", "9", "10"]
+
+
+def test_one_mistake_is_told_once(robot: Robot, tmp_path: Path) -> None:
+    text = tree("{sequence: [{Meter: {height: $h}}, {Say: {text: a, value: $h}}]}")
+    assert len(found(robot, tmp_path, text)) == 1
+
+
+def test_everything_that_ships_is_right(robot: Robot) -> None:
+    assert load_skills(EXAMPLES / "skills") == []
+    findings = check(robot, EXAMPLES)
+    assert findings.mistakes == []
+    assert len(findings.files) >= 16
+
+
+@pytest.mark.parametrize("name", ["notes.yaml", "3-wave.yaml", "gone/3_x.yaml"])
+def test_files_that_are_no_tasks(robot: Robot, tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    if path.parent.exists():
+        path.write_text("a: 1\n")
+    assert check(robot, None, [path]).mistakes
+
+
+def test_a_users_task_takes_the_place_of_a_shipped_one_only_when_it_says_so(
+    robot: Robot, tmp_path: Path
+) -> None:
+    text = (SHIPPED / "1_pick.yaml").read_text()
+    path = tmp_path / "1_pick.yaml"
+    path.write_text(text)
+    (mistake,) = check(robot, tmp_path).mistakes
+    assert "task 1 is in two files" in mistake.message
+    path.write_text(text + "replaces: pick\n")
+    assert check(robot, tmp_path).mistakes == []
+    assert Library(tmp_path).task(1).path == path
+
+
+def test_a_pose_of_ones_own(robot: Robot, tmp_path: Path) -> None:
+    poses = tmp_path / "poses.yaml"
+    poses.write_text("poses: {left: {joint_1: 40 deg}, open: {joint_4: -0.2}}\n")
+    (mistake,) = check(robot, None, [poses]).mistakes
+    assert "pose open ships" in mistake.message
+    poses.write_text(poses.read_text() + "replaces: [open]\n")
+    task = tree("{subtree: move_joints, with: {joints: left}}")
+    assert found(robot, tmp_path, task) == []
+
+
+# A letter, a number or an indent of a shipped file changed: refused, or provably the same task.
+@pytest.mark.parametrize("name", ["1_pick.yaml", "reach.yaml", "examples/3_wave.yaml"])
+def test_every_changed_letter_of_a_key_is_refused(robot: Robot, tmp_path: Path, name: str) -> None:
+    source = SHIPPED / name
+    path = tmp_path / source.name
+    text = source.read_text()
+    if source.parent == SHIPPED:
+        text += "replaces: " + path.stem.rpartition("_")[2] + "\n"
+    path.write_text(text)
+    assert check(robot, None, [path]).mistakes == []
+    body = text.index("tree:")
+    places = [i for i in range(body, len(text)) if text[i].isalpha() and text[i - 1] in " {$"]
+    free = ("description", "name:")
+    for place in places:
+        line = text[text.rfind("\n", 0, place) + 1 : text.find("\n", place)]
+        if "#" in line or any(word in line for word in free) or "replaces" in line:
+            continue
+        path.write_text(text[:place] + "q" + text[place + 1 :])
+        assert check(robot, None, [path]).mistakes, line
+
+
+def test_a_copy_of_all_that_ships_next_to_it_is_refused(robot: Robot, tmp_path: Path) -> None:
+    for path in SHIPPED.glob("*.yaml"):
+        shutil.copy(path, tmp_path)
+    assert check(robot, tmp_path).mistakes

@@ -1,0 +1,137 @@
+"""The commands around task files, as a person types them."""
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+import trees
+from executive.cli import cli
+from executive.port_types import known_skills
+from trees import KINDS, FileError
+
+SHIPPED = Path(trees.__file__).parent
+EXAMPLES = SHIPPED / "examples"
+OWN = ["--trees", str(EXAMPLES), "--skills", str(EXAMPLES / "skills")]
+
+
+def armtree(*arguments: str) -> Result:
+    return CliRunner().invoke(cli, arguments)
+
+
+@pytest.mark.parametrize(
+    ("folder", "options"), [(SHIPPED, []), (EXAMPLES, OWN)], ids=["shipped", "examples"]
+)
+def test_the_shipped_schema_is_current(folder: Path, options: list[str]) -> None:
+    made = json.loads(armtree("schema", *options).output)
+    shipped = json.loads((folder / "task.schema.json").read_text())
+    if not options:  # tests may have registered more
+        made, shipped = _forms(made), _forms(shipped)
+        assert shipped.items() <= made.items(), "make it anew: armtree schema -o " + folder.name
+        return
+    assert _forms(shipped).items() <= _forms(made).items()
+
+
+def _forms(schema: dict[str, dict[str, dict[str, list[dict[str, object]]]]]) -> dict[str, str]:
+    """Every way to write a node, by what it begins with."""
+    forms = schema["definitions"]["node"]["anyOf"][1:]
+    return {
+        json.dumps(form.get("required")): json.dumps(form) for form in forms if "required" in form
+    }
+
+
+def test_every_shipped_file_names_its_schema() -> None:
+    for path in (*SHIPPED.glob("*.yaml"), *EXAMPLES.glob("*.yaml")):
+        first = path.read_text().partition("\n")[0]
+        assert first == "# yaml-language-server: $schema=task.schema.json"
+
+
+def test_skills_lists_those_of_ones_own() -> None:
+    listed = armtree("skills", "--skills", str(EXAMPLES / "skills")).output
+    for name in ("nobody_near", "measure", "Nod", "Execute"):
+        assert re.search(rf"^{name}$", listed, re.MULTILINE)
+    rows = armtree("skills", "--json").output.splitlines()
+    assert {"skill", "description", "ports"} == set(json.loads(rows[0]))
+
+
+BROKEN = {
+    "syntax.py": "def (:\n",
+    "raises.py": "from skills import skill\n\n@skill\ndef halfway() -> None: ...\n\n1 / 0\n",
+    "exits.py": "raise SystemExit(5)\n",
+    "taken.py": "from skills import skill\n\n@skill\ndef Wait() -> None: ...\n",
+    "untyped.py": "from skills import skill\n\n@skill\ndef f(x): ...\n",
+}
+
+
+def test_a_broken_plugin_costs_only_itself(tmp_path: Path) -> None:
+    before = known_skills()
+    for name, text in BROKEN.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "whole.py").write_text(
+        "from skills import skill\n\n@skill\ndef whole() -> None: ...\n"
+    )
+    result = armtree("skills", "--skills", str(tmp_path))
+    assert result.exit_code == 0
+    told = [line for line in result.stderr.splitlines() if "left out" in line]
+    assert len(told) == len(BROKEN)
+    assert any("raises.py:6: ZeroDivisionError" in line for line in told)
+    assert any("taken.py: Wait: there is a skill of that name already" in line for line in told)
+    assert set(known_skills()) - set(before) == {"whole"}
+    assert known_skills()["Wait"] is before["Wait"]
+
+
+def test_new_writes_a_task_that_is_right(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    assert armtree("new", "3", "wave", "--trees", str(folder)).exit_code == 0
+    assert armtree("check", "--trees", str(folder)).output.startswith("1")
+    listed = armtree("tasks", "--trees", str(folder), "--recordings", str(tmp_path)).output
+    assert "3  wave" in listed
+    assert "--set swing=ANGLE, 0.0174533..1.0472 rad (default 20 deg)" in listed
+    again = armtree("new", "3", "again", "--trees", str(folder))
+    assert isinstance(again.exception, FileError)
+    assert "task 3 is in" in str(again.exception)
+
+
+def test_check_as_json(tmp_path: Path) -> None:
+    path = tmp_path / "3_x.yaml"
+    path.write_text("task: 3\nname: x\ndescription: y\ntree: Sukseed\n")
+    result = armtree("check", str(path), "--json")
+    assert result.exit_code == 3
+    (mistake,) = json.loads(result.stdout)["mistakes"]
+    assert (mistake["line"], mistake["column"], mistake["path"]) == (4, 7, "tree")
+    plain = armtree("check", str(path))
+    assert plain.stderr.splitlines()[1:3] == ["    tree: Sukseed", "          ^ tree"]
+
+
+@pytest.mark.parametrize("form", ["text", "mermaid", "dot", "svg", "groot"])
+def test_show(form: str) -> None:
+    shown = armtree("show", "7", *OWN, "--format", form, "--ports").output
+    for name in ("measure", "Nod", "Compare", "go", "Execute"):
+        assert name in shown
+    if form in ("svg", "groot"):
+        ET.fromstring(shown)
+
+
+@pytest.mark.parametrize("number", [0, 3, 4, 5, 6, 7, 8])
+def test_what_groot_is_given(number: int) -> None:
+    root = ET.fromstring(armtree("show", str(number), *OWN, "--format", "groot").output)
+    assert root.get("BTCPP_format") == "4"
+    tree, models = root.find("BehaviorTree"), root.find("TreeNodesModel")
+    assert tree is not None
+    assert models is not None
+    assert root.get("main_tree_to_execute") == tree.get("ID")
+    ports = {model.get("ID"): {port.get("name") for port in model} for model in models}
+    for node in tree.iter():
+        if node.tag in known_skills():
+            assert set(node.keys()) - {"name"} <= ports[node.tag]
+    assert tree.get("ID") not in ports
+
+
+def test_the_page_explains_every_kind_of_node() -> None:
+    page = (SHIPPED / "README.md").read_text()
+    for name, kind in KINDS.items():
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{name}: "))
+        assert all(f"`{option}" in row for option in kind.options)
