@@ -10,6 +10,7 @@ from py_trees.blackboard import Blackboard
 import logs
 from executive.executive import Executive
 from executive.goal import Outcome
+from executive.rehearsal import SharedPool
 from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board
 from skills import Context, Skill, SkillEvent
 from skills.motion import Plan, Pool, Query, Request, Result
@@ -17,18 +18,6 @@ from trees import Library
 
 R = TypeVar("R")
 RigMaker = Callable[..., "Rig"]
-
-
-class SharedPool(Pool):
-    """Planners that many executives use in turn."""
-
-    started = False
-
-    def start(self) -> None:
-        """Start the first time only."""
-        if not self.started:
-            self.started = True
-            super().start()
 
 
 class Rig:
