@@ -21,6 +21,6 @@ def test_a_task_and_its_functions() -> None:
     with Rehearsal(trees=EXAMPLES) as rehearsal:
         assert rehearsal.run(7).success
         assert rehearsal.said("Say") == ["measured [m]: 0.21"]
-        assert rehearsal.clock.now() > 5.0
+        assert rehearsal.clock.now() > 3.0  # the boot alone takes two
         with pytest.raises(KeyError, match="Wait is no registered function"):
             rehearsal.replace("Wait", lambda: None)
