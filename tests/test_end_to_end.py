@@ -275,7 +275,7 @@ def test_a_wrong_task_file_is_told_with_its_line(tmp_path: Path) -> None:
     write_task(tmp_path, 7, "{joint_1: 0, joint_2: 0, joint_3: zero}", "{joint_4: 0}")
     status, out, _ = finish(tmp_path, "run", "7", "--trees", str(tmp_path), "--json")
     assert status == 3
-    assert f"{tmp_path}/7_test.yaml:7:10" in events(out)[-1]["message"]
+    assert f"{tmp_path}/7_test.yaml:7:44" in events(out)[-1]["message"]
 
 
 def test_a_goal_in_collision_fails_in_planning(tmp_path: Path, robot: Path) -> None:
@@ -308,12 +308,9 @@ def test_tasks_are_listed(tmp_path: Path) -> None:
     write_task(tmp_path, 12, "{}", "{}")
     status, out, err = finish(tmp_path, "tasks", "--trees", str(tmp_path))
     assert (status, err) == (0, "")
-    assert [line.split()[:2] for line in out.splitlines()] == [
-        ["0", "home"],
-        ["1", "pick"],
-        ["2", "rest"],
-        ["12", "test"],
-    ]
+    *shipped, test, source = [line.split()[:2] for line in out.splitlines()]
+    assert shipped == [["0", "home"], ["1", "pick"], ["2", "rest"]]
+    assert (test, source) == (["12", "test"], [str(tmp_path / "12_test.yaml")])
 
 
 def test_a_recording_is_drawn(tmp_path: Path, robot: Path) -> None:

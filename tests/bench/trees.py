@@ -6,12 +6,16 @@ when each declares a parameter. `find_one_s`: one of them, found and built, read
 thousand waiting skills ticked by the run loop, over the same tree ticked by py_trees alone.
 """
 
+import sys
 import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+# Python puts a script's folder first, where this file would pass for the room of its name.
+sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
 from executive.assembly import Assembly
 from executive.builder import build
