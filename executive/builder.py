@@ -46,12 +46,14 @@ class Tree:
         root: Where to tick.
         skills: Its leaves, in the order of the file.
         files: The files it was built from, by name.
+        ports: What the ports of every skill are wired to: a value, or a key such as `$goal`.
         namespace: Under which its keys are on the blackboard.
     """
 
     root: Behaviour
     skills: tuple[Skill, ...]
     files: Mapping[str, str]
+    ports: Mapping[Skill, Mapping[str, Any]]
     namespace: str
 
     def halt(self) -> None:
@@ -94,7 +96,8 @@ def build(task: TaskFile, library: Library, context: Context, namespace: str) ->
         type(leaf.skill).judge(context.robot, leaf.inputs)
     for leaf in builder.leaves:
         leaf.wire()
-    return Tree(root, tuple(leaf.skill for leaf in builder.leaves), builder.files, namespace)
+    ports = {leaf.skill: leaf.ports for leaf in builder.leaves}
+    return Tree(root, tuple(ports), builder.files, ports, namespace)
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,12 @@ class _Leaf:
     namespace: str
     keys: Mapping[str, str]
     inputs: Mapping[str, Any]
+
+    @property
+    def ports(self) -> dict[str, Any]:
+        """Every port that is wired, with its value or the short name of its key."""
+        keys = {port: f"${key.rpartition('/')[2]}" for port, key in self.keys.items()}
+        return {**keys, **self.inputs}
 
     def wire(self) -> None:
         """Put it on the blackboard."""

@@ -9,6 +9,8 @@ from typing import Any
 import click
 
 from .codes import INTERNAL, INTERRUPTED_EXIT, look_up
+from .log_commands import log
+from .replay_commands import replay
 
 _PATH = click.Path(path_type=Path)
 
@@ -37,8 +39,8 @@ def cli(verbose: bool, debug: bool) -> None:
     """Pick a task number, and the arm does it.
 
     Exit codes: 0 done, 1 a bug of ours, 2 usage, 3 bad file, 4 goal refused, 5 planning failed,
-    6 hardware fault, 7 canceled, 8 timed out, 9 port busy, 10 recording incomplete, 130 left by
-    Ctrl-C before a goal had begun, or by a second one.
+    6 hardware fault, 7 canceled, 8 timed out, 9 port busy, 10 recording incomplete,
+    11 a replay differs, 130 left by Ctrl-C before a goal had begun, or by a second one.
     """
     root = logging.getLogger()
     root.setLevel(logging.INFO)
@@ -79,6 +81,15 @@ def tasks(trees: Path | None) -> None:
     default=1,
     show_default=True,
     help="Planner processes.",
+)
+@click.option(
+    "--keep-days", type=float, envvar="ARMTREE_KEEP_DAYS", help="Delete older recordings."
+)
+@click.option(
+    "--keep-mb",
+    type=float,
+    envvar="ARMTREE_KEEP_MB",
+    help="Delete the oldest recordings beyond so many megabytes.",
 )
 @click.option("--json", is_flag=True, help="Print one JSON object per event.")
 def run(**options: Any) -> None:
@@ -125,19 +136,8 @@ def doctor(
     sys.exit(6 if wrong else 0)
 
 
-@cli.command()
-@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=_PATH)
-@click.option("-o", "--output", type=_PATH, help="PNG file; default: beside the recording.")
-def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
-    """Draw recordings to PNG files."""
-    from logs.plot import plot as draw
-
-    if output and len(recordings) > 1:
-        raise click.UsageError("--output goes with one recording")
-    for recording in recordings:
-        target = output or recording.with_suffix(".png")
-        draw(recording, target)
-        click.echo(target)
+cli.add_command(replay)
+cli.add_command(log)
 
 
 def main() -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 OK = "ok"
 CANCELED = "goal.canceled"
 INTERNAL = "internal"
+DIFFERS = "replay.differs"
 
 USAGE_EXIT = 2  # as click has it
 INTERRUPTED_EXIT = 130  # left by Ctrl-C before a goal had begun, or by a second one
@@ -39,6 +40,7 @@ CODES = {
     "hw": Code("", 6),
     "hw.no_port": Code("", 3),
     "hw.port_busy": Code("", 9),
+    DIFFERS: Code("", 11),
     "log": Code("", 10),
     "log.unreadable": Code("", 3),
     "log.truncated": Code("", 3),

@@ -10,6 +10,7 @@ from .errors import (
     RecordingError,
     RecordingExists,
     RecordingIncomplete,
+    RecordingInUse,
     RecordingNotCreated,
     RecordingTruncated,
 )
@@ -17,6 +18,7 @@ from .folder import check_space, recording_path
 from .plot import plot
 from .reader import Message, read
 from .recorder import Recorder
+from .recording import Recording
 from .records import (
     Feedback,
     Goal,
@@ -30,7 +32,9 @@ from .records import (
     Sent,
     Transition,
 )
+from .recovery import recover, recover_all
 from .summary import Summary
+from .table import table
 
 __all__ = [
     "Feedback",
@@ -44,8 +48,10 @@ __all__ = [
     "Received",
     "Record",
     "Recorder",
+    "Recording",
     "RecordingError",
     "RecordingExists",
+    "RecordingInUse",
     "RecordingIncomplete",
     "RecordingNotCreated",
     "RecordingTruncated",
@@ -59,4 +65,7 @@ __all__ = [
     "plot",
     "read",
     "recording_path",
+    "recover",
+    "recover_all",
+    "table",
 ]

@@ -5,6 +5,7 @@
     ├── RecordingNotCreated        the folder or the file cannot be made
     ├── NoSpace                    the disk is too full to begin a run
     ├── RecordingIncomplete        something of a run could not be written
+    ├── RecordingInUse             an armtree is still writing it
     └── RecordingError             ValueError: a file cannot be read
         └── RecordingTruncated     its end is missing; what precedes it was given
 
@@ -80,6 +81,15 @@ class RecordingIncomplete(LogError):
         )
 
 
+class RecordingInUse(LogError):
+    """A recording is still being written."""
+
+    code = "log.in_use"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "is being written by another armtree; wait until that has ended")
+
+
 class RecordingError(LogError, ValueError):
     """A file cannot be read as a recording."""
 
@@ -100,5 +110,5 @@ class RecordingTruncated(RecordingError):
         super().__init__(
             path,
             f"cut off or damaged after {messages} valid messages; "
-            "logs.compact makes a complete file of those",
+            "`armtree log recover` makes a complete file of those",
         )

@@ -1,17 +1,18 @@
 """The file while it is being written: unchunked, and on its way to disk after every record."""
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from io import BufferedWriter
+from typing import cast
 
 from mcap.writer import Writer
 
+from .compaction import UNFINISHED
 from .conversions import Stamp
 from .records import Record
 from .ros_types import ros_types
+from .tail import Tail
 from .topics import TOPICS, Topic, offered_qos, topics_of
 
 _SEQUENCE_BITS = 0xFFFFFFFF
@@ -40,11 +41,11 @@ class Journal:
         Raises:
             OSError: The stream cannot be written.
         """
-        self._stream = stream
+        self._tail = Tail(stream)
         self._epoch_ns = epoch_ns
         self._last_ns = 0
         self._ros = ros_types()
-        self._writer = Writer(stream, use_chunking=False)
+        self._writer = Writer(cast("BufferedWriter", self._tail), use_chunking=False)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, _Channel] = {}
         self._topics = {topic.record: topics_of(topic.record) for topic in TOPICS}
@@ -59,11 +60,11 @@ class Journal:
         """
         time_ns = self._epoch_ns + round(record.time * 1e9)
         messages = self._convert(record, time_ns)
-        with self._whole_or_closed():
-            for channel, data in messages:
-                sequence = channel.sequence & _SEQUENCE_BITS
-                self._writer.add_message(channel.number, time_ns, data, time_ns, sequence)
-                channel.sequence += 1
+        for channel, data in messages:
+            sequence = channel.sequence & _SEQUENCE_BITS
+            self._writer.add_message(channel.number, time_ns, data, time_ns, sequence)
+            channel.sequence += 1
+        self._tail.flush()
         self._last_ns = time_ns
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
@@ -72,8 +73,17 @@ class Journal:
         Raises:
             OSError: The disk did not take it.
         """
-        with self._whole_or_closed():
-            self._writer.add_attachment(0, self._last_ns, name, media_type, data)
+        self._writer.add_attachment(0, self._last_ns, name, media_type, data)
+        self._tail.flush()
+
+    def note(self, name: str, facts: Mapping[str, str]) -> None:
+        """Adds named facts, such as the versions of libraries.
+
+        Raises:
+            OSError: The disk did not take it.
+        """
+        self._writer.add_metadata(name, dict(facts))
+        self._tail.flush()
 
     def finish(self) -> None:
         """Completes the file, brings it to the disk and closes it.
@@ -81,43 +91,28 @@ class Journal:
         Raises:
             OSError: The disk did not take it.
         """
-        with self._whole_or_closed():
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
-        self._stream.close()
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._tail.flush()
+        self._tail.close()
 
     @property
     def closed(self) -> bool:
         """Whether nothing more can be written: after `finish`, and after a failed write."""
-        return self._stream.closed
+        return self._tail.closed
+
+    @property
+    def full(self) -> bool:
+        """Whether the disk is full, so that only what was kept free for the end is left."""
+        return self._tail.full
 
     def _start(self) -> None:
-        with self._whole_or_closed():
-            self._writer.start("ros2", _library())
-            self._writer.add_metadata("armtree", {"epoch_ns": str(self._epoch_ns)})
-            for topic in TOPICS:
-                if topic.fixed:
-                    self._channels[topic.name] = self._register(topic, topic.name)
+        self._writer.start("ros2", _library() + UNFINISHED)
+        self._writer.add_metadata("armtree", {"epoch_ns": str(self._epoch_ns)})
+        for topic in TOPICS:
+            if topic.fixed:
+                self._channels[topic.name] = self._register(topic, topic.name)
+        self._tail.flush()
         self._ros.warm_up(topic.type for topic in TOPICS)
-
-    @contextmanager
-    def _whole_or_closed(self) -> Iterator[None]:
-        """Flushes what the block writes; where that fails, cuts it off again and closes."""
-        whole = self._stream.tell()
-        try:
-            yield
-            self._writer.flush()  # type: ignore[no-untyped-call]
-        except OSError:
-            self._close_at(whole)
-            raise
-
-    def _close_at(self, size: int) -> None:
-        with suppress(OSError):
-            os.ftruncate(self._stream.fileno(), size)
-        with suppress(OSError):
-            # The raw file: closing the buffer would write what the disk has just refused.
-            self._stream.raw.close()
 
     def _convert(self, record: Record, time_ns: int) -> list[tuple[_Channel, bytes]]:
         messages = []

@@ -25,7 +25,7 @@ class Failed:
 def tree(status: Status, *skills: Failed) -> Tree:
     root: Behaviour = Dummy("task")
     root.status = status
-    return Tree(root, tuple(cast("list[Skill]", list(skills))), {}, "run")
+    return Tree(root, tuple(cast("list[Skill]", list(skills))), {}, {}, "run")
 
 
 def test_done() -> None:
