@@ -1,5 +1,6 @@
 """What is told of a run: into its recording, and to whoever watches."""
 
+import errno
 from collections.abc import Callable
 from pathlib import Path
 
@@ -122,4 +123,6 @@ class Recordings:
                 utc_ns += 1_000_000
 
     def _give_up(self, cause: Exception) -> None:
-        self._failed(logs.RecordingIncomplete(Path(self.path), 0, cause))
+        path = Path(self.path)
+        full = isinstance(cause, OSError) and cause.errno == errno.ENOSPC
+        self._failed(logs.DiskFull(path) if full else logs.RecordingIncomplete(path, 0, cause))

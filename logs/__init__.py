@@ -5,6 +5,7 @@ Importing this room is cheap: MCAP, rosbags, NumPy and matplotlib are loaded by 
 
 from .compaction import compact
 from .errors import (
+    DiskFull,
     LogError,
     NoSpace,
     RecordingError,
@@ -37,6 +38,7 @@ from .summary import Summary
 from .table import table
 
 __all__ = [
+    "DiskFull",
     "Feedback",
     "Goal",
     "LogError",

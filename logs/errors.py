@@ -4,6 +4,7 @@
     ├── RecordingExists            FileExistsError: the name is taken, nothing was touched
     ├── RecordingNotCreated        the folder or the file cannot be made
     ├── NoSpace                    the disk is too full to begin a run
+    ├── DiskFull                   the disk filled up while a run was recorded
     ├── RecordingIncomplete        something of a run could not be written
     ├── RecordingInUse             an armtree is still writing it
     └── RecordingError             ValueError: a file cannot be read
@@ -59,6 +60,19 @@ class NoSpace(LogError):
             path,
             f"only {have:.0f} MB are free and a run may need {need:.0f} MB; remove old recordings, "
             "or give another folder for recordings",
+        )
+
+
+class DiskFull(LogError):
+    """The disk filled up while a run was recorded."""
+
+    code = "log.disk_full"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(
+            path,
+            "the disk is full, so that the run was ended; its end was still recorded, in space "
+            "kept for that. Remove old recordings, or give another folder for recordings",
         )
 
 
