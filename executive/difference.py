@@ -17,7 +17,7 @@ _TIMEOUT = 120.0  # [s]
 _BY_CHANCE = ("plan.canceled", "plan.timeout", "plan.worker_died")
 
 
-def frames_difference(robot: Robot, story: Sequence[Record], complete: bool) -> str:
+def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
     """Compile every motion of a run again; the first frame that differs, or nothing.
 
     A motion that was cut passes where what left is a prefix of its schedule, and a hold.
@@ -25,8 +25,8 @@ def frames_difference(robot: Robot, story: Sequence[Record], complete: bool) -> 
     Args:
         robot: As it was recorded.
         story: What was recorded, in its order.
-        complete: Whether that has its end.
     """
+    killed = not any(isinstance(record, Result) for record in story)
     begins = [i for i, record in enumerate(story) if isinstance(record, Schedule)]
     parts = [story[: begins[0]] if begins else story]
     parts += [story[i:j] for i, j in zip_longest(begins, begins[1:])]
@@ -37,7 +37,7 @@ def frames_difference(robot: Robot, story: Sequence[Record], complete: bool) -> 
         words = _positions_difference(robot, sent) or _holds_difference(sent, held)
         if not words and schedule:
             words = _compiled_difference(robot, schedule)
-            words = words or _sent_difference(schedule, sent, _cut(part) or not complete)
+            words = words or _sent_difference(schedule, sent, _cut(part) or killed)
         elif not words and (moved := [each for each in sent if not each.hold]):
             words = f"{_text(moved[0])} was sent without a schedule"
         if words:

@@ -108,7 +108,7 @@ def _leave_ctrl_c() -> None:
 
 def _frames(recording: Recording, robot: Robot, story: Sequence[Record]) -> Verdict:
     question = "plan -> frames"
-    if words := frames_difference(robot, story, recording.complete):
+    if words := frames_difference(robot, story):
         return Verdict(question, False, words, source(recording, robot, story, ("frames",)))
     schedules = sum(isinstance(record, Schedule) for record in story)
     frames = sum(isinstance(record, Sent) for record in story)
