@@ -106,6 +106,7 @@ class Recordings:
         robot = self._robot
         for path in (robot.path, robot.urdf):
             recorder.attach(path.name, "text/plain", path.read_bytes())
+        recorder.put(logs.Description(self._clock.now(), robot.urdf.read_text()))
         recorder.note("robot", robot_note(robot))
         recorder.note("versions", versions())
         if tree:

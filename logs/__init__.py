@@ -21,6 +21,7 @@ from .reader import Message, read
 from .recorder import Recorder
 from .recording import Recording
 from .records import (
+    Description,
     Feedback,
     Goal,
     LogLine,
@@ -38,6 +39,7 @@ from .summary import Summary
 from .table import table
 
 __all__ = [
+    "Description",
     "DiskFull",
     "Feedback",
     "Goal",

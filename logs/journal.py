@@ -10,7 +10,8 @@ from mcap.writer import Writer
 
 from .compaction import UNFINISHED
 from .conversions import Stamp
-from .records import Record
+from .kinematics import Links
+from .records import Description, Record
 from .ros_types import ros_types
 from .tail import Tail
 from .topics import TOPICS, Topic, offered_qos, topics_of
@@ -44,6 +45,7 @@ class Journal:
         self._tail = Tail(stream)
         self._epoch_ns = epoch_ns
         self._last_ns = 0
+        self._links: Links | None = None
         self._ros = ros_types()
         self._writer = Writer(cast("BufferedWriter", self._tail), use_chunking=False)
         self._schemas: dict[str, int] = {}
@@ -59,6 +61,8 @@ class Journal:
             Exception: The record cannot be converted; nothing of it was written.
         """
         time_ns = self._epoch_ns + round(record.time * 1e9)
+        if isinstance(record, Description):
+            self._links = Links(record.urdf)
         messages = self._convert(record, time_ns)
         for channel, data in messages:
             sequence = channel.sequence & _SEQUENCE_BITS
@@ -118,7 +122,8 @@ class Journal:
         messages = []
         for topic in self._topics[type(record)]:
             channel = self._channel(topic, record)
-            message = topic.convert(record, Stamp(time_ns, channel.sequence), self._ros)
+            stamp = Stamp(time_ns, channel.sequence, self._links)
+            message = topic.convert(record, stamp, self._ros)
             if message is not None:
                 messages.append((channel, self._ros.encode(message)))
         return messages

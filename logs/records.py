@@ -9,6 +9,14 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
+class Description:
+    """The robot's URDF, at `time` [s]; the links are placed by the last one recorded."""
+
+    time: float
+    urdf: str
+
+
+@dataclass(frozen=True, slots=True)
 class Sent:
     """A frame that was written to the port.
 
@@ -220,5 +228,15 @@ class LogLine:
 
 
 Record = (
-    Sent | Received | Transition | Goal | Feedback | Result | NodeStatus | Plan | Schedule | LogLine
+    Description
+    | Sent
+    | Received
+    | Transition
+    | Goal
+    | Feedback
+    | Result
+    | NodeStatus
+    | Plan
+    | Schedule
+    | LogLine
 )

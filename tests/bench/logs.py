@@ -29,7 +29,7 @@ from mcap.writer import Writer
 
 import logs
 from executive.proof import prove_all
-from hardware import RealClock
+from hardware import RealClock, load_robot
 from logs.journal import Journal
 from tests.bench.table import Row, arguments, show
 
@@ -166,6 +166,7 @@ def _fails(job: tuple[bytes, int, int, bool]) -> bool:
 def journal_of(path: Path, size: int) -> None:
     """A journal of about this size [bytes], as a run leaves it."""
     journal = Journal(path.open("xb"), EPOCH_NS)
+    journal.write(logs.Description(0.0, load_robot().urdf.read_text()))
     number = 0
     while path.stat().st_size < size:
         journal.write(sent(number))
@@ -206,7 +207,7 @@ def reading(messages: int) -> tuple[float, list[float]]:
         path = Path(folder) / "x.mcap"
         _long_file(path, messages)
         code = "import sys; from tests.bench.logs import read_once; read_once(*sys.argv[1:])"
-        facts = {}
+        facts: dict[str, list[dict[str, float]]] = {}
         for how in ("stock", "ours", "stock", "ours"):
             command = [sys.executable, "-c", code, how, str(path)]
             done = subprocess.run(command, capture_output=True, check=True, text=True)
