@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from itertools import takewhile, zip_longest
 
-from hardware import Codec, HardwareError, Robot, compile_schedule
+from hardware import HardwareError, Robot, compile_schedule
 from hardware import Schedule as Compiled
 from logs import NodeStatus, Plan, Record, Result, Schedule, Sent
 from skills.merged import Merged
@@ -32,7 +32,7 @@ def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
     parts += [story[i:j] for i, j in zip_longest(begins, begins[1:])]
     held: bytes | None = None
     for number, part in enumerate(parts):
-        sent = [record for record in part if isinstance(record, Sent)]
+        sent = [record for record in part if isinstance(record, Sent) and record.joints]
         schedule = part[0] if part and isinstance(part[0], Schedule) else None
         words = _positions_difference(robot, sent) or _holds_difference(sent, held)
         if not words and schedule:
@@ -56,7 +56,7 @@ def _cut(part: Sequence[Record]) -> bool:
 
 
 def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
-    codec = Codec(robot.actuated)
+    codec = robot.wire_format
     for frame in sent:
         try:
             encoded = codec.encode(frame.positions).data

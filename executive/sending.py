@@ -9,7 +9,7 @@ from typing import Any
 
 from py_trees.ports import PortInformation
 
-from hardware import Codec, HardwareError, Robot, Schedule, Setpoint, load_robot
+from hardware import HardwareError, Robot, Schedule, Setpoint, load_robot
 from logs import Goal as RecordedGoal
 from logs import Recording
 from logs import Schedule as RecordedSchedule
@@ -58,9 +58,9 @@ class Replay(Execute):
     def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, Merged | None]:
         path, speed = Path(self.get_input("recording")), self.get_input("speed")
         frames = _frames(path, self.context.robot.path)
-        codec = Codec(self.context.robot.actuated)
+        codec = self.context.robot.wire_format
         setpoints = tuple(
-            Setpoint((f.time - frames[0].time) / speed, f.positions, codec.encode(f.positions))
+            Setpoint((f.time - frames[0].time) / speed, 0.0, f.positions, codec.encode(f.positions))
             for f in frames
         )
         return Schedule(setpoints, frames[-1].positions, setpoints[-1].time, 0.0), None
@@ -111,12 +111,17 @@ def _beginning(recording: Recording) -> tuple[int, dict[str, float]]:
     raise NotReplayable(f"{recording.path}: no motion was recorded; give a run that moved the arm")
 
 
+def _moves(sent: RecordedFrame) -> bool:
+    """Whether it is a frame of a motion, neither a hold nor a setting of the board."""
+    return bool(sent.joints) and not sent.hold
+
+
 @lru_cache(maxsize=1)
 def _frames(path: Path, robot_file: Path) -> Sequence[RecordedFrame]:
     """The frames of a recording without the holds, each as this robot would send it."""
-    codec = Codec(load_robot(robot_file).actuated)
+    codec = load_robot(robot_file).wire_format
     sent = (record for record in Recording(path).records(RecordedFrame))
-    frames = [frame for frame in sent if isinstance(frame, RecordedFrame) and not frame.hold]
+    frames = [frame for frame in sent if isinstance(frame, RecordedFrame) and _moves(frame)]
     for frame in frames:
         try:
             same = codec.encode(frame.positions).data == frame.data

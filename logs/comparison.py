@@ -76,7 +76,11 @@ def run_of(path: Path) -> Run:
     Raises:
         RecordingError: It cannot be read.
     """
-    sent = [record for record in Recording(path).records(Sent) if isinstance(record, Sent)]
+    sent = [
+        record
+        for record in Recording(path).records(Sent)
+        if isinstance(record, Sent) and record.joints
+    ]
     zero = sent[0].time if sent else 0.0
     return Run(
         path,

@@ -97,8 +97,8 @@ def urdf(description: Description, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def transforms(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """Where the commanded positions put every link, as TFMessage; None for an unknown robot."""
-    if stamp.links is None:
+    """Where the commanded positions put every link, as TFMessage; None where either is unknown."""
+    if stamp.links is None or not sent.joints:
         return None
     places = stamp.links.places(dict(zip(sent.joints, sent.positions, strict=True)))
     return ros.make(

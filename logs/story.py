@@ -6,6 +6,7 @@ from pathlib import Path
 
 from .recording import Recording
 from .records import (
+    Description,
     Feedback,
     Goal,
     LogLine,
@@ -77,7 +78,7 @@ def overview(path: Path) -> Overview:
             case Plan():
                 planning[record.group] = sum(record.milliseconds.values())
             case Sent():
-                frames += 1
+                frames += bool(record.joints)
                 holds += record.hold
                 if record.scheduled is not None:
                     late.append(record.time - record.scheduled)
@@ -118,6 +119,8 @@ def story(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
 def in_words(record: Record) -> str:  # noqa: C901, a table of words
     """One record as a line."""
     match record:
+        case Description():
+            return f"robot: {len(record.urdf)} characters of URDF"
         case Goal():
             return f"goal: task {record.task} {record.name}, seed {record.seed}"
         case Result():
@@ -133,6 +136,8 @@ def in_words(record: Record) -> str:  # noqa: C901, a table of words
             return f"no plan: {record.group}, {record.message}"
         case Schedule():
             return f"schedule: {len(record.frames)} frames, {record.firmware}"
+        case Sent() if not record.joints:
+            return f"setting: {record.data.decode('ascii', 'backslashreplace')}"
         case Sent(scheduled=None):
             return f"hold: {record.data.decode('ascii', 'backslashreplace')}"
         case Sent():
