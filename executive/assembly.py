@@ -72,6 +72,7 @@ class Assembly:
     Attributes:
         mistakes: What is wrong.
         leaves: The skills, in the order of the file.
+        controls: What the nodes above them are: a key of `KINDS`, and the values of its options.
         files: What was read, by name.
     """
 
@@ -85,6 +86,7 @@ class Assembly:
         self._nodes = 0
         self.mistakes = Mistakes()
         self.leaves: list[Leaf] = []
+        self.controls: dict[Behaviour, tuple[str, Mapping[str, Any]]] = {}
         self.files = self._sources.files
         self.wrong = self.mistakes.add
 

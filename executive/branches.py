@@ -37,7 +37,9 @@ class Branches:
             for option, declared in KINDS[spec.kind].options.items()
         }
         make: Callable[..., Behaviour] = getattr(self, f"_{spec.kind}", self._decorator)
-        return make(spec, scope, shown or spec.kind, options)
+        node = make(spec, scope, shown or spec.kind, options)
+        self._assembly.controls[node] = spec.kind, options
+        return node
 
     def _option(self, spec: ControlNode, option: str, declared: Declaration, scope: Scope) -> Any:
         value = self._assembly.resolve(spec.options.get(option), scope)

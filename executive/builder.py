@@ -14,6 +14,7 @@ from trees import FileError, Library, Located, Mistake, Place, TaskFile
 
 from .arguments import FILE, as_text
 from .assembly import Assembly, Leaf
+from .resolved import RESOLVED, resolved
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class Tree:
     Attributes:
         root: Where to tick.
         skills: Its leaves, in the order of the file.
-        files: The files it was built from, by name.
+        files: The files it was built from, and itself as one file, by name.
         namespace: Under which its keys are on the blackboard.
     """
 
@@ -80,6 +81,7 @@ def build(
         type(leaf.skill).judge(context.robot, leaf.inputs)
     for leaf in assembly.leaves:
         _wire(leaf)
+    assembly.files[RESOLVED] = resolved(root, assembly, f"/{namespace}")
     skills = tuple(leaf.skill for leaf in assembly.leaves)
     return Tree(root, skills, assembly.files, namespace)
 

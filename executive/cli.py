@@ -9,14 +9,15 @@ from typing import Any
 import click
 
 from .codes import INTERNAL, INTERRUPTED_EXIT, look_up
+from .log_commands import log
 from .options import (
-    PATH,
     port_option,
     recordings_option,
     robot_option,
     skills_option,
     trees_option,
 )
+from .replay_commands import replay
 from .task_commands import COMMANDS
 
 
@@ -29,7 +30,8 @@ def cli(verbose: bool, debug: bool) -> None:
 
     Exit codes: 0 done, 1 a bug of ours, 2 usage, 3 bad file, 4 goal refused, 5 planning failed,
     6 hardware fault, 7 canceled, 8 timed out, 9 port busy, 10 recording incomplete, 11 the task
-    failed by its own tree, 130 left by Ctrl-C before a goal had begun, or by a second one.
+    failed by its own tree, 12 a replay differs, 130 left by Ctrl-C before a goal had begun, or by
+    a second one.
     """
     root = logging.getLogger()
     root.setLevel(logging.INFO)
@@ -60,6 +62,15 @@ def cli(verbose: bool, debug: bool) -> None:
     default=1,
     show_default=True,
     help="Planner processes.",
+)
+@click.option(
+    "--keep-days", type=float, envvar="ARMTREE_KEEP_DAYS", help="Delete older recordings."
+)
+@click.option(
+    "--keep-mb",
+    type=float,
+    envvar="ARMTREE_KEEP_MB",
+    help="Delete the oldest recordings beyond so many megabytes.",
 )
 @click.option("--json", is_flag=True, help="Print one JSON object per event.")
 def run(**options: Any) -> None:
@@ -106,19 +117,8 @@ def doctor(
     sys.exit(6 if wrong else 0)
 
 
-@cli.command()
-@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
-@click.option("-o", "--output", type=PATH, help="PNG file; default: beside the recording.")
-def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
-    """Draw recordings to PNG files."""
-    from logs.plot import plot as draw
-
-    if output and len(recordings) > 1:
-        raise click.UsageError("--output goes with one recording")
-    for recording in recordings:
-        target = output or recording.with_suffix(".png")
-        draw(recording, target)
-        click.echo(target)
+cli.add_command(replay)
+cli.add_command(log)
 
 
 for command in COMMANDS:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 OK = "ok"
 CANCELED = "goal.canceled"
 INTERNAL = "internal"
+DIFFERS = "replay.differs"
 
 USAGE_EXIT = 2  # as click has it
 INTERRUPTED_EXIT = 130  # left by Ctrl-C before a goal had begun, or by a second one
@@ -41,6 +42,7 @@ CODES = {
     "hw.port_busy": Code("", 9),
     "task": Code("The task failed", 11),
     "task.timeout": Code("The task failed", 8),
+    DIFFERS: Code("", 12),
     "log": Code("", 10),
     "log.unreadable": Code("", 3),
     "log.truncated": Code("", 3),

@@ -25,6 +25,7 @@ from trees import Library, Located, TaskFile, TreeError
 
 from .builder import Tree, build
 from .goal import Goal, GoalState, Outcome
+from .recorded_link import RecordedLink
 from .recordings import Recordings
 from .run import Mailbox, Run
 from .verdict import judge
@@ -81,7 +82,8 @@ class Executive:
         self._library, self._pool, self._clock = library, pool, clock
         self._mailbox = mailbox = Mailbox(clock)
         self._recordings = Recordings(recordings, robot, clock, watch, mailbox.fail)
-        self._arm = Arm(robot, link, clock, self._arm_did)
+        recorded = RecordedLink(link, self._recordings) if link else None
+        self._arm = Arm(robot, recorded, clock, self._arm_did)
         self._context = Context(
             robot,
             self._arm,
@@ -191,8 +193,7 @@ class Executive:
 
     def _open(self, attempt: _Attempt) -> None:
         name = attempt.task.name if attempt.task else ""
-        files = attempt.tree.files if attempt.tree else {}
-        self._recordings.open(attempt.goal, name, self._context.seed, files)
+        self._recordings.open(attempt.goal, name, self._context.seed, attempt.tree)
 
     def _activate(self) -> None:
         if self._mailbox.fault:  # coming back from a fault is a person's act

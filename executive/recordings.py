@@ -1,14 +1,18 @@
 """What is told of a run: into its recording, and to whoever watches."""
 
-from collections.abc import Callable, Mapping
+import errno
+from collections.abc import Callable
 from pathlib import Path
 
 import logs
 from hardware import ArmEvent, Clock, Robot
 from skills import SkillEvent
 
+from .builder import Tree
+from .evidence import robot_note
 from .goal import Goal
 from .translate import arm_record, skill_record
+from .versions import versions
 
 
 class Recordings:
@@ -40,24 +44,21 @@ class Recordings:
         self.path = ""
         self.frames = 0
 
-    def open(self, goal: Goal, name: str, seed: int, files: Mapping[str, str]) -> None:
+    def open(self, goal: Goal, name: str, seed: int, tree: Tree | None) -> None:
         """Open the recording of a goal and tell of it.
 
         Args:
             goal: Which.
             name: Of its task.
             seed: For whatever draws at random.
-            files: The task's files, by name; they are attached, and the robot's too.
+            tree: What is to run, where it could be built; its files are attached.
 
         Raises:
             LogError: It cannot be made.
         """
         self._recorder = recorder = self._create(goal.task)
         self.path, self.frames = str(recorder.path), 0
-        for path in (self._robot.path, self._robot.urdf):
-            recorder.attach(path.name, "text/plain", path.read_bytes())
-        for file, text in files.items():
-            recorder.attach(file, "application/yaml", text.encode())
+        self._attach(recorder, tree)
         self.tell(logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed))
 
     def check_space(self) -> None:
@@ -86,6 +87,11 @@ class Recordings:
             self._recorder.put(record)
         self._watch(record)
 
+    def caught_up(self, timeout: float) -> bool:
+        """Whether every frame that was told is on its way to the disk; waits for it [s]."""
+        recorder = self._recorder
+        return recorder is None or recorder.caught_up(timeout)
+
     def arm_did(self, event: ArmEvent) -> None:
         """Tell of something the arm did."""
         self.tell(arm_record(event, self._robot))
@@ -93,6 +99,18 @@ class Recordings:
     def skill_did(self, event: SkillEvent) -> None:
         """Tell of something a skill did."""
         self.tell(skill_record(event, self._robot, self._clock.now()))
+
+    def _attach(self, recorder: logs.Recorder, tree: Tree | None) -> None:
+        """Add all that it takes to see, and to prove, the run from its file alone."""
+        robot = self._robot
+        for path in (robot.path, robot.urdf):
+            recorder.attach(path.name, "text/plain", path.read_bytes())
+        recorder.put(logs.Description(self._clock.now(), robot.urdf.read_text()))
+        recorder.note("robot", robot_note(robot))
+        recorder.note("versions", versions())
+        if tree:
+            for file, text in tree.files.items():
+                recorder.attach(file, "application/yaml", text.encode())
 
     def _create(self, task: int) -> logs.Recorder:
         utc_ns = self._clock.epoch_ns() + round(self._clock.now() * 1e9)
@@ -104,4 +122,6 @@ class Recordings:
                 utc_ns += 1_000_000
 
     def _give_up(self, cause: Exception) -> None:
-        self._failed(logs.RecordingIncomplete(Path(self.path), 0, cause))
+        path = Path(self.path)
+        full = isinstance(cause, OSError) and cause.errno == errno.ENOSPC
+        self._failed(logs.DiskFull(path) if full else logs.RecordingIncomplete(path, 0, cause))

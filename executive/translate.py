@@ -32,16 +32,8 @@ def skill_record(event: SkillEvent, robot: Robot, now: float) -> logs.Record:
     match event:
         case Planned():
             return _plan_record(event, robot, now)
-        case Scheduled(schedule):
-            return logs.Schedule(
-                now,
-                robot.firmware.rate,
-                robot.firmware.name,
-                tuple(setpoint.time for setpoint in schedule.setpoints),
-                tuple(str(setpoint.frame) for setpoint in schedule.setpoints),
-                tuple(setpoint.delay for setpoint in schedule.setpoints),
-                schedule.slowed,
-            )
+        case Scheduled():
+            return _schedule_record(event, robot, now)
 
 
 def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
@@ -63,9 +55,29 @@ def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
         times=tuple(times.tolist()),
         positions=_rows(plan.sample(times)) if plan else (),
         duration=duration,
-        milliseconds=dict(plan.milliseconds) if plan else {},
+        milliseconds=dict(answer.milliseconds),
         code=error.code if error else "",
         message=str(error) if error else "",
+    )
+
+
+def _schedule_record(event: Scheduled, robot: Robot, now: float) -> logs.Schedule:
+    schedule, motion = event.schedule, event.motion
+    sampled = motion.sampled if motion else {}
+    return logs.Schedule(
+        time=now,
+        rate_hz=robot.firmware.rate,
+        firmware=robot.firmware.name,
+        times=tuple(setpoint.time for setpoint in schedule.setpoints),
+        frames=tuple(str(setpoint.frame) for setpoint in schedule.setpoints),
+        delays_s=tuple(setpoint.delay for setpoint in schedule.setpoints),
+        slowed_s=schedule.slowed,
+        start={j.name: q for j, q in zip(robot.actuated, event.start, strict=True)},
+        duration=motion.duration if motion else schedule.duration,
+        groups=motion.groups if motion else (),
+        together=motion.together if motion else False,
+        sample_times=tuple(sampled),
+        samples=tuple(tuple(row) for row in sampled.values()),
     )
 
 

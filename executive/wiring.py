@@ -7,7 +7,9 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+import logs
 from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
+from logs.keeping import Rule, prune
 from skills.motion import Pool
 from trees import Library, Located, TreeError
 
@@ -37,6 +39,8 @@ class Options:
         workers: Planner processes.
         json: Whether to print JSON.
         verbose: Whether the log is shown, so that no live picture may be in its way.
+        keep_days: Older recordings go; None to keep them.
+        keep_mb: The oldest recordings beyond so many megabytes go; None to keep them.
     """
 
     numbers: tuple[int, ...]
@@ -50,11 +54,13 @@ class Options:
     workers: int
     json: bool
     verbose: bool
+    keep_days: float | None = None
+    keep_mb: float | None = None
 
 
 def execute(options: Options) -> list[Outcome]:
     """Run tasks from the command line; returns the outcomes, at least one."""
-    with Interrupts() as interrupts, _view(options) as view:
+    with Interrupts() as interrupts, view_for(options.json, options.verbose) as view:
         try:
             robot, library = load_robot(options.robot), Library(options.trees)
             arguments = read_arguments(options.settings, options.numbers)
@@ -66,6 +72,7 @@ def execute(options: Options) -> list[Outcome]:
         port = robot.serial.port if options.port is None else options.port
         view.say(_port_line(robot, port))
         clock = RealClock()
+        _put_in_order(options, clock, view)
         with closing(Pool(robot, options.workers, clock)) as pool:
             executive = Executive(
                 robot,
@@ -80,6 +87,20 @@ def execute(options: Options) -> list[Outcome]:
             )
             interrupts.on_cancel(executive.cancel)
             return _drive(executive, clock, options.numbers, arguments, view, interrupts)
+
+
+def _put_in_order(options: Options, clock: RealClock, view: View) -> None:
+    """Mend what a crash left among the recordings, and make room by the rule; say both."""
+    folder, rule = options.recordings, Rule(options.keep_days, options.keep_mb)
+    done = [
+        made.in_words() if isinstance(made, logs.Summary) else f"not recovered: {made}"
+        for made in logs.recover_all(folder)
+    ]
+    utc = clock.epoch_ns() / 1e9 + clock.now()
+    done += [f"{path}: deleted to make room" for path in prune(folder, rule, utc)]
+    for words in done:
+        view.say(words)
+        view.watch(logs.LogLine(clock.now(), logging.WARNING, "logs", words))
 
 
 def _drive(
@@ -113,10 +134,16 @@ def _drive(
     return outcomes
 
 
-def _view(options: Options) -> View:
-    if options.json:
+def view_for(json: bool, verbose: bool) -> View:
+    """What shows a run here.
+
+    Args:
+        json: Whether JSON is wanted.
+        verbose: Whether the log is shown, so that no live picture may be in its way.
+    """
+    if json:
         return JsonView()
-    if options.verbose or not sys.stdout.isatty():
+    if verbose or not sys.stdout.isatty():
         return TextView()
     from rich.console import Console
 

@@ -5,11 +5,13 @@ Importing this room is cheap: MCAP, rosbags, NumPy and matplotlib are loaded by 
 
 from .compaction import compact
 from .errors import (
+    DiskFull,
     LogError,
     NoSpace,
     RecordingError,
     RecordingExists,
     RecordingIncomplete,
+    RecordingInUse,
     RecordingNotCreated,
     RecordingTruncated,
 )
@@ -17,7 +19,9 @@ from .folder import check_space, recording_path
 from .plot import plot
 from .reader import Message, read
 from .recorder import Recorder
+from .recording import Recording
 from .records import (
+    Description,
     Feedback,
     Goal,
     LogLine,
@@ -30,9 +34,13 @@ from .records import (
     Sent,
     Transition,
 )
+from .recovery import recover, recover_all
 from .summary import Summary
+from .table import table
 
 __all__ = [
+    "Description",
+    "DiskFull",
     "Feedback",
     "Goal",
     "LogError",
@@ -44,8 +52,10 @@ __all__ = [
     "Received",
     "Record",
     "Recorder",
+    "Recording",
     "RecordingError",
     "RecordingExists",
+    "RecordingInUse",
     "RecordingIncomplete",
     "RecordingNotCreated",
     "RecordingTruncated",
@@ -59,4 +69,7 @@ __all__ = [
     "plot",
     "read",
     "recording_path",
+    "recover",
+    "recover_all",
+    "table",
 ]

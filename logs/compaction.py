@@ -1,18 +1,23 @@
 """From a journal, well ended or not, to the final recording: chunked, compressed, indexed."""
 
+import fcntl
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import RecordingError
+from .errors import RecordingError, RecordingInUse
 from .salvage import Salvage
 from .summary import Summary
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-_CHUNK_BYTES = 65536
+# Ends the name of the library in the head of a file that is still to be compacted.
+UNFINISHED = ", journal"
+
+_CHUNK_BYTES = 262144  # smaller ones compress worse, and every one has indexes
 
 
 def compact(journal: Path) -> Summary:
@@ -20,24 +25,59 @@ def compact(journal: Path) -> Summary:
 
     One path for all: a journal that was closed, one that was cut off anywhere (of a file without
     a whole header an empty recording is made), and a finished recording, which stays as it is.
-    The journal is replaced only after the new file was read back from the disk. Not for a journal
-    that is still being written.
+    The journal is replaced only after the new file was read back from the disk.
 
     Raises:
+        RecordingInUse: It is still being written.
         RecordingError: There is no such file, it is no MCAP file, or the new file does not hold
             what it should; nothing was changed.
         OSError: The disk failed or is full; the journal is unchanged.
     """
+    with locked(journal):
+        return rewrite(journal)
+
+
+@contextmanager
+def locked(recording: Path) -> Iterator[None]:
+    """Holds the lock that whoever writes a recording has.
+
+    Raises:
+        RecordingInUse: Somebody else holds it.
+        RecordingError: There is no such file.
+    """
+    try:
+        handle = os.open(recording, os.O_RDONLY)
+    except OSError as cause:
+        reason = cause.strerror or str(cause)
+        raise RecordingError(recording, f"cannot be read ({reason}); check the path") from cause
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError as cause:
+        raise RecordingInUse(recording) from cause
+    finally:
+        os.close(handle)
+
+
+def rewrite(journal: Path) -> Summary:
+    """See `compact`; for whoever holds the lock."""
     records = Salvage(journal)
-    new = journal.with_name(journal.name + ".part")
+    new = part_of(journal)
     try:
         messages = _write(records, new)
+        torn = records.torn
         _check(new, messages)
         os.replace(new, journal)
     finally:
         new.unlink(missing_ok=True)
     _sync_folder(journal.parent)
-    return Summary(journal, messages, journal.stat().st_size)
+    size = journal.stat().st_size
+    return Summary(journal, messages, size, records.intact, torn)
+
+
+def part_of(recording: Path) -> Path:
+    """Where the recording is made that is to replace a journal."""
+    return recording.with_name(recording.name + ".part")
 
 
 def _write(records: Salvage, new: Path) -> int:
@@ -101,7 +141,7 @@ class _Copy:
         return self._messages
 
     def _header(self, header: Any) -> None:
-        self._writer.start(header.profile, header.library)
+        self._writer.start(header.profile, header.library.removesuffix(UNFINISHED))
         self._started = True
 
     def _schema(self, schema: Any) -> None:

@@ -7,11 +7,13 @@ from uuid import UUID
 
 import numpy as np
 
-from .records import Feedback, LogLine, Plan, Received, Record, Sent, Transition
+from .kinematics import Links, Place
+from .records import Description, Feedback, LogLine, Plan, Received, Record, Sent, Transition
 from .ros_types import RosTypes
 
 _NOTHING = np.zeros(0)
 _TX, _RX = 0, 1
+LATE = 0.02  # of a frame, that is worth a word [s]
 _LOWEST_LEVEL, _HIGHEST_LEVEL = 10, 50
 
 _STATES = {
@@ -48,15 +50,17 @@ _CALLBACK_ERROR = 99
 
 
 class Stamp(NamedTuple):
-    """When and where in its channel a message stands.
+    """What a message takes beside its record.
 
     Attributes:
         time_ns: Nanoseconds since 1970 [ns].
         sequence: How many messages precede it in its channel.
+        links: The robot's; None while it is not known.
     """
 
     time_ns: int
     sequence: int
+    links: Links | None = None
 
 
 def sent_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
@@ -85,6 +89,39 @@ def joint_state(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
         velocity=_NOTHING,
         effort=_NOTHING,
     )
+
+
+def urdf(description: Description, stamp: Stamp, ros: RosTypes) -> Any:
+    """The robot's URDF, as String."""
+    return ros.make("std_msgs/msg/String", data=description.urdf)
+
+
+def transforms(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
+    """Where the commanded positions put every link, as TFMessage; None where either is unknown."""
+    if stamp.links is None or not sent.joints:
+        return None
+    places = stamp.links.places(dict(zip(sent.joints, sent.positions, strict=True)))
+    return ros.make(
+        "tf2_msgs/msg/TFMessage", transforms=[_transform(place, stamp, ros) for place in places]
+    )
+
+
+def late_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
+    """A frame that left late, as DiagnosticArray; None for all others."""
+    late = sent.time - sent.scheduled if sent.scheduled is not None else 0.0
+    if late <= LATE:
+        return None
+    value = ros.make("diagnostic_msgs/msg/KeyValue", key="late_ms", value=f"{late * 1e3:.3f}")
+    status = ros.make(
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        level=1,
+        name="streamer",
+        message=f"a frame left {late * 1e3:.1f} ms late",
+        hardware_id="",
+        values=[value],
+    )
+    header = _header(stamp, ros)
+    return ros.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status])
 
 
 def every_field(record: Record, stamp: Stamp, ros: RosTypes) -> Any:
@@ -162,8 +199,23 @@ def _text(value: str) -> str:
     return clean.replace("\0", "\\x00")
 
 
-def _header(stamp: Stamp, ros: RosTypes) -> Any:
-    return ros.make("std_msgs/msg/Header", stamp=_time(stamp.time_ns, ros), frame_id="")
+def _header(stamp: Stamp, ros: RosTypes, frame: str = "") -> Any:
+    return ros.make("std_msgs/msg/Header", stamp=_time(stamp.time_ns, ros), frame_id=frame)
+
+
+def _transform(place: Place, stamp: Stamp, ros: RosTypes) -> Any:
+    x, y, z = place.position
+    qx, qy, qz, qw = place.rotation
+    return ros.make(
+        "geometry_msgs/msg/TransformStamped",
+        header=_header(stamp, ros, place.parent),
+        child_frame_id=place.child,
+        transform=ros.make(
+            "geometry_msgs/msg/Transform",
+            translation=ros.make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
+            rotation=ros.make("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
+        ),
+    )
 
 
 def _time(time_ns: int, ros: RosTypes) -> Any:

@@ -4,7 +4,9 @@
     ├── RecordingExists            FileExistsError: the name is taken, nothing was touched
     ├── RecordingNotCreated        the folder or the file cannot be made
     ├── NoSpace                    the disk is too full to begin a run
+    ├── DiskFull                   the disk filled up while a run was recorded
     ├── RecordingIncomplete        something of a run could not be written
+    ├── RecordingInUse             an armtree is still writing it
     └── RecordingError             ValueError: a file cannot be read
         └── RecordingTruncated     its end is missing; what precedes it was given
 
@@ -61,6 +63,19 @@ class NoSpace(LogError):
         )
 
 
+class DiskFull(LogError):
+    """The disk filled up while a run was recorded."""
+
+    code = "log.disk_full"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(
+            path,
+            "the disk is full, so that the run was ended; its end was still recorded, in space "
+            "kept for that. Remove old recordings, or give another folder for recordings",
+        )
+
+
 class RecordingIncomplete(LogError):
     """Something of a run is missing from its file, or the file could not be finished.
 
@@ -78,6 +93,15 @@ class RecordingIncomplete(LogError):
             f"recording incomplete, {lost} records lost ({cause}); what was written before is "
             "kept and valid. Make room or repair the cause, then run the task again",
         )
+
+
+class RecordingInUse(LogError):
+    """A recording is still being written."""
+
+    code = "log.in_use"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "is being written by another armtree; wait until that has ended")
 
 
 class RecordingError(LogError, ValueError):
@@ -100,5 +124,5 @@ class RecordingTruncated(RecordingError):
         super().__init__(
             path,
             f"cut off or damaged after {messages} valid messages; "
-            "logs.compact makes a complete file of those",
+            "`armtree log recover` makes a complete file of those",
         )

@@ -1,17 +1,19 @@
 """The file while it is being written: unchunked, and on its way to disk after every record."""
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from io import BufferedWriter
+from typing import cast
 
 from mcap.writer import Writer
 
+from .compaction import UNFINISHED
 from .conversions import Stamp
-from .records import Record
+from .kinematics import Links
+from .records import Description, Record
 from .ros_types import ros_types
+from .tail import Tail
 from .topics import TOPICS, Topic, offered_qos, topics_of
 
 _SEQUENCE_BITS = 0xFFFFFFFF
@@ -40,11 +42,12 @@ class Journal:
         Raises:
             OSError: The stream cannot be written.
         """
-        self._stream = stream
+        self._tail = Tail(stream)
         self._epoch_ns = epoch_ns
         self._last_ns = 0
+        self._links: Links | None = None
         self._ros = ros_types()
-        self._writer = Writer(stream, use_chunking=False)
+        self._writer = Writer(cast("BufferedWriter", self._tail), use_chunking=False)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, _Channel] = {}
         self._topics = {topic.record: topics_of(topic.record) for topic in TOPICS}
@@ -58,12 +61,14 @@ class Journal:
             Exception: The record cannot be converted; nothing of it was written.
         """
         time_ns = self._epoch_ns + round(record.time * 1e9)
+        if isinstance(record, Description):
+            self._links = Links(record.urdf)
         messages = self._convert(record, time_ns)
-        with self._whole_or_closed():
-            for channel, data in messages:
-                sequence = channel.sequence & _SEQUENCE_BITS
-                self._writer.add_message(channel.number, time_ns, data, time_ns, sequence)
-                channel.sequence += 1
+        for channel, data in messages:
+            sequence = channel.sequence & _SEQUENCE_BITS
+            self._writer.add_message(channel.number, time_ns, data, time_ns, sequence)
+            channel.sequence += 1
+        self._tail.flush()
         self._last_ns = time_ns
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
@@ -72,8 +77,17 @@ class Journal:
         Raises:
             OSError: The disk did not take it.
         """
-        with self._whole_or_closed():
-            self._writer.add_attachment(0, self._last_ns, name, media_type, data)
+        self._writer.add_attachment(0, self._last_ns, name, media_type, data)
+        self._tail.flush()
+
+    def note(self, name: str, facts: Mapping[str, str]) -> None:
+        """Adds named facts, such as the versions of libraries.
+
+        Raises:
+            OSError: The disk did not take it.
+        """
+        self._writer.add_metadata(name, dict(facts))
+        self._tail.flush()
 
     def finish(self) -> None:
         """Completes the file, brings it to the disk and closes it.
@@ -81,49 +95,35 @@ class Journal:
         Raises:
             OSError: The disk did not take it.
         """
-        with self._whole_or_closed():
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
-        self._stream.close()
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._tail.flush()
+        self._tail.close()
 
     @property
     def closed(self) -> bool:
         """Whether nothing more can be written: after `finish`, and after a failed write."""
-        return self._stream.closed
+        return self._tail.closed
+
+    @property
+    def full(self) -> bool:
+        """Whether the disk is full, so that only what was kept free for the end is left."""
+        return self._tail.full
 
     def _start(self) -> None:
-        with self._whole_or_closed():
-            self._writer.start("ros2", _library())
-            self._writer.add_metadata("armtree", {"epoch_ns": str(self._epoch_ns)})
-            for topic in TOPICS:
-                if topic.fixed:
-                    self._channels[topic.name] = self._register(topic, topic.name)
+        self._writer.start("ros2", _library() + UNFINISHED)
+        self._writer.add_metadata("armtree", {"epoch_ns": str(self._epoch_ns)})
+        for topic in TOPICS:
+            if topic.fixed:
+                self._channels[topic.name] = self._register(topic, topic.name)
+        self._tail.flush()
         self._ros.warm_up(topic.type for topic in TOPICS)
-
-    @contextmanager
-    def _whole_or_closed(self) -> Iterator[None]:
-        """Flushes what the block writes; where that fails, cuts it off again and closes."""
-        whole = self._stream.tell()
-        try:
-            yield
-            self._writer.flush()  # type: ignore[no-untyped-call]
-        except OSError:
-            self._close_at(whole)
-            raise
-
-    def _close_at(self, size: int) -> None:
-        with suppress(OSError):
-            os.ftruncate(self._stream.fileno(), size)
-        with suppress(OSError):
-            # The raw file: closing the buffer would write what the disk has just refused.
-            self._stream.raw.close()
 
     def _convert(self, record: Record, time_ns: int) -> list[tuple[_Channel, bytes]]:
         messages = []
         for topic in self._topics[type(record)]:
             channel = self._channel(topic, record)
-            message = topic.convert(record, Stamp(time_ns, channel.sequence), self._ros)
+            stamp = Stamp(time_ns, channel.sequence, self._links)
+            message = topic.convert(record, stamp, self._ros)
             if message is not None:
                 messages.append((channel, self._ros.encode(message)))
         return messages

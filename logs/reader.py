@@ -4,15 +4,12 @@ import json
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .errors import RecordingError, RecordingTruncated
 from .salvage import Salvage
 
-if TYPE_CHECKING:
-    from mcap.records import Channel, Schema
-
-    from .ros_types import RosTypes
+_JSON = "std_msgs/msg/String"
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,23 +19,47 @@ class Message:
     Attributes:
         topic: Where it was recorded, such as `/serial/tx`.
         time_ns: When, UTC since 1970 [ns].
-        data: The ROS 2 message, its fields as attributes.
+        type: Its ROS 2 type, such as `sensor_msgs/msg/JointState`.
+        cdr: Its bytes.
+        path: The recording.
     """
 
     topic: str
     time_ns: int
-    data: Any
+    type: str
+    cdr: bytes
+    path: Path
+
+    @property
+    def data(self) -> Any:
+        """The ROS 2 message, its fields as attributes; decoded anew every time.
+
+        Raises:
+            RecordingError: The bytes do not fit the type.
+        """
+        from .ros_types import ros_types
+
+        try:
+            return ros_types().decode(self.type, self.cdr)
+        except Exception as cause:
+            what = f"a {self.type} on {self.topic} cannot be decoded ({cause})"
+            raise RecordingError(self.path, what) from cause
 
     def fields(self) -> dict[str, Any]:
         """The fields of a JSON message, such as those on `/tree` and `/plan/arm`.
 
         Raises:
             TypeError: The topic does not carry JSON.
+            RecordingError: It does, but this is none.
         """
-        text = getattr(self.data, "data", None)
-        if not isinstance(text, str):
-            raise TypeError(f"{self.topic} carries {self.data.__msgtype__}, not JSON: use .data")
-        fields: dict[str, Any] = json.loads(text)
+        if self.type != _JSON:
+            raise TypeError(f"{self.topic} carries {self.type}, not JSON: use .data")
+        try:
+            fields: dict[str, Any] = json.loads(self.data.data)
+        except ValueError as cause:
+            raise RecordingError(
+                self.path, f"what {self.topic} says is no JSON ({cause})"
+            ) from cause
         return fields
 
 
@@ -50,55 +71,29 @@ def read(path: Path, topics: Collection[str] | None = None) -> Iterator[Message]
 
     Args:
         path: The file.
-        topics: Only these topics are decoded and given, None for all.
+        topics: Only these topics are given, None for all.
 
     Raises:
-        RecordingError: There is no such file or it is no MCAP file (raised at once), or a message
-            of it cannot be decoded.
+        RecordingError: There is no such file or it is no MCAP file (raised at once).
         RecordingTruncated: After the last valid message, where the file is not complete.
     """
     return _messages(Salvage(path), topics)
 
 
 def _messages(records: Salvage, topics: Collection[str] | None) -> Iterator[Message]:
-    decoder = _Decoder(records.path)
-    count = 0
+    types: dict[int, str] = {}
+    channels: dict[int, tuple[str, str]] = {}
+    path, count = records.path, 0
     for record in records:
         kind = type(record).__name__
         if kind == "Message":
             count += 1
-            topic = decoder.topic(record)
+            topic, name = channels[record.channel_id]
             if topics is None or topic in topics:
-                yield decoder.message(topic, record)
-        elif kind in ("Schema", "Channel"):
-            decoder.learn(kind, record)
+                yield Message(topic, record.log_time, name, record.data, path)
+        elif kind == "Schema":
+            types[record.id] = record.name
+        elif kind == "Channel":
+            channels[record.id] = record.topic, types[record.schema_id]
     if not records.intact:
-        raise RecordingTruncated(records.path, count)
-
-
-class _Decoder:
-    """Knows the channels met so far, and the types of their messages."""
-
-    def __init__(self, path: Path) -> None:
-        from .ros_types import ros_types
-
-        self._path = path
-        self._ros: RosTypes = ros_types()
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
-
-    def learn(self, kind: str, record: Any) -> None:
-        (self._schemas if kind == "Schema" else self._channels)[record.id] = record
-
-    def topic(self, message: Any) -> str:
-        return self._channels[message.channel_id].topic
-
-    def message(self, topic: str, message: Any) -> Message:
-        schema = self._schemas[self._channels[message.channel_id].schema_id]
-        try:
-            data = self._ros.decode(schema.name, message.data)
-        except Exception as cause:
-            raise RecordingError(
-                self._path, f"a {schema.name} on {topic} cannot be decoded ({cause})"
-            ) from cause
-        return Message(topic, message.log_time, data)
+        raise RecordingTruncated(path, count)

@@ -1,22 +1,28 @@
 """The recorder: takes records from every thread, and writes them in one of its own."""
 
+import errno
+import fcntl
 import logging
+import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from io import BufferedWriter
 from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, NamedTuple, Self
 
-from .compaction import compact
+from .compaction import rewrite
 from .errors import LogError, RecordingExists, RecordingIncomplete, RecordingNotCreated
-from .records import Record
+from .records import Record, Sent
 from .summary import Summary
 
 if TYPE_CHECKING:
     from .journal import Journal
 
 _log = logging.getLogger(__name__)
+
+# What a loss of power may cost at most, in a run whose process goes on.
+FSYNC_S = 1.0
 
 
 class _Attachment(NamedTuple):
@@ -25,21 +31,30 @@ class _Attachment(NamedTuple):
     data: bytes
 
 
+class _Note(NamedTuple):
+    name: str
+    facts: Mapping[str, str]
+
+
+_Item = Record | _Attachment | _Note | threading.Event
+
+
 class Recorder:
     """Records one run into one file, without ever keeping the run waiting.
 
-    `put` and `attach` are one queue put each, from any thread. While it runs the file is a
-    journal, flushed after every record; `close` makes the final recording of it.
+    `put`, `attach` and `note` are one queue put each, from any thread. While it runs the file is a
+    locked journal, handed to the operating system after every record and brought to the disk every
+    `FSYNC_S`; `close` makes the final recording of it.
     """
 
     def __init__(self, path: Path, epoch_ns: int, on_failure: Callable[[Exception], None]) -> None:
-        """Creates the file and starts the thread.
+        """Creates the file and starts the threads.
 
         Args:
             path: The new file; its folder exists.
             epoch_ns: UTC at the zero of the records' clock [ns].
             on_failure: Called once, from the recorder's thread, with the first thing that could
-                not be written; it must not close the recorder itself.
+                not be written, or when the disk is full; it must not close the recorder itself.
 
         Raises:
             RecordingExists: The name is taken.
@@ -48,20 +63,27 @@ class Recorder:
         self.path = path
         self._epoch_ns = epoch_ns
         self._on_failure = on_failure
-        self._queue: SimpleQueue[Record | _Attachment | None] = SimpleQueue()
+        self._queue: SimpleQueue[_Item | None] = SimpleQueue()
+        self._sent = self._kept = 0
         self._lost = 0
         self._cause: Exception | None = None
         self._closed = False
         self._summary: Summary | None = None
         stream = _create(path)
-        # A daemon: whoever leaves without close() leaves a journal, which recovery can read.
+        self._file = os.dup(stream.fileno())  # holds the lock until the recording is made
+        self._ended = threading.Event()
+        # Daemons: whoever leaves without close() leaves a journal, which recovery can read.
         self._thread = threading.Thread(
             target=self._run, args=(stream,), name="recorder", daemon=True
         )
+        self._syncer = threading.Thread(target=self._sync, name="fsync", daemon=True)
         self._thread.start()
+        self._syncer.start()
 
     def put(self, record: Record) -> None:
         """Records something; never blocks, never raises. Ignored after `close`."""
+        if type(record) is Sent:
+            self._sent += 1  # by the streamer alone
         self._queue.put(record)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
@@ -74,8 +96,26 @@ class Recorder:
         """
         self._queue.put(_Attachment(name, media_type, data))
 
+    def note(self, name: str, facts: Mapping[str, str]) -> None:
+        """Adds named facts, such as the versions of libraries; never blocks, never raises."""
+        self._queue.put(_Note(name, facts))
+
+    def caught_up(self, timeout: float) -> bool:
+        """Whether every frame that was put is on its way to the disk.
+
+        Costs a comparison where that is so; else waits for it.
+
+        Args:
+            timeout: How long to wait at most [s].
+        """
+        if self._kept == self._sent:
+            return True
+        mark = threading.Event()
+        self._queue.put(mark)
+        return mark.wait(timeout)
+
     def close(self) -> Summary:
-        """Writes what is queued, ends the thread, and makes the final recording.
+        """Writes what is queued, ends the threads, and makes the final recording.
 
         Raises:
             RecordingIncomplete: Something is missing from the file, or it stayed a journal.
@@ -84,7 +124,10 @@ class Recorder:
             self._closed = True
             self._queue.put(None)
             self._thread.join()
+            self._ended.set()
+            self._syncer.join()
             self._summary = self._compact()
+            os.close(self._file)
         if self._cause is not None:
             raise RecordingIncomplete(self.path, self._lost, self._cause) from self._cause
         assert self._summary is not None
@@ -101,8 +144,12 @@ class Recorder:
     def _run(self, stream: BufferedWriter) -> None:
         journal = self._begin(stream)
         while (item := self._queue.get()) is not None:
+            if isinstance(item, threading.Event):
+                item.set()
+                continue
             if journal is None or not self._write(journal, item):
                 self._lost += 1
+            self._kept += type(item) is Sent
             if journal is not None and journal.closed:
                 journal = None
         if journal is not None:
@@ -114,19 +161,23 @@ class Recorder:
 
             return Journal(stream, self._epoch_ns)
         except Exception as cause:
-            stream.raw.close()
+            stream.close()
             self._fail(cause)
             return None
 
-    def _write(self, journal: "Journal", item: Record | _Attachment) -> bool:
+    def _write(self, journal: "Journal", item: Record | _Attachment | _Note) -> bool:
         try:
             if isinstance(item, _Attachment):
                 journal.attach(*item)
+            elif isinstance(item, _Note):
+                journal.note(*item)
             else:
                 journal.write(item)
         except Exception as cause:
             self._fail(cause)
             return False
+        if journal.full:
+            self._fail(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
         return True
 
     def _end(self, journal: "Journal") -> None:
@@ -134,6 +185,14 @@ class Recorder:
             journal.finish()
         except OSError as cause:
             self._fail(cause)
+
+    def _sync(self) -> None:
+        while not self._ended.wait(FSYNC_S):
+            try:
+                os.fsync(self._file)
+            except OSError as cause:
+                self._fail(cause)
+                return
 
     def _fail(self, cause: Exception) -> None:
         if self._cause is not None:
@@ -147,7 +206,7 @@ class Recorder:
 
     def _compact(self) -> Summary | None:
         try:
-            return compact(self.path)
+            return rewrite(self.path)
         except (OSError, LogError) as cause:
             self._cause = self._cause or cause
             return None
@@ -155,7 +214,9 @@ class Recorder:
 
 def _create(path: Path) -> BufferedWriter:
     try:
-        return open(path, "xb")
+        stream = open(path, "xb")  # noqa: SIM115, closed by the journal
+        fcntl.flock(stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return stream
     except FileExistsError as cause:
         raise RecordingExists(path) from cause
     except OSError as cause:

@@ -9,6 +9,14 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
+class Description:
+    """The robot's URDF, at `time` [s]; the links are placed by the last one recorded."""
+
+    time: float
+    urdf: str
+
+
+@dataclass(frozen=True, slots=True)
 class Sent:
     """A frame that was written to the port.
 
@@ -175,7 +183,9 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """The frames that a motion became, at `time` [s]; N frames.
+    """The frames that a motion became, at `time` [s]; N frames, K samples, J joints.
+
+    The samples are all that the frames were made of, so the frames can be made again from them.
 
     Attributes:
         rate_hz: Grid the motion was sampled on [Hz].
@@ -184,6 +194,12 @@ class Schedule:
         frames: The frames as text, (N,).
         delays_s: How much later each is than planned, for the board's sake [s], (N,).
         slowed_s: By how much the board's pace stretched the motion [s].
+        start: Where every actuated joint stood [rad], by name.
+        duration: Of the motion as planned [s].
+        groups: Whose plans were merged, in this order; empty for frames that were not planned.
+        together: Whether those groups move at once.
+        sample_times: When the motion was looked at, from its start [s], (K,).
+        samples: Where all actuated joints were then [rad], (K, J).
     """
 
     time: float
@@ -193,6 +209,12 @@ class Schedule:
     frames: tuple[str, ...]
     delays_s: tuple[float, ...]
     slowed_s: float
+    start: dict[str, float]
+    duration: float
+    groups: tuple[str, ...]
+    together: bool
+    sample_times: tuple[float, ...]
+    samples: tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,5 +228,15 @@ class LogLine:
 
 
 Record = (
-    Sent | Received | Transition | Goal | Feedback | Result | NodeStatus | Plan | Schedule | LogLine
+    Description
+    | Sent
+    | Received
+    | Transition
+    | Goal
+    | Feedback
+    | Result
+    | NodeStatus
+    | Plan
+    | Schedule
+    | LogLine
 )

@@ -3,13 +3,10 @@
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 from zlib import crc32
 
 from .errors import RecordingError
-
-if TYPE_CHECKING:
-    from mcap.records import McapRecord
 
 _MAGIC = b"\x89MCAP0\r\n"
 _CRC_BYTES = 4
@@ -24,6 +21,7 @@ class Salvage:
     Attributes:
         path: The file.
         intact: After iterating, whether the file was complete and undamaged.
+        valid: How much of the file the records given so far take, its head included [bytes].
     """
 
     def __init__(self, path: Path) -> None:
@@ -34,6 +32,7 @@ class Salvage:
         """
         self.path = path
         self.intact = False
+        self.valid = 0
         try:
             with path.open("rb") as stream:
                 head = stream.read(len(_MAGIC))
@@ -43,7 +42,7 @@ class Salvage:
         if not _MAGIC.startswith(head):
             raise RecordingError(path, "is not an MCAP file; give a recording, such as *.mcap")
 
-    def __iter__(self) -> Iterator["McapRecord"]:
+    def __iter__(self) -> Iterator[Any]:
         """Gives the records in file order; ends at the first damage.
 
         Raises:
@@ -55,6 +54,7 @@ class Salvage:
                 for record in self._records(stream):
                     if not sense.fits(record):
                         return
+                    self.valid = stream.tell()
                     yield record
                 self.intact = sense.data_ended and _summary_is_whole(record, stream)
             except OSError:
@@ -64,7 +64,12 @@ class Salvage:
                 # McapError, struct.error, ValueError, ZstdError, MemoryError and more.
                 return
 
-    def _records(self, stream: BinaryIO) -> Iterator["McapRecord"]:
+    @property
+    def torn(self) -> int:
+        """After iterating, how much at the end holds nothing valid [bytes]."""
+        return 0 if self.intact else self.path.stat().st_size - self.valid
+
+    def _records(self, stream: BinaryIO) -> Iterator[Any]:
         from mcap.stream_reader import StreamReader
 
         # A damaged length must not make the reader ask for gigabytes.

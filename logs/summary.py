@@ -12,8 +12,21 @@ class Summary:
         path: The file.
         messages: How many messages it holds.
         bytes: Its size [bytes].
+        whole: Whether what it was made of had its end and no damage.
+        torn: How much at the end of that could not be kept [bytes].
     """
 
     path: Path
     messages: int
     bytes: int
+    whole: bool
+    torn: int
+
+    def in_words(self) -> str:
+        """What was recovered, for people."""
+        if self.whole:
+            return f"{self.path}: {self.messages} messages, nothing was lost"
+        return (
+            f"{self.path}: recovered {self.messages} messages; the end of the run is missing, and "
+            f"{self.torn} torn bytes were dropped"
+        )

@@ -6,6 +6,7 @@ from typing import Any
 
 from . import conversions as as_
 from .records import (
+    Description,
     Feedback,
     Goal,
     LogLine,
@@ -21,7 +22,7 @@ from .records import (
 from .ros_types import RosTypes
 
 _FRAME = "arduinobot_msgs/msg/SerialFrame"
-_JSON = "std_msgs/msg/String"
+_JSON = _TEXT = "std_msgs/msg/String"
 
 Convert = Callable[[Any, as_.Stamp, RosTypes], Any]
 
@@ -110,6 +111,28 @@ TOPICS = (
         "changes of the hardware's lifecycle",
     ),
     Topic(LogLine, "/rosout", "rcl_interfaces/msg/Log", as_.log_message, "the program's log"),
+    Topic(
+        Description,
+        "/robot_description",
+        _TEXT,
+        as_.urdf,
+        "the robot's URDF, as text",
+        latched=True,
+    ),
+    Topic(
+        Sent,
+        "/tf",
+        "tf2_msgs/msg/TFMessage",
+        as_.transforms,
+        "where the commanded positions put every link",
+    ),
+    Topic(
+        Sent,
+        "/diagnostics",
+        "diagnostic_msgs/msg/DiagnosticArray",
+        as_.late_frame,
+        "frames that left more than 20 ms late",
+    ),
 )
 
 

@@ -11,6 +11,7 @@ from py_trees.ports import BehaviourWithPorts
 from hardware import Arm, Clock, HardwareError, Robot, Schedule
 
 from .errors import SkillError
+from .merged import Merged
 from .motion import MotionError, Plan, Pool, Query
 
 logger = logging.getLogger(__name__)
@@ -35,9 +36,13 @@ class Scheduled:
 
     Attributes:
         schedule: The frames.
+        start: Where the arm stood, one value per actuated joint [rad].
+        motion: What the frames were made of; None for frames that were not planned.
     """
 
     schedule: Schedule
+    start: tuple[float, ...]
+    motion: Merged | None
 
 
 SkillEvent = Planned | Scheduled

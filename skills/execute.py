@@ -59,12 +59,8 @@ class Execute(Skill):
         """Turn the plans into frames and have them checked."""
         context, self._playback = self.context, None
         self._generation, start = context.arm.generation, context.arm.commanded
-        plans: list[Plan] = [self.get_input("arm_plan"), self.get_input("gripper_plan")]
-        merged = Merged(context.robot, start, plans, self.get_input("together"))
-        if not merged.begins_at(start):
-            raise StartMoved("the arm was moved after it was planned; plan again")
-        self._schedule = compile_schedule(context.robot, start, merged.sample, merged.duration)
-        context.tell(Scheduled(self._schedule))
+        self._schedule, motion = self._compile(start)
+        context.tell(Scheduled(self._schedule, start, motion))
         times, rows = played(context.robot, start, self._schedule)
         self._pending = Pending(context, Verify(rows, PLAYED_MARGIN, times))
         return Status.RUNNING
@@ -81,6 +77,15 @@ class Execute(Skill):
             arm, wake = self.context.arm, self.context.wake
             self._playback = arm.play(self._schedule, wake, self.name, self._generation)
         return self._follow(self._playback)
+
+    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, Merged | None]:
+        """The frames to play from where the arm stands [rad], and the motion they came from."""
+        robot, together = self.context.robot, self.get_input("together")
+        plans: list[Plan] = [self.get_input("arm_plan"), self.get_input("gripper_plan")]
+        merged = Merged(robot, start, plans, together)
+        if not merged.begins_at(start):
+            raise StartMoved("the arm was moved after it was planned; plan again")
+        return compile_schedule(robot, start, merged.sample, merged.duration), merged
 
     def _follow(self, playback: Playback) -> Status:
         frames = len(playback.schedule.setpoints)

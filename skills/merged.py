@@ -19,12 +19,17 @@ class Merged:
         together: Whether all begin at once; else one after the other, in their order.
 
     Attributes:
+        groups: Whose plans these are, in their order.
+        together: Whether all begin at once.
         duration: Of the whole [s].
+        sampled: Every row of joint positions [rad] that was asked for, by its time [s].
     """
 
     def __init__(
         self, robot: Robot, start: Sequence[float], plans: Sequence[Plan], together: bool
     ) -> None:
+        self.groups, self.together = tuple(plan.group for plan in plans), together
+        self.sampled: dict[float, list[float]] = {}
         names = [joint.name for joint in robot.actuated]
         self._start = np.array(start, dtype=float)
         self._plans, begins = [], 0.0
@@ -45,4 +50,6 @@ class Merged:
         rows = np.tile(self._start, (len(at), 1))
         for begins, columns, plan in self._plans:
             rows[:, columns] = plan.sample(at - begins)
-        return [[float(q) for q in row] for row in rows]
+        plain = [[float(q) for q in row] for row in rows]
+        self.sampled.update(zip(at.tolist(), plain, strict=True))
+        return plain

@@ -4,7 +4,7 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from .base import Planned, Skill
-from .motion import GoalInCollision, MotionError, Plan, Query, StartInCollision
+from .motion import GoalInCollision, MotionError, Plan, PlanCanceled, Query, StartInCollision
 from .pending import Pending
 from .positions import Positions
 
@@ -63,9 +63,12 @@ class _PlanGroup(Skill, register=False):
         return Status.SUCCESS
 
     def on_halt(self) -> None:
-        """Cancel the planner."""
+        """Cancel the planner, and tell of the plan that will not be."""
         if self._pending:
             self._pending.cancel()
+            answer = self._pending.answer
+            told = answer if isinstance(answer, (Plan, MotionError)) else PlanCanceled()
+            self.context.tell(Planned(self._query, told))
 
 
 class PlanArm(_PlanGroup):

@@ -316,10 +316,10 @@ def test_tasks_are_listed(tmp_path: Path) -> None:
 def test_a_recording_is_drawn(tmp_path: Path, robot: Path) -> None:
     _, out, _ = finish(tmp_path, "run", "0", "--robot", str(robot), "--json")
     recording = events(out)[-1]["recording"]
-    status, out, err = finish(tmp_path, "plot", recording)
+    status, out, err = finish(tmp_path, "log", "plot", recording)
     assert (status, err) == (0, "")
     assert Path(out.strip()).read_bytes().startswith(b"\x89PNG")
-    assert finish(tmp_path, "plot", str(tmp_path / "nope.mcap"))[0] == 3
+    assert finish(tmp_path, "log", "plot", str(tmp_path / "nope.mcap"))[0] == 3
 
 
 def test_doctor_looks_and_opens_nothing(tmp_path: Path, listener: Listener) -> None:

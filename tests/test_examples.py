@@ -1,6 +1,7 @@
 """The example tasks, run on the in-process board, and their recordings."""
 
 from pathlib import Path
+from textwrap import indent
 
 import pytest
 
@@ -8,6 +9,9 @@ import logs
 import trees
 from executive.arguments import read_arguments
 from executive.plugins import load_skills
+from executive.proof import prove
+from executive.proof_words import in_words
+from executive.resolved import RESOLVED
 from hardware import SimulatedClock
 from tests.conftest import Rig, RigMaker
 
@@ -33,6 +37,23 @@ def test_an_example(examples: Rig, number: int) -> None:
     assert outcome.frames > 0
     results = [message.fields() for message in logs.read(Path(outcome.recording), ["/result"])]
     assert [result["state"] for result in results] == ["SUCCEEDED"]
+    proof = prove(Path(outcome.recording))
+    assert proof.holds, in_words(proof)
+
+
+@pytest.mark.parametrize("number", [3, 4, 5, 6, 7, 8])
+def test_an_example_is_the_same_with_every_file_and_value_in_its_place(
+    examples: Rig, rig: RigMaker, tmp_path: Path, number: int
+) -> None:
+    (outcome,) = examples.run(number)
+    tree = indent(logs.Recording(Path(outcome.recording)).files[RESOLVED].decode(), "  ")
+    assert "subtree" not in tree
+    head = "task: 3\nname: again\ndescription: what another one was resolved to\ntree:\n"
+    (tmp_path / "3_again.yaml").write_text(head + tree)
+    again = rig(tmp_path)
+    (outcome,) = again.run(3)
+    assert outcome.success, outcome.message
+    assert again.frames == examples.frames
 
 
 def test_the_stubborn_one_recovers(examples: Rig) -> None:
@@ -68,6 +89,8 @@ def test_parameters_at_call_time(examples: Rig) -> None:
             [3], examples.outcomes.append, read_arguments(["swing=5 deg", "times=1"], [3])
         )
     assert outcome.success
+    proof = prove(Path(outcome.recording))
+    assert proof.holds, in_words(proof)
     turned = {frame[:4] for frame in examples.frames}
     assert "b095" in turned
     assert max(turned) == "b095"

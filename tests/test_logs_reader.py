@@ -47,7 +47,7 @@ def test_a_cut_file_gives_what_is_valid_and_then_says_so(tmp_path: Path) -> None
     messages = read(path)
     found = list(islice(messages, whole.messages))
     assert found[0].topic == "/goal"
-    with pytest.raises(RecordingTruncated, match=r"logs\.compact makes a complete file"):
+    with pytest.raises(RecordingTruncated, match="`armtree log recover` makes a complete file"):
         next(messages)
 
 

@@ -43,6 +43,8 @@ NODES = (
     "Execute",
     "Succeed",
 )
+# Of a schedule that was not planned.
+MOTION: Any = ({"joint_1": 0.0}, 3.2, (), False, (), ())
 PARENTS = {"PlanArm": BOTH, "PlanGripper": BOTH, "Plan both": ROOT}
 
 
@@ -136,7 +138,7 @@ def pick_run(frames: int | None = None, begin: float = 40.0) -> list[Record]:
         arm,
         node(t + 0.7201, "PlanArm", "SUCCESS", "straight"),
         node(t + 0.7202, "Plan both", "SUCCESS"),
-        Schedule(t + 0.75, 10.0, "stock", arm.times, texts, (0.0,) * len(texts), 0.0),
+        Schedule(t + 0.75, 10.0, "stock", arm.times, texts, (0.0,) * len(texts), 0.0, *MOTION),
         node(t + 0.7503, "Execute", "RUNNING"),
     ]
     return head + (_cut(motion, frames) if frames else _through(motion, begin))
@@ -254,7 +256,7 @@ def test_every_record_comes_back_as_it_was(tmp_path: Path, name: str) -> None:
     summary = record(path, RUNS[name])
     messages = list(logs.read(path))
     assert rebuilt(messages) == sorted(map(exact, RUNS[name]), key=order)
-    assert summary == Summary(path, len(messages), path.stat().st_size)
+    assert summary == Summary(path, len(messages), path.stat().st_size, True, 0)
 
 
 def test_the_stock_reader_reads_all_and_finds_every_checksum_right(tmp_path: Path) -> None:

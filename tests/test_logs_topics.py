@@ -29,6 +29,10 @@ HASHES = {
     "lifecycle_msgs/msg/TransitionEvent": (
         "d5f8873a2f0146498f812d7885c7327ce27e463d36811d8792f35ee38c0d6c38"
     ),
+    "tf2_msgs/msg/TFMessage": "e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087",
+    "diagnostic_msgs/msg/DiagnosticArray": (
+        "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"
+    ),
     "arduinobot_msgs/msg/SerialFrame": (
         "e10dc74319f4f16354bd8af5e076f71e28e8bc47cace00233f70df11a2488dd1"
     ),
@@ -95,3 +99,13 @@ def test_importing_the_room_loads_nothing_heavy() -> None:
     heavy = "{'numpy', 'mcap', 'rosbags', 'matplotlib', 'zstandard'}"
     code = f"import sys, logs; sys.exit({heavy} & set(sys.modules) or None)"
     subprocess.run([sys.executable, "-c", code], cwd=Path(logs.__file__).parents[1], check=True)
+
+
+def test_the_page_has_the_table() -> None:
+    page = (Path(logs.__file__).parent / "README.md").read_text()
+    rows = [line for line in page.splitlines() if line.startswith("| `/")]
+    assert rows == [
+        f"| `{topic.name.replace('record.', '')}` | `{topic.type}` | {topic.record.__name__} "
+        f"| {topic.why} |"
+        for topic in TOPICS
+    ]

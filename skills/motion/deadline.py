@@ -50,5 +50,7 @@ class Stopwatch:
     def rung(self, name: str) -> Iterator[None]:
         """Time what is done inside."""
         begin = self._clock.now()
-        yield
-        self.milliseconds[name] = 1e3 * (self._clock.now() - begin)
+        try:
+            yield
+        finally:
+            self.milliseconds[name] = 1e3 * (self._clock.now() - begin)

@@ -20,14 +20,20 @@ Every error carries a stable `code`, and its message says what to do next. All o
 between processes with their attributes.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 
 class MotionError(Exception):
-    """Root of everything motion planning raises."""
+    """Root of everything motion planning raises.
+
+    Attributes:
+        milliseconds: What each rung of the ladder took, up to the one that failed [ms].
+    """
 
     code = "plan.error"
+    milliseconds: Mapping[str, float] = MappingProxyType({})
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore, (type(self), self.args, self.__dict__)

@@ -9,7 +9,7 @@ from .contacts import Contacts
 from .curve import Curve
 from .deadline import Deadline, Stopwatch
 from .ends import bounds, check_ends, columns
-from .errors import BadQuery, ModelUnusable, MotionCollides
+from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError
 from .model import Model
 from .path import find
 from .plan import Plan
@@ -66,7 +66,15 @@ class Planner:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
             GoalInCollision, NoPath, PlanTimeout, MotionCollides: The first rung that fails.
         """
-        watch, deadline = Stopwatch(self._clock), Deadline(self._clock, query.timeout)
+        watch = Stopwatch(self._clock)
+        try:
+            return self._climb(query, watch)
+        except MotionError as error:
+            error.milliseconds = watch.milliseconds
+            raise
+
+    def _climb(self, query: Query, watch: Stopwatch) -> Plan:
+        deadline = Deadline(self._clock, query.timeout)
         with watch.rung("ends"):
             start, goal = check_ends(self._robot, self.contacts, query)
         group = self._group(query.group)

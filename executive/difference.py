@@ -1,0 +1,204 @@
+"""The first difference between what was recorded and what is made anew."""
+
+from collections.abc import Iterable, Sequence
+from itertools import takewhile, zip_longest
+
+from hardware import HardwareError, Robot, compile_schedule
+from hardware import Schedule as Compiled
+from logs import NodeStatus, Plan, Record, Result, Schedule, Sent
+from skills.merged import Merged
+from skills.motion import MotionError, Query
+from skills.motion import Plan as Planned
+from skills.motion.planner import Planner
+
+# It can only fail a plan, never change one; a busy machine must not.
+_TIMEOUT = 120.0  # [s]
+# Ends of planning that depend on the day, not on the query.
+_BY_CHANCE = ("plan.canceled", "plan.timeout", "plan.worker_died")
+
+
+def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
+    """Compile every motion of a run again; the first frame that differs, or nothing.
+
+    A motion that was cut passes where what left is a prefix of its schedule, and a hold.
+
+    Args:
+        robot: As it was recorded.
+        story: What was recorded, in its order.
+    """
+    killed = not any(isinstance(record, Result) for record in story)
+    begins = [i for i, record in enumerate(story) if isinstance(record, Schedule)]
+    parts = [story[: begins[0]] if begins else story]
+    parts += [story[i:j] for i, j in zip_longest(begins, begins[1:])]
+    held: bytes | None = None
+    for number, part in enumerate(parts):
+        sent = [record for record in part if isinstance(record, Sent) and record.joints]
+        schedule = part[0] if part and isinstance(part[0], Schedule) else None
+        words = _positions_difference(robot, sent) or _holds_difference(sent, held)
+        if not words and schedule:
+            words = _compiled_difference(robot, schedule)
+            words = words or _sent_difference(schedule, sent, _cut(part) or killed)
+        elif not words and (moved := [each for each in sent if not each.hold]):
+            words = f"{_text(moved[0])} was sent without a schedule"
+        if words:
+            return f"motion {number}: {words}"
+        held = sent[-1].data if sent else held
+    return ""
+
+
+def _cut(part: Sequence[Record]) -> bool:
+    """Whether a motion was cut off, and the recording says so."""
+    for record in part:
+        match record:
+            case Sent(hold=True) | NodeStatus(status="FAILURE") | Result(success=False):
+                return True
+    return False
+
+
+def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
+    codec = robot.wire_format
+    for frame in sent:
+        try:
+            encoded = codec.encode(frame.positions).data
+        except HardwareError as error:
+            return f"{_text(frame)} was sent for what cannot be sent: {error}"
+        if encoded != frame.data:
+            return f"{_text(frame)} was sent for positions that encode to {encoded.decode()}"
+    return ""
+
+
+def _holds_difference(sent: Iterable[Sent], last: bytes | None) -> str:
+    for frame in sent:
+        if frame.hold and last not in (None, frame.data):
+            assert last
+            return f"the hold {_text(frame)} does not repeat {last.decode()}"
+        last = frame.data
+    return ""
+
+
+def _compiled_difference(robot: Robot, recorded: Schedule) -> str:
+    if not recorded.groups:
+        return ""  # frames that were replayed, not planned
+    rows = dict(zip(recorded.sample_times, recorded.samples, strict=True))
+    start = [recorded.start[joint.name] for joint in robot.actuated]
+
+    def sample(times: Sequence[float]) -> list[tuple[float, ...]]:
+        return [rows[time] for time in times]
+
+    try:
+        compiled = compile_schedule(robot, start, sample, recorded.duration)
+    except KeyError as time:
+        return f"compiling looks at the motion at {time} s, which was not looked at then"
+    except HardwareError as error:
+        return f"the recorded motion cannot be compiled: {error}"
+    return _schedules_difference(recorded, compiled)
+
+
+def _schedules_difference(recorded: Schedule, compiled: Compiled) -> str:
+    then = zip(recorded.times, recorded.frames, strict=True)
+    now = ((setpoint.time, str(setpoint.frame)) for setpoint in compiled.setpoints)
+    for number, (a, b) in enumerate(zip_longest(then, now), 1):
+        if a != b:
+            return f"frame {number}: {_at(a)} is recorded as due, {_at(b)} is compiled"
+    return ""
+
+
+def _at(due: tuple[float, str] | None) -> str:
+    return f"{due[1]} at {due[0]:.6f} s" if due else "none"
+
+
+def _sent_difference(schedule: Schedule, sent: Sequence[Sent], cut: bool) -> str:
+    moving = [frame.data.decode("ascii", "backslashreplace") for frame in sent if not frame.hold]
+    before_hold = len(list(takewhile(lambda frame: not frame.hold, sent)))
+    if before_hold < len(moving):
+        return f"{moving[before_hold]} was sent after the hold"
+    for number, (due, left) in enumerate(zip_longest(schedule.frames, moving), 1):
+        if left is None and cut:
+            return ""
+        if due != left:
+            return f"frame {number}: {due or 'none'} was due, {left or 'none'} was sent"
+    return ""
+
+
+def _text(frame: Sent) -> str:
+    return frame.data.decode("ascii", "backslashreplace")
+
+
+def plans_difference(planner: Planner, robot: Robot, story: Sequence[Record]) -> str:
+    """Plan every recorded query again; the first plan or merged motion that differs, or nothing."""
+    made: dict[str, Planned] = {}
+    number = 0
+    for record in story:
+        words = ""
+        if isinstance(record, Plan):
+            number += 1
+            words = _plan_difference(record, _plan(planner, robot, record), made)
+            words = words and f"plan {number} ({record.group}): {words}"
+        elif isinstance(record, Schedule) and record.groups and set(record.groups) <= set(made):
+            words = _merged_difference(robot, record, made)
+        if words:
+            return words
+    return ""
+
+
+def _plan(planner: Planner, robot: Robot, recorded: Plan) -> Planned | MotionError | None:
+    """The answer to a recorded query; None where that answer came by chance."""
+    if recorded.code in _BY_CHANCE:
+        return None
+    start = tuple(recorded.start[joint.name] for joint in robot.actuated)
+    try:
+        return planner.plan(Query(recorded.group, start, recorded.goal, recorded.seed, _TIMEOUT))
+    except MotionError as error:
+        return error
+
+
+def _plan_difference(
+    recorded: Plan, answer: Planned | MotionError | None, made: dict[str, Planned]
+) -> str:
+    if answer is None:
+        return ""
+    if isinstance(answer, MotionError):
+        if answer.code == recorded.code:
+            return ""
+        return f"{recorded.code or 'a motion'} is recorded, now {answer.code}: {answer}"
+    if recorded.code:
+        return f"{recorded.code} is recorded, now there is a motion of {answer.duration:.3f} s"
+    made[recorded.group] = answer
+    return _motions_difference(recorded, answer)
+
+
+def _merged_difference(robot: Robot, recorded: Schedule, made: dict[str, Planned]) -> str:
+    start = [recorded.start[joint.name] for joint in robot.actuated]
+    merged = Merged(robot, start, [made[group] for group in recorded.groups], recorded.together)
+    if merged.duration != recorded.duration:
+        return (
+            f"a motion of {recorded.duration!r} s is recorded, the plans take {merged.duration!r}"
+        )
+    names = [joint.name for joint in robot.actuated]
+    rows = [tuple(row) for row in merged.sample(recorded.sample_times)]
+    return _rows_difference("merged sample", names, recorded.samples, rows)
+
+
+def _motions_difference(recorded: Plan, made: Planned) -> str:
+    waypoints = [tuple(row) for row in made.waypoints.tolist()]
+    if words := _rows_difference("waypoint", recorded.joints, recorded.waypoints, waypoints):
+        return words
+    if recorded.duration != made.duration:
+        return f"duration {recorded.duration!r} s is recorded, now {made.duration!r} s"
+    positions = [tuple(row) for row in made.sample(recorded.times).tolist()]
+    return _rows_difference("sample", recorded.joints, recorded.positions, positions)
+
+
+def _rows_difference(
+    what: str,
+    joints: Sequence[str],
+    then: Sequence[Sequence[float]],
+    now: Sequence[Sequence[float]],
+) -> str:
+    for number, (a, b) in enumerate(zip_longest(then, now), 1):
+        if a is None or b is None:
+            return f"{len(then)} {what}s are recorded, now {len(now)}"
+        for joint, old, new in zip(joints, a, b, strict=True):
+            if old != new:
+                return f"{what} {number}: {joint} = {old!r} rad is recorded, now {new!r} rad"
+    return ""

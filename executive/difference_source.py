@@ -1,0 +1,105 @@
+"""Where a difference may come from: what contradicts itself in a recording, what is new here."""
+
+import json
+from collections.abc import Collection, Iterator, Sequence
+from itertools import chain
+from typing import Any
+
+from hardware import Robot
+from logs import Goal, Plan, Record, Recording
+from trees import KINDS
+
+from .evidence import changed_since
+from .resolved import RESOLVED
+from .versions import versions
+
+# Entries of `versions` that decide about plans.
+PLANNING = ("planner", "numpy", "ompl", "pin", "coal", "toppra", "python", "machine", "system")
+
+_PLANNERS = ("PlanArm", "PlanGripper")
+_CONDITIONS = {kind.condition for kind in KINDS.values()} - {""}
+
+
+def source(
+    recording: Recording, robot: Robot, story: Sequence[Record], entries: Collection[str]
+) -> str:
+    """Where a difference comes from, as far as the recording can tell."""
+    if wrong := contradiction(recording, robot, story):
+        return wrong
+    if new := changes(recording, entries):
+        return f"version: {new}"
+    return "the recording: all versions are the same, so that what it says was changed"
+
+
+def changes(recording: Recording, entries: Collection[str]) -> str:
+    """Which versions are others than when it was recorded."""
+    then, now = recording.notes.get("versions", {}), versions()
+    new = ((name, then.get(name, "unknown"), now[name]) for name in entries)
+    return ", ".join(f"{name} {b} instead of {a}" for name, a, b in new if a != b)
+
+
+def contradiction(recording: Recording, robot: Robot, story: Sequence[Record]) -> str:
+    """The first thing in a recording that contradicts another of it, or nothing."""
+    if changed_since(recording):
+        return "description: the robot's files are others than those it was recorded with"
+    goals = [record for record in story if isinstance(record, Goal)]
+    targets = _targets(recording)
+    for plan in (record for record in story if isinstance(record, Plan)):
+        wrong = _limits(plan, robot) or _seed(plan, goals) or _task(plan, targets)
+        if wrong:
+            return wrong
+    return ""
+
+
+def _limits(plan: Plan, robot: Robot) -> str:
+    joints = robot.leaders(plan.group)
+    kept = zip(joints, plan.velocity_limits, plan.acceleration_limits, strict=True)
+    for joint, velocity, acceleration in kept:
+        if (velocity, acceleration) != (joint.velocity, joint.acceleration):
+            return (
+                f"limits: the plan kept {joint.name} to {velocity:g} rad/s and {acceleration:g} "
+                f"rad/s2, the robot has {joint.velocity:g} and {joint.acceleration:g}"
+            )
+    return ""
+
+
+def _seed(plan: Plan, goals: Sequence[Goal]) -> str:
+    if goals and plan.seed not in {goal.seed for goal in goals}:
+        return f"seed: the goal has {goals[0].seed}, the {plan.group} was planned with {plan.seed}"
+    return ""
+
+
+def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
+    for joint, value in zip(plan.joints, plan.goal, strict=True):
+        if joint in targets and value not in targets[joint]:
+            spelled = ", ".join(f"{target:g}" for target in sorted(targets[joint]))
+            return f"task: it sends {joint} to {spelled}, the plan to {value:g}"
+    return ""
+
+
+def _targets(recording: Recording) -> dict[str, set[float]]:
+    """Every value that the task spells out for a joint; none where it computes any goal."""
+    if RESOLVED not in recording.files:
+        return {}
+    leaves = list(_leaves(json.loads(recording.files[RESOLVED])))
+    goals = {ports["goal"] for skill, ports in leaves if skill in _PLANNERS}
+    targets: dict[str, set[float]] = {}
+    for skill, ports in leaves:
+        if skill in _PLANNERS or not goals & set(map(str, ports.values())):
+            continue
+        spelled = [value for value in ports.values() if isinstance(value, dict)]
+        if skill != "CheckBounds" or len(spelled) < len(ports) - 1:  # all but the goal it writes
+            return {}
+        for joint, value in chain.from_iterable(group.items() for group in spelled):
+            targets.setdefault(joint, set()).add(value)
+    return targets
+
+
+def _leaves(node: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """All skills of a resolved tree, each with its ports."""
+    for name, below in node.items():
+        if name in KINDS or name in _CONDITIONS:
+            for child in below if isinstance(below, list) else [below]:
+                yield from _leaves(child)
+        elif isinstance(below, dict):
+            yield name, below

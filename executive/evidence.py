@@ -1,0 +1,77 @@
+"""The robot of a recording: what is noted of it, and how it is had again."""
+
+import json
+import tempfile
+from dataclasses import asdict, replace
+from functools import cache, lru_cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from hardware import Robot, load_robot
+from logs import Recording, RecordingError
+
+_NOTE = "robot"
+
+
+def robot_note(robot: Robot) -> dict[str, str]:
+    """Which of the attached files describe the robot, and the figures that no file holds."""
+    figures = {name: _plain(value) for name, value in asdict(robot.firmware).items()}
+    return {
+        "file": robot.path.name,
+        "urdf": robot.urdf.name,
+        "sha256": _digest(robot.path.read_bytes(), robot.urdf.read_bytes()),
+        "firmware": json.dumps(figures),
+    }
+
+
+def robot_of(recording: Recording) -> Robot:
+    """The robot as it was recorded.
+
+    Raises:
+        RecordingError: The recording does not hold it.
+        DescriptionError: It holds one that makes no sense.
+    """
+    try:
+        note = recording.notes[_NOTE]
+        files = ((note[key], recording.files[note[key]]) for key in ("file", "urdf"))
+        return _load(tuple(files), note["firmware"])
+    except KeyError as missing:
+        what = f"lacks {missing}, so that its robot is unknown; it was recorded by another armtree"
+        raise RecordingError(recording.path, what) from missing
+
+
+def changed_since(recording: Recording) -> bool:
+    """Whether the robot's files in a recording are others than those it was made with."""
+    note = recording.notes[_NOTE]
+    return note["sha256"] != _digest(*(recording.files[note[key]] for key in ("file", "urdf")))
+
+
+@lru_cache(maxsize=8)
+def _load(files: tuple[tuple[str, bytes], ...], firmware: str) -> Robot:
+    folder = Path(_scratch().name) / _digest(*(data for _, data in files))
+    folder.mkdir(exist_ok=True)
+    for name, data in files:
+        (folder / Path(name).name).write_bytes(data)
+    robot = load_robot(folder / Path(files[0][0]).name)
+    known = asdict(robot.firmware)
+    figures = {
+        name: value.encode("latin-1") if isinstance(known[name], bytes) else value
+        for name, value in json.loads(firmware).items()
+        if name in known
+    }
+    return replace(robot, firmware=replace(robot.firmware, **figures))
+
+
+@cache
+def _scratch() -> "tempfile.TemporaryDirectory[str]":
+    """Where robots' files lie while they are in use; gone when this process ends."""
+    return tempfile.TemporaryDirectory(prefix="armtree-")
+
+
+def _plain(value: Any) -> Any:
+    return value.decode("latin-1") if isinstance(value, bytes) else value
+
+
+def _digest(*files: bytes) -> str:
+    return sha256(b"".join(sha256(data).digest() for data in files)).hexdigest()

@@ -1,0 +1,179 @@
+"""`armtree log`: recordings listed, told, exported, compared, drawn, recovered and kept."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from .codes import DIFFERS, look_up
+from .options import PATH
+
+if TYPE_CHECKING:
+    from logs.story import Overview
+
+_FOLDER = click.argument(
+    "folder", type=PATH, envvar="ARMTREE_RECORDINGS", default=Path("recordings")
+)
+_FILE = click.argument("recording", type=PATH)
+_FILES = click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
+
+
+@click.group()
+def log() -> None:
+    """Look at recordings, and keep them in order."""
+
+
+@log.command()
+@_FOLDER
+def ls(folder: Path) -> None:
+    """List the recordings of a folder."""
+    from logs import LogError
+    from logs.keeping import pinned
+    from logs.story import overview
+
+    for path in sorted(folder.glob("*.mcap")):
+        try:
+            found = overview(path)
+        except LogError as error:
+            click.echo(f"{path.name}  unreadable: {error}")
+            continue
+        marks = ("pinned" if pinned(path) else "", "" if found.complete else "UNFINISHED")
+        task = f"{found.goal.task} {found.goal.name}" if found.goal else "-"
+        spent = f"{found.result.duration:.2f} s" if found.result else "-"
+        row = f"{path.name:<32}{task:<12}{found.outcome:<11}{spent:>9}{found.frames:>6} frames"
+        click.echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
+
+
+@log.command()
+@_FILE
+def info(recording: Path) -> None:
+    """Sum a recording up."""
+    from logs.story import overview
+
+    for name, value in _facts(overview(recording)):
+        click.echo(f"{name:<12}{value}")
+
+
+def _facts(found: "Overview") -> list[tuple[str, str]]:
+    end = "complete" if found.complete else "cut off or damaged: armtree log recover"
+    facts = [("file", f"{found.path}, {found.bytes} bytes, {found.messages} messages, {end}")]
+    if goal := found.goal:
+        facts.append(("goal", f"task {goal.task} {goal.name}, seed {goal.seed}"))
+    facts.append(("outcome", found.outcome))
+    if result := found.result:
+        facts.append(("cause", f"{result.code}: {result.message}"))
+        facts.append(("duration", f"{result.duration:.3f} s"))
+    facts.append(("frames", f"{found.frames}, {found.holds} of them holds"))
+    if late := found.late:
+        middle = late[len(late) // 2] * 1e3
+        facts.append(("lateness", f"{middle:.2f} ms median, {late[-1] * 1e3:.2f} ms at most"))
+    for group, spent in found.planning.items():
+        facts.append(("planning", f"{group} {spent:.1f} ms"))
+    facts.append(("attached", ", ".join(found.files) or "nothing"))
+    versions = found.notes.get("versions", {})
+    facts.append(("versions", ", ".join(f"{name} {is_}" for name, is_ in versions.items())))
+    return facts
+
+
+@log.command()
+@_FILE
+@click.option("--all", "everything", is_flag=True, help="Every frame and received byte too.")
+def show(recording: Path, everything: bool) -> None:
+    """Tell a run as a story, in seconds since its goal."""
+    from logs.story import story
+
+    for time, words in story(recording, everything):
+        click.echo(f"{time:+10.3f}  {words}")
+
+
+@log.command()
+@_FILE
+@click.option("-o", "--output", type=PATH, default=Path(), help="Folder for the CSV files.")
+def export(recording: Path, output: Path) -> None:
+    """Write commanded joints and frames to CSV."""
+    from logs.table import export as write
+
+    for path in write(recording, output):
+        click.echo(path)
+
+
+@log.command()
+@click.argument("one", type=PATH)
+@click.argument("other", type=PATH)
+@click.option("-o", "--output", type=PATH, help="PNG file with the joints over each other.")
+def diff(one: Path, other: Path, output: Path | None) -> None:
+    """Compare two runs; exit status 12 where their frames differ."""
+    from logs.comparison import compare
+
+    both = compare(one, other)
+    click.echo(both.first or f"all {len(both.runs[0].frames)} frames are the same")
+    for joint, (distance, time) in both.joints.items():
+        click.echo(f"{joint:<12}{distance:.4f} rad apart at most, at {time:.3f} s")
+    if output:
+        from logs.overlay import draw_over
+
+        draw_over(both, output)
+        click.echo(output)
+    sys.exit(look_up(DIFFERS).exit if both.first else 0)
+
+
+@log.command()
+@_FILES
+@click.option("-o", "--output", type=PATH, help="PNG file; default: beside the recording.")
+def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
+    """Draw recordings to PNG files."""
+    from logs.plot import plot as draw
+
+    if output and len(recordings) > 1:
+        raise click.UsageError("--output goes with one recording")
+    for recording in recordings:
+        target = output or recording.with_suffix(".png")
+        draw(recording, target)
+        click.echo(target)
+
+
+@log.command()
+@_FILES
+def recover(recordings: tuple[Path, ...]) -> None:
+    """Make recordings whole that a crash cut off; exit status 10 where something was lost."""
+    from logs import recover as mend
+
+    lost = False
+    for recording in recordings:
+        made = mend(recording)
+        if made is None:
+            click.echo(f"{recording}: is complete, nothing to do")
+            continue
+        click.echo(made.in_words())
+        lost = lost or not made.whole
+    sys.exit(look_up("log.incomplete").exit if lost else 0)
+
+
+@log.command()
+@_FILES
+@click.option("--off", is_flag=True, help="Let it go again.")
+def pin(recordings: tuple[Path, ...], off: bool) -> None:
+    """Keep recordings for good: prune leaves what is write-protected."""
+    from logs.keeping import pin as keep
+
+    for recording in recordings:
+        keep(recording, not off)
+        click.echo(f"{recording}: {'not pinned' if off else 'pinned'}")
+
+
+@log.command()
+@_FOLDER
+@click.option("--days", type=click.FloatRange(0), help="Delete what is older.")
+@click.option("--mb", type=click.FloatRange(0), help="Delete the oldest beyond so many megabytes.")
+def prune(folder: Path, days: float | None, mb: float | None) -> None:
+    """Delete old recordings, never a pinned or an unfinished one."""
+    from hardware import RealClock
+    from logs.keeping import Rule
+    from logs.keeping import prune as make_room
+
+    if days is None and mb is None:
+        raise click.UsageError("give --days, --mb or both")
+    clock = RealClock()
+    for path in make_room(folder, Rule(days, mb), clock.epoch_ns() / 1e9 + clock.now()):
+        click.echo(f"{path}: deleted")

@@ -1,0 +1,64 @@
+"""A line to the board on which no frame overtakes its recording."""
+
+from hardware import Link, LinkError
+
+from .recordings import Recordings
+
+# A disk that takes longer is a fault: what is not recorded must not go on moving.
+MOST_BEHIND = 0.05  # [s]
+
+
+class RecordingBehind(LinkError):
+    """The frame before is not recorded yet, so the next one was not sent."""
+
+    code = "log.behind"
+
+    def __init__(self, port: str) -> None:
+        super().__init__(
+            port,
+            f"The recording is more than {MOST_BEHIND * 1000:.0f} ms behind, so that nothing more "
+            f"was sent to {port}. Record to a faster disk, or let other programs use it less",
+        )
+
+
+class RecordedLink:
+    """A link that sends a frame only when all before it are on their way to the disk.
+
+    Args:
+        link: The line to the board.
+        recordings: Where what is sent on it is told.
+    """
+
+    def __init__(self, link: Link, recordings: Recordings) -> None:
+        self._link, self._recordings = link, recordings
+        self._last = b""
+
+    @property
+    def port(self) -> str:
+        """What a person calls it."""
+        return self._link.port
+
+    def open(self) -> None:
+        """Open it."""
+        self._link.open()
+
+    def write(self, data: bytes) -> None:
+        """Send bytes.
+
+        Raises:
+            RecordingBehind: What was sent before is not recorded.
+            LinkError: As the link's own.
+        """
+        # A stop repeats the frame before, which commands nothing new: it never waits for a disk.
+        if data != self._last and not self._recordings.caught_up(MOST_BEHIND):
+            raise RecordingBehind(self.port)
+        self._link.write(data)
+        self._last = data
+
+    def read(self) -> bytes:
+        """Wait for bytes."""
+        return self._link.read()
+
+    def close(self) -> None:
+        """Close it."""
+        self._link.close()

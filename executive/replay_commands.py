@@ -1,0 +1,110 @@
+"""`armtree replay`: a recording proved, watched, or sent once more."""
+
+import os
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .codes import DIFFERS, look_up
+from .options import PATH
+
+
+@click.command()
+@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
+@click.option("--verify", is_flag=True, help="Compile and plan it again; folders may be given too.")
+@click.option("--watch", is_flag=True, help="Show it as it was shown, without an arm.")
+@click.option("--on", "port", metavar="PORT", help="Send its frames again: a port, or virtual.")
+@click.option("--speed", type=click.FloatRange(0, min_open=True), default=1.0, show_default=True)
+@click.option("--at", type=float, metavar="SECONDS", help="With --watch: show this moment only.")
+@click.option(
+    "--jobs", type=click.IntRange(1), help="With --verify: processes; default: all cores."
+)
+@click.option("--robot", type=PATH, envvar="ARMTREE_ROBOT", help="With --on: robot file.")
+@click.option(
+    "--recordings",
+    "folder",
+    type=PATH,
+    envvar="ARMTREE_RECORDINGS",
+    default=Path("recordings"),
+    show_default=True,
+    help="With --on: folder for the recording of the replay.",
+)
+@click.option("--json", is_flag=True, help="Print one JSON object per event, or per recording.")
+def replay(recordings: tuple[Path, ...], **options: Any) -> None:
+    """Prove a recording (--verify), watch it (--watch), or send its frames again (--on PORT)."""
+    chosen = [bool(options["verify"]), bool(options["watch"]), options["port"] is not None]
+    if sum(chosen) != 1:
+        raise click.UsageError("give one of --verify, --watch and --on PORT")
+    if options["verify"]:
+        _verify(recordings, options["jobs"], options["json"])
+        return
+    if len(recordings) > 1:
+        raise click.UsageError("--watch and --on go with one recording")
+    if options["watch"]:
+        from .watching import watch
+
+        watch(recordings[0], options["speed"], options["at"], _view(options["json"]))
+        return
+    _send(recordings[0], **options)
+
+
+def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
+    from .proof import prove_all
+    from .proof_words import in_json, in_words
+
+    paths = [path for each in given for path in files_of(each)]
+    worst = done = 0
+    for proof in prove_all(paths, jobs or os.cpu_count() or 1):
+        click.echo(in_json(proof) if as_json else in_words(proof))
+        code = proof.code or ("" if proof.holds else DIFFERS)
+        worst = worst or (look_up(code).exit if code else 0)
+        done += proof.holds
+    if not as_json and len(paths) > 1:
+        click.echo(f"{done} of {len(paths)} recordings hold")
+    sys.exit(worst)
+
+
+def files_of(path: Path) -> list[Path]:
+    """A recording, or all recordings of a folder.
+
+    Raises:
+        click.UsageError: The folder has none.
+    """
+    if not path.is_dir():
+        return [path]
+    if found := sorted(path.glob("*.mcap")):
+        return found
+    raise click.UsageError(f"{path}: there are no recordings here")
+
+
+def _view(as_json: bool) -> Any:
+    from .wiring import view_for
+
+    verbose = click.get_current_context().find_root().params["verbose"]
+    return view_for(as_json, verbose)
+
+
+def _send(recording: Path, **options: Any) -> None:
+    from .sending import send
+
+    if options["speed"] > 1:
+        what = "the motion was timed to the limits of the joints; at most 1, or faster with --watch"
+        raise click.UsageError(f"--speed {options['speed']:g}: {what}")
+    verbose = click.get_current_context().find_root().params["verbose"]
+    outcomes = send(
+        recording,
+        port=options["port"],
+        speed=options["speed"],
+        robot=options["robot"],
+        recordings=options["folder"],
+        json=options["json"],
+        verbose=verbose,
+        skills=None,
+        settings=(),
+        seed=1,
+        workers=1,
+    )
+    sys.exit(look_up(outcomes[-1].code).exit)

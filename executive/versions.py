@@ -1,0 +1,44 @@
+"""What a plan depends on beside its query: libraries, and our own code."""
+
+import hashlib
+import platform
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import hardware
+import skills.motion
+
+_PLANNING = ("numpy", "ompl", "pin", "coal", "toppra")
+_SCHEDULING = ("frames.py", "pace.py", "schedule.py")
+
+
+def versions() -> dict[str, str]:
+    """Versions by name; of our own code, digests of the files that decide about plans and frames.
+
+    Two armtrees with equal entries give equal plans and frames for equal queries.
+    """
+    ours = {"armtree": _version("armtree"), "planner": _digest(_folder(skills.motion), "*.py")}
+    folder = _folder(hardware)
+    ours["frames"] = _digest(folder, *_SCHEDULING)
+    libraries = {name: _version(name) for name in _PLANNING}
+    machine = {"python": platform.python_version(), "machine": platform.machine()}
+    return {**ours, **libraries, **machine, "system": sys.platform}
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "none"
+
+
+def _folder(room: object) -> Path:
+    return Path(str(getattr(room, "__file__", ""))).parent
+
+
+def _digest(folder: Path, *patterns: str) -> str:
+    digest = hashlib.sha256()
+    for path in sorted(path for pattern in patterns for path in folder.glob(pattern)):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:12]

@@ -1,0 +1,98 @@
+"""Two runs side by side."""
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from itertools import zip_longest
+from pathlib import Path
+
+from .recording import Recording
+from .records import Sent
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a run commanded; times are since its first frame [s].
+
+    Attributes:
+        path: The recording.
+        joints: Names, (J,).
+        times: (N,).
+        positions: [rad], (N, J).
+        frames: As text, holds included, (N,).
+    """
+
+    path: Path
+    joints: tuple[str, ...]
+    times: tuple[float, ...]
+    positions: tuple[tuple[float, ...], ...]
+    frames: tuple[str, ...]
+
+    def at(self, joint: str, time: float) -> float:
+        """Where a joint was at a time [rad], on a straight line from frame to frame."""
+        column, place = self.joints.index(joint), bisect_right(self.times, time)
+        if place in (0, len(self.times)):
+            return self.positions[max(0, place - 1)][column]
+        before, after = self.times[place - 1], self.times[place]
+        share = (time - before) / (after - before)
+        a, b = self.positions[place - 1][column], self.positions[place][column]
+        return a + share * (b - a)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """How two runs differ.
+
+    Attributes:
+        runs: Both.
+        first: The first frame that differs, as words; empty where all are the same.
+        joints: By joint, the largest distance [rad] and when [s].
+    """
+
+    runs: tuple[Run, Run]
+    first: str
+    joints: dict[str, tuple[float, float]]
+
+
+def compare(one: Path, other: Path) -> Comparison:
+    """Lays two runs over each other, from the first frame of each.
+
+    Raises:
+        RecordingError: One of them cannot be read.
+    """
+    a, b = run_of(one), run_of(other)
+    common = [joint for joint in a.joints if joint in b.joints]
+    times = sorted({*a.times, *b.times})
+    joints = {}
+    for joint in common if a.times and b.times else ():
+        apart = [(abs(a.at(joint, t) - b.at(joint, t)), -t) for t in times]
+        distance, time = max(apart)
+        joints[joint] = distance, -time
+    return Comparison((a, b), _first(a, b), joints)
+
+
+def run_of(path: Path) -> Run:
+    """Reads what a run commanded.
+
+    Raises:
+        RecordingError: It cannot be read.
+    """
+    sent = [
+        record
+        for record in Recording(path).records(Sent)
+        if isinstance(record, Sent) and record.joints
+    ]
+    zero = sent[0].time if sent else 0.0
+    return Run(
+        path,
+        sent[0].joints if sent else (),
+        tuple(frame.time - zero for frame in sent),
+        tuple(frame.positions for frame in sent),
+        tuple(frame.data.decode("ascii", "backslashreplace") for frame in sent),
+    )
+
+
+def _first(a: Run, b: Run) -> str:
+    for number, (one, other) in enumerate(zip_longest(a.frames, b.frames), 1):
+        if one != other:
+            return f"frame {number}: {one or 'none'} | {other or 'none'}"
+    return ""

@@ -1,0 +1,41 @@
+"""Drawing two runs over each other."""
+
+from math import degrees
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from .comparison import Comparison
+
+_LOOKS = (("#0072B2", "-", 2.2), ("#D55E00", "--", 1.1))
+
+
+def draw_over(both: Comparison, output: Path) -> None:
+    """Draws every joint of two runs to a PNG.
+
+    Raises:
+        OSError: The PNG cannot be written.
+    """
+    joints = list(both.joints)
+    rows = max(1, len(joints))
+    figure = Figure(figsize=(7.16, 0.8 + 1.3 * rows), dpi=300, layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
+    for joint, panel in zip(joints, panels, strict=False):
+        for run, (colour, line, width) in zip(both.runs, _LOOKS, strict=True):
+            column = run.joints.index(joint)
+            angles = [degrees(row[column]) for row in run.positions]
+            panel.step(
+                run.times, angles, line, where="post", color=colour, linewidth=width,
+                label=run.path.name,
+            )  # fmt: skip
+        panel.set_ylabel(f"{joint}\ncommanded [°]", fontsize=8)
+        panel.tick_params(labelsize=7)
+        panel.spines[["top", "right"]].set_visible(False)
+    panels[-1].set_xlabel("time since the first frame [s]", fontsize=8)
+    if joints:
+        panels[0].legend(
+            fontsize=7, frameon=False, loc="lower left", bbox_to_anchor=(0, 1), ncols=2
+        )
+    figure.savefig(output, format="png")

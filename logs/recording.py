@@ -1,0 +1,163 @@
+"""A recording as the records it was made of."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from .errors import RecordingError, RecordingTruncated
+from .reader import Message, read
+from .records import (
+    Feedback,
+    Goal,
+    LogLine,
+    NodeStatus,
+    Plan,
+    Received,
+    Record,
+    Result,
+    Schedule,
+    Sent,
+    Transition,
+)
+from .salvage import Salvage
+
+# What is recorded whole, as JSON.
+_WHOLE: dict[str, type[Any]] = {
+    "/goal": Goal,
+    "/result": Result,
+    "/progress": Feedback,
+    "/tree": NodeStatus,
+    "/schedule": Schedule,
+}
+_PLAN = "/plan/"
+
+
+class Recording:
+    """A file that can be read as often as one likes, lazily.
+
+    Args:
+        path: The file, a finished recording or a journal.
+
+    Attributes:
+        path: The same.
+        epoch_ns: UTC at the zero of the records' clock [ns].
+        files: What is attached, by name.
+        notes: Named facts, such as the versions of libraries, by what they are about.
+        complete: Whether the file has its end and no damage.
+        messages: How many valid messages it holds.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Looks at the whole file once.
+
+        Raises:
+            RecordingError: There is no such file, or it is no recording of armtree.
+        """
+        self.path = path
+        self.files: dict[str, bytes] = {}
+        self.notes: dict[str, dict[str, str]] = {}
+        self.messages = 0
+        salvage = Salvage(path)
+        for record in salvage:
+            kind = type(record).__name__
+            if kind == "Message":
+                self.messages += 1
+            elif kind == "Attachment":
+                self.files[record.name] = record.data
+            elif kind == "Metadata":
+                self.notes[record.name] = dict(record.metadata)
+        self.complete = salvage.intact
+        try:
+            self.epoch_ns = int(self.notes["armtree"]["epoch_ns"])
+        except (KeyError, ValueError) as cause:
+            raise RecordingError(path, "was not recorded by armtree, or lacks its head") from cause
+
+    def records(self, *kinds: type) -> Iterator[Record]:
+        """Gives what was recorded, in the order of the file, up to where it is damaged.
+
+        Args:
+            kinds: Only these types of records; all if none is named.
+
+        Raises:
+            RecordingError: A record cannot be decoded.
+        """
+        wanted = _wanted(kinds)
+        sent: list[Message] = []
+        try:
+            for message in filter(wanted, read(self.path)):
+                if message.topic in _SENT:
+                    sent.append(message)
+                    if message.topic == _SENT[-1]:
+                        yield _sent(*sent)
+                        sent = []
+                else:
+                    yield self._record(message)
+        except RecordingTruncated:
+            return
+
+    def _record(self, message: Message) -> Record:
+        topic = message.topic
+        kind = Plan if topic.startswith(_PLAN) else _WHOLE.get(topic)
+        if kind:
+            return _whole(kind, message)
+        time, data = (message.time_ns - self.epoch_ns) / 1e9, message.data
+        match topic:
+            case "/serial/rx":
+                return Received(time, bytes(data.data))
+            case "/rosout":
+                return LogLine(time, data.level, data.name, data.msg)
+            case _:
+                labels = data.transition.label, data.start_state.label, data.goal_state.label
+                return Transition(time, *labels)
+
+
+# What one frame becomes, in the order of the file.
+_SENT = ("/serial/tx", "/serial/timing", "/joint_states")
+_TOPICS: dict[type, tuple[str, ...]] = {
+    **{kind: (topic,) for topic, kind in _WHOLE.items()},
+    Received: ("/serial/rx",),
+    LogLine: ("/rosout",),
+    Transition: ("/lifecycle",),
+    Sent: _SENT,
+    Plan: (),
+}
+
+
+def _wanted(kinds: tuple[type, ...]) -> Callable[[Message], bool]:
+    """Which messages the records of these kinds are made from."""
+    names = {topic for kind in kinds or _TOPICS for topic in _TOPICS[kind]}
+    plans = not kinds or Plan in kinds
+    return lambda message: message.topic in names or (plans and _is_plan(message.topic))
+
+
+def _is_plan(topic: str) -> bool:
+    return topic.startswith(_PLAN) and topic.count("/") == 2
+
+
+def _whole(kind: type[Any], message: Message) -> Record:
+    given = message.fields()
+    names = {field.name for field in fields(kind)}
+    known = {name: _frozen(value) for name, value in given.items() if name in names}
+    if missing := sorted(names - known.keys()):
+        what = f"what {message.topic} says lacks {', '.join(missing)}; another armtree recorded it"
+        raise RecordingError(message.path, what)
+    record: Record = kind(**known)
+    return record
+
+
+def _frozen(value: Any) -> Any:
+    """JSON knows lists only."""
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+
+
+def _sent(frame: Message, timing: Message, joints: Message) -> Sent:
+    facts, state = timing.fields(), joints.data
+    return Sent(
+        facts["time"],
+        bytes(frame.data.data),
+        facts["scheduled"],
+        facts["hold"],
+        tuple(state.name),
+        tuple(state.position.tolist()),
+    )

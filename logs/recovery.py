@@ -1,0 +1,77 @@
+"""What a crash left behind, made whole again."""
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+from .compaction import UNFINISHED, compact, locked, part_of
+from .errors import LogError, RecordingInUse
+from .salvage import Salvage
+from .summary import Summary
+
+_HEAD = 64  # the profile and the name of the library end before that [bytes]
+_FOOTER_OPCODE, _FOOTER_CONTENT = 0x02, 20
+_FOOTER = struct.Struct(f"<BQ{_FOOTER_CONTENT}s8s")  # and the magic behind it
+
+
+def recover(recording: Path) -> Summary | None:
+    """Makes a recording of what is valid in a journal that was left, or in a damaged recording.
+
+    Returns:
+        What was made, and by how much the end was torn; None for a recording that is complete.
+
+    Raises:
+        RecordingInUse: It is still being written.
+        RecordingError: It cannot be read.
+        OSError: The disk failed or is full; the file is unchanged.
+    """
+    return None if complete(recording, every_byte=True) else compact(recording)
+
+
+def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
+    """Recovers every recording of a folder that was left unfinished, and removes stray parts.
+
+    Quick where there is nothing to do: of each file only its end is looked at. What is still being
+    written is left alone.
+
+    Yields:
+        What was recovered, or why it could not be.
+    """
+    for path in sorted(folder.glob("*.mcap")):
+        try:
+            with locked(path):
+                part_of(path).unlink(missing_ok=True)
+            if not complete(path, every_byte=False):
+                yield compact(path)
+        except RecordingInUse:
+            continue
+        except (LogError, OSError) as error:
+            yield error
+
+
+def complete(path: Path, every_byte: bool) -> bool:
+    """Whether a file is a finished recording, chunked and indexed.
+
+    Args:
+        path: Which.
+        every_byte: Whether to look for damage everywhere, not at its end alone.
+
+    Raises:
+        RecordingError: There is no such file, or it never was an MCAP file.
+    """
+    salvage = Salvage(path)
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD)
+        stream.seek(max(0, size - _FOOTER.size))
+        footer = stream.read()
+    if UNFINISHED.encode() in head or len(footer) < _FOOTER.size:
+        return False
+    opcode, length, _, magic = _FOOTER.unpack(footer)
+    if (opcode, length, magic) != (_FOOTER_OPCODE, _FOOTER_CONTENT, head[: len(magic)]):
+        return False
+    if every_byte:
+        for _ in salvage:
+            pass
+        return salvage.intact
+    return True

@@ -1,0 +1,151 @@
+"""A recording told: in figures, and as a story."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from .recording import Recording
+from .records import (
+    Description,
+    Feedback,
+    Goal,
+    LogLine,
+    NodeStatus,
+    Plan,
+    Received,
+    Record,
+    Result,
+    Schedule,
+    Sent,
+    Transition,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Overview:
+    """What a recording amounts to.
+
+    Attributes:
+        path: The file.
+        bytes: Its size [bytes].
+        messages: How many messages it holds.
+        complete: Whether it has its end and no damage.
+        goal: None where none was recorded.
+        result: None where none was recorded.
+        frames: How many frames left, holds included.
+        holds: How many of them were holds.
+        late: Lateness of every frame that was due [s], ascending.
+        planning: What planning each group took, last plan [ms].
+        notes: Named facts, such as the versions of libraries.
+        files: Names of what is attached.
+    """
+
+    path: Path
+    bytes: int
+    messages: int
+    complete: bool
+    goal: Goal | None
+    result: Result | None
+    frames: int
+    holds: int
+    late: tuple[float, ...]
+    planning: dict[str, float]
+    notes: dict[str, dict[str, str]]
+    files: tuple[str, ...]
+
+    @property
+    def outcome(self) -> str:
+        """The goal's last state, or that the end of the run is missing."""
+        return self.result.state if self.result else "NO END"
+
+
+def overview(path: Path) -> Overview:
+    """Sums a recording up.
+
+    Raises:
+        RecordingError: It cannot be read.
+    """
+    recording = Recording(path)
+    goal: Goal | None = None
+    result: Result | None = None
+    late, frames, holds, planning = [], 0, 0, {}
+    for record in recording.records(Goal, Result, Sent, Plan):
+        match record:
+            case Goal():
+                goal = record
+            case Result():
+                result = record
+            case Plan():
+                planning[record.group] = sum(record.milliseconds.values())
+            case Sent():
+                frames += bool(record.joints)
+                holds += record.hold
+                if record.scheduled is not None:
+                    late.append(record.time - record.scheduled)
+    return Overview(
+        path,
+        path.stat().st_size,
+        recording.messages,
+        recording.complete,
+        goal,
+        result,
+        frames,
+        holds,
+        tuple(sorted(late)),
+        planning,
+        recording.notes,
+        tuple(recording.files),
+    )
+
+
+def story(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
+    """What happened, line by line, with the time since the goal [s].
+
+    Args:
+        path: The recording.
+        everything: Whether every frame, received byte and step of progress is told too.
+
+    Raises:
+        RecordingError: It cannot be read.
+    """
+    recording = Recording(path)
+    first = next(recording.records(Goal), None) or next(recording.records(), None)
+    for record in recording.records():
+        if everything or not isinstance(record, Sent | Received | Feedback):
+            assert first
+            yield record.time - first.time, in_words(record)
+
+
+def in_words(record: Record) -> str:  # noqa: C901, a table of words
+    """One record as a line."""
+    match record:
+        case Description():
+            return f"robot: {len(record.urdf)} characters of URDF"
+        case Goal():
+            return f"goal: task {record.task} {record.name}, seed {record.seed}"
+        case Result():
+            return f"result: {record.state} ({record.code}) {record.message}"
+        case Transition():
+            return f"arm: {record.start} -> {record.goal} ({record.label})"
+        case NodeStatus():
+            return f"tree: {record.path} {record.status} {record.message}".rstrip()
+        case Plan(code=""):
+            spent = sum(record.milliseconds.values())
+            return f"plan: {record.group}, {record.duration:.2f} s of motion in {spent:.1f} ms"
+        case Plan():
+            return f"no plan: {record.group}, {record.message}"
+        case Schedule():
+            return f"schedule: {len(record.frames)} frames, {record.firmware}"
+        case Sent() if not record.joints:
+            return f"setting: {record.data.decode('ascii', 'backslashreplace')}"
+        case Sent(scheduled=None):
+            return f"hold: {record.data.decode('ascii', 'backslashreplace')}"
+        case Sent():
+            late = (record.time - (record.scheduled or 0.0)) * 1e3
+            return f"sent: {record.data.decode('ascii', 'backslashreplace')} {late:.1f} ms late"
+        case Received():
+            return f"received: {record.data!r}"
+        case Feedback():
+            return f"progress: {record.percentage} % {record.phase} {record.node}"
+        case LogLine():
+            return f"log: {record.logger}: {record.message}"

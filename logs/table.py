@@ -1,0 +1,88 @@
+"""A topic of a recording as a table: columns of NumPy arrays, or CSV."""
+
+import csv
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .reader import Message, read
+from .recording import Recording
+from .records import Sent
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_PLAIN = (bool, int, float, str)
+
+
+def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
+    """The messages of a topic, a column per field, as `pandas.DataFrame` takes it.
+
+    Joint states have a column per joint [rad]. Fields that are not plain are left out.
+
+    Args:
+        path: The recording.
+        topic: Such as `/joint_states`.
+
+    Returns:
+        Arrays of one length, `time_ns` (UTC since 1970) first.
+
+    Raises:
+        RecordingError: The recording cannot be read.
+        RecordingTruncated: It is not complete.
+    """
+    import numpy as np
+
+    rows = [{"time_ns": m.time_ns, **_row(m)} for m in read(Path(path), {topic})]
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: np.array([row.get(name) for row in rows]) for name in names}
+
+
+def _row(message: Message) -> dict[str, Any]:
+    data = message.data
+    if message.type == "sensor_msgs/msg/JointState":
+        return dict(zip(data.name, data.position.tolist(), strict=True))
+    if message.type == "std_msgs/msg/String":
+        values = message.fields()
+    else:
+        values = {field.name: getattr(data, field.name) for field in fields(data)}
+    return {name: value for name, value in values.items() if isinstance(value, _PLAIN)}
+
+
+def export(path: Path, folder: Path) -> tuple[Path, Path]:
+    """Writes what was commanded to CSV; times are since the first frame [s].
+
+    Args:
+        path: The recording.
+        folder: Where `NAME.joints.csv` and `NAME.frames.csv` are written.
+
+    Raises:
+        RecordingError: The recording cannot be read.
+        OSError: The files cannot be written.
+    """
+    joints, frames = (folder / f"{path.stem}.{what}.csv" for what in ("joints", "frames"))
+    sent = (
+        record
+        for record in Recording(path).records(Sent)
+        if isinstance(record, Sent) and record.joints
+    )
+    with joints.open("w", newline="") as one, frames.open("w", newline="") as two:
+        positions, lines = csv.writer(one), csv.writer(two)
+        lines.writerow(["time_s", "scheduled_s", "late_ms", "hold", "frame"])
+        zero: float | None = None
+        for frame in sent:
+            if zero is None:
+                zero = frame.time
+                positions.writerow(["time_s", *(f"{name}_rad" for name in frame.joints)])
+            positions.writerow([f"{frame.time - zero:.9f}", *map(repr, frame.positions)])
+            lines.writerow(_line(frame, zero))
+    return joints, frames
+
+
+def _line(frame: Sent, zero: float) -> list[str]:
+    text = frame.data.decode("ascii", "backslashreplace")
+    if frame.scheduled is None:
+        return [f"{frame.time - zero:.9f}", "", "", "yes", text]
+    late = 1e3 * (frame.time - frame.scheduled)
+    due = f"{frame.scheduled - zero:.9f}"
+    return [f"{frame.time - zero:.9f}", due, f"{late:.3f}", "no", text]

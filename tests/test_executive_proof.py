@@ -1,0 +1,176 @@
+"""Recordings verified: runs that end in any way hold, and a change is found with its source."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+
+import logs
+from executive.proof import Proof, prove, prove_all
+from executive.proof_words import in_words
+from logs.compaction import _Copy
+from tests.conftest import Rig, RigMaker
+from tests.test_executive_executive import reach
+
+Change = Callable[[Any], None]
+
+
+def altered(path: Path, change: Change) -> Path:
+    """A whole and valid copy of a recording, with some of its records changed."""
+    copy = path.with_suffix(".altered.mcap")
+    with path.open("rb") as source, copy.open("wb") as target:
+        writer = Writer(target, enable_data_crcs=True)
+        records = list(StreamReader(source).records)
+        for record in records:
+            change(record)
+        _Copy(writer).all(records)  # type: ignore[arg-type]
+        writer.finish()  # type: ignore[no-untyped-call]
+    return copy
+
+
+def replace(kind: str, old: bytes, new: bytes) -> Change:
+    """Replaces the first such bytes that any record of a kind has."""
+    done = False
+
+    def change(record: Any) -> None:
+        nonlocal done
+        if not done and type(record).__name__ == kind and old in record.data:
+            record.data, done = record.data.replace(old, new, 1), True
+
+    return change
+
+
+def picked(rig: Rig) -> Path:
+    (outcome,) = rig.run(1)
+    assert outcome.success
+    return Path(outcome.recording)
+
+
+def verdicts(proof: Proof) -> list[bool]:
+    return [verdict.holds for verdict in proof.verdicts]
+
+
+def test_a_run_of_several_tasks_holds(rig: RigMaker) -> None:
+    for outcome in rig().run(0, 1, 2, 0):
+        proof = prove(Path(outcome.recording))
+        assert proof.holds, in_words(proof)
+        assert proof.motion > 1.0
+
+
+def test_a_canceled_run_holds_with_its_hold_frame(rig: RigMaker) -> None:
+    arm = rig()
+    arm.on_record = lambda record: (
+        arm.soon(arm.executive.cancel)
+        if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 4
+        else None
+    )
+    (outcome,) = arm.run(1)
+    proof = prove(Path(outcome.recording))
+    assert outcome.state.name == "CANCELED"
+    assert any(record.hold for record in arm.told(logs.Sent))
+    assert proof.holds, in_words(proof)
+
+
+def test_a_run_that_was_refused_or_found_no_plan_holds(rig: RigMaker, tmp_path: Path) -> None:
+    tasks = tmp_path / "tasks"
+    tasks.mkdir()
+    reach(tasks, 8, (0.0, -1.5, -1.2))
+    for number, code in ((8, "plan.goal_in_collision"), (99, "goal.unknown_task")):
+        (outcome,) = rig(tasks).run(number)
+        proof = prove(Path(outcome.recording))
+        assert outcome.code == code
+        assert proof.holds, in_words(proof)
+
+
+@pytest.mark.parametrize(
+    ("kind", "old", "new", "held", "words"),
+    [
+        ("Message", b"b089,", b"b088,", [False, True], "frame 1: b088"),  # in /schedule
+        ("Message", b'"seed":1', b'"seed":2', [True, False], "seed: the goal has 2"),
+        ("Attachment", b"velocity = 1.0", b"velocity = 1.1", [True, False], "description: "),
+        ("Attachment", b'"joint_1": -1.4', b'"joint_1": -1.3', [True, False], "task: it sends"),
+        ("Message", b'"goal":[-1.4', b'"goal":[-1.3', [True, False], "task: it sends"),
+        ("Message", b'"velocity_limits":[1.0', b'"velocity_limits":[1.1', [True, False], "limits"),
+    ],
+)
+def test_every_change_is_found_with_its_source(
+    rig: RigMaker, kind: str, old: bytes, new: bytes, held: list[bool], words: str
+) -> None:
+    proof = prove(altered(picked(rig()), replace(kind, old, new)))
+    assert verdicts(proof) == held
+    assert words in in_words(proof)
+
+
+def test_one_byte_of_one_frame_that_was_sent(rig: RigMaker) -> None:
+    channels = {}
+
+    def change(record: Any) -> None:
+        kind = type(record).__name__
+        if kind == "Channel":
+            channels[record.id] = record.topic
+        elif kind == "Message" and channels[record.channel_id] == "/serial/tx":
+            record.data = record.data.replace(b"b080,", b"b081,", 1)
+
+    proof = prove(altered(picked(rig()), change))
+    assert verdicts(proof) == [False, True]
+    assert "b081," in in_words(proof)
+
+
+def test_a_frame_that_is_missing(rig: RigMaker) -> None:
+    seen = 0
+    channels = {}
+
+    def change(record: Any) -> None:
+        nonlocal seen
+        kind = type(record).__name__
+        if kind == "Channel":
+            channels[record.id] = record.topic
+        elif kind == "Message" and channels[record.channel_id].startswith(("/serial", "/joint")):
+            seen += 1
+            if seen > 3 * 20:  # the rest was never sent, though the run says that it succeeded
+                record.channel_id = next(i for i, t in channels.items() if t == "/rosout")
+
+    path = altered(picked(rig()), change)
+    with pytest.raises(logs.RecordingError):
+        list(logs.Recording(path).records(logs.LogLine))
+    proof = prove(path)
+    assert verdicts(proof) == [False, True]
+    assert "frame 21" in in_words(proof)
+    assert "none was sent" in in_words(proof)
+
+
+def test_new_versions_are_told_apart(rig: RigMaker) -> None:
+    def change(record: Any) -> None:
+        if type(record).__name__ == "Metadata" and record.name == "versions":
+            record.metadata = {**record.metadata, "ompl": "1.9.9"}
+
+    path = altered(picked(rig()), change)
+    proof = prove(path)
+    assert proof.holds
+    assert "also with ompl" in proof.verdicts[1].words
+    other = altered(path, replace("Message", b'"waypoints":[[0.0', b'"waypoints":[[0.1'))
+    proof = prove(other)
+    assert verdicts(proof) == [True, False]
+    assert "instead of 1.9.9" in proof.verdicts[1].source
+    assert "waypoint 1: joint_1 = 0.1 rad is recorded, now 0.0 rad" in proof.verdicts[1].words
+
+
+def test_a_cut_file_is_judged_as_far_as_it_goes_and_does_not_hold(rig: RigMaker) -> None:
+    path = picked(rig())
+    path.write_bytes(path.read_bytes()[:-100])
+    proof = prove(path)
+    assert not proof.holds
+    assert verdicts(proof) == [True, True]
+    assert proof.code == "log.truncated"
+
+
+def test_many_are_verified_in_their_order(rig: RigMaker, tmp_path: Path) -> None:
+    paths = [Path(outcome.recording) for outcome in rig().run(0, 1, 2)]
+    paths.insert(1, tmp_path / "nope.mcap")
+    proofs = list(prove_all(paths, 2))
+    assert [proof.path for proof in proofs] == paths
+    assert [proof.holds for proof in proofs] == [True, False, True, True]
+    assert proofs[1].code == "log.unreadable"

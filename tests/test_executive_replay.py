@@ -1,0 +1,199 @@
+"""Recordings used by a person: proved, sent again, watched, listed, compared, mended."""
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+import logs
+from executive.recorded_link import RecordedLink, RecordingBehind
+from executive.watching import Player
+from tests.conftest import RigMaker
+from tests.test_end_to_end import events, finish, sent_frames, start
+from tests.test_end_to_end import robot as quick
+
+__all__ = ["quick"]
+
+
+@pytest.fixture
+def picked(tmp_path: Path, rig: RigMaker) -> Path:
+    """A recording of task 1."""
+    (outcome,) = rig().run(1)
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    return Path(outcome.recording).rename(folder / "pick.mcap")
+
+
+def test_verify_holds_and_says_what_it_compared(tmp_path: Path, picked: Path) -> None:
+    status, out, err = finish(tmp_path, "replay", str(picked.parent), "--verify")
+    assert (status, err) == (0, "")
+    assert "plan -> frames  holds    31 frames of 1 schedule" in out
+    status, out, _ = finish(tmp_path, "replay", str(picked), "--verify", "--json")
+    assert json.loads(out)["holds"] is True
+
+
+def test_verify_of_what_is_no_recording_is_3(tmp_path: Path, picked: Path) -> None:
+    (picked.parent / "z.mcap").write_text("no recording")
+    status, out, _ = finish(tmp_path, "replay", str(picked.parent), "--verify")
+    assert status == 3
+    assert "is not an MCAP file" in out
+    assert "1 of 2 recordings hold" in out
+
+
+def test_the_same_frames_are_sent_again_as_a_run_of_its_own(
+    tmp_path: Path, picked: Path, quick: Path
+) -> None:
+    again = tmp_path / "again"
+    slower = ["--on", "virtual", "--recordings", str(again), "--json"]
+    status, out, err = finish(tmp_path, "replay", str(picked), *slower)
+    assert (status, err) == (0, "")
+    made = Path(events(out)[-1]["recording"])
+    assert made.parent == again
+    assert sent_frames(made) == sent_frames(picked)
+    assert finish(tmp_path, "replay", str(made), "--verify")[0] == 0
+    assert finish(tmp_path, "log", "diff", str(picked), str(made))[0] == 0
+
+
+def test_a_replay_is_stopped_as_any_run(tmp_path: Path, picked: Path) -> None:
+    arguments = ["replay", str(picked), "--on", "virtual", "--recordings", str(tmp_path), "--json"]
+    with start(tmp_path, *arguments) as process:
+        assert process.stdout
+        told = []
+        for line in process.stdout:
+            told.append(json.loads(line))
+            moved = sum(event["event"] == "sent" for event in told)
+            if moved == 5 and told[-1]["event"] == "sent":
+                process.send_signal(signal.SIGINT)
+    assert process.returncode == 7
+    assert [event["hold"] for event in told if event["event"] == "sent"].count(True) == 1
+    assert finish(tmp_path, "replay", told[-1]["recording"], "--verify")[0] == 0
+
+
+def test_frames_that_mean_something_else_on_this_arm_are_refused(
+    tmp_path: Path, picked: Path, quick: Path
+) -> None:
+    quick.write_text(quick.read_text().replace("span_deg = 180", "span_deg = 200", 1))
+    arguments = ["replay", str(picked), "--on", "virtual", "--robot", str(quick), "--json"]
+    status, out, _ = finish(tmp_path, *arguments)
+    assert status == 4
+    assert "is another frame on this arm" in events(out)[-1]["message"]
+    assert not [event for event in events(out) if event["event"] == "sent"]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["--verify", "--watch"], ["--on", "virtual", "--speed", "2"], ["--speed", "0"]],
+)
+def test_wrong_usage_is_2(tmp_path: Path, picked: Path, arguments: list[str]) -> None:
+    assert finish(tmp_path, "replay", str(picked), *arguments)[0] == 2
+
+
+def test_watching_shows_what_the_run_showed(tmp_path: Path, picked: Path) -> None:
+    status, out, err = finish(tmp_path, "replay", str(picked), "--watch", "--speed", "100")
+    assert (status, err) == (0, "")
+    assert out.splitlines()[0] == "task 1 pick"
+    assert "Execute      success  31 of 31 frames" in out
+    assert "task 1 SUCCEEDED" in out
+    status, out, _ = finish(tmp_path, "replay", str(picked), "--watch", "--at", "0", "--json")
+    told = [event["event"] for event in events(out)]
+    assert told[0] == "goal"  # and what happened in the same instant of simulated time
+    assert set(told) <= {"goal", "lifecycle", "log"}
+
+
+class Seen:
+    """A view that only notes."""
+
+    def __init__(self) -> None:
+        self.told: list[logs.Record] = []
+
+    def watch(self, record: logs.Record) -> None:
+        self.told.append(record)
+
+    def report(self, outcome: object) -> None:
+        """Nothing."""
+
+
+def test_scrubbing_back_begins_anew(picked: Path) -> None:
+    seen = Seen()
+    player = Player(logs.Recording(picked), seen, 1.0)  # type: ignore[arg-type]
+    player.show_until(3.0)
+    first = list(seen.told)
+    seen.told.clear()
+    player.show_until(1.0)
+    assert 0 < len(seen.told) < len(first)
+    player.show_until(3.0)
+    assert seen.told == first
+    player.show_until(1e9)
+    assert player.over
+    assert isinstance(seen.told[-1], logs.Transition | logs.Result | logs.LogLine)
+
+
+def test_logs_are_listed_told_exported(tmp_path: Path, picked: Path) -> None:
+    folder = str(picked.parent)
+    assert "1 pick" in finish(tmp_path, "log", "ls", folder)[1]
+    assert "task 1 pick, seed 1" in finish(tmp_path, "log", "info", str(picked))[1]
+    story = finish(tmp_path, "log", "show", str(picked))[1].splitlines()
+    assert story[0].split() == ["+0.000", "goal:", "task", "1", "pick,", "seed", "1"]
+    _, out, _ = finish(tmp_path, "log", "export", str(picked), "-o", folder)
+    joints, frames = (Path(line).read_text().splitlines() for line in out.splitlines())
+    assert joints[0] == "time_s,joint_1_rad,joint_2_rad,joint_3_rad,joint_4_rad"
+    assert frames[-1].endswith('no,"b009,s125,e085,g000,"')
+    assert len(joints) == len(frames) == 32
+
+
+def test_three_lines_to_a_table(picked: Path) -> None:
+    joints = logs.table(picked, "/joint_states")
+    assert list(joints) == ["time_ns", "joint_1", "joint_2", "joint_3", "joint_4"]
+    assert joints["joint_1"][-1] == pytest.approx(-1.4, abs=0.01)
+    assert (joints["time_ns"][1:] > joints["time_ns"][:-1]).all()
+
+
+def test_a_killed_run_is_mended_by_the_next_and_by_hand(tmp_path: Path, quick: Path) -> None:
+    for mend in (["run", "0", "--robot", str(quick)], ["log", "recover"]):
+        with start(tmp_path, "run", "1", "--robot", str(quick), "--json") as process:
+            assert process.stdout
+            heard = 0
+            for line in process.stdout:
+                heard += json.loads(line)["event"] == "sent"
+                if heard == 3:
+                    process.kill()
+        (left,) = tmp_path.glob("*-1.mcap")
+        given = [*mend, str(left)] if mend[0] == "log" else mend
+        status, out, _ = finish(tmp_path, *given)
+        assert status == (10 if mend[0] == "log" else 0)
+        assert "the end of the run is missing" in out
+        assert len(sent_frames(left)) >= 2  # at most the frame in flight is lost
+        assert finish(tmp_path, "replay", str(left), "--verify")[0] == 0
+        left.unlink()
+
+
+def test_pinned_recordings_outlive_the_rule(tmp_path: Path, picked: Path) -> None:
+    folder = str(picked.parent)
+    os.utime(picked, (0, 0))
+    assert finish(tmp_path, "log", "pin", str(picked))[0] == 0
+    assert "pinned" in finish(tmp_path, "log", "ls", folder)[1]
+    assert finish(tmp_path, "log", "prune", folder, "--days", "1")[1] == ""
+    assert finish(tmp_path, "log", "pin", "--off", str(picked))[0] == 0
+    assert "deleted" in finish(tmp_path, "log", "prune", folder, "--days", "1")[1]
+    assert not picked.exists()
+
+
+class Slow:
+    """Recordings whose disk does not keep up."""
+
+    def caught_up(self, timeout: float) -> bool:
+        return False
+
+
+def test_no_frame_overtakes_its_recording_but_a_hold_always_goes(rig: RigMaker) -> None:
+    arm = rig()
+    link = RecordedLink(arm.link, Slow())  # type: ignore[arg-type]
+    with arm.clock.working():
+        link.open()
+        with pytest.raises(RecordingBehind, match="more than 50 ms behind"):
+            link.write(b"b090,s090,e090,g000,")
+        link._last = b"b090,s090,e090,g000,"
+        link.write(b"b090,s090,e090,g000,")
+        link.close()

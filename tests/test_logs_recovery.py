@@ -1,0 +1,139 @@
+"""What a crash leaves is made whole, what is being written is left alone, what is old goes."""
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+import logs
+from logs import DiskFull, Recorder, RecordingInUse, compact, recover, recover_all
+from logs.keeping import Rule, pin, pinned, prune
+from logs.tail import Tail
+from tests.test_logs_compaction import run_journal
+from tests.test_logs_recorder import sent
+from tests.test_logs_run import EPOCH_NS, RUNS, fail, record
+
+NOW = 2_000_000_000.0
+DAY = 86400.0
+
+
+def test_a_journal_that_was_cut_is_recovered_and_the_loss_counted(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run_journal(path, finish=False)
+    path.write_bytes(path.read_bytes() + b"\x05\x99torn")
+    made = recover(path)
+    assert made is not None
+    assert (made.whole, made.torn) == (False, 6)
+    assert "6 torn bytes were dropped" in made.in_words()
+    with path.open("rb") as stream:
+        assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages())
+    assert recover(path) is None
+
+
+def test_a_closed_journal_that_was_never_compacted_is_too(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run_journal(path)
+    (made,) = recover_all(tmp_path)
+    assert isinstance(made, logs.Summary)
+    assert (made.whole, made.torn) == (True, 0)
+    assert list(recover_all(tmp_path)) == []
+
+
+def test_damage_in_the_middle_is_found_by_hand(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3] ^= 1
+    path.write_bytes(data)
+    assert list(recover_all(tmp_path)) == []  # at start-up only the ends are looked at
+    made = recover(path)
+    assert made is not None
+    assert made.torn > 0
+
+
+def test_stray_parts_go_and_other_files_stay(tmp_path: Path) -> None:
+    record(tmp_path / "run.mcap", RUNS["refused"])
+    (tmp_path / "run.mcap.part").write_bytes(b"half")
+    (tmp_path / "note.txt").write_text("mine")
+    (tmp_path / "odd.mcap").write_text("no recording")
+    (error,) = recover_all(tmp_path)
+    assert isinstance(error, logs.RecordingError)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["note.txt", "odd.mcap", "run.mcap"]
+
+
+def test_what_is_being_written_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with Recorder(path, EPOCH_NS, fail) as recorder:
+        recorder.put(sent(1))
+        assert recorder.caught_up(5.0)
+        code = f"import logs, pathlib; print(*logs.recover_all(pathlib.Path({str(tmp_path)!r})))"
+        command = [sys.executable, "-c", code]
+        root = Path(logs.__file__).parents[1]
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == ""
+        with pytest.raises(RecordingInUse, match="being written by another armtree"):
+            compact(path)
+        assert list(prune(tmp_path, Rule(0.0, 0.0), NOW)) == []
+    assert recover(path) is None
+
+
+def test_a_frame_that_is_not_recorded_yet_is_told(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "run.mcap", EPOCH_NS, fail) as recorder:
+        assert recorder.caught_up(0.0)
+        blocked = threading.Event()
+        recorder._queue.put(blocked)  # what comes behind it waits for the thread
+        recorder.put(sent(1))
+        assert recorder.caught_up(5.0)
+
+
+def test_a_full_disk_leaves_room_for_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "x"
+    with path.open("xb") as stream:
+        tail = Tail(stream)
+        refused = iter([OSError(28, "No space left on device")])
+
+        def write(handle: int, data: bytes) -> int:
+            for error in refused:
+                raise error
+            return real(handle, data)
+
+        real, os.write = os.write, write  # type: ignore[assignment]
+        try:
+            tail.write(b"the end")
+            tail.flush()
+        finally:
+            os.write = real
+        assert tail.full
+        assert path.read_bytes() == b"the end"
+    assert "its end was still recorded" in str(DiskFull(path))
+
+
+def aged(folder: Path, name: str, days: float) -> Path:
+    path = folder / f"{name}.mcap"
+    record(path, RUNS["refused"])
+    os.utime(path, (NOW - days * DAY, NOW - days * DAY))
+    return path
+
+
+def test_old_recordings_go_but_never_a_pinned_or_unfinished_one(tmp_path: Path) -> None:
+    old, kept = aged(tmp_path, "old", 9), aged(tmp_path, "kept", 99)
+    aged(tmp_path, "new", 1)
+    pin(kept, True)
+    run_journal(tmp_path / "unfinished.mcap")
+    os.utime(tmp_path / "unfinished.mcap", (0, 0))
+    assert list(prune(tmp_path, Rule(None, None), NOW)) == []
+    assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [old]
+    assert sorted(path.stem for path in tmp_path.iterdir()) == ["kept", "new", "unfinished"]
+    assert pinned(kept)
+    pin(kept, False)
+    assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [kept]
+
+
+def test_the_oldest_go_until_the_rest_fits(tmp_path: Path) -> None:
+    paths = [aged(tmp_path, str(days), days) for days in (5, 4, 3, 2)]
+    size = paths[0].stat().st_size
+    assert list(prune(tmp_path, Rule(None, 2.5 * size / 1e6), NOW)) == paths[:2]
