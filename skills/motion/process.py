@@ -15,10 +15,12 @@ from hardware import Robot
 
 from .errors import MotionError, PlanTimeout, WorkerDied
 from .plan import Plan
-from .query import Query, Verify
+from .query import Carry, Query, Reached, ToolQuery, Verify
+from .world import Body
 
-Request = Query | Verify
-Result = Plan | None | MotionError
+Request = Query | Verify | ToolQuery | Carry
+Answer = Plan | Reached | Body | None
+Result = Answer | MotionError
 
 # What reading a damaged answer raises; anything else is a bug of ours and should be seen.
 _NONSENSE = (
@@ -86,7 +88,7 @@ class WorkerProcess:
         if answer is _LATE:
             self.kill()
             return PlanTimeout(request.timeout)
-        if answer is None or isinstance(answer, Plan | MotionError):
+        if answer is None or isinstance(answer, Plan | Reached | Body | MotionError):
             return answer
         return self._nonsense(f"{type(answer).__name__} instead of a plan")
 

@@ -15,7 +15,12 @@ _SIDES = 8  # of the prism around a cylinder: the fewer, the quicker every check
 def corners(shape: pin.GeometryObject) -> Array:
     """Points whose convex hull contains a shape, in the frame of its joint (P, 3) [m]."""
     geometry = shape.geometry
-    points = _prism(geometry) if isinstance(geometry, coal.Cylinder) else _box(geometry)
+    if isinstance(geometry, coal.Cylinder):
+        points = _prism(geometry)
+    elif isinstance(geometry, coal.BVHModelBase):
+        points = np.asarray(geometry.vertices())
+    else:
+        points = _box(geometry)
     placed: Array = points @ shape.placement.rotation.T + shape.placement.translation
     return placed
 
