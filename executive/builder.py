@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, get_args, get_origin
 
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
@@ -300,6 +300,8 @@ def _with_floats(plain: Any, kind: Any) -> Any:
         fitted = {name: _with_floats(q, float) for name, q in plain.items()}
         if all(isinstance(q, float) for q in fitted.values()):
             return Positions(fitted)
+    if get_origin(kind) is list and isinstance(plain, list):
+        return [_with_floats(each, get_args(kind)[0]) for each in plain]
     return plain
 
 
@@ -309,6 +311,9 @@ _KINDS = {
     int: "a whole number",
     bool: "true or false",
     str: "a text",
+    list[float]: "a list of numbers",
+    list[str]: "a list of texts",
+    list[Positions]: "a list of mappings from joint names to numbers",
 }
 
 

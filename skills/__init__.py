@@ -1,18 +1,26 @@
 """What the arm can do: the leaves that task files name."""
 
-from .base import Context, Planned, Scheduled, Skill, SkillEvent
+from .base import Context, Planned, Scene, Scheduled, Skill, SkillEvent
 from .bounds import CheckBounds, check_targets
 from .errors import BadTarget, Interrupted, OutOfBounds, SkillError, StartMoved
 from .execute import Execute
 from .plan_group import PlanArm, PlanGripper
-from .positions import Positions
+from .positions import Positions, three
+from .scene import AddBox, AddCylinder, AddMesh, AddSphere, Attach, Detach, RemoveBody
 from .start import SetStart
 from .succeed import Succeed
+from .target import ReachPoint, Relative
 
 __all__ = [
+    "AddBox",
+    "AddCylinder",
+    "AddMesh",
+    "AddSphere",
+    "Attach",
     "BadTarget",
     "CheckBounds",
     "Context",
+    "Detach",
     "Execute",
     "Interrupted",
     "OutOfBounds",
@@ -20,6 +28,10 @@ __all__ = [
     "PlanGripper",
     "Planned",
     "Positions",
+    "ReachPoint",
+    "Relative",
+    "RemoveBody",
+    "Scene",
     "Scheduled",
     "SetStart",
     "Skill",
@@ -28,4 +40,5 @@ __all__ = [
     "StartMoved",
     "Succeed",
     "check_targets",
+    "three",
 ]

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from py_trees.common import Status
@@ -11,7 +11,7 @@ from py_trees.ports import BehaviourWithPorts
 from hardware import Arm, HardwareError, Robot, Schedule
 
 from .errors import SkillError
-from .motion import MotionError, Plan, Pool, Query
+from .motion import EMPTY, MotionError, Plan, Pool, Query, World
 
 logger = logging.getLogger(__name__)
 
@@ -43,6 +43,17 @@ class Scheduled:
 SkillEvent = Planned | Scheduled
 
 
+@dataclass(slots=True)
+class Scene:
+    """What is around the arm now.
+
+    Attributes:
+        world: Its bodies; replaced by skills, on the thread that ticks.
+    """
+
+    world: World = EMPTY
+
+
 @dataclass(frozen=True, slots=True)
 class Context:
     """What a skill works with.
@@ -55,6 +66,7 @@ class Context:
         timeout: How long a planner may take [s].
         wake: Asks for a tick; may be called from any thread.
         tell: Hands an event to whoever records.
+        scene: What stands around the arm, and what it holds.
     """
 
     robot: Robot
@@ -64,6 +76,7 @@ class Context:
     timeout: float
     wake: Callable[[], None]
     tell: Callable[[SkillEvent], None]
+    scene: Scene = field(default_factory=Scene)
 
 
 class Skill(BehaviourWithPorts):

@@ -66,7 +66,8 @@ class Execute(Skill):
         self._schedule = compile_schedule(context.robot, start, merged.sample, merged.duration)
         context.tell(Scheduled(self._schedule))
         times, rows = played(context.robot, start, self._schedule)
-        self._pending = Pending(context, Verify(rows, PLAYED_MARGIN, times))
+        request = Verify(rows, PLAYED_MARGIN, times, context.timeout, context.scene.world)
+        self._pending = Pending(context, request)
         return Status.RUNNING
 
     def on_running(self) -> Status:

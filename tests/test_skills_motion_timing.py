@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+import toppra
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from toppra.constraint import LinearConstraint
 
 from skills.motion.curve import Curve
 from skills.motion.profile import Profile
 from skills.motion.timing import timed
-from skills.motion.toppra_timing import fastest
+from skills.motion.topp_ra import fastest, squares
 
 Array = NDArray[np.float64]
 
@@ -59,6 +61,70 @@ def test_straight_is_toppras_optimum(
     assert ours.duration <= 1.00001 * theirs.duration
     assert theirs.duration <= 1.001 * ours.duration
     assert excess(curve, ours, *limits) <= 1e-9
+
+
+class _Path:
+    """What toppra wants to know of a path when the constraint knows the rest."""
+
+    def __init__(self, curve: Curve, grid: Array) -> None:
+        self.dof = curve.base.shape[1]
+        self.path_interval = np.array([grid[0], grid[-1]])
+
+
+class _Limits(LinearConstraint):  # type: ignore[misc]
+    """Velocity limits at the grid points, acceleration limits at both ends of every interval."""
+
+    def __init__(self, curve: Curve, velocity: Array, acceleration: Array) -> None:
+        super().__init__()
+        self._curve, self._velocity, self._acceleration = curve, velocity, acceleration
+        self.dof = len(velocity)
+        self.identical = True
+
+    def compute_constraint_params(self, _: _Path, grid: Array) -> tuple[Array | None, ...]:
+        """In toppra's names: a u + b x + c = v, F v <= g, and bounds on u and x."""
+        lower, upper, bends = self._curve.intervals(grid)
+        ahead = upper + 2.0 * np.diff(grid)[:, None] * bends
+        a, b = np.hstack((lower, ahead)), np.hstack((bends, bends))
+        a, b = np.vstack((a, a[-1:])), np.vstack((b, b[-1:]))
+        both = np.concatenate((self._acceleration, self._acceleration))
+        signs = np.vstack((np.eye(len(both)), -np.eye(len(both))))
+        steepest = np.vstack((abs(lower), np.zeros_like(lower[:1])))
+        steepest[1:] = np.maximum(steepest[1:], abs(upper))
+        fastest = np.min(self._velocity / np.maximum(steepest, 1e-9), axis=1) ** 2
+        bounds = np.column_stack((np.zeros(len(grid)), fastest))
+        return a, b, np.zeros_like(a), signs, np.concatenate((both, both)), None, bounds
+
+
+@given(
+    seed=st.integers(0, 10**6),
+    count=st.integers(2, 6),
+    joints=st.integers(1, 7),
+    rounding=st.floats(0.05, 1.0),
+)
+@settings(max_examples=60, deadline=None)
+def test_our_topp_ra_is_that_of_its_authors(
+    seed: int, count: int, joints: int, rounding: float
+) -> None:
+    """Their package, on the same grid with the same constraints, finds the same speeds."""
+    random = np.random.default_rng(seed)
+    waypoints = random.uniform(-1.5, 1.5, (count, joints))
+    velocity, acceleration = random.uniform(0.3, 2.0, (2, joints))
+    lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
+    curve = Curve.through(waypoints, 0.5 * rounding * np.minimum(lengths[:-1], lengths[1:]))
+    grid = np.unique(np.concatenate([np.linspace(0.0, curve.length, 50), curve.breaks]))
+    solver = toppra.algorithm.TOPPRA(
+        [_Limits(curve, velocity, acceleration)],
+        _Path(curve, grid),
+        gridpoints=grid,
+        solver_wrapper="seidel",
+    )
+    _, speeds, _ = solver.compute_parameterization(0.0, 0.0)
+    assume(speeds is not None)  # theirs gives up now and then
+    ours = np.sqrt(squares(curve, grid, velocity, acceleration))
+    assert np.allclose(ours, speeds, rtol=1e-3, atol=1e-3 * speeds.max())
+    steps = 2.0 * np.diff(grid)
+    times = [(steps / (each[1:] + each[:-1])).sum() for each in (ours, speeds)]
+    assert times[0] <= 1.0005 * times[1]
 
 
 @given(

@@ -7,7 +7,6 @@ from hardware import Clock, RealClock, Robot
 
 from .carry import carried
 from .contacts import Contacts
-from .curve import Curve
 from .deadline import Deadline, Stopwatch
 from .ends import bounds, check_ends, columns, finite
 from .errors import BadQuery, ModelUnusable, MotionCollides
@@ -94,7 +93,11 @@ class Planner:
         )
         waypoints, curve = find(space, group.search, stations, query.seed, watch)
         with watch.rung("time"):
-            curve, profile = _timed(waypoints, curve, group)
+            profile = (
+                timed(curve, group.velocity, group.acceleration)
+                if curve.length
+                else Profile.still()
+            )
         plan = Plan(
             group=query.group,
             joints=group.joints,
@@ -205,18 +208,6 @@ class _Group:
         self.velocity = np.array([joint.velocity for joint in joints])
         self.acceleration = np.array([joint.acceleration for joint in joints])
         self.search = Search(*bounds(robot, name))
-
-
-def _timed(waypoints: Array, curve: Curve, group: _Group) -> tuple[Curve, Profile]:
-    """The curve and its time law; with a stop at every waypoint where bends cannot be timed."""
-    if not curve.length:
-        return curve, Profile.still()
-    profile = timed(curve, group.velocity, group.acceleration)
-    if profile is None:
-        curve = Curve.through(waypoints, np.zeros(len(waypoints) - 2))
-        profile = timed(curve, group.velocity, group.acceleration)
-    assert profile
-    return curve, profile
 
 
 def _check_limits(robot: Robot) -> None:

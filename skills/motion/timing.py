@@ -7,38 +7,29 @@ from numpy.typing import NDArray
 
 from .curve import Curve
 from .profile import Profile
+from .topp_ra import fastest
 
 Array = NDArray[np.float64]
 
 
-def timed(curve: Curve, velocity: Array, acceleration: Array) -> Profile | None:
+def timed(curve: Curve, velocity: Array, acceleration: Array) -> Profile:
     """The time law of a curve, at rest at both ends and at its stops.
 
     Args:
         curve: Of length > 0.
         velocity: Limits (J,) [rad/s].
         acceleration: Limits (J,) [rad/s2].
-
-    Returns:
-        The time law; None where the solver fails on a bend, as it never does on lines.
     """
     whole = Profile.still()
     for begin, end in pairwise([0.0, *curve.stops, curve.length]):
-        part = _section(curve, begin, end, velocity, acceleration)
-        if part is None:
-            return None
-        whole = whole.then(part)
+        whole = whole.then(_section(curve, begin, end, velocity, acceleration))
     return whole
 
 
-def _section(
-    curve: Curve, begin: float, end: float, velocity: Array, limits: Array
-) -> Profile | None:
+def _section(curve: Curve, begin: float, end: float, velocity: Array, limits: Array) -> Profile:
     """Between two stops: in closed form where it is one line, by TOPP-RA where it is not."""
     inside = curve.breaks[(curve.breaks > begin) & (curve.breaks < end)]
     if len(inside):
-        from .toppra_timing import fastest  # 0.7 s, which straight moves save
-
         return fastest(curve, np.array([begin, *inside, end]), velocity, limits)
     slope = abs(curve.slopes(np.array([0.5 * (begin + end)]))[0])
     return trapezoid(begin, end, *_along(slope, velocity, limits))

@@ -5,16 +5,23 @@ reachability analysis", IEEE Transactions on Robotics 34 (2018). With x = (ds/dt
 u = d2s/dt2 a joint's acceleration is q' u + q'' x. The grid holds every break of the curve and u is
 constant between two points of it; there q' and x are linear in s and q'' is constant, so the
 acceleration is linear in s: keeping the limit at both ends of an interval, both with that
-interval's own q'', keeps it all along. (toppra's own constraints take q'' from the next interval
-at the upper end, which breaks the limit wherever q'' jumps, and its spline parametrizer breaks it
-anywhere.) The speed q' sqrt(x) may rise a little above its ends between them, and the solver
-rounds; what is left of that is taken out by slowing the whole motion.
+interval's own q'', keeps it all along. The speed q' sqrt(x) may rise a little above its ends
+between them; that is taken out by slowing the whole motion.
+
+Written out here, not taken from the authors' package, which a test holds this equal to: its
+constraints and its parametrizers break limits wherever q'' jumps, its import alone takes 0.7 s, and
+with limits that are symmetric the two linear programs of every interval have closed forms. For a
+row |alpha u + beta x| <= limit let A = limit / |alpha| and r = beta / alpha; then
+
+    -A - r x  <=  u  <=  A - r x             for every row,
+    0  <=  x + 2 step u  <=  K               K being the largest x at the next point,
+
+so a larger x is bounded by every pair of a lower and an upper bound of u, whatever K, and by
+x (1 - 2 step r) <= K + 2 step A; and u = 0, x = 0 is always allowed, so that a way always exists.
 """
 
 import numpy as np
-import toppra
 from numpy.typing import NDArray
-from toppra.constraint import LinearConstraint
 
 from .curve import Curve
 from .profile import Profile
@@ -23,11 +30,10 @@ Array = NDArray[np.float64]
 
 _POINTS = 60  # grid intervals in a section, about
 _LEAST = 6  # in any piece of it
-_FASTEST = 1e3  # the solver wants a finite bound on ds/dt [1/s]
 
 
-def fastest(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -> Profile | None:
-    """The quickest time law between two stops of a curve; None where the solver fails.
+def fastest(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -> Profile:
+    """The quickest time law between two stops of a curve.
 
     Args:
         curve: The path.
@@ -36,16 +42,64 @@ def fastest(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -
         acceleration: Limits (J,) [rad/s2].
     """
     grid = _grid(curve, breaks, velocity, acceleration)
-    limits = _Limits(curve, velocity, acceleration)
-    solver = toppra.algorithm.TOPPRA(
-        [limits], _Path(curve, grid), gridpoints=grid, solver_wrapper="seidel"
-    )
-    _, speeds, _ = solver.compute_parameterization(0.0, 0.0)
-    if speeds is None or not np.all(speeds[1:] + speeds[:-1] > 0.0):
-        return None
+    speeds = np.sqrt(squares(curve, grid, velocity, acceleration))
     profile = _profile(grid, speeds)
     fast, hard = _speed(curve, profile, velocity), _push(curve, profile, acceleration)
     return profile.stretched(max(1.0, fast, float(np.sqrt(hard))))
+
+
+def squares(curve: Curve, grid: Array, velocity: Array, acceleration: Array) -> Array:
+    """Largest (ds/dt)^2 at each point of a grid, from rest to rest (K + 1,) [1/s2]."""
+    lower, upper, bends = curve.intervals(grid)
+    double = 2.0 * np.diff(grid)[:, None]
+    alpha = np.hstack((lower, upper + double * bends))  # at the upper end x is x + 2 step u
+    beta, limit = np.hstack((bends, bends)), np.concatenate((acceleration, acceleration))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        wide = np.where(alpha == 0.0, np.inf, limit / abs(alpha))
+        rate = np.where(alpha == 0.0, 0.0, beta / alpha)
+        still = np.min(np.where(alpha == 0.0, limit / abs(beta), np.inf), axis=1)
+        top = _fastest(lower, upper, velocity)
+        top[:-1] = np.minimum(top[:-1], np.minimum(still, _crossing(wide, rate, 1.0 / double)))
+        kept = 1.0 - double * rate
+        reach = double * wide
+        offset = np.where(kept > 0.0, reach / kept, np.inf)
+        factor = np.where(kept > 0.0, 1.0 / kept, 0.0)
+    return _there_and_back(top, offset, factor, reach, kept)
+
+
+def _crossing(wide: Array, rate: Array, brake: Array) -> Array:
+    """Largest x at which a lower bound of u meets an upper one, by interval (K,)."""
+    low, low_rate = (np.hstack((wide, 0.0 * brake)), np.hstack((rate, brake)))
+    apart = rate[:, None, :] - low_rate[:, :, None]
+    meets = (low[:, :, None] + wide[:, None, :]) / apart
+    crossing: Array = np.min(np.where(apart > 0.0, meets, np.inf), axis=(1, 2))
+    return crossing
+
+
+def _there_and_back(top: Array, offset: Array, factor: Array, reach: Array, kept: Array) -> Array:
+    """What can still stop in time, from the end; then the largest of that, from the start."""
+    x, last = top.tolist(), len(offset)
+    # In plain floats: of so few rows each, numpy takes five times as long.
+    back, ahead = (
+        list(zip(p.tolist(), q.tolist(), strict=True)) for p, q in ((offset, factor), (reach, kept))
+    )
+    x[last] = 0.0
+    for i in range(last - 1, -1, -1):
+        k = x[i + 1]
+        x[i] = min(x[i], *[p + q * k for p, q in zip(*back[i], strict=True)])
+    x[0] = 0.0
+    for i in range(last):
+        k = x[i]
+        x[i + 1] = max(0.0, min(x[i + 1], *[p + q * k for p, q in zip(*ahead[i], strict=True)]))
+    return np.array(x)
+
+
+def _fastest(lower: Array, upper: Array, velocity: Array) -> Array:
+    """Largest x by the speeds at each point, from the intervals on both sides (K + 1,)."""
+    steepest = np.vstack((abs(lower), np.zeros_like(lower[:1])))
+    steepest[1:] = np.maximum(steepest[1:], abs(upper))
+    speeds: Array = np.min(velocity / steepest, axis=1) ** 2
+    return speeds
 
 
 def _grid(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -> Array:
@@ -104,41 +158,3 @@ def _speed(curve: Curve, profile: Profile, velocity: Array) -> float:
         for u in (0.0 * steps, np.clip(turn, 0.0, steps), steps)
     ]
     return float(np.max(speeds))
-
-
-class _Path:
-    """What toppra wants to know of a path when the constraint knows the rest."""
-
-    def __init__(self, curve: Curve, grid: Array) -> None:
-        self.dof = curve.base.shape[1]
-        self.path_interval = np.array([grid[0], grid[-1]])
-
-
-class _Limits(LinearConstraint):  # type: ignore[misc]
-    """Velocity limits at the grid points, acceleration limits at both ends of every interval."""
-
-    def __init__(self, curve: Curve, velocity: Array, acceleration: Array) -> None:
-        super().__init__()
-        self._curve, self._velocity, self._acceleration = curve, velocity, acceleration
-        self.dof = len(velocity)
-        self.identical = True
-
-    def compute_constraint_params(self, _: _Path, grid: Array) -> tuple[Array | None, ...]:
-        """In toppra's names: a u + b x + c = v, F v <= g, and bounds on u and x."""
-        lower, upper, bends = self._curve.intervals(grid)
-        ahead = upper + 2.0 * np.diff(grid)[:, None] * bends  # of u, with x there x + 2 step u
-        a, b = np.hstack((lower, ahead)), np.hstack((bends, bends))
-        a, b = np.vstack((a, a[-1:])), np.vstack((b, b[-1:]))  # no interval begins at the last
-        both = np.concatenate((self._acceleration, self._acceleration))
-        signs = np.vstack((np.eye(len(both)), -np.eye(len(both))))
-        bounds = np.column_stack((np.zeros(len(grid)), self._fastest(lower, upper)))
-        return a, b, np.zeros_like(a), signs, np.concatenate((both, both)), None, bounds
-
-    def _fastest(self, lower: Array, upper: Array) -> Array:
-        """Largest x at each point of the grid, from the intervals on both sides (K + 1,)."""
-        steepest = np.vstack((abs(lower), np.zeros_like(lower[:1])))
-        steepest[1:] = np.maximum(steepest[1:], abs(upper))
-        with np.errstate(divide="ignore", over="ignore"):  # a joint that stands limits nothing
-            speeds = np.min(self._velocity / steepest, axis=1)
-        squares: Array = np.minimum(speeds, _FASTEST) ** 2
-        return squares
