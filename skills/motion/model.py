@@ -67,9 +67,13 @@ class Model:
             for shape in geometry.geometryObjects:
                 shape.geometry.computeLocalAABB()  # coal guesses from it where two shapes face
         self._places = [self._place(name) for name in self.joints]
+        # Whether pinocchio's coordinates are the configuration itself.
+        self._plain = self._places == [(i, False) for i in range(self.kinematics.nq)]
 
     def coordinates(self, configurations: Array) -> Array:
         """Of configurations (N, A) [rad], as pinocchio wants them: (nq, N), column-major."""
+        if self._plain:
+            return np.ascontiguousarray(configurations).T
         q = np.zeros((self.kinematics.nq, len(configurations)), order="F")
         for column, (index, turns) in enumerate(self._places):
             values = configurations[:, column]

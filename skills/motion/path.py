@@ -27,7 +27,7 @@ def find(
         space: Where the group may move.
         search: For when a line is not free.
         stations: A free start, via points and goal (K, J) [rad].
-        seed: Of search and shortcuts.
+        seed: Of the search.
         watch: Notes what each rung takes.
 
     Raises:
@@ -53,14 +53,16 @@ def find(
 def _round(
     space: Space, search: Search, ends: tuple[Array, Array], seed: int, watch: Stopwatch
 ) -> Array:
-    searching, cutting = np.random.SeedSequence(seed).generate_state(2)
     with watch.rung("search"):
-        found = search.find(space, *ends, max(1, int(searching)))
+        found = search.find(space, *ends, seed + 1)  # OMPL ignores a seed of 0
     with watch.rung("shorten"):
-        return shortened(space, found, int(cutting))
+        return shortened(space, found)
 
 
 def _apart(waypoints: Array) -> Array:
-    """Without those that are hardly anywhere else than the one before, the ends excepted."""
-    apart = norms(np.diff(waypoints, axis=0)) > _SAME
-    return np.vstack((waypoints[0], waypoints[1:-1][apart[:-1]], waypoints[-1]))
+    """Without those that are hardly anywhere else than the one before or the last."""
+    kept = [waypoints[0]]
+    for point in waypoints[1:-1]:
+        if min(norms(np.array([point - kept[-1], waypoints[-1] - point]))) > _SAME:
+            kept.append(point)
+    return np.array([*kept, waypoints[-1]])

@@ -50,7 +50,8 @@ class Space:
 
     def whole(self, points: Array) -> Array:
         """All actuated joints where the group's are at points (N, J) -> (N, A) [rad]."""
-        configurations = np.tile(self.start, (len(points), 1))
+        configurations = np.empty((len(points), len(self.start)))
+        configurations[:] = self.start
         configurations[:, self.columns] = points
         return configurations
 

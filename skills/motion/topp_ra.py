@@ -28,8 +28,8 @@ from .profile import Profile
 
 Array = NDArray[np.float64]
 
-_POINTS = 60  # grid intervals in a section, about
-_LEAST = 6  # in any piece of it
+_POINTS = 40  # grid intervals in a section, about
+_LEAST = 5  # in any piece of it
 
 
 def fastest(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -> Profile:
