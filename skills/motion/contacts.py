@@ -123,9 +123,13 @@ class _Checker:
     def __init__(self, kinematics: pin.Model, geometry: pin.GeometryModel, margin: float) -> None:
         self._pool = pin.GeometryPool(kinematics, geometry, 1)
         requests = self._pool.getGeometryData(0).collisionRequests
-        for k in range(len(requests)):
+        for k, pair in enumerate(geometry.collisionPairs):
+            shapes = [geometry.geometryObjects[i].geometry for i in (pair.first, pair.second)]
             # Answers must not depend on what was asked before, as they do with a cached guess.
-            requests[k].gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
+            if any(isinstance(shape, coal.BVHModelBase) for shape in shapes):
+                requests[k].gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
+            else:
+                requests[k].gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
             requests[k].security_margin = margin
 
     def hits(self, q: Array, stop: bool) -> NDArray[np.bool_]:

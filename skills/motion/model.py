@@ -12,7 +12,7 @@ from hardware import CollisionRules, Robot
 
 from .bodies import objects
 from .errors import BadWorld, ModelUnusable
-from .shapes import hull
+from .shapes import hull, packages
 from .world import EMPTY, World
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Model:
                 str(robot.urdf),
                 pin.GeometryType.COLLISION,
                 None,
-                [str(robot.urdf.parent)],
+                packages(robot.urdf),
             )
         except (RuntimeError, ValueError) as error:
             raise ModelUnusable(str(robot.urdf), str(error)) from error

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from hardware import Robot
 
 from .bodies import objects
-from .shapes import corners
+from .shapes import corners, packages
 from .world import EMPTY, World
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def _levers(robot: Robot, world: World) -> dict[str, float]:
     """Of every moving joint, followers for themselves."""
     model = pin.buildModelFromUrdf(str(robot.urdf))
     geometry = pin.buildGeomFromUrdf(
-        model, str(robot.urdf), pin.GeometryType.COLLISION, None, [str(robot.urdf.parent)]
+        model, str(robot.urdf), pin.GeometryType.COLLISION, None, packages(robot.urdf)
     )
     points = [np.zeros((0, 3)) for _ in model.names]
     held = [exact for _, exact, _ in objects(model, world)]

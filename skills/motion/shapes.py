@@ -1,6 +1,7 @@
 """Points around shapes, and the convex hull around several."""
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import coal
 import numpy as np
@@ -10,6 +11,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _SIDES = 8  # of the prism around a cylinder: the fewer, the quicker every check of the hull
+
+
+def packages(urdf: Path) -> list[str]:
+    """Where the meshes of a URDF are looked for, `package://` too: in all folders above it."""
+    return [str(folder) for folder in urdf.resolve().parents]
 
 
 def corners(shape: pin.GeometryObject) -> Array:
