@@ -16,6 +16,9 @@ import pytest
 from hardware import RealClock, Robot, SimulatedClock, load_robot
 from skills.motion import (
     BadQuery,
+    Body,
+    Box,
+    Carry,
     ModelUnusable,
     MotionCollides,
     NotFinite,
@@ -24,11 +27,14 @@ from skills.motion import (
     PlanTimeout,
     Pool,
     Query,
+    Reached,
     Request,
     Result,
     StartInCollision,
+    ToolQuery,
     Verify,
     WorkerDied,
+    World,
 )
 from skills.motion.process import WorkerProcess
 
@@ -171,6 +177,28 @@ def test_a_worker_that_hangs_is_given_up(pool: Pool) -> None:
     assert isinstance(timeout, PlanTimeout)
     assert isinstance(ask(pool, PICK), Plan)
     assert not running(worker)
+
+
+def test_a_worker_that_wants_too_much_memory_costs_its_job_only(pool: Pool) -> None:
+    endless = Verify([(0.0,) * 4, (4e6, 0.0, 0.0, 0.0)], 0.001, timeout=20.0)
+    died = ask(pool, endless)
+    assert isinstance(died, WorkerDied)
+    assert "Unable to allocate" in died.why
+    assert isinstance(ask(pool, PICK), Plan)
+
+
+def test_other_questions_are_answered_too(pool: Pool) -> None:
+    start = PICK.start
+    reached = ask(pool, ToolQuery("arm", start, (0.1, 0.05, 0.08)))
+    assert isinstance(reached, Reached)
+    world = World((Body("cube", Box((0.02, 0.02, 0.02)), (0.0, 0.15, 0.1)),))
+    held = ask(pool, Carry(world, "cube", "claw_support", start))
+    assert isinstance(held, Body)
+    assert held.link == "claw_support"
+    inside = World((Body("cube", Box((0.1, 0.1, 0.1)), (0.0, 0.1, 0.15)),))
+    blocked = ask(pool, dataclasses.replace(PICK, world=inside))
+    assert isinstance(blocked, StartInCollision)
+    assert "cube" in (blocked.first, blocked.second)
 
 
 NONSENSE = """#!{python}

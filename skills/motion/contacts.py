@@ -13,7 +13,7 @@ from .model import Model
 Array = NDArray[np.float64]
 
 _KEPT = 32  # margins at a time; planning itself needs few
-_BATCH = 1000  # configurations in one call, which nothing can interrupt: about 2 ms
+_BATCH = 500  # configurations in one call, which nothing can interrupt: about 1 ms
 
 
 class Contact(NamedTuple):

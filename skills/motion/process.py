@@ -1,5 +1,6 @@
 """One worker process, as the parent holds it."""
 
+import contextlib
 import os
 import pickle
 import signal
@@ -33,7 +34,8 @@ _NONSENSE = (
     TypeError,
     ValueError,
 )
-_GRACE = 0.1  # beyond its time-out, before a worker counts as hanging [s]
+_GRACE = 0.008  # beyond its time-out, before a worker counts as hanging [s]
+_DYING = 0.2  # to say what was wrong, once it has hung up [s]
 _START = 30.0  # to load the model on a slow machine [s]
 
 
@@ -126,6 +128,8 @@ class WorkerProcess:
         return WorkerDied(f"it answered {what}")
 
     def _died(self) -> WorkerDied:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_DYING)
         self.kill()
         code = self._process.wait()
         how = f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"

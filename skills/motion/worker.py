@@ -1,10 +1,11 @@
 """The worker process: `python -P -m skills.motion.worker FD`, FD being its end of a socket.
 
-It is sent a pickled Robot, answers None when it has loaded it, and then answers every Query and
-Verify it is sent, in turn, until the other end closes. Errors of ours are answers; any other ends
-the process, and the parent starts a new one.
+It is sent a pickled Robot, answers None when it has loaded it, and then answers every request that
+it is sent, in turn, until the other end closes. Errors of ours are answers; any other ends the
+process, and the parent starts a new one. So does taking too much memory.
 """
 
+import resource
 import signal
 import sys
 from multiprocessing.connection import Connection
@@ -15,9 +16,12 @@ from hardware import RealClock
 from .errors import MotionError
 from .planner import Planner
 
+_MEMORY = 4 * 2**30  # of address space; a worker needs a tenth of it [bytes]
+
 
 def main(descriptor: int) -> None:
     """Serve until the other end closes."""
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # when to end is for the parent to say
     with Connection(descriptor) as connection:
         try:

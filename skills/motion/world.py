@@ -171,18 +171,27 @@ def _plain(body: Body) -> dict[str, Any]:
 
 
 def _parsed(plain: Mapping[str, Any]) -> Body:
-    kind = next(name for name in _SHAPES if name in plain)
-    shape = {key: tuple(v) if isinstance(v, list) else v for key, v in plain[kind].items()}
-    x, y, z = plain["position"]
-    a, b, c, d = plain["rotation"]
-    return Body(
-        plain["name"],
-        _SHAPES[kind](**shape),
-        (x, y, z),
-        (a, b, c, d),
-        plain["link"],
-        frozenset(plain["touches"]),
-    )
+    try:
+        kind = next(name for name in _SHAPES if name in plain)
+        shape = {key: tuple(v) if isinstance(v, list) else v for key, v in plain[kind].items()}
+        x, y, z = plain["position"]
+        a, b, c, d = plain.get("rotation", (0.0, 0.0, 0.0, 1.0))
+        touches = frozenset(plain.get("touches", ()))
+        return Body(
+            plain["name"],
+            _SHAPES[kind](**shape),
+            (x, y, z),
+            (a, b, c, d),
+            plain.get("link", ""),
+            touches,
+        )
+    except (StopIteration, LookupError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, BadWorld):
+            raise
+        kinds = ", ".join(_SHAPES)
+        raise BadWorld(
+            f"{plain!r} is no body; give a name, a position and one of {kinds}"
+        ) from error
 
 
 def _numbers(value: Any) -> tuple[float, ...]:
