@@ -56,16 +56,13 @@ class Contacts:
                 return begin + row
         return None
 
-    def near(self, configurations: Array, margin: float, exact: bool) -> NDArray[np.bool_]:
-        """Which rows have two links nearer than a margin (N, A) [rad] -> (N,).
+    def near(self, configurations: Array, margin: float) -> NDArray[np.bool_]:
+        """Which rows may have two links nearer than a margin (N, A) [rad] -> (N,).
 
-        By hulls alone, some only seem to have; exactly it takes several times as long.
+        All that do, and some that only seem to, since hulls are looked at.
         """
         q = self._coordinates(configurations)
-        near = self._outer(margin).hits(q, stop=False)
-        if exact and near.any():
-            near[near] = self._exact(margin).hits(np.asfortranarray(q[:, near]), stop=False)
-        return near
+        return self._outer(margin).hits(q, stop=False)
 
     def _first_hit(self, q: Array, margin: float) -> int | None:
         """Column of the first hit. One call if it is free; few looks if the first doubt is one."""

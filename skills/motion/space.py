@@ -90,7 +90,7 @@ class Space:
             if not level:
                 return self.contacts.first_hit(points, self.margin) is None
             radius = 0.5 * step * _FINER**level
-            near = self.contacts.near(points, 0.5 * self.margin + radius, exact=level == 1)
+            near = self.contacts.near(points, 0.5 * self.margin + radius)
             middles = middles[near]
             if not middles.size:
                 return True
