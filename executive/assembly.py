@@ -13,6 +13,7 @@ from skills import Context, Port, Skill
 from trees import (
     ANY,
     KINDS,
+    LIST,
     UNTYPED,
     ControlNode,
     Declaration,
@@ -149,7 +150,7 @@ class Assembly:
             taken = self._given(name, declared, known.get(name))
             if taken is not None:
                 given[name] = taken
-            elif arguments is None and declared.type == "positions":
+            elif arguments is None and declared.type.startswith(("positions", LIST)):
                 self.keys.written[f"{namespace}/{name}"] = declared.type
             elif arguments is None:
                 given[name] = _stand_in(declared, task.tree.place)
@@ -313,8 +314,10 @@ class Assembly:
             self._sources.poses,
             lambda place, why: self.wrong(place, f"{what}: {why}"),
         )
-        if wanted.type == "positions" and isinstance(value.value, str) and fitted is not None:
-            self._sources.use_poses()
+        if wanted.type.endswith("positions") and fitted is not None:
+            items = value.value if isinstance(value.value, list) else [value]
+            if any(isinstance(item.value, str) for item in items):
+                self._sources.use_poses()
         return fitted
 
     def _check_names(self, given: Mapping[str, Value], known: Collection[str], what: str) -> None:

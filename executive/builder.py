@@ -10,6 +10,7 @@ from py_trees.common import Access, Status
 
 from hardware import Robot
 from skills import Context, Skill, SkillError
+from skills.motion import MotionError
 from trees import FileError, Library, Located, Mistake, Place, TaskFile
 
 from .arguments import FILE, as_text
@@ -92,7 +93,7 @@ def refusals(leaves: list[Leaf], robot: Robot) -> list[Mistake]:
     for leaf in leaves:
         try:
             type(leaf.skill).judge(robot, leaf.inputs)
-        except SkillError as error:
+        except (SkillError, MotionError) as error:
             refused.append(Mistake(leaf.place, f"{leaf.skill.name}: {error}"))
     return refused
 

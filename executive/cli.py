@@ -11,6 +11,7 @@ import click
 from .codes import INTERNAL, INTERRUPTED_EXIT, look_up
 from .log_commands import log
 from .options import (
+    PATH,
     port_option,
     recordings_option,
     robot_option,
@@ -123,6 +124,35 @@ cli.add_command(log)
 
 for command in COMMANDS:
     cli.add_command(command)
+
+
+@cli.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
+@click.argument("goal", metavar="GOAL...", nargs=-1, required=True)
+@robot_option
+@click.option("--start", multiple=True, help="JOINT=VALUE [rad]; default: the boot pose.")
+@click.option("--world", type=PATH, help="JSON file with a list of bodies around the arm.")
+@click.option("--group", default="arm", show_default=True, help="Group that moves.")
+@click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning.")
+@click.option("-o", "--output", type=PATH, default=Path("plan.png"), show_default=True)
+def plan(
+    goal: tuple[str, ...],
+    robot: Path | None,
+    start: tuple[str, ...],
+    world: Path | None,
+    group: str,
+    seed: int,
+    output: Path,
+) -> None:
+    """Plan to GOAL, say why it takes as long as it does, and draw it. Nothing moves.
+
+    GOAL is JOINT=VALUE ... [rad], or x y z of the tool [m].
+    """
+    from hardware import load_robot
+
+    from .planning import explain
+
+    for line in explain(load_robot(robot), goal, start, world, group, seed, output):
+        click.echo(line)
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from hardware import HardwareError, Robot, compile_schedule
 from hardware import Schedule as Compiled
 from logs import NodeStatus, Plan, Record, Result, Schedule, Sent
 from skills.merged import Merged
-from skills.motion import MotionError, Query
+from skills.motion import MotionError, Query, World
 from skills.motion import Plan as Planned
 from skills.motion.planner import Planner
 
@@ -147,7 +147,16 @@ def _plan(planner: Planner, robot: Robot, recorded: Plan) -> Planned | MotionErr
         return None
     start = tuple(recorded.start[joint.name] for joint in robot.actuated)
     try:
-        return planner.plan(Query(recorded.group, start, recorded.goal, recorded.seed, _TIMEOUT))
+        query = Query(
+            group=recorded.group,
+            start=start,
+            goal=recorded.goal,
+            seed=recorded.seed,
+            timeout=_TIMEOUT,
+            via=recorded.via,
+            world=World.parse(recorded.world),
+        )
+        return planner.plan(query)
     except MotionError as error:
         return error
 

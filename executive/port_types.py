@@ -1,16 +1,16 @@
 """What a task file may write at a skill's port: the skill's declaration in the grammar's words."""
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, get_args, get_origin
 
 from py_trees.ports import PortInformation, get_ports_registry
 
 from skills import Port, Positions, Skill
-from trees import ANY, Declaration
+from trees import ANY, LIST, Declaration
 
 from .plugins import is_broken
 
 _TYPES: dict[Any, str] = {
-    float: "number",
     int: "integer",
     bool: "boolean",
     str: "text",
@@ -32,25 +32,25 @@ def known_skills() -> dict[str, type[Skill]]:
 
 def declaration(port: PortInformation, output: bool = False) -> Declaration:
     """A port as the grammar declares it."""
-    kind = _TYPES.get(port.data_type) or str(getattr(port.data_type, "__name__", "value"))
-    if not isinstance(port, Port):
-        return Declaration(
-            kind,
-            default=port.default_value,
-            optional=not port.required,
-            output=output,
-            description=port.description,
-        )
-    return Declaration(
-        _UNITS[port.unit] if port.data_type is float else kind,
+    unit = port.unit if isinstance(port, Port) else ""
+    plain = Declaration(
+        _type(port.data_type, unit),
         default=port.default_value,
         optional=not port.required,
-        least=port.least,
-        most=port.most,
-        choices=port.choices,
         output=output,
         description=port.description,
     )
+    if not isinstance(port, Port):
+        return plain
+    return replace(plain, least=port.least, most=port.most, choices=port.choices, count=port.count)
+
+
+def _type(kind: Any, unit: str) -> str:
+    if get_origin(kind) is list:
+        return LIST + _type(get_args(kind)[0], unit)
+    if kind is float:
+        return _UNITS[unit]
+    return _TYPES.get(kind) or str(getattr(kind, "__name__", "value"))
 
 
 def declarations(kind: type[Skill]) -> dict[str, Declaration]:
@@ -62,4 +62,6 @@ def declarations(kind: type[Skill]) -> dict[str, Declaration]:
 
 def port_value(fitted: Any) -> Any:
     """A value that fits a declaration, as skills take it."""
+    if isinstance(fitted, list):
+        return [port_value(item) for item in fitted]
     return Positions(fitted) if isinstance(fitted, dict) else fitted

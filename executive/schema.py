@@ -1,9 +1,10 @@
 """The JSON Schema of task files, made from the skills there are, so that editors help to write."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from trees import ANY, KINDS, MAX_NUMBER, TYPES, UNITS, Declaration
+from trees import ANY, KINDS, LIST, MAX_NUMBER, TYPES, UNITS, Declaration
 
 from .port_types import declarations, known_skills
 
@@ -167,6 +168,10 @@ def _value(wanted: Declaration) -> Schema:
 
 
 def _literal(wanted: Declaration) -> Schema:
+    if wanted.type.startswith(LIST):
+        items = _literal(replace(wanted, type=wanted.type.removeprefix(LIST)))
+        count = {"minItems": wanted.count, "maxItems": wanted.count} if wanted.count else {}
+        return {"type": "array", "items": {"anyOf": [items, _KEY]}, **count}
     if wanted.type == "positions" or wanted.type in UNITS:
         return {"$ref": f"#/definitions/{wanted.type}"}
     bounds = {

@@ -58,7 +58,7 @@ def _without_names(
         return Located(given.place, given.value, value.label)
     wrong(
         value.place,
-        f"{inner} has no value before the run; within a mapping stand values, and parameters or "
-        "ports that are given one",
+        f"{inner} has no value before the run; within a mapping or a list stand values, and "
+        "parameters or ports that are given one",
     )
     return Located(value.place, None, value.label)

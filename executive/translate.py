@@ -48,6 +48,8 @@ def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
         joints=tuple(joint.name for joint in joints),
         start={j.name: q for j, q in zip(robot.actuated, query.start, strict=True)},
         goal=query.goal,
+        via=query.via,
+        world=tuple(query.world.plain()),
         seed=query.seed,
         velocity_limits=tuple(joint.velocity for joint in joints),
         acceleration_limits=tuple(joint.acceleration for joint in joints),

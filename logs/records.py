@@ -6,6 +6,7 @@
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +153,8 @@ class Plan:
         start: Where every actuated joint of the robot stood [rad], by name: those of other groups
             stand still meanwhile.
         goal: Where it is to end [rad], (J,).
+        via: Points to pass on the way [rad], (V, J).
+        world: The bodies around the arm and in its hand, each as plain values [m].
         seed: Seed of the planner.
         velocity_limits: [rad/s], (J,).
         acceleration_limits: [rad/s²], (J,).
@@ -169,6 +172,8 @@ class Plan:
     joints: tuple[str, ...]
     start: dict[str, float]
     goal: tuple[float, ...]
+    via: tuple[tuple[float, ...], ...]
+    world: tuple[dict[str, Any], ...]
     seed: int
     velocity_limits: tuple[float, ...]
     acceleration_limits: tuple[float, ...]

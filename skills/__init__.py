@@ -1,6 +1,6 @@
 """What the arm can do: the leaves that task files name."""
 
-from .base import Context, Planned, Scheduled, Skill, SkillEvent
+from .base import Context, Planned, Scene, Scheduled, Skill, SkillEvent
 from .bounds import CheckBounds, check_targets
 from .check_hardware import CheckHardware
 from .errors import (
@@ -19,14 +19,21 @@ from .function import Cancel, condition, skill
 from .keys import Compare, Set
 from .plan_group import PlanArm, PlanGripper
 from .ports import Port
-from .positions import Positions
+from .positions import Positions, three
+from .reach_point import ReachPoint
 from .say import Fail, Say
+from .scene import AddBox, AddCylinder, AddMesh, AddSphere, Attach, Detach, RemoveBody
 from .start import SetStart
 from .succeed import Succeed
 from .targets import Shift, Target
 from .wait import Wait
 
 __all__ = [
+    "AddBox",
+    "AddCylinder",
+    "AddMesh",
+    "AddSphere",
+    "Attach",
     "BadTarget",
     "Cancel",
     "CheckBounds",
@@ -34,6 +41,7 @@ __all__ = [
     "Compare",
     "ConditionFails",
     "Context",
+    "Detach",
     "Execute",
     "Fail",
     "FunctionFailed",
@@ -44,7 +52,10 @@ __all__ = [
     "Planned",
     "Port",
     "Positions",
+    "ReachPoint",
+    "RemoveBody",
     "Say",
+    "Scene",
     "Scheduled",
     "Set",
     "SetStart",
@@ -61,4 +72,5 @@ __all__ = [
     "check_targets",
     "condition",
     "skill",
+    "three",
 ]

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from py_trees.common import Status
@@ -12,7 +12,7 @@ from hardware import Arm, Clock, HardwareError, Robot, Schedule
 
 from .errors import SkillError
 from .merged import Merged
-from .motion import MotionError, Plan, Pool, Query
+from .motion import EMPTY, MotionError, Plan, Pool, Query, World
 
 logger = logging.getLogger(__name__)
 
@@ -48,6 +48,17 @@ class Scheduled:
 SkillEvent = Planned | Scheduled
 
 
+@dataclass(slots=True)
+class Scene:
+    """What is around the arm now.
+
+    Attributes:
+        world: Its bodies; replaced by skills, on the thread that ticks.
+    """
+
+    world: World = EMPTY
+
+
 @dataclass(frozen=True, slots=True)
 class Context:
     """What a skill works with.
@@ -62,6 +73,7 @@ class Context:
         tell: Hands an event to whoever records.
         clock: Whose time.
         wake_at: Asks for a tick at a time [s]; only within a tick, and anew at each.
+        scene: What stands around the arm, and what it holds.
     """
 
     robot: Robot
@@ -73,6 +85,7 @@ class Context:
     tell: Callable[[SkillEvent], None]
     clock: Clock
     wake_at: Callable[[float], None]
+    scene: Scene = field(default_factory=Scene)
 
 
 class Skill(BehaviourWithPorts):

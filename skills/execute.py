@@ -62,7 +62,8 @@ class Execute(Skill):
         self._schedule, motion = self._compile(start)
         context.tell(Scheduled(self._schedule, start, motion))
         times, rows = played(context.robot, start, self._schedule)
-        self._pending = Pending(context, Verify(rows, PLAYED_MARGIN, times))
+        request = Verify(rows, PLAYED_MARGIN, times, context.timeout, context.scene.world)
+        self._pending = Pending(context, request)
         return Status.RUNNING
 
     def on_running(self) -> Status:

@@ -1,15 +1,29 @@
 """Planning one group of joints, in a worker process."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from py_trees.common import Status
 from py_trees.ports import PortInformation
 
-from .base import Planned, Skill
-from .motion import GoalInCollision, MotionError, Plan, PlanCanceled, Query, StartInCollision
-from .pending import Pending
+from hardware import Robot
+
+from .base import Planned
+from .bounds import check_targets
+from .motion import (
+    GoalInCollision,
+    MotionError,
+    Plan,
+    PlanCanceled,
+    Query,
+    Result,
+    StartInCollision,
+)
+from .pending import Asking
 from .positions import Positions
 
 
-class _PlanGroup(Skill, register=False):
+class _PlanGroup(Asking, register=False):
     """Plan a motion of one group; the other joints stand still meanwhile."""
 
     group: str
@@ -19,37 +33,40 @@ class _PlanGroup(Skill, register=False):
     INPUT_PORTS = {
         "start": PortInformation(Positions, description="where the arm stands [rad]"),
         "goal": PortInformation(Positions, description="target of every actuated joint [rad]"),
+        "via": PortInformation(
+            list[Positions],
+            default_value=[],
+            description="positions of the group's joints to pass on the way, in order [rad]",
+        ),
     }
     OUTPUT_PORTS = {"plan": PortInformation(Plan, description="the motion of this group")}
 
-    _pending: Pending | None = None
-
-    @property
-    def busy(self) -> bool:
-        """Whether the planner still works."""
-        return self._pending is not None and not self._pending.done
+    @classmethod
+    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Check the via points that are spelled out."""
+        for point in inputs.get("via", []):
+            check_targets(robot, {cls.group: point})
 
     def on_start(self) -> Status:
         """Hand the query to a worker."""
-        robot = self.context.robot
-        start, goal = self.get_input("start"), self.get_input("goal")
+        robot, leaders = self.context.robot, self.context.robot.leaders(self.group)
+        start, goal, via = (self.get_input(port) for port in ("start", "goal", "via"))
+        for point in via:
+            check_targets(robot, {self.group: point})
         arrived = {name for group in self.moved_before for name in robot.groups[group]}
         self._query = Query(
             group=self.group,
             start=tuple((goal if j.name in arrived else start)[j.name] for j in robot.actuated),
-            goal=tuple(goal[joint.name] for joint in robot.leaders(self.group)),
+            goal=tuple(goal[joint.name] for joint in leaders),
             seed=self.context.seed,
             timeout=self.context.timeout,
+            via=tuple(tuple(point[joint.name] for joint in leaders) for point in via),
+            world=self.context.scene.world,
         )
-        self._pending = Pending(self.context, self._query)
-        return Status.RUNNING
+        return self.ask(self._query)
 
-    def on_running(self) -> Status:
-        """Take the answer when it is there."""
-        assert self._pending
-        if not self._pending.done:
-            return Status.RUNNING
-        answer = self._pending.answer
+    def on_answer(self, answer: Result) -> Status:
+        """Tell of it, and hand it on."""
         assert isinstance(answer, (Plan, MotionError))
         self.context.tell(Planned(self._query, answer))
         if isinstance(answer, StartInCollision) and self.moved_before:
@@ -64,11 +81,10 @@ class _PlanGroup(Skill, register=False):
 
     def on_halt(self) -> None:
         """Cancel the planner, and tell of the plan that will not be."""
-        if self._pending:
-            self._pending.cancel()
-            answer = self._pending.answer
-            told = answer if isinstance(answer, (Plan, MotionError)) else PlanCanceled()
-            self.context.tell(Planned(self._query, told))
+        super().on_halt()
+        answer = self._pending.answer if self._pending else None
+        told = answer if isinstance(answer, (Plan, MotionError)) else PlanCanceled()
+        self.context.tell(Planned(self._query, told))
 
 
 class PlanArm(_PlanGroup):

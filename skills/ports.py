@@ -12,9 +12,11 @@ class Port(PortInformation):
     `object` as the type takes a number, a text, or true or false.
 
     Attributes:
-        unit: Of a float: `rad`, `s` or `m`, which also lets a file write `-80 deg`; empty for none.
+        unit: Of a float, or of each in a list: `rad`, `s` or `m`, which also lets a file write
+            `-80 deg`; empty for none.
         least: Smallest value.
         most: Largest value.
+        count: How many items a list has; 0 for any number.
         choices: The only texts there are; empty for all.
         like: Another port of the skill that holds the same type; for ports of type `object`.
     """
@@ -23,4 +25,5 @@ class Port(PortInformation):
     least: float | None = None
     most: float | None = None
     choices: tuple[str, ...] = ()
+    count: int = 0
     like: str = ""

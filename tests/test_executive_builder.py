@@ -13,6 +13,7 @@ from py_trees.composites import Sequence
 from executive.assembly import MAX_NODES
 from executive.builder import Tree, build
 from executive.join import Join
+from executive.resolved import RESOLVED
 from hardware import Arm, Robot, SimulatedClock
 from skills import BadTarget, CheckBounds, Context, Execute, OutOfBounds, SkillError
 from skills.motion import Pool
@@ -58,12 +59,7 @@ BOUNDS = (
 PLAN = "- PlanArm: {start: $start, goal: $goal, plan: $plan}"
 
 WRONG = [
-    (
-        ["- Sukseed"],
-        6,
-        7,
-        "no skill Sukseed; there are CheckBounds, CheckHardware, Compare, Execute",
-    ),
+    (["- Sukseed"], 6, 7, "no skill Sukseed; there are AddBox, AddCylinder"),
     (["- Sukseed"], 6, 7, "did you mean Succeed?"),
     (["- succeed"], 6, 7, "did you mean Succeed?"),
     (["- Skill"], 6, 7, "no skill Skill"),
@@ -77,6 +73,18 @@ WRONG = [
     ([PLAN, START, BOUNDS], 6, 24, "nothing has written $start"),
     ([START, PLAN.replace("$goal", "$gaol"), BOUNDS], 7, 38, "nothing has written $gaol"),
     ([START, PLAN.replace("goal: $goal, ", "")], 7, 7, "PlanArm needs goal: target of every"),
+    (["- AddSphere: {body: b, position: 3, radius: 1}"], 6, 38, "not a list, each item a length"),
+    (["- AddSphere: {body: b, position: [1, 2], radius: 1}"], 6, 38, "has 2 items, not 3"),
+    (
+        ["- AddSphere: {body: b, position: [1, 2 s, 3], radius: 1}"],
+        6,
+        42,
+        "no unit s; there are cm",
+    ),
+    (["- AddBox: {body: b, position: [0, 0, 0], size: [1, 0, 1]}"], 6, 56, "is less than 1e-06 m"),
+    ([START, PLAN.replace("plan:", "via: [{joint_1: x}], plan:")], 7, 61, "is not an angle in rad"),
+    ([START, PLAN.replace("plan:", "via: [nowhere], plan:")], 7, 51, "no pose nowhere"),
+    (["- Attach: {body: b, link: c, touches: [a]}"], 6, 34, "touches is no port of Attach"),
     ([START, PLAN.replace("$goal", "5")], 7, 38, "PlanArm.goal: 5 is not a mapping from joint"),
     ([START, PLAN.replace("$goal", "goal")], 7, 38, "PlanArm.goal: no pose goal; there are"),
     ([START, PLAN.replace("$goal", "[0]")], 7, 38, "is not a mapping"),
@@ -212,7 +220,7 @@ def test_what_is_built(shop: Shop) -> None:
     assert tree.root.name == "x"
     assert [child.name for child in tree.root.children] == ["SetStart", "CheckBounds", "parallel"]
     assert isinstance(tree.root.children[2], Join)
-    assert list(tree.files) == ["3_x.yaml"]
+    assert list(tree.files) == ["3_x.yaml", RESOLVED]
     tree.discard()
 
 
@@ -229,7 +237,7 @@ def test_a_subtree_twice_keeps_its_values_apart(shop: Shop) -> None:
     ]
     keys = [key for key in Blackboard.metadata if key.endswith("/start")]
     assert len(keys) == 2
-    assert sorted(tree.files) == ["3_x.yaml", "reach.yaml"]
+    assert sorted(tree.files) == ["3_x.yaml", "reach.yaml", RESOLVED]
     tree.discard()
 
 

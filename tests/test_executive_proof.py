@@ -11,6 +11,7 @@ from mcap.writer import Writer
 import logs
 from executive.proof import Proof, prove, prove_all
 from executive.proof_words import in_words
+from logs import Recording
 from logs.compaction import _Copy
 from tests.conftest import Rig, RigMaker
 from tests.test_executive_executive import reach
@@ -174,3 +175,70 @@ def test_many_are_verified_in_their_order(rig: RigMaker, tmp_path: Path) -> None
     assert [proof.path for proof in proofs] == paths
     assert [proof.holds for proof in proofs] == [True, False, True, True]
     assert proofs[1].code == "log.unreadable"
+
+
+AROUND = """task: 7
+name: around
+description: Round a post, by way of a point.
+tree:
+  sequence:
+    - AddBox: {body: post, size: [3 cm, 30 mm, 0.2], position: [0.115, 0.115, 0.1]}
+    - AddSphere: {body: ball, radius: RADIUS, position: [-0.1, 0.1, 0.3], rotation: [10 deg, 0, 0]}
+    - SetStart: {start: $start}
+    - Target: {start: $start, joints: {joint_1: -1.4, joint_2: -0.6, joint_3: -0.07}, goal: $goal}
+    - PlanArm:
+        start: $start
+        goal: $goal
+        via: [{joint_1: -0.4, joint_2: 0.2, joint_3: 0}, right]
+        plan: $arm_plan
+    - PlanGripper: {start: $start, goal: $goal, plan: $gripper_plan}
+    - Execute: {arm_plan: $arm_plan, gripper_plan: $gripper_plan}
+"""
+
+
+def around(rig: RigMaker, folder: Path, radius: str = "1 cm") -> Rig:
+    tasks = folder / "tasks"
+    tasks.mkdir()
+    (tasks / "7_around.yaml").write_text(AROUND.replace("RADIUS", radius))
+    return rig(tasks)
+
+
+def test_a_run_round_a_post_by_way_of_a_point(rig: RigMaker, tmp_path: Path) -> None:
+    (outcome,) = around(rig, tmp_path).run(7)
+    assert outcome.success, outcome.message
+    path = Path(outcome.recording)
+    arm = next(p for p in Recording(path).records(logs.Plan) if isinstance(p, logs.Plan))
+    assert arm.via == ((-0.4, 0.2, 0.0), (-1.4, -0.6, -0.07))
+    assert [body["name"] for body in arm.world] == ["post", "ball"]
+    proof = prove(path)
+    assert proof.holds, in_words(proof)
+    for old, new in ((b"0.03,0.03,0.2", b"0.05,0.05,0.2"), (b"[[-0.4,0.2,", b"[[-0.5,0.2,")):
+        proof = prove(altered(path, replace("Message", old, new)))
+        assert verdicts(proof) == [True, False], in_words(proof)
+
+
+def test_a_plan_that_a_body_forbids(rig: RigMaker, tmp_path: Path) -> None:
+    (outcome,) = around(rig, tmp_path, "21 cm").run(7)
+    assert outcome.code == "plan.start_in_collision"
+    path = Path(outcome.recording)
+    assert prove(path).holds
+    proof = prove(altered(path, replace("Message", b'"radius":0.21', b'"radius":0.01')))
+    assert verdicts(proof) == [True, False]
+    assert "plan.start_in_collision is recorded, now there is a motion" in in_words(proof)
+
+
+def test_a_plan_that_was_canceled_tells_its_world(rig: RigMaker, tmp_path: Path) -> None:
+    arm = around(rig, tmp_path)
+    arm.on_record = lambda record: (
+        arm.executive.cancel()
+        if isinstance(record, logs.NodeStatus)
+        and (record.name, record.status) == ("PlanArm", "RUNNING")
+        else None
+    )
+    (outcome,) = arm.run(7)
+    assert outcome.state.name == "CANCELED"
+    (plan,) = arm.told(logs.Plan)
+    assert plan.code == "plan.canceled"
+    assert len(plan.world) == 2
+    assert plan.via
+    assert prove(Path(outcome.recording)).holds

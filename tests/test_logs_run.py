@@ -90,6 +90,8 @@ def plan(time: float, group: str, joints: tuple[str, ...], goal: tuple[float, ..
         joints=joints,
         start=dict.fromkeys(("joint_1", "joint_2", "joint_3", "joint_4"), 0.0),
         goal=goal,
+        via=(),
+        world=(),
         seed=1,
         velocity_limits=(1.0,) * len(goal),
         acceleration_limits=(0.5,) * len(goal),

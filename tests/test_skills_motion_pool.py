@@ -16,6 +16,9 @@ import pytest
 from hardware import RealClock, Robot, SimulatedClock, load_robot
 from skills.motion import (
     BadQuery,
+    Body,
+    Box,
+    Carry,
     ModelUnusable,
     MotionCollides,
     NotFinite,
@@ -24,15 +27,19 @@ from skills.motion import (
     PlanTimeout,
     Pool,
     Query,
+    Reached,
     Request,
     Result,
     StartInCollision,
+    ToolQuery,
     Verify,
     WorkerDied,
+    World,
 )
-from skills.motion.process import WorkerProcess
+from skills.motion.process import LOADED, WorkerProcess
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
+BENT = dataclasses.replace(PICK, via=((-0.7, 0.2, 0.0),))
 UNDER_THE_TABLE = (0.0, -1.5, -0.5, 0.0)
 # 10 000 times across the table and back: seconds of work for a worker.
 LONG = Verify([(0.0, 0.0, 0.0, 0.0), (-1.4, 0.0, 0.0, 0.0)] * 5_000, 0.002, timeout=60.0)
@@ -164,13 +171,35 @@ def test_a_worker_that_dies_idle_costs_nothing(pool: Pool) -> None:
 
 
 def test_a_worker_that_hangs_is_given_up(pool: Pool) -> None:
-    assert isinstance(ask(pool, PICK), Plan)
+    assert isinstance(ask(pool, BENT), Plan)  # it has loaded all there is
     worker = pid(pool)
     os.kill(worker, signal.SIGSTOP)
     timeout = ask(pool, dataclasses.replace(PICK, timeout=0.05))
     assert isinstance(timeout, PlanTimeout)
     assert isinstance(ask(pool, PICK), Plan)
     assert not running(worker)
+
+
+def test_a_worker_that_wants_too_much_memory_costs_its_job_only(pool: Pool) -> None:
+    endless = Verify([(0.0,) * 4, (4e6, 0.0, 0.0, 0.0)], 0.001, timeout=20.0)
+    died = ask(pool, endless)
+    assert isinstance(died, WorkerDied)
+    assert "Unable to allocate" in died.why
+    assert isinstance(ask(pool, PICK), Plan)
+
+
+def test_other_questions_are_answered_too(pool: Pool) -> None:
+    start = PICK.start
+    reached = ask(pool, ToolQuery("arm", start, (0.1, 0.05, 0.08)))
+    assert isinstance(reached, Reached)
+    world = World((Body("cube", Box((0.02, 0.02, 0.02)), (0.0, 0.15, 0.1)),))
+    held = ask(pool, Carry(world, "cube", "claw_support", start))
+    assert isinstance(held, Body)
+    assert held.link == "claw_support"
+    inside = World((Body("cube", Box((0.1, 0.1, 0.1)), (0.0, 0.1, 0.15)),))
+    blocked = ask(pool, dataclasses.replace(PICK, world=inside))
+    assert isinstance(blocked, StartInCollision)
+    assert "cube" in (blocked.first, blocked.second)
 
 
 NONSENSE = """#!{python}
@@ -183,6 +212,45 @@ with Connection(int(sys.argv[-1])) as connection:
     connection.send_bytes({answer!r})
     connection.recv_bytes()
 """
+
+
+SLOW = """#!{python}
+import sys, time
+from multiprocessing.connection import Connection
+with Connection(int(sys.argv[-1])) as connection:
+    connection.recv_bytes()
+    connection.send(None)
+    connection.recv_bytes()
+    time.sleep(0.2)  # of loading
+    connection.send({loaded!r})
+    connection.send(None)
+    connection.recv_bytes()
+    connection.recv_bytes()
+"""
+
+
+def test_loading_what_bends_need_is_no_part_of_a_time_out(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "slow"
+    program.write_text(SLOW.format(python=sys.executable, loaded=LOADED))
+    program.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(program))
+    worker = WorkerProcess(robot)
+    quick = dataclasses.replace(PICK, timeout=0.05)
+    assert worker.ask(quick) is None
+    assert isinstance(worker.ask(quick), PlanTimeout)  # it counts again
+    worker.close()
+
+
+def test_an_idle_worker_loads_what_bends_need_by_itself(robot: Robot) -> None:
+    worker = WorkerProcess(robot)
+    assert worker._connection.recv() is None
+    assert worker._connection.poll(20.0)
+    assert worker._connection.recv() == LOADED
+    loaded = Path(f"/proc/{worker.pid}/maps").read_text()
+    assert "toppra" in loaded
+    worker.close()
 
 
 @pytest.mark.parametrize("answer", [b"rubbish", b"", pickle.dumps(42), pickle.dumps(OSError("?"))])

@@ -22,11 +22,12 @@ from .nodes import (
     TreeNode,
     Value,
 )
-from .values import ANY, TYPES, UNITS, Declaration, choices, fit, words
+from .values import ANY, LIST, TYPES, UNITS, Declaration, choices, fit, words
 
 __all__ = [
     "ANY",
     "KINDS",
+    "LIST",
     "MAX_NUMBER",
     "TYPES",
     "UNITS",

@@ -13,7 +13,7 @@ from .document import Located, draft_document, nested
 from .errors import FileError, Mistake
 from .node_parser import Mistakes, NodeParser
 from .nodes import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
-from .values import TYPES, Declaration, choices, fit
+from .values import LIST, TYPES, Declaration, choices, fit
 
 VERSION = 1  # of the grammar
 
@@ -332,16 +332,21 @@ class _Parser:
     def _bound(self, kind: str, value: Located | None) -> Any:
         if value is None:
             return None
-        if kind in ("text", "boolean", "positions"):
-            self._wrong(value.label, f"a {kind} has no min and no max")
+        inner = kind.removeprefix(LIST)
+        if inner in ("text", "boolean", "positions"):
+            self._wrong(value.label, f"a {inner} has no min and no max")
             return None
-        return fit(value, Declaration(kind), {}, self._wrong) if kind else None
+        return fit(value, Declaration(inner), {}, self._wrong) if kind else None
 
     def _choices(self, kind: str, value: Located | None) -> tuple[str, ...]:
         if value is None:
             return ()
         items = value.value if isinstance(value.value, list) else []
-        if kind != "text" or not items or any(not isinstance(item.value, str) for item in items):
+        if (
+            kind.removeprefix(LIST) != "text"
+            or not items
+            or any(not isinstance(item.value, str) for item in items)
+        ):
             self._wrong(value.label, "choices are a list of texts, for the type text")
         return tuple(str(item.value) for item in items)
 

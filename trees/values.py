@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
 
@@ -16,7 +16,9 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "duration": {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0},
     "length": {"m": 1.0, "cm": 0.01, "mm": 0.001},
 }
-TYPES = ("number", "integer", "boolean", "text", *UNITS, "positions")
+LIST = "list of "  # before any of the plain types
+_PLAIN = ("number", "integer", "boolean", "text", *UNITS, "positions")
+TYPES = (*_PLAIN, *(LIST + kind for kind in _PLAIN))
 ANY = "any"
 
 _QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?) ?([A-Za-z]\S*)")
@@ -50,6 +52,7 @@ class Declaration:
         least: Smallest value, in the type's first unit.
         most: Largest value.
         choices: The only values there are; empty for all.
+        count: How many items a list has; 0 for any number.
         output: Whether it is a key that is written, not a value that is read.
         description: One line.
     """
@@ -60,6 +63,7 @@ class Declaration:
     least: float | None = None
     most: float | None = None
     choices: tuple[str, ...] = ()
+    count: int = 0
     output: bool = False
     description: str = ""
 
@@ -71,7 +75,8 @@ class Declaration:
     @property
     def unit(self) -> str:
         """What a bare number means; empty for types without a unit."""
-        return next(iter(UNITS.get("angle" if self.type == "positions" else self.type, {})), "")
+        kind = self.type.removeprefix(LIST)
+        return next(iter(UNITS.get("angle" if kind == "positions" else kind, {})), "")
 
     def __str__(self) -> str:
         return words(self.type)
@@ -79,6 +84,8 @@ class Declaration:
 
 def words(kind: str) -> str:
     """A type in words."""
+    if kind.startswith(LIST):
+        return f"a list, each item {words(kind.removeprefix(LIST))}"
     if kind in UNITS:
         units = list(UNITS[kind])
         article = "an" if kind == "angle" else "a"
@@ -98,9 +105,11 @@ def fit(
         wrong: Told what is wrong with it.
 
     Returns:
-        A float in the type's first unit, an int, a bool, a str, or a dict of floats; None where it
-        is wrong.
+        A float in the type's first unit, an int, a bool, a str, a dict of floats, or a list of any
+        of these; None where it is wrong.
     """
+    if wanted.type.startswith(LIST):
+        return _items(value, wanted, poses, wrong)
     if wanted.type == "positions":
         return _positions(value, poses, wrong)
     if wanted.type in ("number", *UNITS):
@@ -110,6 +119,20 @@ def fit(
     if fitted is not None and (reason := _beyond(fitted, wanted)):
         wrong(value.place, f"{value} {reason}")
     return fitted
+
+
+def _items(
+    value: Located, wanted: Declaration, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
+) -> list[Any] | None:
+    if not isinstance(value.value, list):
+        wrong(value.place, f"{value} is not {words(wanted.type)}")
+        return None
+    if wanted.count and len(value.value) != wanted.count:
+        wrong(value.place, f"{value} has {len(value.value)} items, not {wanted.count}")
+        return None
+    each = replace(wanted, type=wanted.type.removeprefix(LIST))
+    fitted = [fit(item, each, poses, wrong) for item in value.value]
+    return None if None in fitted else fitted
 
 
 def _plain(value: Located, kind: str, wrong: Wrong) -> Any:

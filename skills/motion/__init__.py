@@ -5,6 +5,7 @@ Importing this loads no planning library; only the worker processes do.
 
 from .errors import (
     BadQuery,
+    BadWorld,
     EndInCollision,
     GoalInCollision,
     GoalOutOfBounds,
@@ -18,19 +19,28 @@ from .errors import (
     PlanTimeout,
     StartInCollision,
     StartOutOfBounds,
+    Unreachable,
     WorkerDied,
 )
 from .plan import Plan
 from .pool import Job, Pool
 from .process import Request, Result
-from .query import Query, Verify
+from .query import Carry, Query, Reached, ToolQuery, Verify
+from .world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World, quaternion
 
 __all__ = [
+    "EMPTY",
     "BadQuery",
+    "BadWorld",
+    "Body",
+    "Box",
+    "Carry",
+    "Cylinder",
     "EndInCollision",
     "GoalInCollision",
     "GoalOutOfBounds",
     "Job",
+    "Mesh",
     "ModelUnusable",
     "MotionCollides",
     "MotionError",
@@ -42,10 +52,17 @@ __all__ = [
     "PlanTimeout",
     "Pool",
     "Query",
+    "Reached",
     "Request",
     "Result",
+    "Shape",
+    "Sphere",
     "StartInCollision",
     "StartOutOfBounds",
+    "ToolQuery",
+    "Unreachable",
     "Verify",
     "WorkerDied",
+    "World",
+    "quaternion",
 ]

@@ -13,14 +13,21 @@ _HALVINGS = 5  # then the motion stops at the corner
 _LEAST = 1e-6  # as it does where it hardly could not [rad]
 
 
-def blended(space: Space, waypoints: Array) -> Curve:
+NEARNESS = 0.05  # of the curve to a via point, at the most [rad]
+
+
+def blended(space: Space, waypoints: Array, via: Array) -> Curve:
     """The curve through a path of free edges, its corners rounded where that is free.
 
     Args:
         space: Where the group may move.
         waypoints: (N, J) [rad].
+        via: Those of them that somebody asked for (V, J) [rad].
     """
     radii = _largest(waypoints)
+    for i in range(len(radii)):
+        if any(np.array_equal(waypoints[i + 1], point) for point in via):
+            radii[i] = min(radii[i], _near(waypoints[i : i + 3]))
     for i in range(len(radii)):
         radii[i] = _free_radius(space, waypoints[i : i + 3], radii[i])
     return Curve.through(waypoints, radii)
@@ -34,11 +41,21 @@ def _largest(waypoints: Array) -> Array:
     return np.minimum(shares[:-1], shares[1:])
 
 
+def _near(corner: Array) -> float:
+    """The radius whose curve comes as near to the corner as is asked of a via point.
+
+    In the middle of its parabola, r |e - d| / 4 away; see `curve`.
+    """
+    turn = np.diff(np.diff(corner, axis=0) / norms(np.diff(corner, axis=0))[:, None], axis=0)
+    bend = float(np.linalg.norm(turn))
+    return 4.0 * NEARNESS / bend if bend else np.inf
+
+
 def _free_radius(space: Space, corner: Array, radius: float) -> float:
     for _ in range(_HALVINGS):
         if radius < _LEAST:
             break
-        if space.free(space.curve(_corner(corner, radius))):
+        if space.curve(_corner(corner, radius)):
             return radius
         radius *= 0.5
     return 0.0

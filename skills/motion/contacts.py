@@ -12,7 +12,8 @@ from .model import Model
 
 Array = NDArray[np.float64]
 
-_BATCH = 1000  # configurations in one call, which nothing can interrupt: about 2 ms
+_KEPT = 32  # margins at a time; planning itself needs few
+_BATCH = 500  # configurations in one call, which nothing can interrupt: about 1 ms
 
 
 class Contact(NamedTuple):
@@ -34,8 +35,7 @@ class Contacts:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._outer = _Checker(model.kinematics, model.outer)
-        self._exact = _Checker(model.kinematics, model.exact)
+        self._checkers: dict[tuple[bool, float], _Checker] = {}
         self._data = model.kinematics.createData()
         self._shapes = model.exact.createData()
 
@@ -56,16 +56,42 @@ class Contacts:
                 return begin + row
         return None
 
+    def near(self, configurations: Array, margin: float) -> NDArray[np.bool_]:
+        """Which rows may have two links nearer than a margin (N, A) [rad] -> (N,).
+
+        All that do, and some that only seem to, since hulls are looked at.
+        """
+        q = self._coordinates(configurations)
+        return self._outer(margin).hits(q, stop=False)
+
     def _first_hit(self, q: Array, margin: float) -> int | None:
         """Column of the first hit. One call if it is free; few looks if the first doubt is one."""
-        doubtful = np.flatnonzero(self._outer.hits(q, margin, stop=True))
+        outer = self._outer(margin)
+        doubtful = np.flatnonzero(outer.hits(q, stop=True))
         while doubtful.size:
-            hits = self._exact.hits(np.asfortranarray(q[:, doubtful]), margin, stop=True)
+            hits = self._exact(margin).hits(np.asfortranarray(q[:, doubtful]), stop=True)
             if hits.any():
                 return int(doubtful[int(hits.argmax())])
             rest = int(doubtful[-1]) + 1
-            doubtful = rest + np.flatnonzero(self._outer.hits(q[:, rest:], margin, stop=False))
+            doubtful = rest + np.flatnonzero(outer.hits(q[:, rest:], stop=False))
         return None
+
+    def _outer(self, margin: float) -> "_Checker":
+        return self._checker(False, margin)
+
+    def _exact(self, margin: float) -> "_Checker":
+        return self._checker(True, margin)
+
+    def _checker(self, exact: bool, margin: float) -> "_Checker":
+        """Kept, as setting the margin of every pair costs as much as a small batch."""
+        checker = self._checkers.get((exact, margin))
+        if checker is None:
+            if len(self._checkers) >= _KEPT:
+                self._checkers.clear()
+            geometry = self._model.exact if exact else self._model.outer
+            checker = _Checker(self._model.kinematics, geometry, margin)
+            self._checkers[exact, margin] = checker
+        return checker
 
     def nearest(self, configuration: ArrayLike) -> Contact | None:
         """The nearest two links that may not touch (A,) [rad]; None where all may."""
@@ -92,25 +118,22 @@ class Contacts:
 
 
 class _Checker:
-    """One geometry and its memory."""
+    """One geometry, one margin, and their memory."""
 
-    def __init__(self, kinematics: pin.Model, geometry: pin.GeometryModel) -> None:
+    def __init__(self, kinematics: pin.Model, geometry: pin.GeometryModel, margin: float) -> None:
         self._pool = pin.GeometryPool(kinematics, geometry, 1)
-        self._requests = self._pool.getGeometryData(0).collisionRequests
-        self._margin = 0.0
-        for k in range(len(self._requests)):
+        requests = self._pool.getGeometryData(0).collisionRequests
+        for k, pair in enumerate(geometry.collisionPairs):
+            shapes = [geometry.geometryObjects[i].geometry for i in (pair.first, pair.second)]
             # Answers must not depend on what was asked before, as they do with a cached guess.
-            self._requests[k].gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
+            if any(isinstance(shape, coal.BVHModelBase) for shape in shapes):
+                requests[k].gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
+            else:
+                requests[k].gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
+            requests[k].security_margin = margin
 
-    def hits(self, q: Array, margin: float, stop: bool) -> NDArray[np.bool_]:
+    def hits(self, q: Array, stop: bool) -> NDArray[np.bool_]:
         """Whether each column is a hit; after the first, if `stop`, the rest is not looked at."""
         if not q.size:
             return np.zeros(0, bool)
-        self._keep(margin)
         return np.asarray(pin.computeCollisionsInParallel(1, self._pool, q, True, stop), bool)
-
-    def _keep(self, margin: float) -> None:
-        if margin != self._margin:
-            for k in range(len(self._requests)):
-                self._requests[k].security_margin = margin
-            self._margin = margin

@@ -10,7 +10,6 @@ from hardware import Joint, Robot
 from .contacts import Contacts
 from .errors import (
     BadQuery,
-    EndInCollision,
     GoalInCollision,
     GoalOutOfBounds,
     NotFinite,
@@ -24,24 +23,34 @@ Array = NDArray[np.float64]
 
 
 def check_ends(robot: Robot, contacts: Contacts, query: Query) -> tuple[Array, Array]:
-    """All actuated joints at the start and at the goal (A,) [rad].
+    """All actuated joints at the start (A,), and the group's at start, via points and goal (K, J).
+
+    All of them in [rad]; to be passed in that order.
 
     Raises:
         BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision, GoalInCollision:
-            In this order, the first that applies.
+            In this order, the first that applies; a via point counts as a goal.
     """
     if query.group not in robot.groups:
         raise BadQuery.group(query.group, robot.groups)
     if not (isinstance(query.seed, int) and query.seed >= 0):
         raise BadQuery(f"The seed is {query.seed!r}; give a whole number from 0")
+    own, joints = columns(robot, query.group), robot.leaders(query.group)
     start = finite("start", query.start, robot.actuated)
-    goal = start.copy()
-    goal[columns(robot, query.group)] = finite("goal", query.goal, robot.leaders(query.group))
-    _bounded(robot, start, StartOutOfBounds)
-    _bounded(robot, goal, GoalOutOfBounds)
-    _free(robot, contacts, start, StartInCollision)
-    _free(robot, contacts, goal, GoalInCollision)
-    return start, goal
+    rows = [start]
+    for what, goal in (*(("via point", via) for via in query.via), ("goal", query.goal)):
+        rows.append(start.copy())
+        rows[-1][own] = finite(what, goal, joints)
+    for number, row in enumerate(rows):
+        _bounded(robot, row, GoalOutOfBounds if number else StartOutOfBounds)
+    stations = np.array(rows)
+    hit = contacts.first_hit(stations, robot.collision.margin)
+    if hit is not None:
+        nearest = contacts.nearest(stations[hit])
+        assert nearest
+        error = GoalInCollision if hit else StartInCollision
+        raise error(*nearest, robot.collision.margin)
+    return start, stations[:, own]
 
 
 def columns(robot: Robot, group: str) -> NDArray[np.intp]:
@@ -88,13 +97,3 @@ def _bounded(robot: Robot, configuration: Array, error: type[OutOfBounds]) -> No
         value = joint.mimic.value(own[joint.mimic.leader]) if joint.mimic else own[joint.name]
         if not joint.lower <= value <= joint.upper:
             raise error(joint.name, value, joint.lower, joint.upper)
-
-
-def _free(
-    robot: Robot, contacts: Contacts, configuration: Array, error: type[EndInCollision]
-) -> None:
-    margin = robot.collision.margin
-    if contacts.first_hit(configuration[None, :], margin) is not None:
-        nearest = contacts.nearest(configuration)
-        assert nearest
-        raise error(*nearest, margin)

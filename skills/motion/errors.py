@@ -2,7 +2,8 @@
 
     MotionError
     ├── BadQuery                the question itself makes no sense
-    │   └── NotFinite           it holds a NaN or an infinity
+    │   ├── NotFinite           it holds a NaN or an infinity
+    │   └── BadWorld            a body makes no sense, or names what is not there
     ├── ModelUnusable           the robot's URDF cannot be planned with
     ├── OutOfBounds             a joint would start or end outside its limits
     │   ├── StartOutOfBounds
@@ -10,6 +11,7 @@
     ├── EndInCollision          the arm would start or end touching something, or too near
     │   ├── StartInCollision
     │   └── GoalInCollision
+    ├── Unreachable             the tool gets nowhere near enough to where it shall go
     ├── NoPath                  searched to the end of the budget, found nothing
     ├── PlanTimeout             the time was up
     ├── MotionCollides          the last check, on the motion as it will be played, found a contact
@@ -20,6 +22,7 @@ Every error carries a stable `code`, and its message says what to do next. All o
 between processes with their attributes.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -76,7 +79,13 @@ class NotFinite(BadQuery):
 
     def __init__(self, what: str, joint: str, value: float) -> None:
         self.what, self.joint, self.value = what, joint, value
-        super().__init__(f"The {what} of {joint} is {value}; give a finite number of radians")
+        super().__init__(f"The {what} of {joint} is {value}; give a finite number")
+
+
+class BadWorld(BadQuery):
+    """A body makes no sense, or names what is not there."""
+
+    code = "plan.bad_world"
 
 
 class ModelUnusable(MotionError):
@@ -165,6 +174,33 @@ class GoalInCollision(EndInCollision):
     advice = "choose another goal"
 
 
+class Unreachable(MotionError):
+    """The tool cannot be brought there.
+
+    Attributes:
+        point: Where it shall go, in the URDF's root frame [m].
+        nearest: Where it gets, as far as was found [m].
+        distance: Between the two [m].
+        askew: Angle between the direction asked for and that of the tool there [rad].
+    """
+
+    code = "plan.unreachable"
+
+    def __init__(
+        self,
+        point: tuple[float, ...],
+        nearest: tuple[float, ...],
+        distance: float,
+        askew: float,
+    ) -> None:
+        self.point, self.nearest, self.distance, self.askew = point, nearest, distance, askew
+        askance = f" and {math.degrees(askew):.1f} deg askew" if askew else ""
+        super().__init__(
+            f"The tool cannot reach {_place(point)}: the nearest it comes is {_place(nearest)}, "
+            f"{1e3 * distance:.1f} mm off{askance}; choose a point within reach"
+        )
+
+
 class NoPath(MotionError):
     """The search came to the end of its budget.
 
@@ -249,6 +285,10 @@ class WorkerDied(MotionError):
     def __init__(self, why: str) -> None:
         self.why = why
         super().__init__(f"The planning process failed: {why}. A new one takes over; ask again")
+
+
+def _place(point: tuple[float, ...]) -> str:
+    return "(" + ", ".join(f"{x:.4f}" for x in point) + ") m"
 
 
 def _contact(first: str, second: str, distance: float) -> str:

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from hardware import CollisionRules, Robot
 
-from .errors import ModelUnusable
-from .shapes import hull
+from .bodies import objects
+from .errors import BadWorld, ModelUnusable
+from .shapes import hull, packages
+from .world import EMPTY, World
 
 Array = NDArray[np.float64]
 
@@ -19,11 +21,15 @@ FLOOR = "floor"
 
 
 class Model:
-    """Kinematics and geometry of a robot.
+    """Kinematics and geometry of a robot in a world.
 
     There are two geometries. In the exact one every primitive of the URDF is a shape; in the outer
     one each link is the convex hull around its primitives, far fewer pairs. Where the outer shapes
     keep a distance, so do the exact ones.
+
+    Args:
+        robot: The robot.
+        world: What stands around it, and what it holds.
 
     Attributes:
         joints: Names of the actuated joints, the columns of all configurations (A).
@@ -33,10 +39,12 @@ class Model:
 
     Raises:
         ModelUnusable: pinocchio cannot read the URDF.
+        BadWorld: A body names a link or body that is not there, or takes the name of one.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, world: World = EMPTY) -> None:
         self.joints = tuple(joint.name for joint in robot.actuated)
+        self._bodies = {body.name: body for body in world.bodies}
         try:
             self.kinematics = pin.buildModelFromUrdf(str(robot.urdf), True)
             self.exact = pin.buildGeomFromUrdf(
@@ -44,20 +52,28 @@ class Model:
                 str(robot.urdf),
                 pin.GeometryType.COLLISION,
                 None,
-                [str(robot.urdf.parent)],
+                packages(robot.urdf),
             )
         except (RuntimeError, ValueError) as error:
             raise ModelUnusable(str(robot.urdf), str(error)) from error
         self.outer = self._hulls()
+        self._check_names()
+        for _, exact, outer in objects(self.kinematics, world):
+            self.exact.addGeometryObject(exact)
+            self.outer.addGeometryObject(outer)
         for geometry in (self.exact, self.outer):
             self._add_floor(geometry, robot.collision)
             self._add_pairs(geometry, robot.collision)
             for shape in geometry.geometryObjects:
                 shape.geometry.computeLocalAABB()  # coal guesses from it where two shapes face
         self._places = [self._place(name) for name in self.joints]
+        # Whether pinocchio's coordinates are the configuration itself.
+        self._plain = self._places == [(i, False) for i in range(self.kinematics.nq)]
 
     def coordinates(self, configurations: Array) -> Array:
         """Of configurations (N, A) [rad], as pinocchio wants them: (nq, N), column-major."""
+        if self._plain:
+            return np.ascontiguousarray(configurations).T
         q = np.zeros((self.kinematics.nq, len(configurations)), order="F")
         for column, (index, turns) in enumerate(self._places):
             values = configurations[:, column]
@@ -68,9 +84,21 @@ class Model:
         return q
 
     def link(self, geometry: pin.GeometryModel, index: int) -> str:
-        """The link that a shape belongs to; `floor` for the floor."""
+        """The link or body that a shape belongs to; `floor` for the floor."""
         shape = geometry.geometryObjects[index]
-        return FLOOR if shape.name == FLOOR else str(self.kinematics.frames[shape.parentFrame].name)
+        if shape.name == FLOOR or shape.name in self._bodies:
+            return str(shape.name)
+        return str(self.kinematics.frames[shape.parentFrame].name)
+
+    def _check_names(self) -> None:
+        links = {frame.name for frame in self.kinematics.frames} | {FLOOR}
+        taken = links | {shape.name for shape in self.exact.geometryObjects}
+        for name, body in self._bodies.items():
+            if name in taken:
+                raise BadWorld(f"The robot has a {name} already; give the body another name")
+            for other in sorted(body.touches - links - self._bodies.keys()):
+                what = f"{name} may touch {other}, but there is no such link or body"
+                raise BadWorld(f"{what}; there are {', '.join(sorted(links | set(self._bodies)))}")
 
     def _place(self, joint: str) -> tuple[int, bool]:
         """Index of a joint's coordinate, and whether it is stored as cosine and sine."""
@@ -107,8 +135,16 @@ class Model:
         for i, j in combinations(range(len(links)), 2):
             pair = frozenset((links[i], links[j]))
             if FLOOR in pair:
-                wanted = not pair & rules.floor_ignores
-            else:  # shapes on one body never move against each other
+                stands = (pair & self._bodies.keys()) and joints[i] == joints[j]
+                wanted = not (pair & rules.floor_ignores or stands)
+            else:  # shapes on one joint never move against each other
                 wanted = joints[i] != joints[j] and pair not in rules.allowed
-            if wanted:
+            if wanted and not self._may_touch(links[i], links[j]):
                 yield i, j
+
+    def _may_touch(self, first: str, second: str) -> bool:
+        """Whether a body allows the contact."""
+        return any(
+            name in self._bodies and other in self._bodies[name].touches
+            for name, other in ((first, second), (second, first))
+        )

@@ -5,23 +5,30 @@ from numpy.typing import NDArray
 
 from hardware import Clock, RealClock, Robot
 
+from .carry import carried
 from .contacts import Contacts
 from .curve import Curve
 from .deadline import Deadline, Stopwatch
-from .ends import bounds, check_ends, columns
+from .ends import bounds, check_ends, columns, finite
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError
 from .model import Model
 from .path import find
 from .plan import Plan
+from .process import Answer, Request
 from .profile import Profile
-from .query import Query, Verify
+from .query import Carry, Query, Reached, ToolQuery, Verify
 from .reach import levers
 from .search import Search
-from .space import Space
-from .timing import timed
+from .space import LEAST_STEP, Space
+from .timing import load, timed
+from .tool import reached
 from .verify import check_motion
+from .world import EMPTY, Body, World
 
 Array = NDArray[np.float64]
+
+_WORLDS = 4  # models at a time
+_SAMPLES = 200  # of a motion, to find how far it has travelled when
 
 
 class Planner:
@@ -33,7 +40,7 @@ class Planner:
 
     Attributes:
         levers: Travel of any point per unit of each actuated joint (A,) [m/rad]; see `reach`.
-        contacts: Checks configurations.
+        contacts: Checks configurations where nothing stands around the arm.
 
     Raises:
         ModelUnusable: The robot cannot be planned with.
@@ -42,22 +49,28 @@ class Planner:
     def __init__(self, robot: Robot, clock: Clock | None = None) -> None:
         self._robot, self._clock = robot, clock or RealClock()
         _check_limits(robot)
-        self.contacts = Contacts(Model(robot))
-        self.levers = levers(robot)
+        self._scenes: dict[World, _Scene] = {}
         self._groups: dict[str, _Group] = {}
+        empty = self._scene(EMPTY)
+        self.contacts, self.levers = empty.contacts, empty.levers
 
-    def answer(self, request: Query | Verify) -> Plan | None:
-        """A plan for a Query; None for a Verify that finds nothing.
+    def answer(self, request: Request) -> Answer:
+        """A Plan for a Query, Reached for a ToolQuery, a Body for a Carry, None for a Verify.
 
         Raises:
-            MotionError: As `plan` and `verify`.
+            MotionError: As `plan`, `reach`, `carry` and `verify`.
         """
-        if isinstance(request, Query):
-            return self.plan(request)
-        if isinstance(request, Verify):
-            self.verify(request)
-            return None
-        raise BadQuery(f"{type(request).__name__} is neither a Query nor a Verify")
+        match request:
+            case Query():
+                return self.plan(request)
+            case Verify():
+                self.verify(request)
+                return None
+            case ToolQuery():
+                return self.reach(request)
+            case Carry():
+                return self.carry(request)
+        raise BadQuery(f"{type(request).__name__} is nothing that a planner can be asked")
 
     def plan(self, query: Query) -> Plan:
         """The motion a query asks for.
@@ -76,23 +89,29 @@ class Planner:
     def _climb(self, query: Query, watch: Stopwatch) -> Plan:
         deadline = Deadline(self._clock, query.timeout)
         with watch.rung("ends"):
-            start, goal = check_ends(self._robot, self.contacts, query)
+            scene = self._scene(query.world)
+            start, stations = check_ends(self._robot, scene.contacts, query)
         group = self._group(query.group)
-        space = self._space(group, start, deadline)
-        ends = start[group.columns], goal[group.columns]
-        waypoints, curve = find(space, group.search, ends, query.seed, watch)
+        space = Space(
+            contacts=scene.contacts,
+            start=start,
+            columns=group.columns,
+            levers=scene.levers[group.columns],
+            margin=self._robot.collision.margin,
+            deadline=deadline,
+        )
+        waypoints, curve = find(space, group.search, stations, query.seed, watch)
+        if not curve.straight:
+            with deadline.paused():
+                load()
         with watch.rung("time"):
             curve, profile = _timed(waypoints, curve, group)
-        if not curve.straight:
-            with watch.rung("check"):
-                self._check(space, curve)
-        deadline.check()
-        return Plan(
+        plan = Plan(
             group=query.group,
             joints=group.joints,
             start=start,
-            origin=ends[0],
-            goal=ends[1],
+            origin=stations[0],
+            goal=stations[-1],
             seed=query.seed,
             velocity=group.velocity,
             acceleration=group.acceleration,
@@ -101,6 +120,11 @@ class Planner:
             profile=profile,
             milliseconds=watch.milliseconds,
         )
+        if not curve.straight:
+            with watch.rung("check"):
+                _check(space, plan)
+        deadline.check()
+        return plan
 
     def verify(self, request: Verify) -> None:
         """Check a motion as it will be played, straight from each row to the next.
@@ -112,38 +136,74 @@ class Planner:
         """
         deadline = Deadline(self._clock, request.timeout)
         joints = [joint.name for joint in self._robot.actuated]
-        check_motion(self.contacts, self.levers, joints, request, deadline)
+        scene = self._scene(request.world)
+        check_motion(scene.contacts, scene.levers, joints, request, deadline)
+
+    def reach(self, query: ToolQuery) -> Reached:
+        """Joint positions that bring the tool where a query asks for.
+
+        Raises:
+            BadQuery, NotFinite, StartOutOfBounds, Unreachable, GoalInCollision, PlanTimeout:
+                The first that applies.
+        """
+        scene, deadline = self._scene(query.world), Deadline(self._clock, query.timeout)
+        return reached(self._robot, scene.model, scene.contacts, query, deadline)
+
+    def carry(self, request: Carry) -> Body:
+        """A body where it is, but moving with another link.
+
+        Raises:
+            BadWorld: There is no such body, or no such link.
+            BadQuery, NotFinite: The positions make no sense.
+        """
+        body = request.world.body(request.body)
+        positions = finite("position", request.positions, self._robot.actuated)
+        return carried(self._scene(EMPTY).model, body, request.link, positions)
 
     def _group(self, name: str) -> "_Group":
         if name not in self._groups:
             self._groups[name] = _Group(self._robot, name)
         return self._groups[name]
 
-    def _space(self, group: "_Group", start: Array, deadline: Deadline) -> Space:
-        return Space(
-            contacts=self.contacts,
-            start=start,
-            columns=group.columns,
-            levers=self.levers[group.columns],
-            margin=self._robot.collision.margin,
-            deadline=deadline,
-        )
+    def _scene(self, world: World) -> "_Scene":
+        """The model of a world; the empty one is kept, and of others the last few asked for."""
+        scene = self._scenes.pop(world, None) or _Scene(self._robot, world)
+        if len(self._scenes) >= _WORLDS:
+            del self._scenes[next(other for other in self._scenes if other != EMPTY)]
+        self._scenes[world] = scene
+        return scene
 
-    def _check(self, space: Space, curve: Curve) -> None:
-        """Look at all of a bent curve once more; a line was looked at whole.
 
-        What was checked in steps of the margin has proved half the margin in between, so that is
-        what it is held to at these other points; see `reach`.
+class _Scene:
+    """What is kept of a world between queries."""
 
-        Raises:
-            MotionCollides: It is not free, by a fault of ours.
-        """
-        rows, proved = space.whole(space.curve(curve)), 0.5 * space.margin
-        hit = self.contacts.first_hit(rows, proved)
-        if hit is not None:
-            nearest = self.contacts.nearest(rows[hit])
-            assert nearest
-            raise MotionCollides(hit, None, *nearest, proved)
+    def __init__(self, robot: Robot, world: World) -> None:
+        self.model = Model(robot, world)
+        self.contacts = Contacts(self.model)
+        self.levers = levers(robot, world)
+
+
+def _check(space: Space, plan: Plan) -> None:
+    """Look at a bent motion once more, as it is timed: at samples a margin of travel apart.
+
+    A line was looked at whole. What was found free has half the margin proved all along, so that
+    is what it is held to at these other places; see `reach`.
+
+    Raises:
+        MotionCollides: It is not free, by a fault of ours.
+    """
+    times = np.linspace(0.0, plan.duration, _SAMPLES)
+    travel = np.cumsum(abs(np.diff(plan.sample(times), axis=0, prepend=plan.origin[None])), axis=0)
+    travel = travel @ space.levers
+    places = np.linspace(0.0, travel[-1], int(travel[-1] / max(space.margin, LEAST_STEP)) + 2)
+    times = np.interp(places, travel, times)
+    rows, proved = space.whole(plan.sample(times)), 0.5 * space.margin
+    space.deadline.check()
+    hit = space.contacts.first_hit(rows, proved)
+    if hit is not None:
+        nearest = space.contacts.nearest(rows[hit])
+        assert nearest
+        raise MotionCollides(hit, float(times[hit]), *nearest, proved)
 
 
 class _Group:

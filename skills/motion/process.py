@@ -1,5 +1,6 @@
 """One worker process, as the parent holds it."""
 
+import contextlib
 import os
 import pickle
 import signal
@@ -15,10 +16,12 @@ from hardware import Robot
 
 from .errors import MotionError, PlanTimeout, WorkerDied
 from .plan import Plan
-from .query import Query, Verify
+from .query import Carry, Query, Reached, ToolQuery, Verify
+from .world import Body
 
-Request = Query | Verify
-Result = Plan | None | MotionError
+Request = Query | Verify | ToolQuery | Carry
+Answer = Plan | Reached | Body | None
+Result = Answer | MotionError
 
 # What reading a damaged answer raises; anything else is a bug of ours and should be seen.
 _NONSENSE = (
@@ -31,8 +34,12 @@ _NONSENSE = (
     TypeError,
     ValueError,
 )
-_GRACE = 0.1  # beyond its time-out, before a worker counts as hanging [s]
+_GRACE = 0.008  # beyond its time-out, before a worker counts as hanging [s]
+_DYING = 0.2  # to say what was wrong, once it has hung up [s]
 _START = 30.0  # to load the model on a slow machine [s]
+_LOAD = 10.0  # to load, after it, what only bends need [s]
+
+LOADED = "loaded"  # said once, when that is done
 
 
 class WorkerProcess:
@@ -56,7 +63,7 @@ class WorkerProcess:
                 start_new_session=True,
             )
         self._connection = Connection(ours.detach())
-        self._ready = self._killed = False
+        self._ready = self._loaded = self._killed = False
         self._hello(robot)
 
     @property
@@ -78,7 +85,7 @@ class WorkerProcess:
             if not self._ready and (broken := self._start()):
                 return broken
             self._connection.send(request)
-            answer = self._answer(request.timeout + _GRACE)
+            answer = self._answer_within(request.timeout + _GRACE)
         except (EOFError, OSError):
             return self._died()
         except _NONSENSE as error:
@@ -86,7 +93,7 @@ class WorkerProcess:
         if answer is _LATE:
             self.kill()
             return PlanTimeout(request.timeout)
-        if answer is None or isinstance(answer, Plan | MotionError):
+        if answer is None or isinstance(answer, Plan | Reached | Body | MotionError):
             return answer
         return self._nonsense(f"{type(answer).__name__} instead of a plan")
 
@@ -116,6 +123,15 @@ class WorkerProcess:
             return answer
         return self._nonsense(f"nothing within {_START:g} s of its start")
 
+    def _answer_within(self, timeout: float) -> Any:
+        """Its answer; the time in which it still loads does not count."""
+        if not self._loaded:
+            answer = self._answer(timeout + _LOAD)
+            if answer != LOADED:
+                return answer
+            self._loaded = True
+        return self._answer(timeout)
+
     def _answer(self, timeout: float) -> Any:
         return self._connection.recv() if self._connection.poll(timeout) else _LATE
 
@@ -124,6 +140,8 @@ class WorkerProcess:
         return WorkerDied(f"it answered {what}")
 
     def _died(self) -> WorkerDied:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_DYING)
         self.kill()
         code = self._process.wait()
         how = f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Rebuilt, readonly
+from .world import EMPTY, Vector, World
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +20,9 @@ class Query:
         goal: The group's own joints, in the order of `robot.leaders(group)` [rad].
         seed: Of everything random; equal queries give equal plans.
         timeout: Time there is [s]; it can only fail a plan, never change one.
+        via: Points on the way, each as `goal`; passed in their order, without a stop where that
+            is free, nearer than `blend.NEARNESS`.
+        world: What stands around the arm, and what it holds.
     """
 
     group: str
@@ -26,6 +30,8 @@ class Query:
     goal: tuple[float, ...]
     seed: int = 1
     timeout: float = 5.0
+    via: tuple[tuple[float, ...], ...] = ()
+    world: World = EMPTY
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +44,80 @@ class Verify(Rebuilt):
         margin: Distance to be kept [m].
         times: When each row is reached (N,) [s]; None where it does not matter.
         timeout: Time there is [s].
+        world: What stands around the arm, and what it holds.
     """
 
     configurations: NDArray[np.float64] | Sequence[Sequence[float]]
     margin: float
     times: NDArray[np.float64] | Sequence[float] | None = None
     timeout: float = 5.0
+    world: World = EMPTY
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "configurations", readonly(self.configurations))
         if self.times is not None:
             object.__setattr__(self, "times", readonly(self.times))
+
+
+@dataclass(frozen=True, slots=True)
+class ToolQuery:
+    """Where must a group be for its tool to be at a point?
+
+    Attributes:
+        group: Name of the group that moves; all other joints stay at the start.
+        start: All actuated joints, in the order of `robot.actuated` [rad]; of several answers the
+            one soonest reached from there is given.
+        point: Where the tool shall be, in the URDF's root frame [m].
+        direction: Where the tool's axis shall point, in that frame; None for anywhere.
+        link: The link that carries the tool; empty for the last that the group moves.
+        offset: The tool's place in the frame of that link [m].
+        axis: The tool's axis in that frame.
+        relative: Whether `point` counts from where the tool is at the start.
+        seed: Of everything random.
+        timeout: Time there is [s].
+        world: What stands around the arm, and what it holds.
+    """
+
+    group: str
+    start: tuple[float, ...]
+    point: Vector
+    direction: Vector | None = None
+    link: str = ""
+    offset: Vector = (0.0, 0.0, 0.0)
+    axis: Vector = (0.0, 0.0, 1.0)
+    relative: bool = False
+    seed: int = 1
+    timeout: float = 5.0
+    world: World = EMPTY
+
+
+@dataclass(frozen=True, slots=True)
+class Reached:
+    """Answer to a ToolQuery.
+
+    Attributes:
+        positions: The group's own joints, in the order of `robot.leaders(group)` [rad].
+        found: How many answers there were to choose from.
+    """
+
+    positions: tuple[float, ...]
+    found: int
+
+
+@dataclass(frozen=True, slots=True)
+class Carry:
+    """Hand a body over to another link, where it is; answered with that Body.
+
+    Attributes:
+        world: Where it is.
+        body: Its name.
+        link: The link it moves with from now on; empty for none, so that it stands.
+        positions: All actuated joints at that moment [rad].
+        timeout: Time there is [s].
+    """
+
+    world: World
+    body: str
+    link: str
+    positions: tuple[float, ...]
+    timeout: float = 5.0

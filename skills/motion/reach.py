@@ -24,14 +24,20 @@ from numpy.typing import NDArray
 
 from hardware import Robot
 
-from .shapes import corners
+from .bodies import objects
+from .shapes import corners, packages
+from .world import EMPTY, World
 
 Array = NDArray[np.float64]
 
 
-def levers(robot: Robot) -> Array:
-    """Largest travel of any point per unit of each actuated joint (A,) [m/rad]."""
-    own = _levers(robot)
+def levers(robot: Robot, world: World = EMPTY) -> Array:
+    """Largest travel of any point, held bodies included, per unit of each actuated joint.
+
+    Returns:
+        (A,) [m/rad].
+    """
+    own = _levers(robot, world)
     total = {joint.name: own[joint.name] for joint in robot.actuated}
     for joint in robot.joints:
         if joint.mimic:
@@ -39,14 +45,15 @@ def levers(robot: Robot) -> Array:
     return np.array([total[joint.name] for joint in robot.actuated])
 
 
-def _levers(robot: Robot) -> dict[str, float]:
+def _levers(robot: Robot, world: World) -> dict[str, float]:
     """Of every moving joint, followers for themselves."""
     model = pin.buildModelFromUrdf(str(robot.urdf))
     geometry = pin.buildGeomFromUrdf(
-        model, str(robot.urdf), pin.GeometryType.COLLISION, None, [str(robot.urdf.parent)]
+        model, str(robot.urdf), pin.GeometryType.COLLISION, None, packages(robot.urdf)
     )
     points = [np.zeros((0, 3)) for _ in model.names]
-    for shape in geometry.geometryObjects:
+    held = [exact for _, exact, _ in objects(model, world)]
+    for shape in (*geometry.geometryObjects, *held):
         points[shape.parentJoint] = np.vstack((points[shape.parentJoint], corners(shape)))
     slides = [_slide(robot, model, name) for name in model.names]
     return _inward(model, points, slides)

@@ -1,6 +1,7 @@
 """Points around shapes, and the convex hull around several."""
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import coal
 import numpy as np
@@ -12,10 +13,20 @@ Array = NDArray[np.float64]
 _SIDES = 8  # of the prism around a cylinder: the fewer, the quicker every check of the hull
 
 
+def packages(urdf: Path) -> list[str]:
+    """Where the meshes of a URDF are looked for, `package://` too: in all folders above it."""
+    return [str(folder) for folder in urdf.resolve().parents]
+
+
 def corners(shape: pin.GeometryObject) -> Array:
     """Points whose convex hull contains a shape, in the frame of its joint (P, 3) [m]."""
     geometry = shape.geometry
-    points = _prism(geometry) if isinstance(geometry, coal.Cylinder) else _box(geometry)
+    if isinstance(geometry, coal.Cylinder):
+        points = _prism(geometry)
+    elif isinstance(geometry, coal.BVHModelBase):
+        points = np.asarray(geometry.vertices())
+    else:
+        points = _box(geometry)
     placed: Array = points @ shape.placement.rotation.T + shape.placement.translation
     return placed
 

@@ -3,25 +3,19 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import norms
 from .space import Space
 
 Array = NDArray[np.float64]
 
-_TRIES = 30  # a count, not a time: the same query must give the same path
+_SHARES = (0.7, 0.35)  # of a corner's legs, tried to be cut off
 
 
-def shortened(space: Space, waypoints: Array, seed: int) -> Array:
+def shortened(space: Space, waypoints: Array) -> Array:
     """A path no longer than the one given, between the same ends (N, J) [rad].
 
-    Leaves out what can be left out, then cuts corners between random places, then leaves out
-    again.
+    Leaves out what can be left out, then cuts off corners, each as far as that is free.
     """
-    path = _thinned(space, waypoints)
-    random = np.random.default_rng(seed)
-    for _ in range(_TRIES if len(path) > 2 else 0):
-        path = _cut(space, path, random)
-    return _thinned(space, path)
+    return _cut(space, _thinned(space, waypoints))
 
 
 def _thinned(space: Space, path: Array) -> Array:
@@ -34,16 +28,24 @@ def _thinned(space: Space, path: Array) -> Array:
     return path[kept]
 
 
-def _cut(space: Space, path: Array, random: np.random.Generator) -> Array:
-    """With an edge between two random places on the path, where it is free."""
-    lengths = norms(np.diff(path, axis=0))
-    reach = np.concatenate(([0.0], np.cumsum(lengths)))
-    s = np.sort(random.uniform(0.0, reach[-1], 2))
-    i, j = np.minimum(np.searchsorted(reach, s, side="right") - 1, len(lengths) - 1)
-    if i == j:
-        return path
-    share = ((s - reach[[i, j]]) / lengths[[i, j]])[:, None]
-    ends = path[[i, j]] + share * (path[[i + 1, j + 1]] - path[[i, j]])
-    if not space.edge(ends[0], ends[1]):
-        return path
-    return np.vstack((path[: i + 1], ends, path[j + 1 :]))
+def _cut(space: Space, path: Array) -> Array:
+    """With every corner replaced by an edge between points on its legs, where one is free.
+
+    Legs between two corners are shared: each corner has one half.
+    """
+    places = [path[:1]]
+    for i in range(1, len(path) - 1):
+        corner = path[i]
+        before, after = path[i - 1] - corner, path[i + 1] - corner
+        first, last = i == 1, i == len(path) - 2
+        halves = before * (1.0 if first else 0.5), after * (1.0 if last else 0.5)
+        places.append(_cut_corner(space, corner, *halves))
+    return np.vstack([*places, path[-1:]])
+
+
+def _cut_corner(space: Space, corner: Array, before: Array, after: Array) -> Array:
+    for share in _SHARES:
+        ends = corner + share * np.array([before, after])
+        if space.edge(ends[0], ends[1]):
+            return ends
+    return corner[None, :]

@@ -11,6 +11,11 @@ from .profile import Profile
 Array = NDArray[np.float64]
 
 
+def load() -> None:
+    """Import TOPP-RA, which takes 0.7 s and is needed for bends only."""
+    from . import toppra_timing  # noqa: F401
+
+
 def timed(curve: Curve, velocity: Array, acceleration: Array) -> Profile | None:
     """The time law of a curve, at rest at both ends and at its stops.
 
@@ -37,7 +42,7 @@ def _section(
     """Between two stops: in closed form where it is one line, by TOPP-RA where it is not."""
     inside = curve.breaks[(curve.breaks > begin) & (curve.breaks < end)]
     if len(inside):
-        from .toppra_timing import fastest  # 0.7 s, which straight moves save
+        from .toppra_timing import fastest  # see `load`
 
         return fastest(curve, np.array([begin, *inside, end]), velocity, limits)
     slope = abs(curve.slopes(np.array([0.5 * (begin + end)]))[0])

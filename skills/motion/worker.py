@@ -1,23 +1,32 @@
 """The worker process: `python -P -m skills.motion.worker FD`, FD being its end of a socket.
 
-It is sent a pickled Robot, answers None when it has loaded it, and then answers every Query and
-Verify it is sent, in turn, until the other end closes. Errors of ours are answers; any other ends
-the process, and the parent starts a new one.
+It is sent a pickled Robot, answers None when it has loaded it, and then answers every request that
+it is sent, in turn, until the other end closes. Meanwhile it loads TOPP-RA, and says when it has;
+a request that comes before waits for it only if it needs it. Errors of ours are answers; any other
+ends the process, and the parent starts a new one. So does taking too much memory.
 """
 
+import contextlib
+import resource
 import signal
 import sys
 from multiprocessing.connection import Connection
+from threading import Lock, Thread
 from typing import Any
 
 from hardware import RealClock
 
 from .errors import MotionError
 from .planner import Planner
+from .process import LOADED
+from .timing import load
+
+_MEMORY = 4 * 2**30  # of address space; a worker needs a tenth of it [bytes]
 
 
 def main(descriptor: int) -> None:
     """Serve until the other end closes."""
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # when to end is for the parent to say
     with Connection(descriptor) as connection:
         try:
@@ -34,8 +43,18 @@ def _serve(connection: Connection) -> None:
         connection.send(error)
         return
     connection.send(None)
+    lock = Lock()
+    Thread(target=_load, args=(connection, lock), daemon=True).start()
     while True:
-        connection.send(_answer(planner, connection.recv()))
+        answer = _answer(planner, connection.recv())
+        with lock:
+            connection.send(answer)
+
+
+def _load(connection: Connection, lock: Lock) -> None:
+    load()
+    with lock, contextlib.suppress(OSError):  # who would be told is gone
+        connection.send(LOADED)
 
 
 def _answer(planner: Planner, request: Any) -> Any:

@@ -1,0 +1,152 @@
+"""A plan on paper: its joints, speeds and accelerations, and the arm's sweep from two sides."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import cycle
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+
+_LINES = ("#0072B2", "#E69F00", "#CC79A7", "#000000", "#009E73", "#D55E00", "#56B4E9")
+_ARM, _BODY, _LIMIT = "#0072B2", "#D55E00", "#999999"
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PlanPicture:
+    """What is drawn of a plan; N samples, J joints.
+
+    Attributes:
+        title: Above it.
+        joints: Their names (J,).
+        times: Of the samples (N,) [s].
+        positions: (N, J) [rad].
+        speeds: (N, J) [rad/s].
+        accelerations: (N, J) [rad/s2].
+        waypoints: Of the polyline (W, J) [rad].
+        speed_limits: (J,) [rad/s].
+        acceleration_limits: (J,) [rad/s2].
+        sweep: By pose, the points around every shape, in the root frame [m].
+        bodies: The points around everything that is no part of the arm [m].
+    """
+
+    title: str
+    joints: Sequence[str]
+    times: Sequence[float]
+    positions: Sequence[Sequence[float]]
+    speeds: Sequence[Sequence[float]]
+    accelerations: Sequence[Sequence[float]]
+    waypoints: Sequence[Sequence[float]]
+    speed_limits: Sequence[float]
+    acceleration_limits: Sequence[float]
+    sweep: Sequence[Sequence[Sequence[Sequence[float]]]]
+    bodies: Sequence[Sequence[Sequence[float]]]
+
+
+def draw_plan(picture: PlanPicture, output: Path) -> None:
+    """Draws a plan to a PNG.
+
+    Raises:
+        OSError: The PNG cannot be written.
+    """
+    figure = Figure(figsize=(7.16, 7.2), dpi=200, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(picture.title, fontsize=9)
+    axes = figure.subplots(3, 2)
+    _path(axes[0, 0], picture)
+    _over_time(axes[0, 1], picture, picture.positions, "position [rad]", ())
+    _over_time(axes[1, 0], picture, picture.speeds, "speed [rad/s]", picture.speed_limits)
+    _over_time(
+        axes[1, 1],
+        picture,
+        picture.accelerations,
+        "acceleration [rad/s²]",
+        picture.acceleration_limits,
+    )
+    for axis, (across, up) in zip(axes[2], ((0, 2), (0, 1)), strict=True):
+        _sweep(axis, picture, across, up)
+    axes[0, 1].legend(fontsize=6, loc="best")
+    figure.savefig(output, format="png")
+
+
+def _path(axes: Axes, picture: PlanPicture) -> None:
+    """The path in joint space: the second joint and those after it over the first."""
+    columns = list(zip(*picture.positions, strict=True))
+    corners = list(zip(*picture.waypoints, strict=True))
+    axes.set_xlabel(f"{picture.joints[0]} [rad]", fontsize=7)
+    axes.set_ylabel("other joints [rad]", fontsize=7)
+    axes.tick_params(labelsize=6)
+    for line, name, column, corner in zip(
+        _LINES[1:] * len(columns), picture.joints[1:], columns[1:], corners[1:], strict=False
+    ):
+        axes.plot(columns[0], column, color=line, linewidth=1, label=name)
+        axes.plot(corners[0], corner, "o:", color=line, linewidth=0.5, markersize=2)
+    axes.set_title("path in joint space, dots: waypoints", fontsize=7)
+
+
+def _over_time(
+    axes: Axes,
+    picture: PlanPicture,
+    rows: Sequence[Sequence[float]],
+    label: str,
+    limits: Sequence[float],
+) -> None:
+    axes.set_ylabel(label, fontsize=7)
+    axes.set_xlabel("time [s]", fontsize=7)
+    axes.tick_params(labelsize=6)
+    for name, line, column in zip(
+        picture.joints, cycle(_LINES), zip(*rows, strict=True), strict=False
+    ):
+        axes.plot(picture.times, column, color=line, linewidth=1, label=name)
+    for limit in sorted({sign * limit for limit in limits for sign in (-1, 1)}):
+        axes.axhline(limit, color=_LIMIT, linewidth=0.7, linestyle="--")
+    if limits:
+        axes.set_title("dashed: limits", fontsize=7)
+
+
+def _sweep(axes: Axes, picture: PlanPicture, across: int, up: int) -> None:
+    """All poses over each other, the last one darkest."""
+    axes.set_aspect("equal")
+    axes.tick_params(labelsize=6)
+    axes.set_xlabel(f"{'xyz'[across]} [m]", fontsize=7)
+    axes.set_ylabel(f"{'xyz'[up]} [m]", fontsize=7)
+    axes.set_title("sweep from the front" if up == 2 else "sweep from above", fontsize=7)
+    for number, pose in enumerate(picture.sweep, 1):
+        ends = number in (1, len(picture.sweep))
+        for shape in pose:
+            _shape(axes, shape, (across, up), _ARM, 0.35 if ends else 0.08)
+    for shape in picture.bodies:
+        _shape(axes, shape, (across, up), _BODY, 0.5)
+    axes.autoscale_view()
+
+
+def _shape(
+    axes: Axes, points: Sequence[Sequence[float]], plane: Point, color: str, alpha: float
+) -> None:
+    flat = [(point[int(plane[0])], point[int(plane[1])]) for point in points]
+    axes.add_patch(Polygon(_hull(flat), facecolor=color, alpha=alpha, edgecolor=color, lw=0.3))
+
+
+def _hull(points: Sequence[Point]) -> list[Point]:
+    """Corners of the convex hull, in turn (A. M. Andrew's monotone chain, 1979)."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return ordered
+    lower, upper = _chain(ordered), _chain(ordered[::-1])
+    return lower[:-1] + upper[:-1]
+
+
+def _chain(points: Sequence[Point]) -> list[Point]:
+    chain: list[Point] = []
+    for x, y in points:
+        while len(chain) > 1:
+            (ax, ay), (bx, by) = chain[-2:]
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
+                break
+            chain.pop()
+        chain.append((x, y))
+    return chain

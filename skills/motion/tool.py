@@ -1,0 +1,204 @@
+"""Inverse kinematics: joint positions that bring a tool to a point, and its axis to a direction.
+
+From each of several places the squared error is lowered step by step (K. Levenberg 1944, D. W.
+Marquardt 1963), kept within the limits by projection. The first place is the start, the others are
+drawn with the seed. Of all answers that are free the one soonest reached from the start is taken.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hardware import Robot
+
+from .bodies import frame_of
+from .contacts import Contact, Contacts
+from .deadline import Deadline
+from .ends import bounds, columns, finite
+from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable
+from .model import Model
+from .query import Reached, ToolQuery
+
+Array = NDArray[np.float64]
+
+_PLACES = 16  # counts, not times: the same query must give the same answer
+_STEPS = 60
+_NEAR = 1e-6  # a point is reached [m]
+_TRUE = 1e-4  # a direction is kept [rad]
+_WORTH = 0.1  # of a radian beside a metre
+
+
+def reached(
+    robot: Robot, model: Model, contacts: Contacts, query: ToolQuery, deadline: Deadline
+) -> Reached:
+    """The nearest free answer.
+
+    Raises:
+        BadQuery, NotFinite, StartOutOfBounds: The query makes no sense.
+        Unreachable: No answer was found; says how near the tool gets.
+        GoalInCollision: There are answers, but none is free.
+        PlanTimeout: The time is up.
+    """
+    start, arm = _checked(robot, query), _Arm(robot, model, query)
+    point = np.array(query.point) + (arm.pose(start)[0] if query.relative else 0.0)
+    random, answers, misses = np.random.default_rng(query.seed), list[_Found](), list[_Found]()
+    for number in range(_PLACES):
+        deadline.check()
+        begin = start[arm.columns] if number == 0 else arm.draw(random, start)
+        found = arm.solve(start, begin, point)
+        (answers if found.distance <= _NEAR and found.askew <= _TRUE else misses).append(found)
+    if not answers:
+        best = min(misses, key=lambda miss: miss.distance + _WORTH * miss.askew)
+        raise Unreachable(tuple(point), tuple(best.point), best.distance, best.askew)
+    answers.sort(key=lambda answer: arm.seconds(start, answer.joints))
+    whole = np.tile(start, (len(answers), 1))
+    whole[:, arm.columns] = [answer.joints for answer in answers]
+    margin, touching = robot.collision.margin, None
+    for row, answer in zip(whole, answers, strict=True):
+        if contacts.first_hit(row[None, :], margin) is None:
+            return Reached(tuple(answer.joints.tolist()), len(answers))
+        touching = touching or contacts.nearest(row)
+    assert isinstance(touching, Contact)
+    raise GoalInCollision(*touching, margin)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Where a descent ended: the group's joints, the tool, and what is left of the errors."""
+
+    joints: Array
+    point: Array
+    distance: float
+    askew: float
+
+
+class _Arm:
+    """A group and its tool."""
+
+    def __init__(self, robot: Robot, model: Model, query: ToolQuery) -> None:
+        self._model, self._data = model, model.kinematics.createData()
+        self.columns = columns(robot, query.group)
+        self.lower, self.upper = bounds(robot, query.group)
+        joints = robot.leaders(query.group)
+        self._velocity = np.array([joint.velocity for joint in joints])
+        indices = [model.kinematics.getJointId(joint.name) for joint in joints]
+        self._speeds = np.array([model.kinematics.joints[i].idx_v for i in indices])
+        self._frame = self._tool(query, indices)
+        self._offset, self._axis = np.array(query.offset), _unit(query.axis)
+        self._wanted = None if query.direction is None else _unit(query.direction)
+
+    def _tool(self, query: ToolQuery, joints: list[int]) -> int:
+        """Frame of the link that carries the tool."""
+        if query.link:
+            return frame_of(self._model.kinematics, query.link)
+        frames = self._model.kinematics.frames
+        last = [
+            index
+            for index, frame in enumerate(frames)
+            if frame.type == pin.FrameType.BODY and frame.parentJoint == joints[-1]
+        ]
+        return last[-1]
+
+    def draw(self, random: np.random.Generator, start: Array) -> Array:
+        """A place within the limits; where they are infinite, within half a turn of the start."""
+        own = start[self.columns]
+        lower = np.where(np.isfinite(self.lower), self.lower, own - np.pi)
+        upper = np.where(np.isfinite(self.upper), self.upper, own + np.pi)
+        return random.uniform(lower, upper)
+
+    def seconds(self, start: Array, joints: Array) -> float:
+        """At full speed from the start [s]."""
+        return float(np.max(abs(joints - start[self.columns]) / self._velocity))
+
+    def pose(self, configuration: Array) -> tuple[Array, Array]:
+        """Place and axis of the tool, all actuated joints being at (A,) [rad]."""
+        q = self._model.coordinates(configuration[None, :])[:, 0]
+        pin.framesForwardKinematics(self._model.kinematics, self._data, q)
+        frame = self._data.oMf[self._frame]
+        return frame.act(self._offset), frame.rotation @ self._axis
+
+    def solve(self, start: Array, begin: Array, point: Array) -> _Found:
+        """Lower the error from one place, within the limits."""
+        whole, joints, damping = start.copy(), begin, 1e-3
+        error, slope, found = self._look(whole, joints, point)
+        for _ in range(_STEPS):
+            gradient = slope.T @ error
+            # A joint at its limit that would leave it stands still for this step.
+            stuck = (joints <= self.lower) & (gradient > 0) | (joints >= self.upper) & (
+                gradient < 0
+            )
+            move = np.zeros(len(joints))
+            free = ~stuck
+            part = slope[:, free]
+            normal = part.T @ part + damping * np.eye(part.shape[1])
+            move[free] = np.linalg.solve(normal, -gradient[free])
+            there = np.clip(joints + move, self.lower, self.upper)
+            if abs(there - joints).max() < 1e-12:
+                break
+            ahead = self._look(whole, there, point)
+            if ahead[0] @ ahead[0] < error @ error:
+                joints, damping = there, max(0.2 * damping, 1e-12)
+                error, slope, found = ahead
+                if found.distance < 0.01 * _NEAR and found.askew < 0.01 * _TRUE:
+                    break
+            else:
+                damping *= 5.0
+                if damping > 1e6:
+                    break
+        return _Found(self._near(start, joints), found.point, found.distance, found.askew)
+
+    def _look(self, whole: Array, joints: Array, point: Array) -> tuple[Array, Array, _Found]:
+        """The error with the group's joints there, its derivative, and it in words."""
+        whole[self.columns] = joints
+        place, axis = self.pose(whole)
+        q = self._model.coordinates(whole[None, :])[:, 0]
+        jacobian = pin.computeFrameJacobian(
+            self._model.kinematics, self._data, q, self._frame, pin.LOCAL_WORLD_ALIGNED
+        )[:, self._speeds]
+        arm = place - self._data.oMf[self._frame].translation
+        moves = jacobian[:3] + np.cross(jacobian[3:].T, arm).T
+        error, slope, askew = place - point, moves, 0.0
+        if self._wanted is not None:
+            turns = np.cross(jacobian[3:].T, axis).T
+            error = np.concatenate((error, _WORTH * (axis - self._wanted)))
+            slope = np.vstack((slope, _WORTH * turns))
+            askew = 2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(axis - self._wanted))))
+        distance = float(np.linalg.norm(place - point))
+        return error, slope, _Found(joints, place, distance, askew)
+
+    def _near(self, start: Array, joints: Array) -> Array:
+        """With endless joints turned back to within half a turn of the start."""
+        endless = np.isinf(self.lower) & np.isinf(self.upper)
+        turns = np.round((joints - start[self.columns]) / (2.0 * np.pi))
+        return np.where(endless, joints - 2.0 * np.pi * turns, joints)
+
+
+def _unit(vector: tuple[float, ...]) -> Array:
+    array = np.array(vector)
+    unit: Array = array / np.linalg.norm(array)
+    return unit
+
+
+def _checked(robot: Robot, query: ToolQuery) -> Array:
+    """All actuated joints at the start."""
+    if query.group not in robot.groups:
+        raise BadQuery.group(query.group, robot.groups)
+    start = finite("start", query.start, robot.actuated)
+    for joint, value in zip(robot.actuated, start.tolist(), strict=True):
+        if not joint.lower <= value <= joint.upper:
+            raise StartOutOfBounds(joint.name, value, joint.lower, joint.upper)
+    for what in ("point", "direction", "offset", "axis"):
+        vector = getattr(query, what)
+        if vector is None:
+            continue
+        if len(vector) != 3:
+            raise BadQuery(f"The {what} has {len(vector)} values; give x, y, z")
+        for name, value in zip("xyz", vector, strict=True):
+            if not np.isfinite(value):
+                raise NotFinite(name, what, value)
+        if what in ("direction", "axis") and not any(vector):
+            raise BadQuery(f"The {what} is zero; give a vector with a length")
+    return start

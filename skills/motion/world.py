@@ -1,0 +1,200 @@
+"""What stands around the arm, and what it holds: bodies that are checked like its own links."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from .errors import BadWorld
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Edges along x, y and z [m]."""
+
+    size: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """A ball of a radius [m]."""
+
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinder:
+    """Along z, of a radius and a length [m]."""
+
+    radius: float
+    length: float
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """Triangles from a file (STL, DAE, OBJ), with its units scaled to metres."""
+
+    path: str
+    scale: Vector = (1.0, 1.0, 1.0)
+
+
+Shape = Box | Sphere | Cylinder | Mesh
+_SHAPES: dict[str, Callable[..., Shape]] = {
+    "box": Box,
+    "sphere": Sphere,
+    "cylinder": Cylinder,
+    "mesh": Mesh,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """One thing.
+
+    Attributes:
+        name: Unlike that of any link or other body.
+        shape: Its form.
+        position: Of its centre (of a mesh: its origin), in the frame of `link` [m].
+        rotation: x, y, z, w of a unit quaternion, in that frame.
+        link: The link it moves with; empty for one that stands in the URDF's root frame.
+        touches: Links, bodies or `floor` that it may touch.
+
+    Raises:
+        BadWorld: A number is not finite, a size not above 0, or a name is missing.
+    """
+
+    name: str
+    shape: Shape
+    position: Vector = (0.0, 0.0, 0.0)
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    link: str = ""
+    touches: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        if not self.name:
+            raise BadWorld("A body has no name; give it one")
+        sizes = [v for f in fields(self.shape) for v in _numbers(getattr(self.shape, f.name))]
+        for value in sizes:
+            if not (math.isfinite(value) and value > 0.0):
+                raise BadWorld(f"A size of {self.name} is {value:g} m; give a number above 0")
+        if len(self.position) != 3 or not all(map(math.isfinite, self.position)):
+            raise BadWorld(f"The position of {self.name} is {self.position}; give x, y, z in m")
+        if len(self.rotation) != 4 or not abs(math.hypot(*self.rotation) - 1.0) < 1e-6:
+            raise BadWorld(f"The rotation of {self.name} is {self.rotation}, no unit quaternion")
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """All bodies; equal worlds are one to the planner, which keeps its models of them.
+
+    Attributes:
+        bodies: In the order they came.
+
+    Raises:
+        BadWorld: Two bodies have one name.
+    """
+
+    bodies: tuple[Body, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        names = [body.name for body in self.bodies]
+        for name in names:
+            if names.count(name) > 1:
+                raise BadWorld(f"Two bodies are called {name}; give each a name of its own")
+
+    def body(self, name: str) -> Body:
+        """The body of that name.
+
+        Raises:
+            BadWorld: There is none.
+        """
+        for body in self.bodies:
+            if body.name == name:
+                return body
+        there = ", ".join(body.name for body in self.bodies) or "none at all"
+        raise BadWorld(f"There is no body {name}; there are {there}")
+
+    def adding(self, body: Body) -> "World":
+        """This world and one more body."""
+        return World((*self.bodies, body))
+
+    def without(self, name: str) -> "World":
+        """This world less a body."""
+        gone = self.body(name)
+        return World(tuple(body for body in self.bodies if body is not gone))
+
+    def replacing(self, body: Body) -> "World":
+        """This world with a body in place of the one of its name."""
+        old = self.body(body.name)
+        return World(tuple(body if each is old else each for each in self.bodies))
+
+    def plain(self) -> list[dict[str, Any]]:
+        """As lists and numbers, for a recording; `World.parse` is the way back."""
+        return [_plain(body) for body in self.bodies]
+
+    @classmethod
+    def parse(cls, bodies: Iterable[Mapping[str, Any]]) -> "World":
+        """The world that `plain` wrote down."""
+        return cls(tuple(_parsed(body) for body in bodies))
+
+
+EMPTY = World()
+
+
+def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """x, y, z, w of a turn about fixed x, then y, then z [rad], as a URDF's rpy."""
+    (a, b, c), (x, y, z) = (
+        [turn(0.5 * angle) for angle in (roll, pitch, yaw)] for turn in (math.cos, math.sin)
+    )
+    return (
+        x * b * c - a * y * z,
+        a * y * c + x * b * z,
+        a * b * z - x * y * c,
+        a * b * c + x * y * z,
+    )
+
+
+def _plain(body: Body) -> dict[str, Any]:
+    kind = next(name for name, shape in _SHAPES.items() if shape is type(body.shape))
+    shape = {f.name: getattr(body.shape, f.name) for f in fields(body.shape)}
+    return {
+        "name": body.name,
+        kind: {key: list(v) if isinstance(v, tuple) else v for key, v in shape.items()},
+        "position": list(body.position),
+        "rotation": list(body.rotation),
+        "link": body.link,
+        "touches": sorted(body.touches),
+    }
+
+
+def _parsed(plain: Mapping[str, Any]) -> Body:
+    try:
+        kind = next(name for name in _SHAPES if name in plain)
+        shape = {key: tuple(v) if isinstance(v, list) else v for key, v in plain[kind].items()}
+        x, y, z = plain["position"]
+        a, b, c, d = plain.get("rotation", (0.0, 0.0, 0.0, 1.0))
+        touches = frozenset(plain.get("touches", ()))
+        return Body(
+            plain["name"],
+            _SHAPES[kind](**shape),
+            (x, y, z),
+            (a, b, c, d),
+            plain.get("link", ""),
+            touches,
+        )
+    except (StopIteration, LookupError, TypeError, ValueError, AttributeError) as error:
+        if isinstance(error, BadWorld):
+            raise
+        kinds = ", ".join(_SHAPES)
+        raise BadWorld(
+            f"{plain!r} is no body; give a name, a position and one of {kinds}"
+        ) from error
+
+
+def _numbers(value: Any) -> tuple[float, ...]:
+    if isinstance(value, str):
+        return ()
+    return tuple(value) if isinstance(value, tuple) else (value,)

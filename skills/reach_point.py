@@ -1,0 +1,104 @@
+"""Where the joints must be for the tool to be at a point."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from py_trees.common import Status
+from py_trees.ports import PortInformation
+
+from hardware import Robot
+
+from .errors import BadTarget
+from .motion import MotionError, Reached, Result, ToolQuery
+from .pending import Asking
+from .ports import Port
+from .positions import Positions, three
+
+_GROUP = PortInformation(str, default_value="arm", description="group whose joints are meant")
+_START = PortInformation(Positions, description="where the arm stands [rad]")
+_TARGET = PortInformation(Positions, description="position of each of the group's joints [rad]")
+
+
+class ReachPoint(Asking):
+    """The joint positions, soonest reached, that bring the tool to a point in the room."""
+
+    INPUT_PORTS = {
+        "start": _START,
+        "point": Port(
+            list[float],
+            description="x, y, z in the frame of the robot's root [m]",
+            unit="m",
+            count=3,
+        ),
+        "relative": PortInformation(
+            bool, default_value=False, description="whether it counts from where the tool is"
+        ),
+        "direction": Port(
+            list[float],
+            default_value=[],
+            description="x, y, z that the tool's axis shall point along; without it any",
+            count=3,
+        ),
+        "tool": PortInformation(
+            str, default_value="", description="link with the tool; empty for the group's last"
+        ),
+        "offset": Port(
+            list[float],
+            default_value=[0.0, 0.0, 0.0],
+            description="the tool on that link [m]",
+            unit="m",
+            count=3,
+        ),
+        "axis": Port(
+            list[float],
+            default_value=[0.0, 0.0, 1.0],
+            description="the tool's axis on that link",
+            count=3,
+        ),
+        "group": _GROUP,
+    }
+    OUTPUT_PORTS = {"target": _TARGET}
+
+    @classmethod
+    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Check the group that is spelled out."""
+        if "group" in inputs:
+            _leaders(robot, inputs["group"])
+
+    def on_start(self) -> Status:
+        """Hand the question to a worker."""
+        given = {port: self.get_input(port) for port in self.INPUT_PORTS}
+        start, robot = given["start"], self.context.robot
+        self._names = _leaders(robot, given["group"])
+        return self.ask(
+            ToolQuery(
+                group=given["group"],
+                start=tuple(start[joint.name] for joint in robot.actuated),
+                point=three("point", given["point"]),
+                direction=three("direction", given["direction"]) if given["direction"] else None,
+                link=given["tool"],
+                offset=three("offset", given["offset"]),
+                axis=three("axis", given["axis"]),
+                relative=given["relative"],
+                seed=self.context.seed,
+                timeout=self.context.timeout,
+                world=self.context.scene.world,
+            )
+        )
+
+    def on_answer(self, answer: Result) -> Status:
+        """Hand the positions on."""
+        if isinstance(answer, MotionError):
+            raise answer
+        assert isinstance(answer, Reached)
+        target = Positions(zip(self._names, answer.positions, strict=True))
+        self._set_output("target", target)
+        self.feedback_message = ", ".join(f"{name} {q:.3f}" for name, q in target.items())
+        return Status.SUCCESS
+
+
+def _leaders(robot: Robot, group: str) -> list[str]:
+    """Names of the joints of a group that move of their own."""
+    if group not in robot.groups:
+        raise BadTarget(f"the robot has no group {group}; it has {', '.join(robot.groups)}")
+    return [joint.name for joint in robot.leaders(group)]

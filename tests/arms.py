@@ -1,0 +1,88 @@
+"""Arms that are not ours, as Robot values."""
+
+import dataclasses
+from itertools import combinations
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hardware import CollisionRules, Joint, Mimic, Robot, WireField, load_robot
+from skills.motion.contacts import Contacts
+
+# Name to the joints of its gripper; all others that move are the arm. The URDFs are in `data/`.
+ARMS: dict[str, tuple[str, ...]] = {
+    "six_axes": (),
+    "seven_axes": ("finger_1", "finger_2"),
+    "endless": (),
+}
+
+
+def foreign(name: str) -> Robot:
+    """An arm with a mesh, one with sliding fingers, or one that turns without end."""
+    return robot_of(Path(__file__).parent / "data" / f"{name}.urdf", ARMS[name])
+
+
+def robot_of(urdf: Path, gripper: tuple[str, ...] = ()) -> Robot:
+    """A Robot that can be planned for; there is no board to it."""
+    model = pin.buildModelFromUrdf(str(urdf), True)
+    root = ElementTree.parse(urdf).getroot()
+    elements = {e.get("name", ""): e for e in root.findall("joint")}
+    ordered = [n for n in model.names[1:] if elements[n].find("mimic") is None]
+    joints = {name: _joint(elements[name], None) for name in ordered}
+    for name, element in elements.items():
+        mimic = element.find("mimic")
+        if mimic is not None:
+            scale, offset = (float(mimic.get(k, d)) for k, d in (("multiplier", 1), ("offset", 0)))
+            joints[name] = _joint(element, Mimic(mimic.get("joint", ""), scale, offset))
+    arm = tuple(name for name in joints if name not in gripper)
+    rules = CollisionRules(0.01, _neighbours(model), None, frozenset())
+    return dataclasses.replace(
+        load_robot(),
+        name=root.get("name", ""),
+        urdf=urdf,
+        joints=tuple(joints.values()),
+        groups={"arm": arm, "gripper": gripper},
+        collision=rules,
+    )
+
+
+def free_poses(robot: Robot, count: int, seed: int, contacts: Contacts) -> NDArray[np.float64]:
+    """Random configurations of all actuated joints that are free (N, A) [rad]."""
+    random, found = np.random.default_rng(seed), list[NDArray[np.float64]]()
+    lower = np.array([max(j.lower, -np.pi) for j in robot.actuated])
+    upper = np.array([min(j.upper, np.pi) for j in robot.actuated])
+    while len(found) < count:
+        pose = random.uniform(lower, upper)
+        if contacts.first_hit(pose[None, :], robot.collision.margin) is None:
+            found.append(pose)
+    return np.array(found)
+
+
+def _joint(element: ElementTree.Element, mimic: Mimic | None) -> Joint:
+    limit = element.find("limit")
+    bounds = {} if limit is None else limit.attrib
+    endless = element.get("type") == "continuous"
+    return Joint(
+        name=element.get("name", ""),
+        lower=-np.inf if endless else float(bounds["lower"]),
+        upper=np.inf if endless else float(bounds["upper"]),
+        velocity=min(2.0, float(bounds.get("velocity", 1.0))),
+        acceleration=2.0,
+        boot=0.0,
+        mimic=mimic,
+        wire=None if mimic else WireField("x", 1, 0.0, np.pi, False),
+    )
+
+
+def _neighbours(model: pin.Model) -> frozenset[frozenset[str]]:
+    """Pairs of links with at most two joints between them."""
+    bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+    allowed = set[frozenset[str]]()
+    for one, other in combinations(bodies, 2):
+        ways = [list(model.supports[frame.parentJoint]) for frame in (one, other)]
+        if len(set(ways[0]) ^ set(ways[1])) <= 2:
+            allowed.add(frozenset((one.name, other.name)))
+    return frozenset(allowed)

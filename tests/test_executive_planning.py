@@ -1,0 +1,62 @@
+"""`armtree plan`: what it says, what it draws, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+from matplotlib.image import imread
+
+from executive.cli import cli
+from skills import BadTarget
+from skills.motion import BadWorld, GoalInCollision, Unreachable
+
+PICK = ("joint_1=-1.4", "joint_2=-0.6", "joint_3=-0.07")
+POST = [{"name": "post", "box": {"size": [0.03, 0.03, 0.2]}, "position": [0.115, 0.115, 0.1]}]
+
+
+def plan(folder: Path, *arguments: str) -> Result:
+    return CliRunner().invoke(cli, ["plan", *arguments, "-o", str(folder / "plan.png")])
+
+
+def test_a_straight_move(tmp_path: Path) -> None:
+    result = plan(tmp_path, *PICK)
+    assert result.exit_code == 0
+    assert "Path      straight" in result.output
+    assert "Duration  3.347 s" in result.output
+    assert "joint_1 at its acceleration limit, 0.5 rad/s²: 3.35 s (100 %)" in result.output
+    assert imread(tmp_path / "plan.png").shape[:2] == (1440, 1432)
+
+
+def test_round_a_body(tmp_path: Path) -> None:
+    (tmp_path / "world.json").write_text(json.dumps(POST))
+    world = ("--world", str(tmp_path / "world.json"))
+    bare = plan(tmp_path, *PICK)
+    without = (tmp_path / "plan.png").read_bytes()
+    result = plan(tmp_path, *PICK, *world)
+    assert result.exit_code == bare.exit_code == 0
+    assert "waypoints" in result.output
+    assert (tmp_path / "plan.png").read_bytes() != without
+
+
+def test_a_point_and_a_start(tmp_path: Path) -> None:
+    result = plan(tmp_path, "0.1", "0.05", "0.08", "--start", "joint_4=-0.7")
+    assert result.exit_code == 0, result.exception
+    assert "Goal      joint_1 -1.1" in result.output
+
+
+@pytest.mark.parametrize(
+    ("goal", "error"),
+    [
+        (("joint_9=1",), BadTarget),
+        (("joint_1=x",), BadTarget),
+        (("1", "2"), BadTarget),
+        (("joint_2=-1.5", "joint_3=-0.5"), GoalInCollision),
+        (("0.9", "0", "0.1"), Unreachable),
+        (("joint_1=0", "--world", "nowhere.json"), BadWorld),
+    ],
+)
+def test_refusals(tmp_path: Path, goal: tuple[str, ...], error: type[Exception]) -> None:
+    result = plan(tmp_path, *goal)
+    assert isinstance(result.exception, error)
+    assert not (tmp_path / "plan.png").exists()

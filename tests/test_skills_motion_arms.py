@@ -1,0 +1,102 @@
+"""Arms that are not ours: six and seven axes, a mesh, sliding fingers, joints without an end."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hardware import Robot
+from skills.motion import Body, Box, Query, ToolQuery, Unreachable, World
+from skills.motion.contacts import Contacts
+from skills.motion.model import Model
+from skills.motion.planner import Planner
+from skills.motion.tool import _Arm
+from tests.arms import ARMS, foreign, free_poses
+
+POST = World((Body("post", Box((0.1, 0.1, 1.2)), (0.4, 0.0, 0.4)),))
+planners: dict[str, Planner] = {}
+
+
+@pytest.fixture(params=ARMS)
+def robot(request: pytest.FixtureRequest) -> Robot:
+    return foreign(request.param)
+
+
+@pytest.fixture
+def planner(robot: Robot) -> Planner:
+    if robot.name not in planners:
+        planners[robot.name] = Planner(robot)
+    return planners[robot.name]
+
+
+@pytest.mark.parametrize("world", [World(), POST], ids=["bare", "post"])
+def test_random_pairs_are_planned_free_and_within_the_limits(
+    robot: Robot, planner: Planner, world: World
+) -> None:
+    contacts = Contacts(Model(robot, world))
+    poses = free_poses(robot, 12, 1, contacts)
+    own = [i for i, j in enumerate(robot.actuated) if j in robot.leaders("arm")]
+    for start, goal in zip(poses[::2], poses[1::2], strict=True):
+        query = Query("arm", tuple(start), tuple(goal[own]), world=world)
+        plan = planner.plan(query)
+        times = np.arange(0.0, plan.duration + 0.001, 0.001)
+        rows = np.tile(start, (len(times), 1))
+        rows[:, own] = plan.sample(times)
+        assert contacts.first_hit(rows, 0.0) is None
+        assert np.all(abs(plan.velocities(times)) <= 1.001 * plan.velocity)
+        assert np.all(abs(plan.accelerations(times)) <= 1.001 * plan.acceleration)
+        assert np.array_equal(rows[-1, own], goal[own])
+
+
+def test_no_link_travels_further_than_its_bound(robot: Robot, planner: Planner) -> None:
+    model = Model(robot)
+    data = model.kinematics.createData()
+    poses = free_poses(robot, 20, 3, planner.contacts)
+    for pose in poses:
+        for j, bound in enumerate(planner.levers):
+            move = 1e-5 * np.eye(len(pose))[j]
+            places = []
+            for each in (pose, pose + move):
+                q = model.coordinates(each[None, :])[:, 0]
+                pin.framesForwardKinematics(model.kinematics, data, q)
+                places.append(np.array([frame.translation for frame in data.oMf]))
+            travel = np.linalg.norm(places[1] - places[0], axis=1).max() / 1e-5
+            assert travel <= bound * (1.0 + 1e-4) + 1e-6, robot.actuated[j].name
+
+
+def test_points_for_the_tool(robot: Robot, planner: Planner) -> None:
+    """Where it is known to get, with the direction it has there; and far out, where it does not."""
+    model = Model(robot)
+    start, there = free_poses(robot, 2, 5, planner.contacts)
+    own = [i for i, j in enumerate(robot.actuated) if j in robot.leaders("arm")]
+    there = np.where(np.isin(np.arange(len(start)), own), there, start)
+    query = ToolQuery("arm", tuple(start), (0.0, 0.0, 0.0))
+    point, axis = _Arm(robot, model, query).pose(there)
+    query = ToolQuery("arm", tuple(start), tuple(point), direction=tuple(axis))
+    found = planner.reach(query)
+    again = start.copy()
+    again[own] = found.positions
+    reached, turned = _Arm(robot, model, query).pose(again)
+    assert reached == pytest.approx(point, abs=2e-6)
+    assert turned == pytest.approx(axis, abs=2e-4)
+    assert planner.reach(query) == found
+    with pytest.raises(Unreachable) as caught:
+        planner.reach(ToolQuery("arm", tuple(start), (9.0, 0.0, 0.0)))
+    assert 7.0 < caught.value.distance < 9.0
+
+
+def test_sliding_fingers_with_a_follower() -> None:
+    robot = foreign("seven_axes")
+    planner = planners.setdefault(robot.name, Planner(robot))
+    start = [0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.0]
+    plan = planner.plan(Query("gripper", tuple(start), (0.04,)))
+    assert plan.joints == ("finger_1",)
+    assert planner.levers[7] == pytest.approx(2.0)
+
+
+def test_a_joint_without_an_end_turns_as_far_as_it_is_told() -> None:
+    robot = foreign("endless")
+    planner = planners.setdefault(robot.name, Planner(robot))
+    start = (0.0, 0.5, 0.5, 0.0, 1.0, 0.0)
+    plan = planner.plan(Query("arm", start, (7.0, 0.5, 0.5, 0.0, 1.0, 0.0)))
+    assert plan.goal[0] == 7.0
+    assert plan.sample([plan.duration])[0][0] == 7.0
