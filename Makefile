@@ -1,16 +1,21 @@
 # `make demo` shows the arm at work on the virtual Arduino, `make test` runs every check. Both set
-# up .venv first if it is missing or older than the lock.
+# up .venv first if it is missing or older than the lock; the tools of `make test` come with it only.
 
 PYTHON ?= python3
 VENV := .venv
 READY := $(VENV)/.ready
+TOOLS := $(VENV)/.tools
+
+INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check
+COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
+	--no-emit-index-url --no-emit-find-links
 
 .PHONY: demo test firmware lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
 
-test: $(READY)
+test: $(TOOLS)
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/mypy
@@ -25,11 +30,17 @@ $(READY): .ci/lock.txt pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("armtree needs Python 3.11 or later" if sys.version_info < (3, 11) else 0)'
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || .ci/debian python3-venv
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --require-hashes -r .ci/lock.txt
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	$(INSTALL) --require-hashes -r .ci/lock.txt
+	$(INSTALL) --no-deps --no-build-isolation -e .
 	@touch $@
 
-# For maintainers, with uv: pin everything anew.
+$(TOOLS): $(READY) .ci/lock-dev.txt
+	$(INSTALL) --require-hashes -r .ci/lock-dev.txt
+	@touch $@
+
+# For maintainers, with uv: pin everything anew, all in one go, then in the two parts.
 lock:
-	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
-		--no-emit-index-url --no-emit-find-links --upgrade --group dev pyproject.toml -o .ci/lock.txt
+	mkdir -p build
+	$(COMPILE) --upgrade pyproject.toml --group build --group dev -o build/lock.txt
+	$(COMPILE) -c build/lock.txt pyproject.toml --group build -o .ci/lock.txt
+	$(COMPILE) -c build/lock.txt --group dev -o .ci/lock-dev.txt

@@ -103,12 +103,24 @@ def test_the_robot_page_lists_every_key() -> None:
     assert {key for key in keys if not re.search(rf"`[^`]*\b{key}\b[^`]*`", page)} == set()
 
 
-def test_the_lock_names_no_host_and_hashes_everything() -> None:
-    lock = (ROOT / ".ci" / "lock.txt").read_text()
+@pytest.mark.parametrize(("name", "least"), [("lock", 30), ("lock-dev", 15)])
+def test_a_lock_names_no_host_and_hashes_everything(name: str, least: int) -> None:
+    lock = (ROOT / ".ci" / f"{name}.txt").read_text()
     assert "://" not in lock
     pins = re.findall(r"^[\w.\-\[\]]+==\S+", lock, re.MULTILINE)
-    assert len(pins) > 40
+    assert len(pins) > least
     assert len(re.findall(r"^[\w.\-\[\]]+==[^\n]*\\\n    --hash", lock, re.MULTILINE)) == len(pins)
+
+
+def test_the_locks_agree_and_what_runs_needs_no_tool_of_tests() -> None:
+    runs, tests = (
+        dict(re.findall(r"^([\w.\-]+)==(\S+)", (ROOT / ".ci" / name).read_text(), re.MULTILINE))
+        for name in ("lock.txt", "lock-dev.txt")
+    )
+    assert {name: runs[name] for name in runs.keys() & tests} == {
+        name: tests[name] for name in runs.keys() & tests
+    }
+    assert not runs.keys() & {"pytest", "mypy", "ruff", "hypothesis", "import-linter"}
 
 
 def test_the_documents_list_every_exit_status() -> None:
