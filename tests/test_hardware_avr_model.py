@@ -101,20 +101,28 @@ def test_no_schedule_and_no_stop_overruns_the_sketch(board: MakeBoard) -> None:
     assert longest > 10
 
 
-@pytest.mark.parametrize(("degree_time", "loses"), [(None, False), (0.005, True)])
+@pytest.mark.parametrize(
+    ("changes", "step", "loses"),
+    [
+        ({}, 16, False),
+        ({}, 1, False),
+        ({"degree_time": 0.005}, 16, True),
+        ({"turn_time": 0}, 1, True),
+    ],
+)
 def test_the_pace_is_that_of_the_code(
-    board: MakeBoard, degree_time: float | None, loses: bool
+    board: MakeBoard, changes: dict[str, float], step: int, loses: bool
 ) -> None:
-    """A motion without a rest, every frame as early as it may go; 5 ms a degree is too fast."""
+    """A motion without a rest, every frame as early as it may go; a faster pace is too fast."""
     firmware, held = FIRMWARES["stock"], list(BOOT)
-    if degree_time:
-        firmware = dataclasses.replace(firmware, degree_time=degree_time)
+    if changes:
+        firmware = dataclasses.replace(firmware, **changes)  # type: ignore[arg-type]
     code, pace = board("stock"), Pace(firmware, BAUD, Frame(BOOT, frame(BOOT)))
-    now, step = code.run(0.0).time, -firmware.max_step
+    now = code.run(0.0).time
     for _ in range(100):
-        held[0] += step
-        if not 20 < held[0] < 160:
+        if not 20 < held[0] - step < 160:
             step = -step
+        held[0] -= step
         now = code.run(max(0.0, pace.earliest - now)).time
         code.put(frame(held))
         pace.sent(Frame(tuple(held), frame(held)), now)
