@@ -24,6 +24,7 @@ class Firmware:
         banner: How the line begins that it says when it has booted; the line ends with the frame
             it holds, which a reset leaves alone. Empty for a board that says nothing.
         turn_time: Time that one servo's turn blocks the board beside its degrees [s].
+        letters: Of its frames' fields, in order; empty for a sketch that is made for the robot.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Firmware:
     boot_time: float
     banner: bytes
     turn_time: float = 0.0
+    letters: str = ""
 
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:
         """How long the board is deaf after a frame [s].
@@ -53,6 +55,6 @@ class Firmware:
 # which 4 servos and 15 degrees need; frames of more come slower.
 STOCK = Firmware("stock", 10.0, 0.0051, 16, 63, 1.0, b"", turn_time=0.00015)
 # The same largest step: it bounds how far the arm still moves after a stop.
-ARMTREE = Firmware("armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ")
+ARMTREE = Firmware("armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ", letters="bseg")
 
 FIRMWARES = {firmware.name: firmware for firmware in (STOCK, ARMTREE)}

@@ -47,9 +47,14 @@ class SerialServo:
         return field
 
     def check(self, root: TomlTable, robot: Robot) -> None:
-        """Letters tell joints apart, the board has booted in time, and a stop fits its ring."""
+        """Letters tell joints apart, the board knows them and has booted, and a stop fits."""
         _check_letters(root.table("joints"), robot.actuated)
         firmware, serial = robot.firmware, root.table("serial")
+        letters = Codec(robot.actuated).letters
+        if firmware.letters not in ("", letters):
+            knows = f"{firmware.name} has servos {_listed(firmware.letters)}, in this order"
+            what = f"the joints here have {_listed(letters)}"
+            serial.fail("firmware", f"{knows}; {what}. Change those, or flash another firmware")
         if robot.serial.boot_wait < firmware.boot_time:
             wait, needs = robot.serial.boot_wait, f"{firmware.name} needs {firmware.boot_time:g} s"
             what = f"{wait:g} s is too short: {needs} from reset to its first byte"
@@ -87,6 +92,10 @@ def _travels(field: WireField, limit: float) -> bool:
         return 0 <= servo_angle(field, limit) <= 180
     except (ArithmeticError, ValueError):  # an endless limit, or next to no span
         return False
+
+
+def _listed(letters: str) -> str:
+    return ", ".join(letters)
 
 
 def _check_letters(table: TomlTable, joints: Sequence[Joint]) -> None:
