@@ -12,8 +12,8 @@ from hardware.frames import Frame
 from hardware.pace import Pace
 from tests.avr import rig
 from tests.avr.rig import BAUD, BOOT, MakeBoard, frame
+from tests.hardware_damage import damaged
 from tests.hardware_rigs import motion
-from tests.test_hardware_avr_armtree import damaged
 
 pytest_plugins = ["tests.avr.fixtures"]
 pytestmark = pytest.mark.skipif(bool(rig.missing()), reason=rig.missing())

@@ -67,7 +67,7 @@ def test_only_our_firmware_says_something(shell: Shell, firmware: Firmware) -> N
     assert shell.hear(lambda lines: len(lines) == bool(firmware.banner)) == [banner] * bool(
         firmware.banner
     )
-    assert shell.heard.count(b"\n") == bool(firmware.banner)
+    assert shell.heard.count(b"\n") == 2 * bool(firmware.banner)
 
 
 def test_a_closed_link_reads_nothing_and_takes_nothing(shell: Shell) -> None:
