@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from hardware import (
     FIRMWARES,
     Arm,
     ArmEvent,
+    BoardState,
     Faulted,
     LinkError,
     PortMissing,
@@ -30,6 +32,8 @@ from hardware import (
 from tests.hardware_rigs import ROBOT, open_files
 
 BAUD = 115200
+STATUS = 131  # length of our firmware's answer to a question [bytes]
+PATIENCE = 10.0  # longer than anything here takes [s]
 EAGER = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
 
 
@@ -78,6 +82,37 @@ def test_an_idle_board_costs_next_to_nothing() -> None:
                 wait.wait(until)
         assert cpu_seconds(arduino.pid) - before < 0.05
     arduino.close()
+
+
+def test_a_client_that_never_reads_stops_nothing() -> None:
+    """What finds no room in the kernel is lost, as on a wire, and the board goes on."""
+    asked = 1000
+    ours = dataclasses.replace(FIRMWARES["armtree"], boot_time=0.0)
+    arduino = VirtualArduino("bseg", (90, 90, 90, 0), ours, 4_000_000)
+    port = os.open(arduino.port, os.O_RDWR | os.O_NOCTTY)
+    until(arduino, lambda state: state.resets == 1)
+    for _ in range(asked):
+        os.write(port, b"?".ljust(STATUS, b"\n"))
+    os.write(port, b"b091,s089,e091,g001,")
+    until(arduino, lambda state: state.servos == (91, 89, 91, 1))
+    heard = b""
+    while select.select([port], [], [], 0)[0]:
+        heard += os.read(port, 4096)
+    assert 0 < len(heard) < 0.75 * asked * STATUS
+    os.write(port, b"?")
+    heard = b""
+    while not heard.endswith(b"at=b091,s089,e091,g001,\n"):
+        assert select.select([port], [], [], PATIENCE)[0]
+        heard += os.read(port, 4096)
+    os.close(port)
+    arduino.close()
+
+
+def until(arduino: VirtualArduino, so: Callable[[BoardState], bool]) -> None:
+    """Looks at the board until something is so."""
+    deadline = time.monotonic() + PATIENCE
+    while not so(state := arduino.state()):
+        assert time.monotonic() < deadline, state
 
 
 def cpu_seconds(pid: int) -> float:

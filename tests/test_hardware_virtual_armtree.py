@@ -191,6 +191,7 @@ FRAMES = st.tuples(*[st.integers(0, 180)] * 4).map(frame)
 CUTS = st.integers(0, 19)
 DAMAGED = st.one_of(
     st.binary(max_size=8),
+    st.tuples(*[st.integers(0, 999)] * 4).map(frame),
     st.builds(lambda data, a, b: data[:a] + data[b:], FRAMES, CUTS, CUTS),
     st.builds(lambda data, a, noise: data[:a] + noise + data[a:], FRAMES, CUTS, st.binary()),
     st.builds(
