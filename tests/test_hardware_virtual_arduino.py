@@ -40,7 +40,7 @@ EAGER = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot
 def test_a_virtual_port_that_does_not_open_ends_its_process(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    link = ROBOT.driver.link(ROBOT, "virtual")
+    link = ROBOT.link("virtual")
     assert isinstance(link, VirtualLink)
     pids: list[int] = []
 
@@ -145,7 +145,7 @@ def test_an_arm_whose_port_is_lost_leaves_active_at_once() -> None:
             if isinstance(event, StateChanged) and event.start is State.ERRORPROCESSING:
                 left.set()
 
-        link = EAGER.driver.link(EAGER, "virtual")
+        link = EAGER.link("virtual")
         assert isinstance(link, VirtualLink)
         with Arm(EAGER, link, RealClock(), see) as arm:
             arm.configure()
@@ -162,7 +162,7 @@ def test_an_arm_whose_port_is_lost_leaves_active_at_once() -> None:
 
 def test_a_virtual_port_activated_ten_times_leaks_nothing() -> None:
     files = open_files()
-    with Arm(EAGER, EAGER.driver.link(EAGER, "virtual"), RealClock()) as arm:
+    with Arm(EAGER, EAGER.link("virtual"), RealClock()) as arm:
         arm.configure()
         for _ in range(10):
             arm.activate()
@@ -177,7 +177,7 @@ import dataclasses
 from hardware import Arm, RealClock, load_robot
 robot = load_robot()
 robot = dataclasses.replace(robot, serial=dataclasses.replace(robot.serial, boot_wait=0.0))
-link = robot.driver.link(robot, "virtual")
+link = robot.link("virtual")
 arm = Arm(robot, link, RealClock(), lambda event: print(event, flush=True))
 arm.configure()
 arm.activate()
@@ -202,7 +202,7 @@ def test_a_killed_owner_takes_its_board_along() -> None:
 import sys
 from hardware import load_robot
 robot = load_robot()
-link = robot.driver.link(robot, "virtual")
+link = robot.link("virtual")
 link.open()
 link.arduino.state()
 print(link.arduino.pid, flush=True)
