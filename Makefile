@@ -10,7 +10,7 @@ INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo test firmware lock
+.PHONY: demo test damage firmware lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -21,6 +21,11 @@ test: $(TOOLS)
 	$(VENV)/bin/mypy
 	$(VENV)/bin/lint-imports
 	$(VENV)/bin/pytest
+
+# The suite damages 10 000 frames; here it is ten times as many.
+damage: $(READY)
+	ARMTREE_CORRUPTIONS=100000 $(VENV)/bin/pytest -k corruptions --durations=2 \
+		tests/test_hardware_avr_armtree.py tests/test_hardware_virtual_armtree.py
 
 # Needs avr-gcc; the committed .hex is what Debian 12's makes.
 firmware:

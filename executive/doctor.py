@@ -108,7 +108,7 @@ def _port(robot: Robot, port: str, really_open: bool) -> Iterator[Check]:
 
 def _open(robot: Robot, port: str) -> Check:
     try:
-        with Arm(robot, robot.driver.link(robot, port), RealClock()) as arm:
+        with Arm(robot, robot.link(port), RealClock()) as arm:
             arm.configure()
             arm.activate()
             stands = ", ".join(f"{name} {q:.3f}" for name, q in arm.read().items())

@@ -81,7 +81,7 @@ class Recordings:
 
     def tell(self, record: logs.Record) -> None:
         """Record something and show it to the watcher."""
-        if isinstance(record, logs.Sent):
+        if isinstance(record, logs.Sent) and record.joints:
             self.frames += 1
         if self._recorder:
             self._recorder.put(record)

@@ -76,7 +76,7 @@ def execute(options: Options) -> list[Outcome]:
         with closing(Pool(robot, options.workers, clock)) as pool:
             executive = Executive(
                 robot,
-                robot.driver.link(robot, port) if port else None,
+                robot.link(port) if port else None,
                 library,
                 pool,
                 options.recordings,

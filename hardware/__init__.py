@@ -29,11 +29,12 @@ from .errors import (
 )
 from .events import ArmEvent, BytesReceived, CommandSent, Faulted, FrameSent, Observer, StateChanged
 from .frames import Codec, Frame, WireField, check_position
+from .joints import Joint, Mimic
 from .lifecycle import State
 from .link import Link
 from .ports import Check, SerialPort, check_port, serial_ports
 from .profiles import FIRMWARES, Firmware
-from .robot import CollisionRules, Joint, Mimic, Robot, Serial
+from .robot import CollisionRules, Robot, Serial
 from .schedule import Schedule, Setpoint, compile_schedule, played
 from .serial_link import SerialLink
 from .serial_servo import VIRTUAL, virtual_board

@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 
 from .driver import Driver, load_driver
 from .errors import DescriptionError
-from .robot import CollisionRules, Joint, Mimic, Robot, Serial
+from .joints import Joint, Mimic
+from .robot import CollisionRules, Robot, Serial
 from .toml_table import TomlTable
 
 _MOVING = ("revolute", "continuous", "prismatic")
@@ -40,8 +41,16 @@ def load_robot(path: Path | None = None) -> Robot:
         brake=root.number("brake_s", least=0) if "brake_s" in root else 0.0,
     )
     root.done()
-    driver.check(root, robot)
+    _check_boot_wait(root.table("serial"), robot)
+    driver.check(root, robot.actuated, robot.firmware)
     return robot
+
+
+def _check_boot_wait(serial: TomlTable, robot: Robot) -> None:
+    firmware, wait = robot.firmware, robot.serial.boot_wait
+    if wait < firmware.boot_time:
+        needs = f"{firmware.name} needs {firmware.boot_time:g} s from reset to its first byte"
+        serial.fail("boot_wait_s", f"{wait:g} s is too short: {needs}")
 
 
 @dataclass(frozen=True)

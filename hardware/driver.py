@@ -9,9 +9,9 @@ from importlib.metadata import entry_points
 from typing import Protocol
 
 from .frames import Frame
+from .joints import Joint
 from .link import Link
 from .profiles import Firmware
-from .robot import Joint, Robot
 from .toml_table import TomlTable
 
 GROUP = "armtree.hardware"
@@ -60,8 +60,8 @@ class Driver(Protocol):
             DescriptionError: The table is wrong.
         """
 
-    def check(self, root: TomlTable, robot: Robot) -> None:
-        """Refuse a robot that the board cannot drive.
+    def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
+        """Refuse actuated joints that the board cannot drive.
 
         Raises:
             DescriptionError: It cannot.
@@ -70,8 +70,8 @@ class Driver(Protocol):
     def wire_format(self, joints: Sequence[Joint]) -> WireFormat:
         """The wire format of these actuated joints."""
 
-    def link(self, robot: Robot, port: str) -> Link:
-        """The line to a robot's board; `virtual` is a port without hardware."""
+    def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
+        """The line to a board that drives these joints; `virtual` is a port without hardware."""
 
 
 def load_driver(root: TomlTable) -> Driver:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .errors import BadPosition
-from .robot import Joint
+from .joints import Joint
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from .errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration
-from .robot import Joint, Robot
+from .joints import Joint
+from .robot import Robot
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,8 @@ class Firmware:
         boot_time: From reset until it reads its line [s].
         banner: How the line begins that it says when it has booted; the line ends with the frame
             it holds, which a reset leaves alone. Empty for a board that says nothing.
+        turn_time: Time that one servo's turn blocks the board beside its degrees [s].
+        letters: Of its frames' fields, in order; empty for a sketch that is made for the robot.
     """
 
     name: str
@@ -32,6 +34,8 @@ class Firmware:
     ring: int
     boot_time: float
     banner: bytes
+    turn_time: float = 0.0
+    letters: str = ""
 
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:
         """How long the board is deaf after a frame [s].
@@ -40,16 +44,17 @@ class Firmware:
             before: Servo angles the board holds [deg].
             after: Servo angles the frame asks for [deg].
         """
-        steps = sum(abs(b - a) + 1 for a, b in zip(before, after, strict=True))
-        return self.degree_time * steps
+        steps = [abs(b - a) + 1 for a, b in zip(before, after, strict=True)]
+        return self.degree_time * sum(steps) + self.turn_time * len(steps)
 
 
-# A degree takes the published sketch its delay(5) and the time of Servo.write, 5.066 ms in all
-# (tests/avr/stock.c), and the resonator of an Uno may add 0.5 %. Taken for 5 ms, a motion without
-# a rest loses its first byte within 8 s. 10 Hz leaves 100 ms a frame, which 4 servos and 15
-# degrees need; frames of more come slower.
-STOCK = Firmware("stock", 10.0, 0.0051, 16, 63, 1.0, b"")
+# The published sketch, built by avr-gcc 5.4.0 with Arduino's core and Servo library (as of 2026)
+# and run on simavr, takes 5.058 ms a degree: delay(5) and Servo.write, which divides. A turn takes
+# 0.12 ms more (atoi, and Servo.read twice) and the reading of its five bytes 0.03 ms. The figures
+# here are higher by what the resonator of an Uno may be slow, 0.5 %. 10 Hz leaves 100 ms a frame,
+# which 4 servos and 15 degrees need; frames of more come slower.
+STOCK = Firmware("stock", 10.0, 0.0051, 16, 63, 1.0, b"", turn_time=0.00015)
 # The same largest step: it bounds how far the arm still moves after a stop.
-ARMTREE = Firmware("armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ")
+ARMTREE = Firmware("armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ", letters="bseg")
 
 FIRMWARES = {firmware.name: firmware for firmware in (STOCK, ARMTREE)}

@@ -4,57 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from .driver import Driver, WireFormat
+from .joints import Joint
+from .link import Link
 from .profiles import Firmware
-
-if TYPE_CHECKING:
-    from .driver import Driver, WireFormat
-
-
-@dataclass(frozen=True, slots=True)
-class Mimic:
-    """A joint that follows another: `multiplier * leader + offset`.
-
-    Attributes:
-        leader: Name of the joint it follows.
-        multiplier: Unitless.
-        offset: [rad].
-    """
-
-    leader: str
-    multiplier: float
-    offset: float
-
-    def value(self, leader: float) -> float:
-        """The follower's value [rad] for the leader's [rad]."""
-        return self.multiplier * leader + self.offset
-
-
-@dataclass(frozen=True, slots=True)
-class Joint:
-    """One moving joint.
-
-    Attributes:
-        name: As in the URDF.
-        lower: Smallest position [rad].
-        upper: Largest position [rad].
-        velocity: Limit [rad/s].
-        acceleration: Limit [rad/s2].
-        boot: Where a reset of the board puts it [rad].
-        mimic: Whom it follows; None for a joint of its own.
-        wire: How it travels in a frame, as its driver read it; None for a joint that has no servo
-            of its own.
-    """
-
-    name: str
-    lower: float
-    upper: float
-    velocity: float
-    acceleration: float
-    boot: float
-    mimic: Mimic | None
-    wire: object | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +66,7 @@ class Robot:
     joints: tuple[Joint, ...]
     groups: Mapping[str, tuple[str, ...]]
     serial: Serial
-    driver: "Driver"
+    driver: Driver
     firmware: Firmware
     collision: CollisionRules
     brake: float = 0.0
@@ -123,7 +77,7 @@ class Robot:
         return tuple(joint for joint in self.joints if joint.wire)
 
     @cached_property
-    def wire_format(self) -> "WireFormat":
+    def wire_format(self) -> WireFormat:
         """Joint positions to frames and back."""
         return self.driver.wire_format(self.actuated)
 
@@ -131,6 +85,10 @@ class Robot:
     def boot_pose(self) -> tuple[float, ...]:
         """Where a reset puts the actuated joints [rad]."""
         return tuple(joint.boot for joint in self.actuated)
+
+    def link(self, port: str) -> Link:
+        """The line to its board on a port."""
+        return self.driver.link(self.actuated, self.firmware, self.serial.baud, port)
 
     def joint(self, name: str) -> Joint:
         """The joint of that name.

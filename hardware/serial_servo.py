@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from .frames import Codec, WireField, servo_angle
+from .joints import Joint
 from .link import Link
 from .pace import unread_bytes
 from .profiles import FIRMWARES, Firmware
-from .robot import Joint, Robot
+from .robot import Robot
 from .serial_link import SerialLink
 from .toml_table import TomlTable
 from .virtual.arduino import VirtualLink
@@ -46,39 +47,40 @@ class SerialServo:
                 joint.fail("wire", f"{what} with this field")
         return field
 
-    def check(self, root: TomlTable, robot: Robot) -> None:
-        """Letters tell joints apart, the board has booted in time, and a stop fits its ring."""
-        _check_letters(root.table("joints"), robot.actuated)
-        firmware, serial = robot.firmware, root.table("serial")
-        if robot.serial.boot_wait < firmware.boot_time:
-            wait, needs = robot.serial.boot_wait, f"{firmware.name} needs {firmware.boot_time:g} s"
-            what = f"{wait:g} s is too short: {needs} from reset to its first byte"
-            serial.fail("boot_wait_s", what)
-        frame = robot.wire_format.encode(robot.boot_pose)
+    def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
+        """Letters tell joints apart, the board knows them, and a stop fits its ring."""
+        _check_letters(root.table("joints"), joints)
+        codec = Codec(joints)
+        if firmware.letters not in ("", codec.letters):
+            knows = f"{firmware.name} has servos {_listed(firmware.letters)}, in this order"
+            what = f"{knows}; the joints here have {_listed(codec.letters)}"
+            root.table("serial").fail(
+                "firmware", f"{what}. Change those, or flash another firmware"
+            )
+        frame = codec.frame([0] * len(joints))
         if unread_bytes(frame, waiting=1) > firmware.ring:
-            what = f"frames of {len(frame.servos)} joints are too long for the {firmware.ring}"
-            root.fail("joints", f"{what} bytes that {firmware.name} can hold; a stop would not fit")
+            what = f"frames of {len(joints)} joints are too long for the {firmware.ring} bytes"
+            root.fail("joints", f"{what} that {firmware.name} can hold; a stop would not fit")
 
     def wire_format(self, joints: Sequence[Joint]) -> Codec:
         """The codec of these joints."""
         return Codec(joints)
 
-    def link(self, robot: Robot, port: str) -> Link:
+    def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
         """A serial port, or the virtual Arduino."""
-        if port == VIRTUAL:
-            return VirtualLink(*_board_of(robot))
-        return SerialLink(port, robot.serial.baud)
+        if port != VIRTUAL:
+            return SerialLink(port, baud)
+        return VirtualLink(Codec(joints).letters, _boot_angles(joints), firmware, baud)
 
 
 def virtual_board(robot: Robot) -> Board:
     """The model of the board that a robot description names."""
-    return Board(*_board_of(robot))
+    letters, angles = Codec(robot.actuated).letters, _boot_angles(robot.actuated)
+    return Board(letters, angles, robot.firmware, robot.serial.baud)
 
 
-def _board_of(robot: Robot) -> tuple[str, tuple[int, ...], Firmware, int]:
-    codec = Codec(robot.actuated)
-    boot = codec.encode(robot.boot_pose).servos
-    return codec.letters, boot, robot.firmware, robot.serial.baud
+def _boot_angles(joints: Sequence[Joint]) -> tuple[int, ...]:
+    return Codec(joints).encode([joint.boot for joint in joints]).servos
 
 
 def _travels(field: WireField, limit: float) -> bool:
@@ -87,6 +89,10 @@ def _travels(field: WireField, limit: float) -> bool:
         return 0 <= servo_angle(field, limit) <= 180
     except (ArithmeticError, ValueError):  # an endless limit, or next to no span
         return False
+
+
+def _listed(letters: str) -> str:
+    return ", ".join(letters)
 
 
 def _check_letters(table: TomlTable, joints: Sequence[Joint]) -> None:

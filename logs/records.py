@@ -19,7 +19,7 @@ class Description:
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """A frame that was written to the port.
+    """A frame that was written to the port, or a setting of the board, which commands no joint.
 
     Attributes:
         time: When it was written [s].

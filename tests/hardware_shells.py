@@ -91,10 +91,10 @@ class Shell:
         self.reader = self.clock.spawn(run, "reader")
 
     def hear(self, so: Callable[[list[str]], bool]) -> list[str]:
-        """Waits until something is so with the whole lines that were heard."""
+        """Waits until something is so with the lines that were heard, whole and not empty."""
 
         def lines() -> list[str]:
-            return self.heard.decode("ascii").split("\n")[:-1]
+            return [line for line in self.heard.decode("ascii").split("\n")[:-1] if line]
 
         self.until(lambda _: so(lines()))
         return lines()

@@ -1,5 +1,6 @@
 """Whole runs on the in-process board, in simulated time: what is sent, told and recorded."""
 
+import dataclasses
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -9,7 +10,7 @@ from mcap.reader import make_reader
 
 import logs
 from executive.goal import GoalState
-from hardware import SimulatedClock
+from hardware import FIRMWARES, Robot, SimulatedClock
 from skills.motion import NoPath, Pool, Query, Result
 from tests.conftest import Rig, RigMaker
 
@@ -320,3 +321,17 @@ def test_a_task_that_fails_ends_the_row(rig: RigMaker, tasks: Path) -> None:
     arm = rig(reach(tasks, 10, (0.0, -1.5, 0.0)))
     outcomes = arm.run(10, 1)
     assert [outcome.task for outcome in outcomes] == [10]
+
+
+def test_our_firmware_is_asked_to_acknowledge_and_that_is_no_frame(
+    robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool, tmp_path: Path
+) -> None:
+    ours = dataclasses.replace(robot, firmware=FIRMWARES["armtree"])
+    arm = Rig(ours, shared_clock, shared_pool, tmp_path)
+    (outcome,) = arm.run(1)
+    (schedule,) = arm.told(logs.Schedule)
+    assert outcome.success
+    assert outcome.frames == len(schedule.frames)
+    first, *frames = arm.told(logs.Sent)
+    assert (first.data, first.joints, first.hold) == (b"bA01;", (), False)
+    assert [frame.data.decode() for frame in frames] == list(schedule.frames)

@@ -196,7 +196,7 @@ def test_what_the_board_says_is_told() -> None:
         with Arm(robot, link, clock, events.append) as arm:
             arm.configure()
             arm.activate()
-    banner = b"armtree 1 AVW? kept b090,s090,e090,g000,\n"
+    banner = b"\narmtree 1 AVW? kept b090,s090,e090,g000,\n"
     said = 1.0 + len(banner) * (10 / 115200)
     assert [event for event in events if isinstance(event, BytesReceived)] == [
         BytesReceived(said, banner)

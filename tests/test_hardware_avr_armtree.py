@@ -1,7 +1,6 @@
 """Our firmware, as real AVR code on simavr: pins, angles held, answers, damage."""
 
 import random
-import re
 from itertools import pairwise
 
 import pytest
@@ -19,6 +18,7 @@ from tests.avr.rig import (
     pulse_us,
     status,
 )
+from tests.hardware_damage import CORRUPTIONS, Corruptions, pieces
 
 pytest_plugins = ["tests.avr.fixtures"]
 pytestmark = pytest.mark.skipif(bool(rig.missing()), reason=rig.missing())
@@ -50,7 +50,7 @@ def test_a_reset_leaves_the_servos_where_they_were(board: MakeBoard) -> None:
     for some in (ours, stock):
         some.tell("reset")
     report = ours.run(1.2)
-    assert report.said == b"armtree 1 AVW? kept b009,s125,e085,g000,\n"
+    assert report.said == b"\narmtree 1 AVW? kept b009,s125,e085,g000,\n"
     assert [servo.seen for servo in report.servos] == [{angle} for angle in TASKS[1]]
     assert stock.run(1.2).angles == BOOT
 
@@ -60,7 +60,7 @@ def test_switching_off_forgets(board: MakeBoard) -> None:
     ours.feed(frame(TASKS[1]))
     ours.tell("power")
     report = ours.run(0.1)
-    assert report.said == b"armtree 1 AVW? boot b090,s090,e090,g000,\n"
+    assert report.said == b"\narmtree 1 AVW? boot b090,s090,e090,g000,\n"
     assert report.angles == BOOT
 
 
@@ -207,56 +207,20 @@ def test_a_speed_limit_is_kept(board: MakeBoard, limit: int) -> None:
 # Ours: damage --------------------------------------------------------------------------------
 
 
-def damaged(data: bytes, dice: random.Random) -> bytes:
-    """A frame with something wrong."""
-    where, length = dice.randrange(len(data)), dice.randrange(1, len(data))
-    noise = bytes(dice.randrange(256) for _ in range(dice.randrange(1, 30)))
-    return dice.choice(
-        [
-            data[:where],
-            data[where:],
-            data[:where] + data[where + length :],
-            data[:where] + noise + data[where:],
-            data[:where] + noise + data[where + len(noise) :],
-            data[:where] + bytes([data[where] ^ 1 << dice.randrange(8)]) + data[where + 1 :],
-            data[:where] + data[where : where + length] * 2 + data[where + length :],
-            noise,
-        ]
-    )
-
-
-def spelled(stream: bytes) -> list[tuple[int, ...]]:
-    """The frames that are in a stream, by other means than a parser."""
-    angle = rb"(0\d\d|1[0-7]\d|180)"
-    found = re.findall(
-        b",".join(letter + angle for letter in (b"b", b"s", b"e", b"g")) + b",", stream
-    )
-    return [tuple(map(int, angles)) for angles in found]
-
-
-def test_ten_thousand_corruptions_and_no_angle_that_nobody_sent(board: MakeBoard) -> None:
-    dice = random.Random(3)
-    frames = [frame([dice.randrange(181) for _ in BOOT]) for _ in range(20_000)]
-    stream = b"".join(
-        damaged(data, dice) if number % 2 else data for number, data in enumerate(frames)
-    )
+def test_corruptions_and_splits_and_no_angle_that_nobody_sent(board: MakeBoard) -> None:
+    damage, dice = Corruptions(CORRUPTIONS, seed=3), random.Random(4)
     ours = board()
     ours.feed(b"bA01;")
-    seen = [set(BOOT[i : i + 1]) for i in range(4)]
-    acks: list[str] = []
-    sent = spelled(stream)
-    for start in range(0, len(stream), 20_000):
-        report = ours.feed(stream[start : start + 20_000])
-        acks += [line for line in report.said.decode().splitlines() if line.startswith("k")]
-        for column, servo in zip(seen, report.servos, strict=True):
-            column.update(servo.seen)
-    assert 10_000 < len(sent) < 14_000
-    assert acks[-1][:5] == f"k{len(sent):04x}"
-    assert acks[-1][-4:] == f"{checksum(sent):04x}"  # over all of them: each was taken as it is
+    for piece, pause in pieces(damage.stream, dice):
+        report = ours.feed(piece, pause)
+        angles = damage.came(len(piece), report.time)
+        assert all(servo.seen <= some for servo, some in zip(report.servos, angles, strict=True))
+        damage.heard(report.said)
+    report = ours.run(0.1)
+    damage.heard(report.said)
+    assert CORRUPTIONS < damage.acknowledged == len(damage.sent) - 1 < 1.4 * CORRUPTIONS
+    assert report.angles == damage.sent[-1]
     assert report.lost == 0
-    assert report.angles == sent[-1]
-    for column, angles in zip(seen, zip(BOOT, *sent, strict=True), strict=True):
-        assert column <= set(angles)
 
 
 @pytest.mark.parametrize("pause", [0.0, 0.003, 0.5])

@@ -192,7 +192,7 @@ urdf = "pan_tilt.urdf"
 [serial]
 baud = 9600
 boot_wait_s = 1.5
-firmware = "armtree"
+firmware = "stock"
 
 [groups]
 arm = ["pan", "tilt"]
@@ -242,3 +242,53 @@ def test_another_arm_is_another_file(tmp_path: Path) -> None:
     for angles in ([33, 0], [147, 180], [90, 90]):
         frame = codec.frame(angles)
         assert codec.encode(codec.decode(frame)).servos[0] == angles[0]
+
+
+@pytest.mark.parametrize(
+    ("letters", "has"), [("bsex", "b, s, e, x"), ("bseg", ""), ("sbeg", "s, b, e, g")]
+)
+def test_our_firmware_has_its_own_letters(tmp_path: Path, letters: str, has: str) -> None:
+    toml = replaced(TOML, 'firmware = "stock"', 'firmware = "armtree"')
+    new = iter(letters)
+    path = written(tmp_path, re.sub('letter = "."', lambda _: f'letter = "{next(new)}"', toml))
+    if not has:
+        assert load_robot(path).firmware.name == "armtree"
+        return
+    line = 1 + toml[: toml.index("firmware =")].count("\n")
+    knows = "armtree has servos b, s, e, g, in this order; the joints here have"
+    then = "Change those, or flash another firmware"
+    assert refusal(path) == f"{path}:{line}: serial.firmware: {knows} {has}. {then}"
+
+
+def test_our_firmware_has_four_servos(tmp_path: Path) -> None:
+    said = refusal(chain(tmp_path, 2, "armtree"))
+    assert "serial.firmware: armtree has servos b, s, e, g, in this order; the joints" in said
+
+
+def chain(folder: Path, count: int, firmware: str) -> Path:
+    """The file of an arm of so many equal joints."""
+    joint = (
+        '<joint name="j{0}" type="revolute"><parent link="l{0}"/><child link="l{1}"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="2"/></joint>'
+    )
+    links = "".join(f'<link name="l{n}"/>' for n in range(count + 1))
+    joints = "".join(joint.format(n, n + 1) for n in range(count))
+    (folder / "pan_tilt.urdf").write_text(f'<robot name="chain">{links}{joints}</robot>')
+    head, _, tail = OTHER_TOML.partition("[joints.tilt]")
+    table = "[joints.j{}]\nvelocity = 1\nacceleration = 1\nboot = 0\n{}\n"
+    names = [f"j{n}" for n in range(count)]
+    head = replaced(head, '["pan", "tilt"]', str(names).replace("'", '"'))
+    head = replaced(head, '"stock"', f'"{firmware}"')
+    tables = [
+        table.format(n, replaced(WIRE_1, '"b"', f'"{letter}"'))
+        for n, letter in zip(range(count), "besgxyz", strict=False)
+    ]
+    path = folder / "chain.toml"
+    path.write_text(head + "".join(tables) + tail[tail.index("[collision]") :])
+    return path
+
+
+def test_six_joints_at_the_most_let_a_stop_fit_the_sketch(tmp_path: Path) -> None:
+    assert len(load_robot(chain(tmp_path, 6, "stock")).actuated) == 6
+    said = refusal(chain(tmp_path, 7, "stock"))
+    assert "joints: frames of 7 joints are too long for the 63 bytes that stock can hold" in said

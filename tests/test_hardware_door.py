@@ -174,7 +174,8 @@ def test_a_frame_before_the_board_has_room_is_refused() -> None:
     rig = Rig()
     assert rig.write(degrees(10))  # moves until 2.073 s
     assert rig.write(degrees(0))  # waits behind it
-    assert rig.door.earliest == pytest.approx(2.0 + 20 * 10 / 115200 + 14 * 0.0051)
+    busy = 14 * 0.0051 + 4 * 0.00015
+    assert rig.door.earliest == pytest.approx(2.0 + 20 * 10 / 115200 + busy)
     rig.wait(math.nextafter(rig.door.earliest, 0))
     with pytest.raises(TooFast, match="before the board has room for it"):
         rig.write(degrees(10))

@@ -39,13 +39,13 @@ class Ticks:
         table.done()
         return number
 
-    def check(self, root, robot):
+    def check(self, root, joints, firmware):
         pass
 
     def wire_format(self, joints):
         return Format(joints)
 
-    def link(self, robot, port):
+    def link(self, joints, firmware, baud, port):
         return Bus(port)
 
 
@@ -120,7 +120,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robot:
 
 def test_a_driver_of_another_package_drives_the_arm(robot: Robot) -> None:
     clock = SimulatedClock()
-    link = robot.driver.link(robot, "can0")
+    link = robot.link("can0")
     ended = clock.signal()
 
     def changed() -> None:

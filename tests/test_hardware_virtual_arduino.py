@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from hardware import (
     FIRMWARES,
     Arm,
     ArmEvent,
+    BoardState,
     Faulted,
     LinkError,
     PortMissing,
@@ -30,13 +32,15 @@ from hardware import (
 from tests.hardware_rigs import ROBOT, open_files
 
 BAUD = 115200
+STATUS = 131  # length of our firmware's answer to a question [bytes]
+PATIENCE = 10.0  # longer than anything here takes [s]
 EAGER = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
 
 
 def test_a_virtual_port_that_does_not_open_ends_its_process(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    link = ROBOT.driver.link(ROBOT, "virtual")
+    link = ROBOT.link("virtual")
     assert isinstance(link, VirtualLink)
     pids: list[int] = []
 
@@ -80,6 +84,37 @@ def test_an_idle_board_costs_next_to_nothing() -> None:
     arduino.close()
 
 
+def test_a_client_that_never_reads_stops_nothing() -> None:
+    """What finds no room in the kernel is lost, as on a wire, and the board goes on."""
+    asked = 1000
+    ours = dataclasses.replace(FIRMWARES["armtree"], boot_time=0.0)
+    arduino = VirtualArduino("bseg", (90, 90, 90, 0), ours, 4_000_000)
+    port = os.open(arduino.port, os.O_RDWR | os.O_NOCTTY)
+    until(arduino, lambda state: state.resets == 1)
+    for _ in range(asked):
+        os.write(port, b"?".ljust(STATUS, b"\n"))
+    os.write(port, b"b091,s089,e091,g001,")
+    until(arduino, lambda state: state.servos == (91, 89, 91, 1))
+    heard = b""
+    while select.select([port], [], [], 0)[0]:
+        heard += os.read(port, 4096)
+    assert 0 < len(heard) < 0.75 * asked * STATUS
+    os.write(port, b"?")
+    heard = b""
+    while not heard.endswith(b"at=b091,s089,e091,g001,\n"):
+        assert select.select([port], [], [], PATIENCE)[0]
+        heard += os.read(port, 4096)
+    os.close(port)
+    arduino.close()
+
+
+def until(arduino: VirtualArduino, so: Callable[[BoardState], bool]) -> None:
+    """Looks at the board until something is so."""
+    deadline = time.monotonic() + PATIENCE
+    while not so(state := arduino.state()):
+        assert time.monotonic() < deadline, state
+
+
 def cpu_seconds(pid: int) -> float:
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
@@ -110,7 +145,7 @@ def test_an_arm_whose_port_is_lost_leaves_active_at_once() -> None:
             if isinstance(event, StateChanged) and event.start is State.ERRORPROCESSING:
                 left.set()
 
-        link = EAGER.driver.link(EAGER, "virtual")
+        link = EAGER.link("virtual")
         assert isinstance(link, VirtualLink)
         with Arm(EAGER, link, RealClock(), see) as arm:
             arm.configure()
@@ -127,7 +162,7 @@ def test_an_arm_whose_port_is_lost_leaves_active_at_once() -> None:
 
 def test_a_virtual_port_activated_ten_times_leaks_nothing() -> None:
     files = open_files()
-    with Arm(EAGER, EAGER.driver.link(EAGER, "virtual"), RealClock()) as arm:
+    with Arm(EAGER, EAGER.link("virtual"), RealClock()) as arm:
         arm.configure()
         for _ in range(10):
             arm.activate()
@@ -142,7 +177,7 @@ import dataclasses
 from hardware import Arm, RealClock, load_robot
 robot = load_robot()
 robot = dataclasses.replace(robot, serial=dataclasses.replace(robot.serial, boot_wait=0.0))
-link = robot.driver.link(robot, "virtual")
+link = robot.link("virtual")
 arm = Arm(robot, link, RealClock(), lambda event: print(event, flush=True))
 arm.configure()
 arm.activate()
@@ -167,7 +202,7 @@ def test_a_killed_owner_takes_its_board_along() -> None:
 import sys
 from hardware import load_robot
 robot = load_robot()
-link = robot.driver.link(robot, "virtual")
+link = robot.link("virtual")
 link.open()
 link.arduino.state()
 print(link.arduino.pid, flush=True)

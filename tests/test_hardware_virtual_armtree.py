@@ -2,17 +2,22 @@
 
 import binascii
 import dataclasses
+import random
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hardware import FIRMWARES, Board, BoardLink, SimulatedClock
+from tests.avr.rig import frame
+from tests.hardware_damage import CORRUPTIONS, Corruptions, pieces, spelled
 
 OURS = FIRMWARES["armtree"]
 BOOT = (90, 90, 90, 0)
 FRAME = b"b009,s125,e085,g000,"
 BYTE = 10 / 115200  # [s]
 CYCLE = 0.02  # [s]
-BANNER = b"armtree 1 AVW? kept b090,s090,e090,g000,\n"
+BANNER = b"\narmtree 1 AVW? kept b090,s090,e090,g000,\n"
 STATUS = 131  # bytes
 
 
@@ -32,7 +37,7 @@ def test_it_says_what_it_is_when_it_is_switched_on_and_when_it_has_booted() -> N
     said = 3.0 + len(BANNER) * BYTE
     assert made.says_next() == pytest.approx(said)
     assert made.says(said - 1e-6) == b""
-    assert made.says(said + 1e-6) == b"armtree 1 AVW? kept b009,s125,e085,g000,\n"
+    assert made.says(said + 1e-6) == b"\narmtree 1 AVW? kept b009,s125,e085,g000,\n"
     assert made.says_next() is None
     assert made.state(3.1).servos == (9, 125, 85, 0)
 
@@ -149,7 +154,7 @@ def test_a_reader_in_simulated_time_is_woken_for_every_line_at_its_time() -> Non
     reader.join(10)
     times = [when for when, _ in heard]
     assert [data[:6] for _, data in heard] == [
-        b"armtre",
+        b"\narmtr",
         b"status",
         b"status",
         b"k0001,",
@@ -160,3 +165,52 @@ def test_a_reader_in_simulated_time_is_woken_for_every_line_at_its_time() -> Non
     assert times[2] == pytest.approx(0.2 + (5 + 2 * STATUS) * BYTE)
     assert times[3] == pytest.approx(0.3 + 37 * BYTE)
     assert times[4] == pytest.approx(0.52 + STATUS * BYTE)  # the first cycle after 0.2 s of silence
+
+
+# Damage --------------------------------------------------------------------------------------
+
+
+def test_corruptions_and_splits_and_no_angle_that_nobody_sent() -> None:
+    damage, dice, made, now = Corruptions(CORRUPTIONS, seed=5), random.Random(6), board(), 0.1
+    made.receive(b"bA01;", now)
+    for piece, pause in pieces(damage.stream, dice):
+        made.receive(piece, now)
+        now += len(piece) * BYTE + pause
+        angles = damage.came(len(piece), now)
+        state = made.state(now)
+        assert all(angle in some for angle, some in zip(state.servos, angles, strict=True))
+        damage.heard(made.says(now))
+    state = made.state(now + 0.1)
+    damage.heard(made.says(now + 0.1))
+    assert CORRUPTIONS < damage.acknowledged == len(damage.sent) - 1 < 1.4 * CORRUPTIONS
+    assert state.servos == damage.sent[-1]
+    assert state.lost == 0
+
+
+FRAMES = st.tuples(*[st.integers(0, 180)] * 4).map(frame)
+CUTS = st.integers(0, 19)
+DAMAGED = st.one_of(
+    st.binary(max_size=8),
+    st.tuples(*[st.integers(0, 999)] * 4).map(frame),
+    st.builds(lambda data, a, b: data[:a] + data[b:], FRAMES, CUTS, CUTS),
+    st.builds(lambda data, a, noise: data[:a] + noise + data[a:], FRAMES, CUTS, st.binary()),
+    st.builds(
+        lambda data, a, byte: data[:a] + bytes([byte]) + data[a + 1 :],
+        FRAMES,
+        CUTS,
+        st.sampled_from(b"0123456789bseg,;?-\n\xff"),
+    ),
+)
+PIECES = st.lists(st.tuples(FRAMES | DAMAGED, st.sampled_from([0.0, 0.003, 0.5])), max_size=12)
+
+
+@given(PIECES)
+def test_the_servos_stand_where_a_whole_frame_sent_them(parts: list[tuple[bytes, float]]) -> None:
+    made, stream, now = board(), b"", 0.1
+    for part, pause in parts:
+        data = part.replace(b";", b":")  # a command could limit the speed
+        stream += data
+        made.receive(data, now)
+        now += len(data) * BYTE + pause
+        assert made.state(now).servos in (BOOT, *spelled(stream))
+    assert made.state(now + 1.0).servos == [BOOT, *spelled(stream)][-1]

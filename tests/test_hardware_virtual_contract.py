@@ -174,6 +174,17 @@ def test_the_watchdog_holds_where_the_arm_is_and_says_so_unasked(ours: Shell) ->
     ours.until(lambda state: state.servos == NEAR)
 
 
+def test_a_question_often_enough_keeps_the_watchdog_from_holding(ours: Shell) -> None:
+    """One piece of bytes, which no machine is too busy to keep together: 61 ms between questions.
+
+    What lies between them is noise, which does not count.
+    """
+    ours.link.write(b"bW01;" + (b"\n" * 700 + b"?") * 5)
+    lines = ours.hear(lambda lines: "holds=01" in lines[-1])
+    told = [words(line)["holds"] for line in lines if line.startswith("status")]
+    assert told == ["00"] * 6 + ["01"]
+
+
 def test_a_speed_limit_is_kept_by_its_servo_alone(ours: Shell) -> None:
     ours.ask(b"sV09;", "status")
     pause = b"\n" * 300  # 26 ms on the line

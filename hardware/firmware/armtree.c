@@ -15,12 +15,12 @@
 #include "serial.h"
 #include "servo.h"
 
-#define BANNER "armtree 1 AVW? "
+#define BANNER "\narmtree 1 AVW? "  // on a line of its own, if a reset has cut one short
 #define CYCLE_MS 20
 #define CYCLES_PER_S (1000 / CYCLE_MS)
 #define ANGLE_MAX 180
 #define ONE_DEGREE 256
-#define BANNER_LENGTH 41  // one line each, its line feed included
+#define BANNER_LENGTH 42  // line feeds included
 #define ACK_LENGTH 17
 #define STATUS_LENGTH 131
 

@@ -45,7 +45,7 @@ class ArmtreeFirmware:
         self._frames = self._sum = self._holds = self._cycles = 0
         self._acks = self._ack_due = self._status_due = False
         self._watchdog_ms = self._silence_ms = 0
-        line = banner + (b"kept " if held else b"boot ") + self._place().encode("ascii")
+        line = b"\n" + banner + (b"kept " if held else b"boot ") + self._place().encode("ascii")
         out.put(line, began)
 
     @property
@@ -67,14 +67,19 @@ class ArmtreeFirmware:
 
     def run(self, until: float) -> None:
         """Do what every pulse cycle does, and say what finds room."""
-        if self._places == self._goals and not self._watching:
-            self._cycles = max(self._cycles, int((until - self._began) / _CYCLE) - 1)
+        self._skip(until)
         while (due := min(self._cycle(1), self._room())) <= until:
             if due == self._cycle(1):
                 self._cycles += 1
                 self._watch()
                 self._step()
+                self._skip(until)
             self._speak(due)
+
+    def _skip(self, until: float) -> None:
+        """Leave out the cycles in which nothing changes."""
+        if self._places == self._goals and not self._watching:
+            self._cycles = max(self._cycles, int((until - self._began) / _CYCLE) - 1)
 
     def _cycle(self, number: int) -> float:
         """When the next cycle but so many begins [s]."""

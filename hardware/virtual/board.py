@@ -109,9 +109,7 @@ class Board:
         self._program: Program
         if firmware.degree_time:
             angles = held or self._boot_angles
-            self._program = StockSketch(
-                self._letters, angles, firmware.ring, firmware.degree_time, ready
-            )
+            self._program = StockSketch(self._letters, angles, firmware, ready)
         else:
             self._program = ArmtreeFirmware(
                 self._letters, self._boot_angles, held, firmware.banner, self._out, ready

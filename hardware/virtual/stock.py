@@ -8,10 +8,12 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from hardware.profiles import Firmware
+
 
 @dataclass(frozen=True, slots=True)
 class _Turn:
-    """A servo on its way, a degree at a time."""
+    """A servo on its way, a degree at a time, from when its first step is written [s]."""
 
     servo: int
     start: int
@@ -35,26 +37,20 @@ class StockSketch:
     Args:
         letters: The fields of a frame, in order.
         angles: Where it puts the servos when it starts [deg].
-        ring: Unread bytes it can hold.
-        degree_time: Time that one degree takes [s].
+        firmware: Its times, and how many unread bytes it can hold.
         began: When it starts [s].
     """
 
     held = None
 
     def __init__(
-        self,
-        letters: str,
-        angles: Sequence[int],
-        ring: int,
-        degree_time: float,
-        began: float,
+        self, letters: str, angles: Sequence[int], firmware: Firmware, began: float
     ) -> None:
         self.lost = 0
+        self._firmware = firmware
         self._parser = _Parser(letters)
-        self._size, self._ring = ring, deque[tuple[float, int]]()
+        self._ring = deque[tuple[float, int]]()
         self._angles = list(angles)
-        self._degree_time = degree_time
         self._turn: _Turn | None = None
         self._free = began
 
@@ -66,7 +62,7 @@ class StockSketch:
     def take(self, byte: int, now: float) -> None:
         """Receive a byte."""
         self.run(now)
-        if len(self._ring) < self._size:
+        if len(self._ring) < self._firmware.ring:
             self._ring.append((now, byte))
         else:
             self.lost += 1
@@ -78,7 +74,8 @@ class StockSketch:
             self._free = max(self._free, arrival)
             if field := self._parser.feed(byte):
                 servo, goal = field
-                turn = _Turn(servo, self._angles[servo], goal, self._free, self._degree_time)
+                began, pace = self._free + self._firmware.turn_time, self._firmware.degree_time
+                turn = _Turn(servo, self._angles[servo], goal, began, pace)
                 self._turn, self._free = turn, turn.end
                 self._angles[servo] = _written(goal)
 

@@ -304,6 +304,7 @@ static void look_at_port(void) {
         if (opened) {
             resets++;
             reset(boot_s);
+            said.length = 0;  // what came before nobody heard
         }
     }
     ssize_t length = 1;

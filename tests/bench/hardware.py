@@ -91,7 +91,7 @@ class Watch:
 def active(robot: Robot, port: str) -> Iterator[tuple[Arm, Watch]]:
     """An active arm, watched."""
     watch = Watch()
-    with Arm(robot, robot.driver.link(robot, port), RealClock(), watch) as arm:
+    with Arm(robot, robot.link(port), RealClock(), watch) as arm:
         arm.configure()
         arm.activate()
         yield arm, watch

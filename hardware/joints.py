@@ -1,0 +1,48 @@
+"""Joints as data: limits, whom they follow, how they travel."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Mimic:
+    """A joint that follows another: `multiplier * leader + offset`.
+
+    Attributes:
+        leader: Name of the joint it follows.
+        multiplier: Unitless.
+        offset: [rad].
+    """
+
+    leader: str
+    multiplier: float
+    offset: float
+
+    def value(self, leader: float) -> float:
+        """The follower's value [rad] for the leader's [rad]."""
+        return self.multiplier * leader + self.offset
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """One moving joint.
+
+    Attributes:
+        name: As in the URDF.
+        lower: Smallest position [rad].
+        upper: Largest position [rad].
+        velocity: Limit [rad/s].
+        acceleration: Limit [rad/s2].
+        boot: Where a reset of the board puts it [rad].
+        mimic: Whom it follows; None for a joint of its own.
+        wire: How it travels in a frame, as its driver read it; None for a joint that has no servo
+            of its own.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    boot: float
+    mimic: Mimic | None
+    wire: object | None
