@@ -23,7 +23,7 @@ test: $(TOOLS)
 	$(VENV)/bin/pytest
 
 # The suite damages 10 000 frames; here it is ten times as many.
-damage: $(READY)
+damage: $(TOOLS)
 	ARMTREE_CORRUPTIONS=100000 $(VENV)/bin/pytest -k corruptions --durations=2 \
 		tests/test_hardware_avr_armtree.py tests/test_hardware_virtual_armtree.py
 

@@ -10,7 +10,7 @@ import hardware
 import skills.motion
 
 _PLANNING = ("numpy", "ompl", "pin", "coal", "toppra")
-_SCHEDULING = ("frames.py", "pace.py", "schedule.py")
+_SCHEDULING = ("frames.py", "pace.py", "profiles.py", "schedule.py")
 
 
 def versions() -> dict[str, str]:
