@@ -1,15 +1,17 @@
 """The first difference between what was recorded and what is made anew."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import takewhile, zip_longest
 
 from hardware import HardwareError, Robot, compile_schedule
 from hardware import Schedule as Compiled
 from logs import NodeStatus, Plan, Record, Result, Schedule, Sent
 from skills.merged import Merged
-from skills.motion import MotionError, Query, World
+from skills.motion import MotionError, Query
 from skills.motion import Plan as Planned
 from skills.motion.planner import Planner
+
+from .meshes import world_of
 
 # It can only fail a plan, never change one; a busy machine must not.
 _TIMEOUT = 120.0  # [s]
@@ -124,15 +126,24 @@ def _text(frame: Sent) -> str:
     return frame.data.decode("ascii", "backslashreplace")
 
 
-def plans_difference(planner: Planner, robot: Robot, story: Sequence[Record]) -> str:
-    """Plan every recorded query again; the first plan or merged motion that differs, or nothing."""
+def plans_difference(
+    planner: Planner, robot: Robot, story: Sequence[Record], files: Mapping[str, bytes]
+) -> str:
+    """Plan every recorded query again; the first plan or merged motion that differs, or nothing.
+
+    Args:
+        planner: For the robot.
+        robot: As it was recorded.
+        story: What was recorded, in its order.
+        files: What is attached to the recording.
+    """
     made: dict[str, Planned] = {}
     number = 0
     for record in story:
         words = ""
         if isinstance(record, Plan):
             number += 1
-            words = _plan_difference(record, _plan(planner, robot, record), made)
+            words = _plan_difference(record, _plan(planner, robot, record, files), made)
             words = words and f"plan {number} ({record.group}): {words}"
         elif isinstance(record, Schedule) and record.groups and set(record.groups) <= set(made):
             words = _merged_difference(robot, record, made)
@@ -141,7 +152,9 @@ def plans_difference(planner: Planner, robot: Robot, story: Sequence[Record]) ->
     return ""
 
 
-def _plan(planner: Planner, robot: Robot, recorded: Plan) -> Planned | MotionError | None:
+def _plan(
+    planner: Planner, robot: Robot, recorded: Plan, files: Mapping[str, bytes]
+) -> Planned | MotionError | None:
     """The answer to a recorded query; None where that answer came by chance."""
     if recorded.code in _BY_CHANCE:
         return None
@@ -154,7 +167,7 @@ def _plan(planner: Planner, robot: Robot, recorded: Plan) -> Planned | MotionErr
             seed=recorded.seed,
             timeout=_TIMEOUT,
             via=recorded.via,
-            world=World.parse(recorded.world),
+            world=world_of(recorded.world, files),
         )
         return planner.plan(query)
     except MotionError as error:

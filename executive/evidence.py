@@ -49,7 +49,7 @@ def changed_since(recording: Recording) -> bool:
 
 @lru_cache(maxsize=8)
 def _load(files: tuple[tuple[str, bytes], ...], firmware: str) -> Robot:
-    folder = Path(_scratch().name) / _digest(*(data for _, data in files))
+    folder = Path(scratch().name) / _digest(*(data for _, data in files))
     folder.mkdir(exist_ok=True)
     for name, data in files:
         (folder / Path(name).name).write_bytes(data)
@@ -64,8 +64,8 @@ def _load(files: tuple[tuple[str, bytes], ...], firmware: str) -> Robot:
 
 
 @cache
-def _scratch() -> "tempfile.TemporaryDirectory[str]":
-    """Where robots' files lie while they are in use; gone when this process ends."""
+def scratch() -> "tempfile.TemporaryDirectory[str]":
+    """Where files of recordings lie while they are in use; gone when this process ends."""
     return tempfile.TemporaryDirectory(prefix="armtree-")
 
 

@@ -118,7 +118,7 @@ def _frames(recording: Recording, robot: Robot, story: Sequence[Record]) -> Verd
 def _plans(recording: Recording, robot: Robot, story: Sequence[Record]) -> Verdict:
     question = "goal -> plan"
     wrong = contradiction(recording, robot, story)
-    if words := plans_difference(_planner(robot), robot, story):
+    if words := plans_difference(_planner(robot), robot, story, recording.files):
         return Verdict(question, False, words, wrong or source(recording, robot, story, PLANNING))
     if wrong:
         return Verdict(question, False, "the plans are the same, what led to them is not", wrong)

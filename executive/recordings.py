@@ -1,16 +1,17 @@
 """What is told of a run: into its recording, and to whoever watches."""
 
 import errno
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import logs
 from hardware import ArmEvent, Clock, Robot
-from skills import SkillEvent
+from skills import Planned, SkillEvent
 
 from .builder import Tree
 from .evidence import robot_note
 from .goal import Goal
+from .meshes import kept
 from .translate import arm_record, skill_record
 from .versions import versions
 
@@ -41,6 +42,7 @@ class Recordings:
         self._folder, self._robot, self._clock = folder, robot, clock
         self._watch, self._failed = watch, failed
         self._recorder: logs.Recorder | None = None
+        self._meshes: set[str] = set()  # that are in it already
         self.path = ""
         self.frames = 0
 
@@ -58,6 +60,7 @@ class Recordings:
         """
         self._recorder = recorder = self._create(goal.task)
         self.path, self.frames = str(recorder.path), 0
+        self._meshes.clear()
         self._attach(recorder, tree)
         self.tell(logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed))
 
@@ -98,6 +101,8 @@ class Recordings:
 
     def skill_did(self, event: SkillEvent) -> None:
         """Tell of something a skill did."""
+        if isinstance(event, Planned):
+            self._attach_new(kept(event.query.world)[1])
         self.tell(skill_record(event, self._robot, self._clock.now()))
 
     def _attach(self, recorder: logs.Recorder, tree: Tree | None) -> None:
@@ -111,6 +116,12 @@ class Recordings:
         if tree:
             for file, text in tree.files.items():
                 recorder.attach(file, "application/yaml", text.encode())
+
+    def _attach_new(self, meshes: Mapping[str, bytes]) -> None:
+        if self._recorder:
+            for name in sorted(meshes.keys() - self._meshes):
+                self._recorder.attach(name, "application/octet-stream", meshes[name])
+                self._meshes.add(name)
 
     def _create(self, task: int) -> logs.Recorder:
         utc_ns = self._clock.epoch_ns() + round(self._clock.now() * 1e9)

@@ -7,6 +7,8 @@ from hardware import ArmEvent, BytesReceived, CommandSent, Faulted, FrameSent, R
 from skills import Planned, Scheduled, SkillEvent
 from skills.motion import MotionError
 
+from .meshes import kept
+
 _GRID = 0.02  # of the sampled motion in a recording [s]
 
 
@@ -49,7 +51,7 @@ def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
         start={j.name: q for j, q in zip(robot.actuated, query.start, strict=True)},
         goal=query.goal,
         via=query.via,
-        world=tuple(query.world.plain()),
+        world=kept(query.world)[0],
         seed=query.seed,
         velocity_limits=tuple(joint.velocity for joint in joints),
         acceleration_limits=tuple(joint.acceleration for joint in joints),

@@ -242,3 +242,19 @@ def test_a_plan_that_was_canceled_tells_its_world(rig: RigMaker, tmp_path: Path)
     assert len(plan.world) == 2
     assert plan.via
     assert prove(Path(outcome.recording)).holds
+
+
+def test_the_mesh_of_a_body_is_in_the_recording(rig: RigMaker, tmp_path: Path) -> None:
+    mesh = tmp_path / "beam.stl"
+    mesh.write_bytes((Path(__file__).parent / "data" / "beam.stl").read_bytes())
+    made = around(rig, tmp_path)
+    task = tmp_path / "tasks" / "7_around.yaml"
+    post = f"    - AddMesh: {{body: beam, file: {mesh}, position: [0.25, 0.25, 0]}}\n    - AddBox:"
+    task.write_text(task.read_text().replace("    - AddBox:", post))
+    (outcome,) = made.run(7)
+    assert outcome.success, outcome.message
+    mesh.unlink()
+    proof = prove(Path(outcome.recording))
+    assert proof.holds, in_words(proof)
+    (name,) = [name for name in Recording(proof.path).files if name.endswith("_beam.stl")]
+    assert name in {body["mesh"]["path"] for body in made.told(logs.Plan)[0].world[:1]}
