@@ -70,6 +70,17 @@ def test_a_box_in_the_way_is_gone_round(rig: RigMaker, tmp_path: Path) -> None:
     assert len(plan_of(made).waypoints) > 2
 
 
+def test_a_body_is_there_for_the_tasks_that_follow(rig: RigMaker, tmp_path: Path) -> None:
+    step = "    - AddSphere: {body: ball, radius: 0.01, position: [0.2, 0.2, 0.2]}\n"
+    (tmp_path / "7_try.yaml").write_text(HEAD.replace("$start", "$a") + step + "    - Succeed")
+    move = "    - Shift: {start: $start, by: {joint_1: -0.1}, goal: $goal}"
+    then = HEAD.replace("task: 7\nname: try", "task: 8\nname: then") + move + GO
+    (tmp_path / "8_then.yaml").write_text(then)
+    made = rig(tmp_path)
+    assert [outcome.success for outcome in made.run(7, 8)] == [True, True]
+    assert [body["name"] for body in plan_of(made).world] == ["ball"]
+
+
 def test_a_goal_inside_a_body_names_it(rig: RigMaker, tmp_path: Path) -> None:
     step = """    - AddSphere: {body: ball, radius: 0.05, position: [0.11, 0.02, 0.08]}
     - Shift: {start: $start, by: {joint_1: -1.4, joint_2: -0.6, joint_3: -0.07}, goal: $goal}
