@@ -7,10 +7,12 @@ import threading
 import pytest
 
 from hardware import (
+    FIRMWARES,
     ArmEvent,
     BadPosition,
     BoardLink,
     Firmware,
+    FrameLost,
     FrameSent,
     InterfaceClaimed,
     InterfaceUnknown,
@@ -22,7 +24,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from hardware.dialogue import Dialogue
+from hardware.dialogue import ANSWER, Dialogue
 from hardware.door import Door
 from hardware.interfaces import Claim
 
@@ -46,13 +48,14 @@ class Rig:
         self.active = True
         self.events: list[ArmEvent] = []
         self.wait(2.0)
+        self.dialogue = Dialogue(self.robot.firmware, self.robot.wire_format)
         self.door = Door(
             self.robot,
             self.link,
             self.clock,
             lambda: self.active,
             self.events.append,
-            Dialogue(self.robot.firmware, self.robot.wire_format),
+            self.dialogue,
             self.robot.boot_pose,
         )
         self.claim = self.claimed()
@@ -107,7 +110,8 @@ def test_only_active_may_write() -> None:
     rig = Rig()
     rig.active = False
     for positions in (degrees(1), HOME):
-        with pytest.raises(NotActive, match="configure and activate it first"):
+        why = "^the arm is not active; configure and activate it first$"
+        with pytest.raises(NotActive, match=why):
             rig.write(positions)
     assert rig.sent == []
 
@@ -155,6 +159,24 @@ def test_who_claims_one_joint_moves_that_one() -> None:
             rig.door.write([0.0], claim, 2.0)
 
 
+def test_a_claim_takes_one_value_per_interface() -> None:
+    rig = Rig()
+    rig.door.give_up(rig.claim)
+    jog = rig.door.claim("jog", rig.door.interfaces[:2], rig.door.generation)
+    why = "^3 values for 2: joint_1/position, joint_2/position$"
+    with pytest.raises(BadPosition, match=why):
+        rig.door.write([0.0, 0.0, 0.0], jog, 2.0)
+
+
+def test_the_dialogue_is_told_what_went_out_and_when() -> None:
+    rig = Rig(FIRMWARES["armtree"])
+    rig.write(degrees(1))
+    assert rig.dialogue.sent == 1
+    rig.dialogue.check(math.nextafter(2.0 + ANSWER, 0))
+    with pytest.raises(FrameLost):
+        rig.dialogue.check(2.0 + ANSWER)
+
+
 def test_a_motion_decided_on_before_another_one_began_or_ended_is_refused() -> None:
     rig = Rig()
     during = rig.door.generation
@@ -176,8 +198,11 @@ def test_a_frame_before_the_board_has_room_is_refused() -> None:
     assert rig.write(degrees(0))  # waits behind it
     busy = 14 * 0.0051 + 4 * 0.00015
     assert rig.door.earliest == pytest.approx(2.0 + 20 * 10 / 115200 + busy)
+    why = "^b100,s090,e090,g000, comes 73.7 ms before the board has room for it$"
+    with pytest.raises(TooFast, match=why):
+        rig.write(degrees(10))
     rig.wait(math.nextafter(rig.door.earliest, 0))
-    with pytest.raises(TooFast, match="before the board has room for it"):
+    with pytest.raises(TooFast, match=r"comes 0\.0 ms before"):
         rig.write(degrees(10))
     rig.wait(rig.door.earliest)
     assert rig.write(degrees(10))
