@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 READY := $(VENV)/.ready
 
-.PHONY: demo test damage firmware lock
+.PHONY: demo test damage mutation firmware lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -21,6 +21,10 @@ test: $(READY)
 damage: $(READY)
 	ARMTREE_CORRUPTIONS=100000 $(VENV)/bin/pytest -k corruptions --durations=2 \
 		tests/test_hardware_avr_armtree.py tests/test_hardware_virtual_armtree.py
+
+# Two to ten minutes: does a test notice every small change to what guards the wire?
+mutation: $(READY)
+	$(VENV)/bin/python -P tests/mutation/run.py
 
 # Needs avr-gcc; the committed .hex is what Debian 12's makes.
 firmware:
