@@ -1,8 +1,10 @@
 """The one door to the wire: what it refuses, and that a hold goes out exactly once."""
 
+import contextlib
 import dataclasses
 import math
 import threading
+from collections.abc import Callable, Sequence
 
 import pytest
 
@@ -11,22 +13,30 @@ from hardware import (
     ArmEvent,
     BadPosition,
     BoardLink,
+    Codec,
+    CommandSent,
     Firmware,
     FrameLost,
     FrameSent,
     InterfaceClaimed,
     InterfaceUnknown,
+    Joint,
     NotActive,
     PortLost,
     SimulatedClock,
     StaleGeneration,
     TooFast,
+    WriteRefused,
     load_robot,
     virtual_board,
 )
 from hardware.dialogue import ANSWER, Dialogue
 from hardware.door import Door
+from hardware.driver import Driver
+from hardware.events import Observer
+from hardware.frames import Frame
 from hardware.interfaces import Claim
+from hardware.serial_servo import SerialServo
 
 ROBOT = load_robot()
 HOME = (0.0, 0.0, 0.0, 0.0)
@@ -40,12 +50,13 @@ def degrees(*base: float) -> tuple[float, ...]:
 class Rig:
     """A door in front of an in-process board that has booted."""
 
-    def __init__(self, firmware: Firmware = ROBOT.firmware) -> None:
-        self.robot = dataclasses.replace(ROBOT, firmware=firmware)
+    def __init__(self, firmware: Firmware = ROBOT.firmware, driver: Driver = ROBOT.driver) -> None:
+        self.robot = dataclasses.replace(ROBOT, firmware=firmware, driver=driver)
         self.clock = SimulatedClock()
         self.link = BoardLink(virtual_board(self.robot), self.clock)
         self.link.open()
         self.active = True
+        self.then: Observer = lambda _: None
         self.events: list[ArmEvent] = []
         self.wait(2.0)
         self.dialogue = Dialogue(self.robot.firmware, self.robot.wire_format)
@@ -54,11 +65,15 @@ class Rig:
             self.link,
             self.clock,
             lambda: self.active,
-            self.events.append,
+            self.tell,
             self.dialogue,
             self.robot.boot_pose,
         )
         self.claim = self.claimed()
+
+    def tell(self, event: ArmEvent) -> None:
+        self.events.append(event)
+        self.then(event)
 
     def wait(self, until: float) -> None:
         with (signal := self.clock.signal()):
@@ -90,7 +105,7 @@ def test_a_frame_goes_out_and_is_told() -> None:
 
 def test_the_same_bytes_are_not_sent_again_but_count_as_commanded() -> None:
     rig = Rig()
-    assert not rig.write((1e-4, 0, 0, 0))
+    assert rig.write((1e-4, 0, 0, 0)) is False
     assert rig.door.commanded == (1e-4, 0, 0, 0)
     assert rig.sent == []
 
@@ -106,6 +121,29 @@ def test_a_bad_value_is_refused(positions: tuple[float, ...]) -> None:
     assert rig.door.commanded == HOME
 
 
+class Careless(Codec):
+    """A wire format that checks nothing."""
+
+    def encode(self, positions: Sequence[float]) -> Frame:
+        return self.frame([90] * len(positions))
+
+
+class CarelessDriver(SerialServo):
+    def wire_format(self, joints: Sequence[Joint]) -> Careless:
+        return Careless(joints)
+
+
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("bad", [math.nan, 2.0, -2.0])
+def test_a_bad_value_is_refused_even_where_the_wire_format_takes_it(place: int, bad: float) -> None:
+    rig = Rig(driver=CarelessDriver())
+    positions = [0.0, 0.0, 0.0, 0.0]
+    positions[place] = bad
+    with pytest.raises(BadPosition, match=f"joint_{place + 1} = {bad} "):
+        rig.write(tuple(positions))
+    assert rig.door.commanded == HOME
+
+
 def test_only_active_may_write() -> None:
     rig = Rig()
     rig.active = False
@@ -114,6 +152,18 @@ def test_only_active_may_write() -> None:
         with pytest.raises(NotActive, match=why):
             rig.write(positions)
     assert rig.sent == []
+
+
+def test_only_active_is_greeted() -> None:
+    rig = Rig(FIRMWARES["armtree"])
+    rig.dialogue.hear(rig.link.read())
+    rig.active = False
+    with pytest.raises(NotActive):
+        rig.door.greet()
+    assert rig.events == []
+    rig.active = True
+    rig.door.greet()
+    assert rig.events == [CommandSent(2.0, b"bA01;")]
 
 
 def test_a_claim_that_was_given_up_is_refused() -> None:
@@ -299,23 +349,40 @@ def test_a_closed_door_stays_closed() -> None:
 
 def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
     rig = Rig()
+    rig.then = lambda _: rig.door.hold()
     told = threading.Thread(target=lambda: rig.write(degrees(1)), daemon=True)
-    events, rig.events = rig.events, []
-    door = Door(
-        rig.robot,
-        rig.link,
-        rig.clock,
-        lambda: True,
-        lambda event: (events.append(event), door.hold())[0],  # type: ignore[func-returns-value]
-        Dialogue(rig.robot.firmware, rig.robot.wire_format),
-        rig.robot.boot_pose,
-    )
-    rig.door = door
-    rig.claim = rig.claimed()
     told.start()
     told.join(5)
     assert not told.is_alive()
-    assert len(events) == 2
+    assert len(rig.events) == 2
+
+
+@pytest.mark.parametrize(
+    "act",
+    [Rig.claimed, lambda rig: rig.door.give_up(rig.claim), lambda rig: rig.door.greet(),
+     lambda rig: rig.door.close(), lambda rig: rig.door.hold(), lambda rig: rig.write(degrees(1))],
+    ids=["claim", "give up", "greet", "close", "hold", "write"],
+)  # fmt: skip
+def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object]) -> None:
+    rig = Rig()
+    began: list[threading.Thread] = []
+    finished: list[bool] = []
+
+    def other() -> None:
+        with contextlib.suppress(WriteRefused):
+            act(rig)
+
+    def then(_: ArmEvent) -> None:
+        rig.then = lambda _: None
+        began.append(threading.Thread(target=other))
+        began[0].start()
+        began[0].join(0.02)
+        finished.append(not began[0].is_alive())
+
+    rig.then = then
+    rig.write(degrees(1))
+    began[0].join()
+    assert finished == [False]
 
 
 def test_many_holds_at_once_write_one_frame() -> None:
