@@ -101,6 +101,14 @@ def test_the_goal_of_all_actuated_joints(bench: Bench) -> None:
     )
 
 
+def test_the_goal_is_known_beforehand_where_both_targets_are_spelled_out(robot: Robot) -> None:
+    arm = {"joint_3": 0.3, "joint_1": 0.1, "joint_2": 0.2}
+    gripper = {"joint_5": 0.7, "joint_4": -0.7}
+    assert CheckBounds.poses(robot, {"arm": arm, "gripper": gripper}) == [(0.1, 0.2, 0.3, -0.7)]
+    for inputs in ({}, {"arm": arm}, {"gripper": gripper}):
+        assert CheckBounds.poses(robot, inputs) == []
+
+
 def test_a_target_out_of_bounds_fails_the_skill(bench: Bench) -> None:
     skill = bench.skill(
         CheckBounds, arm=Positions(target(joint_1=9.0)["arm"]), gripper=Positions(joint_4=0.0)
