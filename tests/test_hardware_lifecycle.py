@@ -148,6 +148,17 @@ def test_what_is_not_in_the_table_is_refused(label: str, start: str) -> None:
     assert machine.edges == []
 
 
+def test_every_edge_is_told_with_both_states() -> None:
+    machine = Machine("unconfigured")
+    machine.callbacks[State.CONFIGURING] = answers(Result.ERROR)
+    machine.lifecycle.request("configure")
+    assert machine.edges == [
+        ("configure", State.UNCONFIGURED, State.CONFIGURING),
+        ("transition_error", State.CONFIGURING, State.ERRORPROCESSING),
+        ("transition_success", State.ERRORPROCESSING, State.UNCONFIGURED),
+    ]
+
+
 def test_callbacks_see_the_transition_state() -> None:
     machine, seen = Machine("unconfigured"), []
 
