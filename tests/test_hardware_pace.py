@@ -33,11 +33,11 @@ def test_one_frame_waits_where_the_ring_then_has_room_for_a_hold(
     pace = Pace(firmware, BAUD, frame([90, 90, 90, 0]))
     assert pace.earliest == pace.done == -math.inf
     pace.sent(frame([91, 90, 90, 0]), 1.0)
-    done = 1.0 + 20 * 10 / BAUD + 5 * firmware.degree_time
+    done = 1.0 + 20 * 10 / BAUD + 5 * firmware.degree_time + 4 * firmware.turn_time
     assert pace.done == pytest.approx(done)
     assert pace.earliest == (-math.inf if one_waits else pace.done)
     pace.sent(frame([91, 90, 90, 3]), 1.01)
-    assert pace.done == pytest.approx(done + 7 * firmware.degree_time)
+    assert pace.done == pytest.approx(done + 7 * firmware.degree_time + 4 * firmware.turn_time)
     assert pace.earliest == (pytest.approx(done) if one_waits else pace.done)
 
 
