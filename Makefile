@@ -10,7 +10,7 @@ INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo test damage firmware lock
+.PHONY: demo test damage mutation firmware lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -26,6 +26,10 @@ test: $(TOOLS)
 damage: $(TOOLS)
 	ARMTREE_CORRUPTIONS=100000 $(VENV)/bin/pytest -k corruptions --durations=2 \
 		tests/test_hardware_avr_armtree.py tests/test_hardware_virtual_armtree.py
+
+# Two to ten minutes: does a test notice every small change to what guards the wire?
+mutation: $(TOOLS)
+	$(VENV)/bin/python -P tests/mutation/run.py
 
 # Needs avr-gcc; the committed .hex is what Debian 12's makes.
 firmware:

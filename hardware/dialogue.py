@@ -92,7 +92,7 @@ class Dialogue:
 
     def _start(self, line: bytes) -> None:
         if self.holds:
-            raise BoardReset(line.decode("ascii", "replace"))
+            raise BoardReset(line.decode(errors="replace"))
         try:
             self.holds = self._wire_format.parse(line.split()[-1])
         except ValueError:

@@ -47,7 +47,7 @@ class Frame:
     data: bytes
 
     def __str__(self) -> str:
-        return self.data.decode("ascii")
+        return self.data.decode()
 
 
 class Codec:
@@ -63,7 +63,7 @@ class Codec:
     def __init__(self, joints: Sequence[Joint]) -> None:
         self._fields = [(j, j.wire) for j in joints if isinstance(j.wire, WireField)]
         self.letters = "".join(wire.letter for _, wire in self._fields)
-        self._pattern = re.compile(re.sub("(.)", r"\1([0-9]{3}),", self.letters).encode("ascii"))
+        self._pattern = re.compile(re.sub("(.)", r"\1([0-9]{3}),", self.letters).encode())
 
     def encode(self, positions: Sequence[float]) -> Frame:
         """The frame for joint positions [rad].
@@ -87,7 +87,7 @@ class Codec:
         """The frame for servo angles [deg], each from 0 to 180."""
         fields = zip(self._fields, servos, strict=True)
         text = "".join(f"{wire.letter}{angle:03d}," for (_, wire), angle in fields)
-        return Frame(tuple(servos), text.encode("ascii"))
+        return Frame(tuple(servos), text.encode())
 
     def parse(self, data: bytes) -> Frame:
         """The frame that these bytes spell.

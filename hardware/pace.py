@@ -1,5 +1,7 @@
 """How fast the board digests frames, as a model: it never says so itself."""
 
+import math
+
 from .frames import Frame
 from .link import BITS_PER_BYTE
 from .profiles import Firmware
@@ -23,7 +25,7 @@ class Pace:
         self._wire_time = len(frame.data) * BITS_PER_BYTE / baud
         self._servos = frame.servos
         self._one_may_wait = unread_bytes(frame, waiting=2) <= firmware.ring
-        self._done = self._done_before = float("-inf")
+        self._done = self._done_before = -math.inf
 
     @property
     def earliest(self) -> float:

@@ -94,8 +94,7 @@ def _contradicts(joint: Joint, target: Mapping[str, float]) -> str:
     if mimic is None or joint.name not in target or mimic.leader not in target:
         return ""
     follows, given = mimic.value(target[mimic.leader]), target[joint.name]
-    # A NaN is told as out of bounds; equal up to the rounding of decimal literals.
-    if math.isnan(given - follows) or math.isclose(given, follows, abs_tol=1e-9):
+    if math.isclose(given, follows, abs_tol=1e-9):  # up to the rounding of decimal literals
         return ""
     return (
         f"{joint.name} = {given:g} contradicts {mimic.leader} = {target[mimic.leader]:g}, which it "

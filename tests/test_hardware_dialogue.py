@@ -29,7 +29,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from hardware.dialogue import Dialogue
+from hardware.dialogue import ANSWER, Dialogue
 from tests.hardware_rigs import HOME, PICK, motion
 
 OURS = FIRMWARES["armtree"]
@@ -117,9 +117,34 @@ def test_a_frame_that_was_lost_or_changed_or_came_from_elsewhere_is_told() -> No
         foreign.hear(ack(1, binascii.crc_hqx(bytes(first), 0)))
 
 
+def test_the_first_that_is_heard_may_be_an_acknowledgement() -> None:
+    dialogue = Dialogue(OURS, CODEC)
+    dialogue.sends(CODEC.frame([10, 90, 90, 0]), 0.0)
+    dialogue.hear(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
+    assert dialogue.taken == 1
+
+
+def test_a_frame_without_an_answer_is_told_when_its_time_is_over() -> None:
+    dialogue = booted()
+    dialogue.check(100.0)
+    dialogue.sends(CODEC.frame([10, 90, 90, 0]), 1.0)
+    dialogue.sends(CODEC.frame([11, 90, 90, 0]), 1.2)
+    dialogue.check(1.0 + ANSWER - 0.001)
+    why = r"^the board acknowledged 0 of 2 frames, and then nothing for 0.25 s\. Check the cable"
+    with pytest.raises(FrameLost, match=why):
+        dialogue.check(1.0 + ANSWER)
+    dialogue.hear(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
+    dialogue.check(1.2 + ANSWER - 0.001)
+
+
 def test_a_second_start_is_a_reset() -> None:
     with pytest.raises(BoardReset, match=r"it says 'armtree 1 AVW. kept b009,s125,e085,g000,'"):
         booted().hear(LINE)
+
+
+def test_a_start_after_noise_is_a_reset() -> None:
+    with pytest.raises(BoardReset, match="it says '\ufffdarmtree 1 AVW"):
+        booted().hear(b"\xff" + LINE)
 
 
 def test_a_board_that_says_nothing_has_what_it_was_sent() -> None:
@@ -200,7 +225,8 @@ def test_the_arm_begins_where_the_board_says_it_stands() -> None:
 
 def test_progress_counts_what_the_board_acknowledged() -> None:
     with active() as rig:
-        assert [e.data for e in rig.events if isinstance(e, CommandSent)] == [b"bA01;"]
+        greetings = [event for event in rig.events if isinstance(event, CommandSent)]
+        assert greetings == [CommandSent(rig.clock.now(), b"bA01;")]
         counts: list[tuple[int, int]] = []
         there = motion(HOME, PICK, 4.0, ROBOT)
 

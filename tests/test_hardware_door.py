@@ -1,30 +1,42 @@
 """The one door to the wire: what it refuses, and that a hold goes out exactly once."""
 
+import contextlib
 import dataclasses
 import math
 import threading
+from collections.abc import Callable, Sequence
 
 import pytest
 
 from hardware import (
+    FIRMWARES,
     ArmEvent,
     BadPosition,
     BoardLink,
+    Codec,
+    CommandSent,
     Firmware,
+    FrameLost,
     FrameSent,
     InterfaceClaimed,
     InterfaceUnknown,
+    Joint,
     NotActive,
     PortLost,
     SimulatedClock,
     StaleGeneration,
     TooFast,
+    WriteRefused,
     load_robot,
     virtual_board,
 )
-from hardware.dialogue import Dialogue
+from hardware.dialogue import ANSWER, Dialogue
 from hardware.door import Door
+from hardware.driver import Driver
+from hardware.events import Observer
+from hardware.frames import Frame
 from hardware.interfaces import Claim
+from hardware.serial_servo import SerialServo
 
 ROBOT = load_robot()
 HOME = (0.0, 0.0, 0.0, 0.0)
@@ -38,24 +50,30 @@ def degrees(*base: float) -> tuple[float, ...]:
 class Rig:
     """A door in front of an in-process board that has booted."""
 
-    def __init__(self, firmware: Firmware = ROBOT.firmware) -> None:
-        self.robot = dataclasses.replace(ROBOT, firmware=firmware)
+    def __init__(self, firmware: Firmware = ROBOT.firmware, driver: Driver = ROBOT.driver) -> None:
+        self.robot = dataclasses.replace(ROBOT, firmware=firmware, driver=driver)
         self.clock = SimulatedClock()
         self.link = BoardLink(virtual_board(self.robot), self.clock)
         self.link.open()
         self.active = True
+        self.then: Observer = lambda _: None
         self.events: list[ArmEvent] = []
         self.wait(2.0)
+        self.dialogue = Dialogue(self.robot.firmware, self.robot.wire_format)
         self.door = Door(
             self.robot,
             self.link,
             self.clock,
             lambda: self.active,
-            self.events.append,
-            Dialogue(self.robot.firmware, self.robot.wire_format),
+            self.tell,
+            self.dialogue,
             self.robot.boot_pose,
         )
         self.claim = self.claimed()
+
+    def tell(self, event: ArmEvent) -> None:
+        self.events.append(event)
+        self.then(event)
 
     def wait(self, until: float) -> None:
         with (signal := self.clock.signal()):
@@ -87,7 +105,7 @@ def test_a_frame_goes_out_and_is_told() -> None:
 
 def test_the_same_bytes_are_not_sent_again_but_count_as_commanded() -> None:
     rig = Rig()
-    assert not rig.write((1e-4, 0, 0, 0))
+    assert rig.write((1e-4, 0, 0, 0)) is False
     assert rig.door.commanded == (1e-4, 0, 0, 0)
     assert rig.sent == []
 
@@ -103,13 +121,49 @@ def test_a_bad_value_is_refused(positions: tuple[float, ...]) -> None:
     assert rig.door.commanded == HOME
 
 
+class Careless(Codec):
+    """A wire format that checks nothing."""
+
+    def encode(self, positions: Sequence[float]) -> Frame:
+        return self.frame([90] * len(positions))
+
+
+class CarelessDriver(SerialServo):
+    def wire_format(self, joints: Sequence[Joint]) -> Careless:
+        return Careless(joints)
+
+
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("bad", [math.nan, 2.0, -2.0])
+def test_a_bad_value_is_refused_even_where_the_wire_format_takes_it(place: int, bad: float) -> None:
+    rig = Rig(driver=CarelessDriver())
+    positions = [0.0, 0.0, 0.0, 0.0]
+    positions[place] = bad
+    with pytest.raises(BadPosition, match=f"joint_{place + 1} = {bad} "):
+        rig.write(tuple(positions))
+    assert rig.door.commanded == HOME
+
+
 def test_only_active_may_write() -> None:
     rig = Rig()
     rig.active = False
     for positions in (degrees(1), HOME):
-        with pytest.raises(NotActive, match="configure and activate it first"):
+        why = "^the arm is not active; configure and activate it first$"
+        with pytest.raises(NotActive, match=why):
             rig.write(positions)
     assert rig.sent == []
+
+
+def test_only_active_is_greeted() -> None:
+    rig = Rig(FIRMWARES["armtree"])
+    rig.dialogue.hear(rig.link.read())
+    rig.active = False
+    with pytest.raises(NotActive):
+        rig.door.greet()
+    assert rig.events == []
+    rig.active = True
+    rig.door.greet()
+    assert rig.events == [CommandSent(2.0, b"bA01;")]
 
 
 def test_a_claim_that_was_given_up_is_refused() -> None:
@@ -155,6 +209,24 @@ def test_who_claims_one_joint_moves_that_one() -> None:
             rig.door.write([0.0], claim, 2.0)
 
 
+def test_a_claim_takes_one_value_per_interface() -> None:
+    rig = Rig()
+    rig.door.give_up(rig.claim)
+    jog = rig.door.claim("jog", rig.door.interfaces[:2], rig.door.generation)
+    why = "^3 values for 2: joint_1/position, joint_2/position$"
+    with pytest.raises(BadPosition, match=why):
+        rig.door.write([0.0, 0.0, 0.0], jog, 2.0)
+
+
+def test_the_dialogue_is_told_what_went_out_and_when() -> None:
+    rig = Rig(FIRMWARES["armtree"])
+    rig.write(degrees(1))
+    assert rig.dialogue.sent == 1
+    rig.dialogue.check(math.nextafter(2.0 + ANSWER, 0))
+    with pytest.raises(FrameLost):
+        rig.dialogue.check(2.0 + ANSWER)
+
+
 def test_a_motion_decided_on_before_another_one_began_or_ended_is_refused() -> None:
     rig = Rig()
     during = rig.door.generation
@@ -176,8 +248,11 @@ def test_a_frame_before_the_board_has_room_is_refused() -> None:
     assert rig.write(degrees(0))  # waits behind it
     busy = 14 * 0.0051 + 4 * 0.00015
     assert rig.door.earliest == pytest.approx(2.0 + 20 * 10 / 115200 + busy)
+    why = "^b100,s090,e090,g000, comes 73.7 ms before the board has room for it$"
+    with pytest.raises(TooFast, match=why):
+        rig.write(degrees(10))
     rig.wait(math.nextafter(rig.door.earliest, 0))
-    with pytest.raises(TooFast, match="before the board has room for it"):
+    with pytest.raises(TooFast, match=r"comes 0\.0 ms before"):
         rig.write(degrees(10))
     rig.wait(rig.door.earliest)
     assert rig.write(degrees(10))
@@ -274,23 +349,40 @@ def test_a_closed_door_stays_closed() -> None:
 
 def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
     rig = Rig()
+    rig.then = lambda _: rig.door.hold()
     told = threading.Thread(target=lambda: rig.write(degrees(1)), daemon=True)
-    events, rig.events = rig.events, []
-    door = Door(
-        rig.robot,
-        rig.link,
-        rig.clock,
-        lambda: True,
-        lambda event: (events.append(event), door.hold())[0],  # type: ignore[func-returns-value]
-        Dialogue(rig.robot.firmware, rig.robot.wire_format),
-        rig.robot.boot_pose,
-    )
-    rig.door = door
-    rig.claim = rig.claimed()
     told.start()
     told.join(5)
     assert not told.is_alive()
-    assert len(events) == 2
+    assert len(rig.events) == 2
+
+
+@pytest.mark.parametrize(
+    "act",
+    [Rig.claimed, lambda rig: rig.door.give_up(rig.claim), lambda rig: rig.door.greet(),
+     lambda rig: rig.door.close(), lambda rig: rig.door.hold(), lambda rig: rig.write(degrees(1))],
+    ids=["claim", "give up", "greet", "close", "hold", "write"],
+)  # fmt: skip
+def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object]) -> None:
+    rig = Rig()
+    began: list[threading.Thread] = []
+    finished: list[bool] = []
+
+    def other() -> None:
+        with contextlib.suppress(WriteRefused):
+            act(rig)
+
+    def then(_: ArmEvent) -> None:
+        rig.then = lambda _: None
+        began.append(threading.Thread(target=other))
+        began[0].start()
+        began[0].join(0.02)
+        finished.append(not began[0].is_alive())
+
+    rig.then = then
+    rig.write(degrees(1))
+    began[0].join()
+    assert finished == [False]
 
 
 def test_many_holds_at_once_write_one_frame() -> None:

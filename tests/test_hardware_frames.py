@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware import BadPosition, Codec, Joint, WireField, check_position, load_robot
+from hardware import BadPosition, Codec, Frame, Joint, WireField, check_position, load_robot
 
 ROBOT = load_robot()
 CODEC = Codec(ROBOT.actuated)
@@ -61,9 +61,25 @@ def test_what_is_no_finite_number_is_refused(bad: object, place: int) -> None:
         CODEC.encode(positions)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_joint_without_limits_takes_finite_numbers_only(bad: float) -> None:
+    endless = dataclasses.replace(ROBOT.joint("joint_1"), lower=-math.inf, upper=math.inf)
+    check_position(endless, 1e300)
+    with pytest.raises(BadPosition, match=f"^joint_1 = {bad} is not a finite number$"):
+        check_position(endless, bad)
+
+
 def test_a_whole_number_beyond_all_floats_is_refused() -> None:
     with pytest.raises(BadPosition, match="joint_1 = 1000"):
         CODEC.encode((10**400, 0, 0, 0))
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_a_frame_has_one_angle_per_servo(count: int) -> None:
+    with pytest.raises(ValueError, match=r"argument 2 is (shorter|longer)"):
+        CODEC.frame([90] * count)
+    with pytest.raises(ValueError, match=r"argument 2 is (shorter|longer)"):
+        CODEC.decode(Frame((90,) * count, b""))
 
 
 @pytest.mark.parametrize("count", [0, 3, 5])
@@ -130,4 +146,8 @@ def test_a_robot_of_other_letters_has_frames_of_its_own() -> None:
     joints = [lettered(ROBOT.joint("joint_1"), "x"), lettered(ROBOT.joint("joint_4"), "q")]
     codec = Codec(joints)
     assert codec.letters == "xq"
-    assert str(codec.encode((0.0, -0.7))) == "x090,q080,"
+    frame = codec.encode((0.0, -0.7))
+    assert str(frame) == "x090,q080,"
+    assert codec.parse(b"x090,q080,") == frame
+    with pytest.raises(ValueError, match="is no frame such as x000,q000,"):
+        codec.parse(b"b090,g080,")

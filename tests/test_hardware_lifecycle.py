@@ -81,6 +81,12 @@ def test_the_edges_are_those_of_rcl_and_the_error_edge() -> None:
     assert len(EDGES) == 26
 
 
+def test_no_way_leads_around_the_table() -> None:
+    """The library would add a `to_<state>` from everywhere."""
+    lifecycle = Machine("unconfigured").lifecycle
+    assert set(lifecycle._machine.events) == {label for label, _, _ in EDGES}
+
+
 RESULTS = [*Result, RuntimeError("a bug"), HardwareError("a fault"), None]
 
 
@@ -100,6 +106,23 @@ def test_every_outcome(
     assert machine.lifecycle.request(label).value == end
     assert machine.lifecycle.state.value == end
     assert {(n, s.value, g.value) for n, s, g in machine.edges} <= rcl_edges()
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [(HardwareError("a fault"), "configuring failed: a fault"),
+     (RuntimeError("a bug"), "configuring failed")],
+    ids=str,
+)  # fmt: skip
+def test_a_callback_that_raises_is_logged_and_a_bug_with_its_traceback(
+    error: Exception, line: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    machine = Machine("unconfigured")
+    machine.callbacks[State.CONFIGURING] = answers(error)
+    machine.lifecycle.request("configure")
+    (record,) = caplog.records
+    assert (record.levelname, record.getMessage()) == ("ERROR", line)
+    assert bool(record.exc_info) == isinstance(error, RuntimeError)
 
 
 @pytest.mark.parametrize("on_error", RESULTS, ids=str)
@@ -123,6 +146,17 @@ def test_what_is_not_in_the_table_is_refused(label: str, start: str) -> None:
         machine.lifecycle.request(label)
     assert machine.lifecycle.state.value == start
     assert machine.edges == []
+
+
+def test_every_edge_is_told_with_both_states() -> None:
+    machine = Machine("unconfigured")
+    machine.callbacks[State.CONFIGURING] = answers(Result.ERROR)
+    machine.lifecycle.request("configure")
+    assert machine.edges == [
+        ("configure", State.UNCONFIGURED, State.CONFIGURING),
+        ("transition_error", State.CONFIGURING, State.ERRORPROCESSING),
+        ("transition_success", State.ERRORPROCESSING, State.UNCONFIGURED),
+    ]
 
 
 def test_callbacks_see_the_transition_state() -> None:

@@ -1,5 +1,8 @@
 """The pace model: whatever it lets through, a hold finds room in the board's ring."""
 
+import dataclasses
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,6 +23,29 @@ def frame(angles: list[int]) -> Frame:
 def test_the_bytes_that_wait_are_those_behind_the_first_field() -> None:
     four = frame([90, 90, 90, 0])
     assert [unread_bytes(four, waiting) for waiting in (0, 1, 2)] == [15, 35, 55]
+
+
+@pytest.mark.parametrize(("ring", "one_waits"), [(54, False), (55, True)])
+def test_one_frame_waits_where_the_ring_then_has_room_for_a_hold(
+    ring: int, one_waits: bool
+) -> None:
+    firmware = dataclasses.replace(FIRMWARES["stock"], ring=ring)
+    pace = Pace(firmware, BAUD, frame([90, 90, 90, 0]))
+    assert pace.earliest == pace.done == -math.inf
+    pace.sent(frame([91, 90, 90, 0]), 1.0)
+    done = 1.0 + 20 * 10 / BAUD + 5 * firmware.degree_time + 4 * firmware.turn_time
+    assert pace.done == pytest.approx(done)
+    assert pace.earliest == (-math.inf if one_waits else pace.done)
+    pace.sent(frame([91, 90, 90, 3]), 1.01)
+    assert pace.done == pytest.approx(done + 7 * firmware.degree_time + 4 * firmware.turn_time)
+    assert pace.earliest == (pytest.approx(done) if one_waits else pace.done)
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_a_frame_of_another_robot_has_no_step(count: int) -> None:
+    pace = Pace(FIRMWARES["stock"], BAUD, frame([90, 90, 90, 0]))
+    with pytest.raises(ValueError, match=r"argument 2 is (shorter|longer)"):
+        pace.step(frame([90] * count))
 
 
 @pytest.mark.parametrize("joints", range(1, 7))

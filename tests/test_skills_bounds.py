@@ -49,15 +49,19 @@ def test_a_mimic_joint_may_be_left_out_or_agree(robot: Robot) -> None:
     check_targets(robot, target(joint_4=-0.7))
     check_targets(robot, target(joint_4=-0.7, joint_5=0.7))
     check_targets(robot, target(joint_4=-(0.1 + 0.2), joint_5=0.3))
+    check_targets(robot, target(joint_4=-(0.1 + 0.2 - 0.3), joint_5=0.0))
 
 
 WRONG: list[tuple[dict[str, dict[str, float]], str]] = [
     ({"arm": {}}, "joint_1 is missing"),
     ({"arm": {"joint_1": 0.0}}, "joint_2 is missing.*joint_3 is missing"),
     (target(joint_4=-0.7, joint_5=0.2), "joint_5 = 0.2 contradicts joint_4 = -0.7"),
+    ({"arm": {**ZERO["arm"], "joint_9": 0.0}, "gripper": {}},
+     "^joint_9 is no joint of the arm; the arm has joint_1, joint_2, joint_3; "
+     "joint_4 is missing; the gripper has joint_4, joint_5$"),
     (target(joint_9=0.0), "joint_9 is no joint of the gripper; the gripper has joint_4, joint_5"),
     ({"leg": {}}, "the robot has no group leg; it has arm, gripper"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("targets", "words"), WRONG)
@@ -66,6 +70,14 @@ def test_what_makes_no_sense(
 ) -> None:
     with pytest.raises(BadTarget, match=words):
         check_targets(robot, targets)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_mimic_joint_that_is_no_finite_number_is_out_of_bounds(
+    robot: Robot, value: float
+) -> None:
+    with pytest.raises(OutOfBounds, match=f"^joint_5 = {value} is not a finite number$"):
+        check_targets(robot, target(joint_4=-0.7, joint_5=value))
 
 
 def test_only_what_is_spelled_out_is_judged(robot: Robot) -> None:
@@ -87,6 +99,14 @@ def test_the_goal_of_all_actuated_joints(bench: Bench) -> None:
     assert list(bench.output("goal").items()) == list(
         zip(names, (0.1, 0.2, 0.3, -0.7), strict=True)
     )
+
+
+def test_the_goal_is_known_beforehand_where_both_targets_are_spelled_out(robot: Robot) -> None:
+    arm = {"joint_3": 0.3, "joint_1": 0.1, "joint_2": 0.2}
+    gripper = {"joint_5": 0.7, "joint_4": -0.7}
+    assert CheckBounds.poses(robot, {"arm": arm, "gripper": gripper}) == [(0.1, 0.2, 0.3, -0.7)]
+    for inputs in ({}, {"arm": arm}, {"gripper": gripper}):
+        assert CheckBounds.poses(robot, inputs) == []
 
 
 def test_a_target_out_of_bounds_fails_the_skill(bench: Bench) -> None:

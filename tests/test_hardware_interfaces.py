@@ -1,0 +1,81 @@
+"""Interfaces by name: who commands which joint, and what is known of all of them."""
+
+import pytest
+
+from hardware import InterfaceClaimed, InterfaceUnknown, StaleGeneration, load_robot
+from hardware.interfaces import Claim, Claims, command_interfaces, states
+
+STALE = "^the arm was stopped or moved since this motion was decided on$"
+STOPPED = "^this motion was stopped; nothing more is sent for it$"
+
+
+def test_every_joint_with_a_servo_has_a_command_interface_in_the_order_of_the_frame() -> None:
+    names = ("joint_1/position", "joint_2/position", "joint_3/position", "joint_4/position")
+    assert command_interfaces(load_robot()) == names
+
+
+def test_every_joint_has_a_state_and_who_follows_has_its_leaders() -> None:
+    assert states(load_robot(), (0.1, 0.2, 0.3, -0.4)) == {
+        "joint_1/position": 0.1,
+        "joint_2/position": 0.2,
+        "joint_3/position": 0.3,
+        "joint_4/position": -0.4,
+        "joint_5/position": 0.4,
+    }
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_states_need_one_value_per_actuated_joint(count: int) -> None:
+    with pytest.raises(ValueError, match=r"argument 2 is (shorter|longer)"):
+        states(load_robot(), [0.0] * count)
+
+
+def test_every_claim_and_every_end_of_one_counts_one_generation() -> None:
+    claims = Claims(["a", "b"])
+    assert claims.generation == 0
+    first = claims.take("one", ["a"], 0)
+    assert first == Claim("one", ("a",), 1)
+    second = claims.take("two", ["b"], 1)
+    assert (second.generation, claims.generation) == (2, 2)
+    claims.give_up(first)
+    assert claims.generation == 3
+    claims.give_up(first)  # has ended already
+    assert claims.generation == 3
+    claims.end()
+    assert claims.generation == 4
+    claims.end()  # a stop where nothing moves counts too
+    assert claims.generation == 5
+
+
+def test_to_give_up_one_claim_leaves_the_others() -> None:
+    claims = Claims(["a", "b"])
+    first, second = claims.take("one", ["a"], 0), claims.take("two", ["b"], 1)
+    claims.give_up(first)
+    claims.check(second)
+    with pytest.raises(StaleGeneration, match=STOPPED):
+        claims.check(first)
+
+
+def test_what_is_claimed_again_is_not_the_old_claims() -> None:
+    claims = Claims(["a"])
+    old = claims.take("one", ["a"], 0)
+    claims.end()
+    new = claims.take("one", ["a"], claims.generation)
+    claims.check(new)
+    with pytest.raises(StaleGeneration, match=STOPPED):
+        claims.check(old)
+    claims.give_up(old)
+    claims.check(new)
+
+
+def test_a_claim_that_is_refused_takes_nothing() -> None:
+    claims = Claims(["a", "b"])
+    claims.take("one", ["b"], 0)
+    with pytest.raises(InterfaceClaimed, match="b is claimed by one, so two cannot command it"):
+        claims.take("two", ["a", "b"], 1)
+    with pytest.raises(InterfaceUnknown, match=r"no command interface c; there are a, b$"):
+        claims.take("two", ["a", "c"], 1)
+    with pytest.raises(StaleGeneration, match=STALE):
+        claims.take("two", ["a"], 0)
+    assert claims.generation == 1
+    claims.take("two", ["a"], 1)
