@@ -82,7 +82,7 @@ class Executive:
         self._library, self._pool, self._clock = library, pool, clock
         self._mailbox = mailbox = Mailbox(clock)
         self._recordings = Recordings(recordings, robot, clock, watch, mailbox.fail)
-        recorded = RecordedLink(link, self._recordings) if link else None
+        recorded = RecordedLink(link, self._recordings, clock) if link else None
         self._arm = Arm(robot, recorded, clock, self._arm_did)
         self._context = Context(
             robot,

@@ -1,6 +1,6 @@
 """A line to the board on which no frame overtakes its recording."""
 
-from hardware import Link, LinkError
+from hardware import Clock, Link, LinkError
 
 from .recordings import Recordings
 
@@ -27,10 +27,11 @@ class RecordedLink:
     Args:
         link: The line to the board.
         recordings: Where what is sent on it is told.
+        clock: Whose time.
     """
 
-    def __init__(self, link: Link, recordings: Recordings) -> None:
-        self._link, self._recordings = link, recordings
+    def __init__(self, link: Link, recordings: Recordings, clock: Clock) -> None:
+        self._link, self._recordings, self._clock = link, recordings, clock
         self._last = b""
 
     @property
@@ -50,7 +51,7 @@ class RecordedLink:
             LinkError: As the link's own.
         """
         # A stop repeats the frame before, which commands nothing new: it never waits for a disk.
-        if data != self._last and not self._recordings.caught_up(MOST_BEHIND):
+        if data != self._last and not self._recorded():
             raise RecordingBehind(self.port)
         self._link.write(data)
         self._last = data
@@ -62,3 +63,11 @@ class RecordedLink:
     def close(self) -> None:
         """Close it."""
         self._link.close()
+
+    def _recorded(self) -> bool:
+        """Whether all before is on its way to the disk, or is within the time it may take."""
+        until = self._clock.now() + MOST_BEHIND
+        while not self._recordings.caught_up(max(0.0, until - self._clock.now())):
+            if self._clock.now() >= until:
+                return False
+        return True

@@ -1,5 +1,6 @@
 """The example tasks, run on the in-process board, and their recordings."""
 
+from collections.abc import Callable
 from pathlib import Path
 from textwrap import indent
 
@@ -9,6 +10,7 @@ import logs
 import trees
 from executive.arguments import read_arguments
 from executive.plugins import load_skills
+from executive.port_types import known_skills
 from executive.proof import prove
 from executive.proof_words import in_words
 from executive.resolved import RESOLVED
@@ -18,9 +20,25 @@ from tests.conftest import Rig, RigMaker
 EXAMPLES = Path(trees.__file__).parent / "examples"
 
 
+Near = Callable[[float, float], None]
+
+
 @pytest.fixture
-def examples(rig: RigMaker) -> Rig:
+def near(monkeypatch: pytest.MonkeyPatch) -> Near:
+    """Says from when to when somebody is near [s]."""
     assert load_skills(EXAMPLES / "skills") == []
+    names = known_skills()["nobody_near"].function.__globals__  # type: ignore[attr-defined]
+
+    def between(begin: float, end: float) -> None:
+        monkeypatch.setitem(names, "NEAR", (begin, end))
+
+    return between
+
+
+@pytest.fixture
+def examples(rig: RigMaker, near: Near) -> Rig:
+    """The examples, while nobody is near: the clock does not stand at 0 when a test begins."""
+    near(0.0, 0.0)
     return rig(EXAMPLES)
 
 
@@ -63,13 +81,10 @@ def test_the_stubborn_one_recovers(examples: Rig) -> None:
 
 
 def test_the_watchful_one_holds_and_goes_on(
-    examples: Rig, shared_clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
+    examples: Rig, shared_clock: SimulatedClock, near: Near
 ) -> None:
-    from executive.port_types import known_skills
-
-    near = known_skills()["nobody_near"].function.__globals__  # type: ignore[attr-defined]
     begun = (shared_clock.now() + 4.0) % 60.0
-    monkeypatch.setitem(near, "NEAR", (begun, begun + 1.5))
+    near(begun, begun + 1.5)
     (outcome,) = examples.run(6)
     assert outcome.success
     starts = [r for r in examples.told(logs.NodeStatus) if r.name == "SetStart"]

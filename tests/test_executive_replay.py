@@ -10,6 +10,7 @@ import pytest
 import logs
 from executive.recorded_link import RecordedLink, RecordingBehind
 from executive.watching import Player
+from hardware import SimulatedClock
 from tests.conftest import RigMaker
 from tests.test_end_to_end import events, finish, sent_frames, start
 from tests.test_end_to_end import robot as quick
@@ -183,13 +184,19 @@ def test_pinned_recordings_outlive_the_rule(tmp_path: Path, picked: Path) -> Non
 class Slow:
     """Recordings whose disk does not keep up."""
 
+    def __init__(self, clock: SimulatedClock) -> None:
+        self._clock = clock
+
     def caught_up(self, timeout: float) -> bool:
+        signal = self._clock.signal()
+        with signal:
+            signal.wait(self._clock.now() + timeout)
         return False
 
 
 def test_no_frame_overtakes_its_recording_but_a_hold_always_goes(rig: RigMaker) -> None:
     arm = rig()
-    link = RecordedLink(arm.link, Slow())  # type: ignore[arg-type]
+    link = RecordedLink(arm.link, Slow(arm.clock), arm.clock)  # type: ignore[arg-type]
     with arm.clock.working():
         link.open()
         with pytest.raises(RecordingBehind, match="more than 50 ms behind"):
