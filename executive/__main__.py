@@ -1,5 +1,5 @@
 """`python -m executive` is `armtree`."""
 
-from .cli import main
+from .commands.cli import main
 
 main()

@@ -23,10 +23,10 @@ from skills import Context, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, Located, TaskFile, TreeError
 
-from .builder import Tree, build
+from .building.builder import Tree, build
 from .goal import Goal, GoalState, Outcome
-from .recorded_link import RecordedLink
-from .recordings import Recordings
+from .recording.recorded_link import RecordedLink
+from .recording.recordings import Recordings
 from .run import Mailbox, Run
 from .verdict import judge
 

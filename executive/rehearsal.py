@@ -16,11 +16,11 @@ from hardware import BoardLink, SimulatedClock, load_robot, virtual_board
 from skills.motion import Pool
 from trees import Library
 
-from .arguments import read_arguments
+from .building.arguments import read_arguments
+from .building.plugins import load_skills
+from .building.port_types import known_skills
 from .executive import Executive
 from .goal import Outcome
-from .plugins import load_skills
-from .port_types import known_skills
 
 _TIMEOUT = 5.0  # of a planner [s]
 

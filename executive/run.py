@@ -12,7 +12,7 @@ from hardware import Arm, CancelTimeout, Clock
 from logs import Feedback, NodeStatus, Record
 from skills import Skill
 
-from .builder import Tree
+from .building.builder import Tree
 from .goal import Goal, GoalState
 
 logger = logging.getLogger(__name__)

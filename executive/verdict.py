@@ -8,7 +8,7 @@ from py_trees.common import Status
 from hardware import ActivationStopped
 from skills import TaskFailed
 
-from .builder import Tree
+from .building.builder import Tree
 from .codes import CANCELED, INTERNAL, OK, look_up
 from .goal import GoalState
 

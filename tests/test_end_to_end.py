@@ -370,7 +370,7 @@ def test_the_tour_of_the_readme_works_as_typed(tmp_path: Path, robot: Path) -> N
 
 
 def test_help_loads_nothing_heavy() -> None:
-    code = "import sys; from executive import cli; print(*sorted(sys.modules))"
+    code = "import sys; import executive.commands.cli; print(*sorted(sys.modules))"
     command = [sys.executable, "-P", "-c", code]
     loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     heavy = {"numpy", "py_trees", "pinocchio", "rosbags", "mcap", "ruamel.yaml", "rich", "serial"}

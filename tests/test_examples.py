@@ -8,12 +8,12 @@ import pytest
 
 import logs
 import trees
-from executive.arguments import read_arguments
-from executive.plugins import load_skills
-from executive.port_types import known_skills
-from executive.proof import prove
-from executive.proof_words import in_words
-from executive.resolved import RESOLVED
+from executive.building.arguments import read_arguments
+from executive.building.plugins import load_skills
+from executive.building.port_types import known_skills
+from executive.building.resolved import RESOLVED
+from executive.replay.proof import prove
+from executive.replay.proof_words import in_words
 from hardware import SimulatedClock
 from tests.conftest import Rig, RigMaker
 

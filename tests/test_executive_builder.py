@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from py_trees.blackboard import Blackboard
 from py_trees.composites import Sequence
 
-from executive.assembly import MAX_NODES
-from executive.builder import Tree, build
-from executive.join import Join
-from executive.resolved import RESOLVED
+from executive.building.assembly import MAX_NODES
+from executive.building.builder import Tree, build
+from executive.building.join import Join
+from executive.building.resolved import RESOLVED
 from hardware import Arm, Robot, SimulatedClock
 from skills import BadTarget, CheckBounds, Context, Execute, OutOfBounds, SkillError
 from skills.motion import Pool

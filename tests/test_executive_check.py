@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 import trees
-from executive.check import check
-from executive.plugins import load_skills
+from executive.building.check import check
+from executive.building.plugins import load_skills
 from hardware import Robot
 from trees import Library
 

@@ -4,7 +4,7 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.control import (
+from executive.building.control import (
     LEAST_ROUND,
     Guard,
     ReactiveSelector,
@@ -14,7 +14,7 @@ from executive.control import (
     Timeout,
     WaitFor,
 )
-from executive.join import Race
+from executive.building.join import Race
 from hardware import Robot, SimulatedClock
 from skills import Context
 from tests.conftest import Bench

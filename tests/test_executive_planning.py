@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner, Result
 from matplotlib.image import imread
 
-from executive.cli import cli
+from executive.commands.cli import cli
 from skills import BadTarget
 from skills.motion import BadWorld, GoalInCollision, Unreachable
 

@@ -9,8 +9,8 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 import logs
-from executive.proof import Proof, prove, prove_all
-from executive.proof_words import in_words
+from executive.replay.proof import Proof, prove, prove_all
+from executive.replay.proof_words import in_words
 from logs import Recording
 from logs.compaction import _Copy
 from tests.conftest import Rig, RigMaker

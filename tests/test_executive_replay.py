@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.recorded_link import RecordedLink, RecordingBehind
-from executive.watching import Player
+from executive.commands.watching import Player
+from executive.recording.recorded_link import RecordedLink, RecordingBehind
 from hardware import SimulatedClock
 from tests.conftest import RigMaker
 from tests.test_end_to_end import events, finish, sent_frames, start

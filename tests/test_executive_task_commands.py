@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 import trees
-from executive.cli import cli
-from executive.port_types import known_skills
+from executive.building.port_types import known_skills
+from executive.commands.cli import cli
 from trees import KINDS, FileError
 
 SHIPPED = Path(trees.__file__).parent

@@ -6,7 +6,7 @@ from py_trees.common import Status
 from py_trees.composites import Sequence
 from py_trees.decorators import FailureIsSuccess
 
-from executive.builder import Tree
+from executive.building.builder import Tree
 from executive.goal import GoalState
 from executive.verdict import judge
 from hardware import ActivationStopped, NotActive, PortNotGiven

@@ -11,9 +11,9 @@ import pytest
 from py_trees.ports import get_ports_registry
 
 import skills  # noqa: F401  registers the skills
-from executive.cli import cli
 from executive.codes import CODES, INTERRUPTED_EXIT, USAGE_EXIT
-from executive.view import EVENTS, UNITS
+from executive.commands.cli import cli
+from executive.commands.view import EVENTS, UNITS
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("executive", "skills", "hardware", "trees", "logs")

@@ -17,8 +17,8 @@ from typing import Any
 # Python puts a script's folder first, where this file would pass for the room of its name.
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
-from executive.assembly import Assembly
-from executive.builder import build
+from executive.building.assembly import Assembly
+from executive.building.builder import build
 from executive.goal import Goal
 from executive.run import Mailbox, Run
 from hardware import Arm, RealClock, Robot, load_robot

@@ -3,9 +3,9 @@
 import re
 from pathlib import Path
 
+from executive.building.schema import NAME
 from trees import FileError, Library, Mistake, Place
 
-from .schema import NAME
 from .task_commands import schema_text
 
 _TEXT = """\

@@ -12,8 +12,8 @@ from rich.text import Text
 from rich.tree import Tree as Branch
 
 import logs
+from executive.goal import Outcome
 
-from .goal import Outcome
 from .view import in_words
 
 _HALTED = "HALTED"  # INVALID after RUNNING

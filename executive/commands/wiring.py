@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import logs
+from executive.building.arguments import read_arguments
+from executive.executive import Executive
+from executive.goal import GoalState, Outcome
 from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
 from logs.keeping import Rule, prune
 from skills.motion import Pool
 from trees import Library, Located, TreeError
 
-from .arguments import read_arguments
-from .executive import Executive
-from .goal import GoalState, Outcome
 from .interrupts import Interrupts
 from .log_handler import LogHandler
 from .view import JsonView, TextView, View

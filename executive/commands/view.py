@@ -9,8 +9,7 @@ from queue import SimpleQueue
 from typing import Any, Protocol, Self, TextIO
 
 import logs
-
-from .goal import Outcome
+from executive.goal import Outcome
 
 
 class View(Protocol):

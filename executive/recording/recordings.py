@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import logs
+from executive.building.builder import Tree
+from executive.goal import Goal
 from hardware import ArmEvent, Clock, Robot
 from skills import Planned, SkillEvent
 
-from .builder import Tree
 from .evidence import robot_note
-from .goal import Goal
 from .meshes import kept
 from .translate import arm_record, skill_record
 from .versions import versions

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
+from executive.recording.evidence import robot_of
 from hardware import HardwareError, Robot
 from logs import (
     Goal,
@@ -30,7 +31,6 @@ from skills.motion.planner import Planner
 
 from .difference import frames_difference, plans_difference
 from .difference_source import PLANNING, changes, contradiction, source
-from .evidence import robot_of
 
 
 @dataclass(frozen=True, slots=True)

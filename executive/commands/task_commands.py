@@ -83,10 +83,9 @@ def check(
     as_json: bool,
 ) -> None:
     """Find every mistake in task files, without moving anything. Without FILE: in all of them."""
+    from executive.building.check import check as find
     from hardware import load_robot
     from trees import FileError
-
-    from .check import check as find
 
     findings = find(load_robot(robot), trees, files)
     if as_json:
@@ -97,7 +96,7 @@ def check(
     else:
         click.echo(f"{len(findings.files)} files are right")
     if findings.mistakes:
-        from .codes import look_up
+        from executive.codes import look_up
 
         sys.exit(look_up(FileError.code).exit)
 
@@ -134,9 +133,8 @@ def schema(trees: Path | None, skills: Path | None, output: Path | None) -> None
 
 def schema_text(library: "Library") -> str:
     """The schema as a file."""
+    from executive.building.schema import schema as make
     from trees import Place
-
-    from .schema import schema as make
 
     subtrees = {
         name: library.subtree(name, Place(library.subtree_path(name), 1, 1))[0].ports
@@ -150,7 +148,7 @@ def schema_text(library: "Library") -> str:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per skill.")
 def skills(skills: Path | None, as_json: bool) -> None:
     """List the skills there are, with their ports."""
-    from .port_types import declarations, known_skills
+    from executive.building.port_types import declarations, known_skills
 
     for name, kind in sorted(known_skills().items()):
         ports = declarations(kind)
@@ -199,12 +197,11 @@ def show(
     output: Path | None,
 ) -> None:
     """Show the tree of a task."""
+    from executive.building.check import outline_of
+    from executive.building.drawings import DRAWINGS
+    from executive.building.groot import as_groot
     from hardware import load_robot
     from trees import Library
-
-    from .check import outline_of
-    from .drawings import DRAWINGS
-    from .groot import as_groot
 
     root = outline_of(load_robot(robot), Library(trees), number)
     text = as_groot(root, number) if form == "groot" else DRAWINGS[form](root, ports)

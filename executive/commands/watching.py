@@ -9,10 +9,10 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 
+from executive.goal import GoalState, Outcome
 from hardware import RealClock
 from logs import Record, Recording, Result
 
-from .goal import GoalState, Outcome
 from .view import View
 
 _STEP = 1.0  # [s] of the recording, for an arrow key

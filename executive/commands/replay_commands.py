@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from .codes import DIFFERS, look_up
+from executive.codes import DIFFERS, look_up
+
 from .options import PATH
 
 
@@ -52,8 +53,8 @@ def replay(recordings: tuple[Path, ...], **options: Any) -> None:
 
 
 def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
-    from .proof import prove_all
-    from .proof_words import in_json, in_words
+    from executive.replay.proof import prove_all
+    from executive.replay.proof_words import in_json, in_words
 
     paths = [path for each in given for path in files_of(each)]
     worst = done = 0

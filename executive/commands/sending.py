@@ -9,6 +9,7 @@ from typing import Any
 
 from py_trees.ports import PortInformation
 
+from executive.goal import Outcome
 from hardware import HardwareError, Robot, Schedule, Setpoint, load_robot
 from logs import Goal as RecordedGoal
 from logs import Recording
@@ -17,7 +18,6 @@ from logs import Sent as RecordedFrame
 from skills import Execute, SkillError
 from skills.merged import Merged
 
-from .goal import Outcome
 from .wiring import Options, execute
 
 _NUMBERS = 1000  # a replay of task 1 is task 1001

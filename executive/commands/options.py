@@ -35,7 +35,7 @@ trees_option = click.option(
 
 def _load(_context: click.Context, _option: click.Parameter, folder: Path | None) -> Path | None:
     """Load the skills before anything asks for them; a broken file is told of."""
-    from .plugins import load_skills
+    from executive.building.plugins import load_skills
 
     for wrong in load_skills(folder):
         click.echo(f"Broken skills are left out: {wrong}", err=True)

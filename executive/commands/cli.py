@@ -8,7 +8,8 @@ from typing import Any
 
 import click
 
-from .codes import INTERNAL, INTERRUPTED_EXIT, look_up
+from executive.codes import INTERNAL, INTERRUPTED_EXIT, look_up
+
 from .log_commands import log
 from .options import (
     PATH,

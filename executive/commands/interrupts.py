@@ -6,7 +6,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any, Self
 
-from .codes import INTERRUPTED_EXIT
+from executive.codes import INTERRUPTED_EXIT
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _END = 0  # no signal has this number

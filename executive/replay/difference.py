@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import takewhile, zip_longest
 
+from executive.recording.meshes import world_of
 from hardware import HardwareError, Robot, compile_schedule
 from hardware import Schedule as Compiled
 from logs import NodeStatus, Plan, Record, Result, Schedule, Sent
@@ -10,8 +11,6 @@ from skills.merged import Merged
 from skills.motion import MotionError, Query
 from skills.motion import Plan as Planned
 from skills.motion.planner import Planner
-
-from .meshes import world_of
 
 # It can only fail a plan, never change one; a busy machine must not.
 _TIMEOUT = 120.0  # [s]

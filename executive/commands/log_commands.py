@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .codes import DIFFERS, look_up
+from executive.codes import DIFFERS, look_up
+
 from .options import PATH
 
 if TYPE_CHECKING:

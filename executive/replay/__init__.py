@@ -1,0 +1,1 @@
+"""A recording verified: planned again, compiled again, and the first difference explained."""
