@@ -166,7 +166,7 @@ class Arm:
 
     @property
     def generation(self) -> int:
-        """Number of the newest motion; its end, and every stop, counts it up.
+        """Counts the ends of motions, and stops; a motion is decided on in one.
 
         Raises:
             NotActive: The arm is not active.

@@ -8,9 +8,12 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 
 from .errors import BadPosition
 from .joints import Joint
+
+ANGLE_MAX = 180  # of a servo [deg]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +80,8 @@ class Codec:
         if len(positions) != len(self._fields):
             names = ", ".join(joint.name for joint, _ in self._fields)
             raise BadPosition(f"{len(positions)} values for {len(self._fields)} joints: {names}")
-        servos = []
-        for (joint, wire), q in zip(self._fields, positions, strict=True):
-            check_position(joint, q)
-            servos.append(servo_angle(wire, q))
-        return self.frame(servos)
+        fields = zip(self._fields, positions, strict=True)
+        return self.frame([servo_angle(w, check_position(joint, q)) for (joint, w), q in fields])
 
     def frame(self, servos: Sequence[int]) -> Frame:
         """The frame for servo angles [deg], each from 0 to 180."""
@@ -96,9 +96,10 @@ class Codec:
             ValueError: They are no frame of this robot.
         """
         match = self._pattern.fullmatch(data)
-        if match is None:
+        servos = tuple(int(angle) for angle in match.groups()) if match else ()
+        if match is None or max(servos) > ANGLE_MAX:
             raise ValueError(f"{data!r} is no frame such as {self.frame([0] * len(self._fields))}")
-        return Frame(tuple(int(angle) for angle in match.groups()), data)
+        return Frame(servos, data)
 
     def decode(self, frame: Frame) -> tuple[float, ...]:
         """The joint positions that a frame stands for [rad].
@@ -112,17 +113,25 @@ class Codec:
         )
 
 
-def check_position(joint: Joint, q: object) -> None:
+def check_position(joint: Joint, q: object) -> float:
     """Refuse a joint value that must never travel.
+
+    Returns:
+        The value as a float [rad], whatever kind of number it was.
 
     Raises:
         BadPosition: Not a number, not finite, or outside the limits.
     """
-    if not isinstance(q, (int, float)) or isinstance(q, bool) or not -math.inf < q < math.inf:
+    try:
+        value = float(q) if isinstance(q, Real) and not isinstance(q, bool) else math.nan
+    except OverflowError:  # an integer beyond all floats
+        value = math.inf
+    if not math.isfinite(value):
         raise BadPosition(f"{joint.name} = {q!r} is not a finite number")
-    if not joint.lower <= q <= joint.upper:
+    if not joint.lower <= value <= joint.upper:
         limits = f"[{joint.lower!r}, {joint.upper!r}]"
         raise BadPosition(f"{joint.name} = {q} rad is outside its limits {limits} rad")
+    return value
 
 
 def servo_angle(wire: WireField, q: float) -> int:

@@ -19,7 +19,7 @@ class Claim:
     Attributes:
         owner: Who has it.
         interfaces: Names of the command interfaces.
-        generation: Number of the motion that may write.
+        generation: In which it was taken; its end begins the next, so no later claim equals it.
     """
 
     owner: str
@@ -34,12 +34,12 @@ class Claims:
         interfaces: The command interfaces there are.
 
     Attributes:
-        generation: Number of the newest motion; every claim and every end of one counts it up.
+        generation: Counts the ends of claims, and stops; a motion is decided on in one.
     """
 
     def __init__(self, interfaces: Sequence[str]) -> None:
         self._interfaces = tuple(interfaces)
-        self._held: dict[str, Claim] = {}
+        self._held: list[Claim] = []
         self.generation = 0
 
     def take(self, owner: str, interfaces: Iterable[str], generation: int) -> Claim:
@@ -48,19 +48,19 @@ class Claims:
         Raises:
             InterfaceUnknown: There is no such interface.
             InterfaceClaimed: Another owner has it.
-            StaleGeneration: There was a stop, or another motion, since then.
+            StaleGeneration: There was a stop, or another motion ended, since then.
         """
         names = tuple(interfaces)
+        taken = {name: claim.owner for claim in self._held for name in claim.interfaces}
         for name in names:
             if name not in self._interfaces:
                 raise InterfaceUnknown(name, self._interfaces)
-            if name in self._held:
-                raise InterfaceClaimed(name, self._held[name].owner, owner)
+            if name in taken:
+                raise InterfaceClaimed(name, taken[name], owner)
         if generation != self.generation:
             raise StaleGeneration("the arm was stopped or moved since this motion was decided on")
-        self.generation += 1
-        claim = Claim(owner, names, self.generation)
-        self._held.update(dict.fromkeys(names, claim))
+        claim = Claim(owner, names, generation)
+        self._held.append(claim)
         return claim
 
     def check(self, claim: Claim) -> None:
@@ -69,14 +69,13 @@ class Claims:
         Raises:
             StaleGeneration: It has.
         """
-        for name in claim.interfaces:
-            if name not in self._held or self._held[name].generation != claim.generation:
-                raise StaleGeneration("this motion was stopped; nothing more is sent for it")
+        if claim not in self._held:
+            raise StaleGeneration("this motion was stopped; nothing more is sent for it")
 
     def give_up(self, claim: Claim) -> None:
         """End a claim. Harmless when it has ended."""
-        if claim in self._held.values():
-            self._held = {name: held for name, held in self._held.items() if held != claim}
+        if claim in self._held:
+            self._held.remove(claim)
             self.generation += 1
 
     def end(self) -> None:

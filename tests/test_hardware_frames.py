@@ -3,7 +3,10 @@
 import csv
 import dataclasses
 import math
+from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,6 +72,21 @@ def test_a_joint_without_limits_takes_finite_numbers_only(bad: float) -> None:
         check_position(endless, bad)
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.float16, np.int64, Fraction])
+def test_every_kind_of_number_travels_as_the_float_it_is(kind: Callable[[float], Any]) -> None:
+    position = kind(-1)
+    check_position(ROBOT.joint("joint_1"), position)
+    assert CODEC.encode((position, 0, 0, 0)) == CODEC.encode((-1.0, 0, 0, 0))
+
+
+def test_a_coarse_number_is_not_rounded_into_the_limits() -> None:
+    joint = ROBOT.joint("joint_1")
+    above = np.float32(joint.upper)
+    assert float(above) > joint.upper  # though numpy takes the two for equal
+    with pytest.raises(BadPosition, match="outside its limits"):
+        check_position(joint, above)
+
+
 def test_a_whole_number_beyond_all_floats_is_refused() -> None:
     with pytest.raises(BadPosition, match="joint_1 = 1000"):
         CODEC.encode((10**400, 0, 0, 0))
@@ -131,7 +149,8 @@ def test_decoding_hits_the_bin_of_every_servo_angle() -> None:
 @pytest.mark.parametrize(
     "data",
     [b"", b"b090,s090,e090,g000", b"b090,s090,e090,g000,\n", b"b90,s090,e090,g000,",
-     b"s090,b090,e090,g000,", b"b0x0,s090,e090,g000,", b"b00-1,s090,e090,g000,"],
+     b"s090,b090,e090,g000,", b"b0x0,s090,e090,g000,", b"b00-1,s090,e090,g000,",
+     b"b181,s090,e090,g000,", b"b090,s090,e090,g999,"],
 )  # fmt: skip
 def test_what_is_no_frame_is_told(data: bytes) -> None:
     with pytest.raises(ValueError, match="is no frame such as b000,s000,e000,g000,"):

@@ -30,26 +30,38 @@ def test_states_need_one_value_per_actuated_joint(count: int) -> None:
         states(load_robot(), [0.0] * count)
 
 
-def test_every_claim_and_every_end_of_one_counts_one_generation() -> None:
+def test_every_end_of_a_claim_counts_one_generation() -> None:
     claims = Claims(["a", "b"])
     assert claims.generation == 0
     first = claims.take("one", ["a"], 0)
-    assert first == Claim("one", ("a",), 1)
-    second = claims.take("two", ["b"], 1)
-    assert (second.generation, claims.generation) == (2, 2)
+    assert first == Claim("one", ("a",), 0)
+    claims.take("two", ["b"], 0)
+    assert claims.generation == 0
     claims.give_up(first)
-    assert claims.generation == 3
+    assert claims.generation == 1
     claims.give_up(first)  # has ended already
-    assert claims.generation == 3
+    assert claims.generation == 1
     claims.end()
-    assert claims.generation == 4
+    assert claims.generation == 2
     claims.end()  # a stop where nothing moves counts too
-    assert claims.generation == 5
+    assert claims.generation == 3
+
+
+def test_who_decided_before_another_joint_was_claimed_may_move_his() -> None:
+    claims = Claims(["a", "b"])
+    decided = claims.generation
+    first = claims.take("one", ["a"], decided)
+    second = claims.take("two", ["b"], decided)
+    claims.check(first)
+    claims.check(second)
+    claims.give_up(first)
+    with pytest.raises(StaleGeneration, match=STALE):
+        claims.take("three", ["a"], decided)
 
 
 def test_to_give_up_one_claim_leaves_the_others() -> None:
     claims = Claims(["a", "b"])
-    first, second = claims.take("one", ["a"], 0), claims.take("two", ["b"], 1)
+    first, second = claims.take("one", ["a"], 0), claims.take("two", ["b"], 0)
     claims.give_up(first)
     claims.check(second)
     with pytest.raises(StaleGeneration, match=STOPPED):
@@ -68,14 +80,25 @@ def test_what_is_claimed_again_is_not_the_old_claims() -> None:
     claims.check(new)
 
 
+def test_a_claim_of_nothing_ends_like_any_other() -> None:
+    claims = Claims(["a"])
+    empty = claims.take("one", [], 0)
+    claims.check(empty)
+    claims.end()
+    with pytest.raises(StaleGeneration, match=STOPPED):
+        claims.check(empty)
+
+
 def test_a_claim_that_is_refused_takes_nothing() -> None:
     claims = Claims(["a", "b"])
-    claims.take("one", ["b"], 0)
+    claims.end()
+    claims.take("one", ["b"], 1)
     with pytest.raises(InterfaceClaimed, match="b is claimed by one, so two cannot command it"):
         claims.take("two", ["a", "b"], 1)
     with pytest.raises(InterfaceUnknown, match=r"no command interface c; there are a, b$"):
         claims.take("two", ["a", "c"], 1)
-    with pytest.raises(StaleGeneration, match=STALE):
-        claims.take("two", ["a"], 0)
+    for never in (0, 2):
+        with pytest.raises(StaleGeneration, match=STALE):
+            claims.take("two", ["a"], never)
     assert claims.generation == 1
     claims.take("two", ["a"], 1)
