@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterable, Sequence
 
 from .clock import Clock
 from .dialogue import Dialogue
-from .errors import BadPosition, LinkError, NotActive, TooFast
-from .events import CommandSent, FrameSent, Observer
+from .errors import BadPosition, NotActive, TooFast
+from .events import CommandSent, FrameSent, Observer, Outbox
 from .frames import Frame, check_position
 from .interfaces import Claim, Claims, command_interfaces
 from .link import Link
@@ -27,7 +27,7 @@ class Door:
         link: Where to write.
         clock: Whose time.
         active: Tells whether the lifecycle stands in *active*.
-        observe: Told of all that was written.
+        observe: Told of all that was written, in order, while no lock is held.
         dialogue: Which counts what goes out.
         positions: Where the arm stands, one value per actuated joint [rad].
 
@@ -46,9 +46,9 @@ class Door:
         positions: tuple[float, ...],
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
-        self._active, self._observe, self._dialogue = active, observe, dialogue
+        self._active, self._dialogue, self._outbox = active, dialogue, Outbox(observe)
         self._codec = robot.wire_format
-        self._lock = threading.RLock()  # an observer, or a signal's handler, may hold the arm
+        self._lock = threading.RLock()  # a signal's handler may hold the arm
         self.interfaces = command_interfaces(robot)
         self._claims = Claims(self.interfaces)
         self._closed = self._hold_due = False
@@ -73,7 +73,7 @@ class Door:
 
     @property
     def generation(self) -> int:
-        """Number of the newest motion; its end, and every stop, counts it up."""
+        """Counts the ends of motions, and stops; a motion is decided on in one."""
         return self._claims.generation
 
     def claim(self, owner: str, interfaces: Iterable[str], generation: int) -> Claim:
@@ -101,12 +101,14 @@ class Door:
             self._check_active()
             if greeting := self._dialogue.greeting:
                 self._put(greeting)
-                self._observe(CommandSent(self._clock.now(), greeting))
+                self._outbox.put(CommandSent(self._clock.now(), greeting))
+        self._outbox.deliver()
 
     def close(self) -> None:
-        """Shut the door for good; a write that is under way ends first."""
+        """Shut the door for good; a write that is under way ends first, and is told."""
         with self._lock:
             self._closed = True
+        self._outbox.deliver(patience=1.0)
 
     def write(self, positions: Sequence[float], claim: Claim, scheduled: float) -> bool:
         """Command positions; a frame of the same bytes as the last is not sent again.
@@ -128,15 +130,14 @@ class Door:
             self._check_active()
             self._claims.check(claim)
             target = self._target(positions, claim)
-            for joint, q in zip(self._robot.actuated, target, strict=True):
-                check_position(joint, q)
             frame = self._codec.encode(target)
-            if frame != self._holds:
+            sends = frame != self._holds
+            if sends:
                 self._check_pace(frame)
                 self._send(frame, target, scheduled)
-                return True
             self._commanded = target
-            return False
+        self._outbox.deliver()
+        return sends
 
     def hold(self) -> None:
         """End all claims and repeat the last frame, once; nothing if none was written since.
@@ -151,6 +152,7 @@ class Door:
             if self._hold_due:
                 self._check_active()
                 self._send(self._holds, self._commanded, None)
+        self._outbox.deliver()
 
     def _check_active(self) -> None:
         if self._closed or not self._active():
@@ -162,7 +164,8 @@ class Door:
             raise BadPosition(f"{len(positions)} values for {len(claim.interfaces)}: {names}")
         commanded = dict(zip(self.interfaces, self._commanded, strict=True))
         commanded.update(zip(claim.interfaces, positions, strict=True))
-        return tuple(commanded.values())
+        joints = zip(self._robot.actuated, commanded.values(), strict=True)
+        return tuple(check_position(joint, q) for joint, q in joints)
 
     def _check_pace(self, frame: Frame) -> None:
         step, most = self._pace.step(frame), self._robot.firmware.max_step
@@ -173,17 +176,17 @@ class Door:
             raise TooFast(f"{frame} comes {early * 1000:.1f} ms before the board has room for it")
 
     def _send(self, frame: Frame, positions: tuple[float, ...], scheduled: float | None) -> None:
-        now = self._clock.now()
+        began = self._clock.now()
         self._hold_due = scheduled is not None
-        self._dialogue.sends(frame, now)
+        self._dialogue.sends(frame, began)
         self._put(frame.data)
-        self._pace.sent(frame, now)
-        self._holds, self._commanded = frame, positions
-        self._observe(FrameSent(now, frame.data, positions, scheduled))
+        self._pace.sent(frame, self._clock.now())  # after the write, which may have waited
+        self._holds = frame
+        self._outbox.put(FrameSent(began, frame.data, positions, scheduled))
 
     def _put(self, data: bytes) -> None:
         try:
             self._link.write(data)
-        except LinkError:
+        except BaseException:
             self._closed = True  # what the board got is unknown, so nothing may follow
             raise

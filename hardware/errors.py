@@ -11,8 +11,11 @@
     │   └── PortStalled           the other end stopped taking bytes
     ├── BoardError                what the board says, or keeps to itself
     │   ├── BoardSilent           it did not say that it has booted
+    │   ├── WrongFirmware         it says that it runs another one than the robot file names
+    │   ├── PoseOutside           it holds what the arm must never be sent
     │   ├── BoardReset            it started anew while the arm was active
     │   └── FrameLost             it took other frames than were sent
+    ├── DriverFailed              what is no error of ours came out of the driver, or a bug of ours
     ├── TransitionRefused         the lifecycle does not allow it now
     │   └── ActivationStopped     somebody stopped the arm while its board booted
     ├── CancelTimeout             what drove the arm did not stop in time
@@ -29,6 +32,8 @@ Every error carries a stable `code`, and its message says what to do next.
 
 from collections.abc import Sequence
 from pathlib import Path
+
+from .joints import Joint
 
 
 class HardwareError(Exception):
@@ -159,6 +164,32 @@ class BoardSilent(BoardError):
         )
 
 
+class WrongFirmware(BoardError):
+    """The board says that it runs another firmware than the robot file names."""
+
+    code = "hw.wrong_firmware"
+
+    def __init__(self, runs: str, named: str, path: Path) -> None:
+        super().__init__(
+            f'The board runs {runs}, but the robot file names {named}. Write firmware = "{runs}" '
+            f"under [serial] in {path}, or flash the board"
+        )
+
+
+class PoseOutside(BoardError):
+    """The board holds what is outside a joint's limits, so the first frame would make it jump."""
+
+    code = "hw.pose_outside"
+
+    def __init__(self, joint: Joint, angle: int, nearest: int) -> None:
+        super().__init__(
+            f"The board holds the servo of {joint.name} at {angle} degrees. Its limits "
+            f"[{joint.lower:g}, {joint.upper:g}] rad end at {nearest} degrees, and the first frame "
+            "would make it jump there. Clear the space around the arm and switch the board off "
+            "and on: it then goes to its boot pose"
+        )
+
+
 class BoardReset(BoardError):
     """The board started anew, so where its servos go nobody commanded."""
 
@@ -178,6 +209,23 @@ class FrameLost(BoardError):
 
     def __init__(self, what: str) -> None:
         super().__init__(f"{what}. Check the cable and what runs beside it, then run again")
+
+
+class DriverFailed(HardwareError):
+    """What is no HardwareError came out of the driver of the arm, or out of a bug of ours.
+
+    Attributes:
+        __cause__: What it was.
+    """
+
+    code = "hw.driver"
+
+    def __init__(self, cause: Exception) -> None:
+        self.__cause__ = cause
+        super().__init__(
+            f"The driver failed: {cause!r}. What the board got last is unknown. Mend the driver, "
+            "or the cause that it names, then run again"
+        )
 
 
 class TransitionRefused(HardwareError):

@@ -1,5 +1,7 @@
 """What the arm tells whoever watches it. Times are on the injected clock [s]."""
 
+import threading
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -82,3 +84,38 @@ class Faulted:
 
 ArmEvent = FrameSent | CommandSent | BytesReceived | StateChanged | Faulted
 Observer = Callable[[ArmEvent], None]
+
+
+class Outbox:
+    """Events on their way to an observer: each once, in the order in which they were put.
+
+    Whoever puts them under a lock delivers them after letting go of it, so that an observer may
+    wait for a lock whose owner wants that one.
+
+    Args:
+        observe: Told of them.
+    """
+
+    def __init__(self, observe: Observer) -> None:
+        self._observe = observe
+        self._events = deque[ArmEvent]()
+        self._delivering = threading.RLock()  # an observer may bring about the next event
+
+    def put(self, event: ArmEvent) -> None:
+        """Add an event."""
+        self._events.append(event)
+
+    def deliver(self, patience: float = 0.0) -> None:
+        """Tell all that was put; where another thread is at it, that one does.
+
+        Args:
+            patience: How long to wait for that thread to end [s].
+        """
+        while self._delivering.acquire(timeout=patience):
+            try:
+                while self._events:
+                    self._observe(self._events.popleft())
+            finally:
+                self._delivering.release()
+            if not self._events:  # who put one meanwhile may have left it to this thread
+                return

@@ -7,11 +7,14 @@ import threading
 from collections.abc import Callable, Sequence
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hardware import (
     FIRMWARES,
     ArmEvent,
     BadPosition,
+    Board,
     BoardLink,
     Codec,
     CommandSent,
@@ -47,13 +50,28 @@ def degrees(*base: float) -> tuple[float, ...]:
     return (math.radians(base[0] + 0.5), 0.0, 0.0, 0.0)
 
 
+class Slow(BoardLink):
+    """A line on which something may happen before the bytes go."""
+
+    def __init__(self, board: Board, clock: SimulatedClock) -> None:
+        super().__init__(board, clock)
+        self.written: list[bytes] = []
+        self.meanwhile: Callable[[], None] = lambda: None
+
+    def write(self, data: bytes) -> None:
+        meanwhile, self.meanwhile = self.meanwhile, lambda: None
+        meanwhile()
+        super().write(data)
+        self.written.append(data)
+
+
 class Rig:
     """A door in front of an in-process board that has booted."""
 
     def __init__(self, firmware: Firmware = ROBOT.firmware, driver: Driver = ROBOT.driver) -> None:
         self.robot = dataclasses.replace(ROBOT, firmware=firmware, driver=driver)
         self.clock = SimulatedClock()
-        self.link = BoardLink(virtual_board(self.robot), self.clock)
+        self.link = Slow(virtual_board(self.robot), self.clock)
         self.link.open()
         self.active = True
         self.then: Observer = lambda _: None
@@ -372,17 +390,127 @@ def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object
         with contextlib.suppress(WriteRefused):
             act(rig)
 
-    def then(_: ArmEvent) -> None:
-        rig.then = lambda _: None
+    def meanwhile() -> None:
         began.append(threading.Thread(target=other))
         began[0].start()
         began[0].join(0.02)
         finished.append(not began[0].is_alive())
 
-    rig.then = then
+    rig.link.meanwhile = meanwhile
     rig.write(degrees(1))
     began[0].join()
     assert finished == [False]
+
+
+def test_the_time_that_a_write_waits_is_the_boards_too() -> None:
+    rig = Rig()
+    rig.link.meanwhile = lambda: rig.wait(2.15)
+    rig.write(degrees(16))
+    rig.write(degrees(0))
+    busy = 20 * 0.0051 + 4 * 0.00015
+    assert rig.door.earliest == pytest.approx(2.15 + 20 * 10 / 115200 + busy)
+
+
+@given(st.lists(st.tuples(st.integers(-4, 4), st.floats(0.0, 0.19), st.floats(0.0, 0.2))))
+def test_slow_writes_overrun_no_board(frames: list[tuple[int, float, float]]) -> None:
+    """Each frame is written as early as it may, and its write waits before it goes through."""
+    rig, angle = Rig(), 0
+    for step, waits, pause in frames:
+        rig.wait(max(rig.clock.now() + pause, rig.door.earliest))
+        until = rig.clock.now() + waits
+        rig.link.meanwhile = lambda until=until: rig.wait(until)  # type: ignore[misc]
+        angle += 4 * step
+        if abs(angle) < 80:
+            rig.write(degrees(angle))
+        else:
+            angle -= 4 * step
+    rig.door.hold()
+    rig.board()
+    assert rig.link.board.state(rig.clock.now()).lost == 0
+
+
+@pytest.mark.parametrize("act", [Rig.write, lambda rig, _: rig.door.greet()])
+def test_after_whatever_a_driver_raises_nothing_follows(
+    act: Callable[[Rig, tuple[float, ...]], object],
+) -> None:
+    rig = Rig(FIRMWARES["armtree"])
+    rig.dialogue.hear(rig.link.read())
+    rig.write(degrees(1))
+
+    def fail() -> None:
+        raise OSError("a driver that is not ours")
+
+    rig.link.meanwhile = fail
+    with pytest.raises(OSError, match="not ours"):
+        act(rig, degrees(2))
+    with pytest.raises(NotActive):
+        rig.door.hold()
+
+
+# Whoever is told -----------------------------------------------------------------------------
+
+
+def test_who_is_told_may_wait_for_somebody_who_stops_the_arm() -> None:
+    """The observer wants a lock, and who has that lock wants the door."""
+    rig, theirs = Rig(), threading.Lock()
+    entered = threading.Event()
+
+    def observe(_: ArmEvent) -> None:
+        entered.set()
+        with theirs:
+            pass
+
+    rig.then = observe
+    with theirs:
+        told = threading.Thread(target=rig.write, args=(degrees(1),), daemon=True)
+        told.start()
+        assert entered.wait(5)
+        stop = threading.Thread(target=rig.door.hold, daemon=True)
+        stop.start()
+        stop.join(5)
+        assert not stop.is_alive()
+        assert len(rig.link.written) == 2
+    told.join(5)
+    assert not told.is_alive()
+    scheduled = [e.scheduled for e in rig.events if isinstance(e, FrameSent)]
+    assert scheduled == [2.0, None]  # in the order in which they were written
+
+
+def test_a_closed_door_has_told_all() -> None:
+    rig, entered, leave = Rig(), threading.Event(), threading.Event()
+    done: list[bool] = []
+
+    def observe(_: ArmEvent) -> None:
+        entered.set()
+        leave.wait(5)
+        done.append(True)
+
+    rig.then = observe
+    told = threading.Thread(target=rig.write, args=(degrees(1),))
+    told.start()
+    assert entered.wait(5)
+    close = threading.Thread(target=rig.door.close)
+    close.start()
+    close.join(0.02)
+    assert close.is_alive()
+    leave.set()
+    close.join(5)
+    assert done == [True]
+    told.join()
+
+
+def test_who_is_told_and_fails_does_not_keep_the_next_from_being_told() -> None:
+    rig = Rig()
+
+    def fail(_: ArmEvent) -> None:
+        rig.then = lambda _: None
+        raise RuntimeError("a bug of the one who watches")
+
+    rig.then = fail
+    with pytest.raises(RuntimeError):
+        rig.write(degrees(1))
+    rig.door.hold()
+    assert len(rig.events) == 2
 
 
 def test_many_holds_at_once_write_one_frame() -> None:
