@@ -3,12 +3,14 @@
 import contextlib
 import fcntl
 import os
+import re
 from pathlib import Path
 
 from .errors import LinkError, PortBusy
 
 # One place for all users and shells, whatever their TMPDIR says.
 _FOLDER = Path("/tmp")
+_LOCKS = Path("/proc/locks")
 
 
 class PortLock:
@@ -33,40 +35,40 @@ class PortLock:
 
         Raises:
             PortBusy: Another process has it; names its pid.
-            LinkError: The lock file cannot be opened.
+            LinkError: The lock file cannot be opened or written.
         """
         path = self.path
         try:
             file = self._take(path)
+            self._held = file, path
+            os.ftruncate(file, 0)
+            os.write(file, b"%d\n" % os.getpid())
         except OSError as error:
-            why = f"The lock file {path} cannot be used: {error.strerror}. Remove it"
-            raise LinkError(self._port, why) from error
-        os.ftruncate(file, 0)
-        os.write(file, b"%d\n" % os.getpid())
-        self._held = file, path
+            self.release()
+            why = f"The lock file {path} cannot be used: {error.strerror}"
+            raise LinkError(self._port, f"{why}. Remove it, or make room there") from error
 
     def owner(self) -> str | None:
-        """Process id of who has the lock; None where nobody has it."""
+        """Process id of who has the lock; None where nobody has it, or it cannot be told.
+
+        It only looks: to try the lock would keep it from somebody who takes it right then.
+        """
         try:
-            file = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+            inode = os.lstat(self.path).st_ino
+            locks = _LOCKS.read_text()
         except OSError:
             return None
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return os.read(file, 32).decode("ascii", "replace").strip() or "unknown"
-        else:
-            return None
-        finally:
-            os.close(file)
+        # 3: FLOCK  ADVISORY  WRITE 4711 fe:00:2230596 0 EOF
+        owner = re.search(rf"FLOCK +ADVISORY +WRITE +(\d+) +\S+:{inode} ", locks)
+        return owner[1] if owner else None
 
     def release(self) -> None:
         """Give the lock up. Harmless when not taken."""
         if self._held is not None:
             file, path = self._held
             self._held = None
-            os.ftruncate(file, 0)
             with contextlib.suppress(OSError):  # another user's, left by one who was killed
+                os.ftruncate(file, 0)
                 path.unlink()
             os.close(file)
 

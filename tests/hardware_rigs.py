@@ -2,7 +2,9 @@
 
 import contextlib
 import os
+import pty
 import threading
+import tty
 from collections.abc import Callable, Iterator, Sequence
 
 from hardware import (
@@ -108,3 +110,28 @@ def settled_for(arm: Arm, state: State, patience: float) -> None:
         assert clock.now() < until, arm.state
         with signal:
             signal.wait(clock.now() + 0.002)
+
+
+class Pty:
+    """A pseudo-terminal; what is at its other end is up to the test."""
+
+    def __init__(self) -> None:
+        self.master, self.slave = pty.openpty()
+        tty.setraw(self.slave)
+        self.port = os.ttyname(self.slave)
+        os.set_blocking(self.master, False)
+
+    def vanish(self) -> None:
+        """Closes the other end."""
+        if self.master >= 0:
+            os.close(self.master)
+            self.master = -1
+
+    def drain(self) -> bytes:
+        data = b""
+        try:
+            while part := os.read(self.master, 65536):
+                data += part
+        except BlockingIOError:
+            pass
+        return data
