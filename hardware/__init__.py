@@ -10,6 +10,7 @@ from .errors import (
     BoardSilent,
     CancelTimeout,
     DescriptionError,
+    DriverFailed,
     FrameLost,
     HardwareError,
     InterfaceClaimed,
@@ -22,12 +23,23 @@ from .errors import (
     PortMissing,
     PortNotGiven,
     PortStalled,
+    PoseOutside,
     StaleGeneration,
     TooFast,
     TransitionRefused,
     WriteRefused,
+    WrongFirmware,
 )
-from .events import ArmEvent, BytesReceived, CommandSent, Faulted, FrameSent, Observer, StateChanged
+from .events import (
+    ArmEvent,
+    BoardReturned,
+    BytesReceived,
+    CommandSent,
+    Faulted,
+    FrameSent,
+    Observer,
+    StateChanged,
+)
 from .frames import Codec, Frame, WireField, check_position
 from .joints import Joint, Mimic
 from .lifecycle import State
@@ -53,6 +65,7 @@ __all__ = [
     "Board",
     "BoardLink",
     "BoardReset",
+    "BoardReturned",
     "BoardSilent",
     "BoardState",
     "BytesReceived",
@@ -63,6 +76,7 @@ __all__ = [
     "CollisionRules",
     "CommandSent",
     "DescriptionError",
+    "DriverFailed",
     "Faulted",
     "Firmware",
     "Frame",
@@ -85,6 +99,7 @@ __all__ = [
     "PortMissing",
     "PortNotGiven",
     "PortStalled",
+    "PoseOutside",
     "RealClock",
     "Robot",
     "Schedule",
@@ -103,6 +118,7 @@ __all__ = [
     "VirtualLink",
     "WireField",
     "WriteRefused",
+    "WrongFirmware",
     "check_port",
     "check_position",
     "compile_schedule",

@@ -12,13 +12,13 @@ from .connection import Connection
 from .door import Door
 from .errors import (
     ActivationStopped,
-    BoardSilent,
+    FrameLost,
     HardwareError,
-    LinkError,
     NotActive,
     PortLost,
     PortNotGiven,
     TransitionRefused,
+    ours,
 )
 from .events import ArmEvent, Faulted, Observer, StateChanged
 from .interfaces import states
@@ -34,6 +34,8 @@ logger = logging.getLogger(__name__)
 # Who shuts down waits this long for a transition of another thread; closing a port takes less.
 _SETTLE = 1.0  # [s]
 
+_arms: "weakref.WeakSet[Arm]" = weakref.WeakSet()  # to shut down when the interpreter exits
+
 
 def _nobody(event: ArmEvent) -> None:
     """Watches nothing."""
@@ -48,8 +50,10 @@ class Arm:
         robot: The robot.
         link: The line to its board; None where nobody said which port.
         clock: Whose time.
-        observe: Told of every frame, byte, transition and fault, from any thread. It must be
-            quick; what it raises is logged and keeps the arm from nothing.
+        observe: Told of every frame, byte, transition and fault, from any thread, frames in the
+            order they went. It must be quick, for what tells it waits for it. It may stop the arm,
+            and may take locks, re-entrant ones if they are held where the arm is stopped. What it
+            raises is logged and keeps the arm from nothing.
     """
 
     def __init__(
@@ -73,7 +77,7 @@ class Arm:
             },
             self._changed,
         )
-        atexit.register(_close_at_exit, weakref.ref(self))
+        _arms.add(self)
 
     def __enter__(self) -> Self:
         return self
@@ -126,8 +130,7 @@ class Arm:
         Raises:
             TransitionRefused: Not legal now.
         """
-        if self._playing:
-            self._hold()
+        self._come_to_rest()
         self._request("deactivate", State.INACTIVE)
 
     def cleanup(self) -> None:
@@ -148,8 +151,7 @@ class Arm:
         """
         if self.state is State.FINALIZED:
             return
-        if self._playing:
-            self._hold()
+        self._come_to_rest()
         self._cancel()
         self._settle()
         self._request("shutdown", State.FINALIZED)
@@ -180,7 +182,8 @@ class Arm:
 
         Args:
             schedule: What to play.
-            changed: Called from another thread after every frame and at the end.
+            changed: Called from another thread after every frame and at the end, and sometimes
+                where nothing has changed. It may take locks; what it raises is logged.
             owner: Whose motion it is, for whoever is refused meanwhile.
             generation: The arm's, when the motion was decided on.
 
@@ -204,11 +207,12 @@ class Arm:
         self._cancel()
         self._hold(self.robot.brake)
 
-    def fault(self, error: HardwareError) -> None:
+    def fault(self, cause: Exception) -> None:
         """Take the arm out of *active*, for this error; coming back is a person's act.
 
         The first fault of an activation counts; those that follow from it are not told again.
         """
+        error = ours(cause)
         with self._signal:
             if self._failure:
                 return
@@ -218,25 +222,29 @@ class Arm:
             streamer.close(error)
         logger.error("%s", error)
         self._tell(Faulted(self._clock.now(), error))
-        try:
-            self._transition("raise_error")
-        except TransitionRefused as refusal:
-            logger.debug("fault outside active: %s", refusal)
         if self._lookout and isinstance(error, PortLost):
             self._lookout.begin()
+        with contextlib.suppress(TransitionRefused):  # outside active it changes no state
+            self._transition("raise_error")
 
     def _hold(self, brake: float = 0.0) -> None:
         streamer = self._streamer
         if self.state is State.ACTIVE and streamer:
             try:
                 streamer.stop(brake)
-            except LinkError as error:
+            except Exception as error:  # a driver may raise what it likes
                 self.fault(error)
 
-    @property
-    def _playing(self) -> bool:
+    def _come_to_rest(self) -> None:
+        """Hold what moves, and wait until the board has answered."""
         streamer = self._streamer
-        return streamer is not None and streamer.playing
+        if self.state is State.ACTIVE and streamer:
+            if streamer.playing:
+                self._hold()
+            try:
+                streamer.settle()
+            except FrameLost as error:
+                self.fault(error)
 
     def _notify(self) -> None:
         """Wake who waits for the board's boot, or for the end of a transition."""
@@ -244,9 +252,9 @@ class Arm:
             self._signal.notify()
 
     def _cancel(self) -> None:
-        """End the wait for the board's boot."""
+        """End an activation that is under way."""
         with self._signal:
-            self._canceled = True
+            self._canceled = self.state is State.ACTIVATING
             self._signal.notify()
 
     def _settle(self) -> None:
@@ -261,8 +269,6 @@ class Arm:
         return faulting or self._lifecycle.changing
 
     def _request(self, label: str, wanted: State) -> None:
-        if self._lookout:
-            self._lookout.end()
         if self._transition(label) is not wanted:
             refusal, self._refusal = self._refusal, None
             raise refusal or TransitionRefused(f"{label} failed: the arm is {self.state.value}")
@@ -288,6 +294,7 @@ class Arm:
         return NotActive(f"the arm is {self.state.value}; configure and activate it first")
 
     def _configure(self) -> Result:
+        self._look_out_no_longer()
         if self._link is None:
             self._refusal = PortNotGiven()
             logger.error("%s", self._refusal)
@@ -296,55 +303,46 @@ class Arm:
 
     def _activate(self) -> Result:
         assert self._link
+        port = self._link.port
         with self._signal:
-            self._canceled, self._failure = False, None
-        does = "stays where it is" if self.robot.firmware.banner else "moves to its boot pose"
-        logger.info("Starting the arm on port %s: it %s", self._link.port, does)
-        connection = Connection(
-            self.robot,
-            self._link,
-            self._clock,
-            self._tell,
-            self._is_active,
-            self.fault,
-            self._notify,
-        )
+            self._failure = None
+        logger.info("Starting the arm on port %s: it %s", port, self.robot.firmware.on_reset)
+        self._connection = connection = self._connect(self._link)
         try:
             connection.open()
-        except LinkError as error:
-            logger.error("The port %s did not open: %s", self._link.port, error)
-            self._refusal = error
-            return Result.FAILURE
-        self._connection = connection
-        self._lookout = Lookout(self._link.port, self._clock)
-        result = self._boot(connection)
-        if result is Result.SUCCESS:
-            logger.info("The arm on port %s is ready to take commands", self._link.port)
-        if result is Result.FAILURE:
+            self._lookout = Lookout(port, self._clock, self._tell)
+            self._boot(connection)
+        except Exception as error:  # a driver may raise what it likes
+            self._refusal = ours(error)
+            if error is self._failure:
+                return Result.ERROR
+            logger.error("The arm on port %s did not start: %s", port, self._refusal)
             self._close()
-        return result
+            return Result.FAILURE
+        logger.info("The arm on port %s is ready to take commands", port)
+        return Result.SUCCESS
 
-    def _boot(self, connection: Connection) -> Result:
+    def _connect(self, link: Link) -> Connection:
+        told = self._tell, self._is_active, self.fault, self._notify
+        return Connection(self.robot, link, self._clock, *told)
+
+    def _boot(self, connection: Connection) -> None:
         """Wait until the board listens; our firmware says when."""
         until = self._clock.now() + self.robot.serial.boot_wait
         with self._signal:
-            while not (self._canceled or self._failure or connection.dialogue.holds):
-                if self._clock.now() >= until:
-                    break
+            while not (self._unwanted or connection.dialogue.holds) and self._clock.now() < until:
                 self._signal.wait(until)
-        if self._failure:
-            self._refusal = self._failure
-            return Result.ERROR
-        if self._canceled:
-            self._refusal = ActivationStopped("the arm was stopped while its board booted")
-            return Result.FAILURE
-        try:
+        if not self._unwanted:
             connection.start()
-        except BoardSilent as error:
-            logger.error("%s", error)
-            self._refusal = error
-            return Result.FAILURE
-        return Result.SUCCESS
+        if unwanted := self._unwanted:
+            raise unwanted
+
+    @property
+    def _unwanted(self) -> HardwareError | None:
+        """What ends this activation, if something does."""
+        if self._failure or not self._canceled:
+            return self._failure
+        return ActivationStopped("the arm was stopped while its board booted")
 
     def _greet(self) -> None:
         connection = self._connection
@@ -353,13 +351,14 @@ class Arm:
                 connection.door.greet()
         except NotActive:
             return  # a fault came first
-        except LinkError as error:
+        except Exception as error:  # a driver may raise what it likes
             self.fault(error)
 
     def _is_active(self) -> bool:
         return self.state is State.ACTIVE
 
     def _deactivate(self) -> Result:
+        self._look_out_no_longer()
         port = self._link.port if self._link and self._connection else None
         if port:
             logger.info("Stopping the arm on port %s", port)
@@ -367,6 +366,10 @@ class Arm:
         if port:
             logger.info("The arm on port %s is stopped", port)
         return Result.SUCCESS
+
+    def _look_out_no_longer(self) -> None:
+        if self._lookout:
+            self._lookout.end()
 
     def _give_up(self) -> Result:
         self._close(self._failure)
@@ -378,6 +381,9 @@ class Arm:
             connection.close(error)
 
     def _changed(self, label: str, start: State, goal: State) -> None:
+        if goal is State.INACTIVE:  # a stop from now on is one of the next activation
+            with self._signal:
+                self._canceled = False
         self._tell(StateChanged(self._clock.now(), label, start, goal))
 
     def _tell(self, event: ArmEvent) -> None:
@@ -387,8 +393,8 @@ class Arm:
             logger.exception("an observer of the arm failed")
 
 
-def _close_at_exit(reference: "weakref.ref[Arm]") -> None:
-    arm = reference()
-    if arm is not None:
+@atexit.register
+def _shut_down_all() -> None:
+    for arm in list(_arms):
         with contextlib.suppress(TransitionRefused):  # somebody is at it already
             arm.shutdown()

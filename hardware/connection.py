@@ -7,8 +7,8 @@ from collections.abc import Callable
 from .clock import Clock
 from .dialogue import Dialogue
 from .door import Door
-from .errors import BoardError, BoardSilent, HardwareError, LinkError
-from .events import BytesReceived, Observer
+from .errors import BoardSilent, HardwareError, PoseOutside
+from .events import PATIENCE, BytesReceived, Observer
 from .link import Link
 from .robot import Robot
 from .streamer import Streamer
@@ -41,14 +41,14 @@ class Connection:
         clock: Clock,
         observe: Observer,
         active: Callable[[], bool],
-        fault: Callable[[HardwareError], None],
+        fault: Callable[[Exception], None],
         heard: Callable[[], None],
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
         self._observe, self._active = observe, active
         self._fault, self._heard = fault, heard
         self._listener: threading.Thread | None = None
-        self.dialogue = Dialogue(robot.firmware, robot.wire_format)
+        self.dialogue = Dialogue(robot)
         self.door: Door | None = None
         self.streamer: Streamer | None = None
 
@@ -66,6 +66,7 @@ class Connection:
 
         Raises:
             BoardSilent: It did not say what its firmware says when it has booted.
+            PoseOutside: It holds what is outside a joint's limits.
         """
         robot, dialogue = self._robot, self.dialogue
         if robot.firmware.banner and not dialogue.holds:
@@ -85,21 +86,26 @@ class Connection:
         """
         if self.streamer:
             self.streamer.close(error)
-            self.streamer.join()
+            _join(self.streamer.thread)
         try:
             self._link.close()
-        except LinkError as failure:
+        except Exception as failure:  # a driver may raise what it likes
             logger.error("Closing the port %s failed: %s", self._link.port, failure)
-        if self._listener and self._listener is not threading.current_thread():
-            self._listener.join()
+        if self._listener:
+            _join(self._listener)
 
     def _boot_pose(self) -> tuple[float, ...]:
         """Where the arm stands now [rad]: what the board says, else where a reset puts it."""
-        wire_format, pose = self._robot.wire_format, self._robot.boot_pose
-        held = self.dialogue.holds
-        if held is None or held == wire_format.encode(pose):
-            return pose
-        return wire_format.decode(held)
+        robot, held = self._robot, self.dialogue.holds
+        wire_format = robot.wire_format
+        if held is None or held == wire_format.encode(robot.boot_pose):
+            return robot.boot_pose
+        pose = wire_format.decode(held)  # inside the limits, whatever is held
+        nearest = wire_format.encode(pose).servos
+        for joint, angle, near in zip(robot.actuated, held.servos, nearest, strict=True):
+            if angle != near:
+                raise PoseOutside(joint, angle, near)
+        return pose
 
     def _listen(self) -> None:
         """Read what the board says until the link is closed or lost."""
@@ -110,5 +116,13 @@ class Connection:
                 if self.streamer:
                     self.streamer.heard()
                 self._heard()
-        except (LinkError, BoardError) as error:
+        except Exception as error:  # a driver may raise what it likes
             self._fault(error)
+
+
+def _join(thread: threading.Thread) -> None:
+    """Wait until a thread has ended, unless it is the caller, or an observer keeps it for long."""
+    if thread is not threading.current_thread():
+        thread.join(PATIENCE)
+        if thread.is_alive():
+            logger.warning("an observer of the arm keeps its %s for long", thread.name)

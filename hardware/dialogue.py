@@ -5,10 +5,9 @@ import re
 import threading
 from collections import deque
 
-from .driver import WireFormat
-from .errors import BoardReset, FrameLost
+from .errors import BoardReset, FrameLost, WrongFirmware
 from .frames import Frame
-from .profiles import Firmware
+from .robot import Robot
 
 # A line of ours is shorter; what never ends a line is none [bytes].
 _LONGEST = 200
@@ -22,16 +21,16 @@ class Dialogue:
     """What is known of a board since its port was opened. Threads may share it.
 
     Args:
-        firmware: A board whose firmware has no banner says nothing that is understood here.
-        wire_format: Of the robot's frames.
+        robot: Whose board. One whose firmware has no banner says nothing that is understood here,
+            unless it is another's banner.
 
     Attributes:
         holds: What the board said, when it had booted, that it holds; None until then.
         sent: Frames that went out.
     """
 
-    def __init__(self, firmware: Firmware, wire_format: WireFormat) -> None:
-        self._banner, self._wire_format = firmware.banner, wire_format
+    def __init__(self, robot: Robot) -> None:
+        self._robot, self._banner = robot, robot.firmware.banner
         self._lock = threading.Lock()
         self._unfinished = b""
         self._taken = self._sum = 0
@@ -64,16 +63,23 @@ class Dialogue:
         Raises:
             BoardReset: It has started anew, so it holds what nobody commanded.
             FrameLost: It took other frames than were sent.
+            WrongFirmware: It runs another firmware than the robot file names.
         """
-        if not self._banner:
-            return
         *lines, rest = (self._unfinished + data).split(b"\n")
         self._unfinished = rest[-_LONGEST:]
         for line in lines:
-            if self._banner in line:  # a reset may have cut the line before short
+            if self._banner and self._banner in line:  # a reset may have cut the line before short
                 self._start(line)
-            elif match := _ACK.fullmatch(line):
+            elif self._banner and (match := _ACK.fullmatch(line)):
                 self._acknowledge(*(int(digits, 16) for digits in match.groups()))
+            else:
+                self._refuse(line)
+
+    @property
+    def due(self) -> float | None:
+        """When the board must have answered what it was sent [s]; None where nothing waits."""
+        with self._lock:
+            return self._waiting[0][0] + ANSWER if self._waiting else None
 
     def check(self, now: float) -> None:
         """Refuse to go on where the board leaves a frame without an answer.
@@ -81,20 +87,26 @@ class Dialogue:
         Raises:
             FrameLost: It went out too long before now [s].
         """
-        with self._lock:
-            if self._waiting and now - self._waiting[0][0] >= ANSWER:
-                taken = f"the board acknowledged {self._taken} of {self.sent} frames"
-                raise FrameLost(f"{taken}, and then nothing for {ANSWER:g} s")
+        due = self.due
+        if due is not None and now >= due:
+            taken = f"the board acknowledged {self._taken} of {self.sent} frames"
+            raise FrameLost(f"{taken}, and then nothing for {ANSWER:g} s")
 
     def settled(self) -> bool:
         """Whether the board has all that was sent."""
         return self.taken == self.sent
 
+    def _refuse(self, line: bytes) -> None:
+        """Refuse the banner of another firmware; pass over all else."""
+        for other in self._robot.driver.firmwares.values():
+            if other.banner and other.banner in line:
+                raise WrongFirmware(other.name, self._robot.firmware.name, self._robot.path)
+
     def _start(self, line: bytes) -> None:
         if self.holds:
             raise BoardReset(line.decode(errors="replace"))
         try:
-            self.holds = self._wire_format.parse(line.split()[-1])
+            self.holds = self._robot.wire_format.parse(line.split()[-1])
         except ValueError:
             return  # damaged; whoever waits for it gives up in time
 

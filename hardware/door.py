@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from .clock import Clock
 from .dialogue import Dialogue
 from .errors import BadPosition, NotActive, TooFast
-from .events import CommandSent, FrameSent, Observer, Outbox
+from .events import PATIENCE, CommandSent, FrameSent, Observer, Outbox
 from .frames import Frame, check_position
 from .interfaces import Claim, Claims, command_interfaces
 from .link import Link
@@ -108,7 +108,7 @@ class Door:
         """Shut the door for good; a write that is under way ends first, and is told."""
         with self._lock:
             self._closed = True
-        self._outbox.deliver(patience=1.0)
+        self._outbox.deliver(PATIENCE)
 
     def write(self, positions: Sequence[float], claim: Claim, scheduled: float) -> bool:
         """Command positions; a frame of the same bytes as the last is not sent again.

@@ -186,7 +186,7 @@ class PoseOutside(BoardError):
             f"The board holds the servo of {joint.name} at {angle} degrees. Its limits "
             f"[{joint.lower:g}, {joint.upper:g}] rad end at {nearest} degrees, and the first frame "
             "would make it jump there. Clear the space around the arm and switch the board off "
-            "and on: it then goes to its boot pose"
+            "and on, so that it goes to its boot pose; or widen the limits in the URDF"
         )
 
 
@@ -226,6 +226,11 @@ class DriverFailed(HardwareError):
             f"The driver failed: {cause!r}. What the board got last is unknown. Mend the driver, "
             "or the cause that it names, then run again"
         )
+
+
+def ours(error: Exception) -> HardwareError:
+    """An error of ours, whatever came out of a driver."""
+    return error if isinstance(error, HardwareError) else DriverFailed(error)
 
 
 class TransitionRefused(HardwareError):

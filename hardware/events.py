@@ -8,6 +8,10 @@ from dataclasses import dataclass
 from .errors import HardwareError
 from .lifecycle import State
 
+# Observers are quick; where one is not, perhaps as it waits for a lock of the one who closes the
+# arm, whoever closes it waits no longer than this [s].
+PATIENCE = 0.5
+
 
 @dataclass(frozen=True, slots=True)
 class FrameSent:
@@ -82,7 +86,26 @@ class Faulted:
     error: HardwareError
 
 
-ArmEvent = FrameSent | CommandSent | BytesReceived | StateChanged | Faulted
+@dataclass(frozen=True, slots=True)
+class BoardReturned:
+    """A board that was lost is there again; to go on is a person's act.
+
+    Attributes:
+        time: When it was seen [s].
+        port: What it was called when it was opened.
+        device: What it is now, such as `/dev/ttyACM1`.
+    """
+
+    time: float
+    port: str
+    device: str
+
+    def __str__(self) -> str:
+        back = f"The board of port {self.port} is back as {self.device}"
+        return f"{back}; configure and activate the arm to go on"
+
+
+ArmEvent = FrameSent | CommandSent | BytesReceived | StateChanged | Faulted | BoardReturned
 Observer = Callable[[ArmEvent], None]
 
 

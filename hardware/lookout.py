@@ -1,16 +1,21 @@
-"""Looking out for a board that was unplugged; it may come back under another name."""
+"""Looking out for a board that was unplugged; it may come back under another name.
+
+The report is for who keeps an arm for long, such as a server. `armtree run` ends with the fault.
+"""
 
 import logging
 import os
 import threading
 
 from .clock import Clock
+from .events import BoardReturned, Observer
 from .ports import lasting_name
 
 logger = logging.getLogger(__name__)
 
-# How often to look while a board is away; nothing looks while it is there [s].
-_EVERY = 1.0
+# How often to look while a board is away. A hub takes longer to notice that it was plugged in, so
+# that no absence is overlooked; nothing looks while the board is there [s].
+_EVERY = 0.1
 
 
 class Lookout:
@@ -19,10 +24,11 @@ class Lookout:
     Args:
         port: Its device while it is there.
         clock: Whose time.
+        observe: Told of the return.
     """
 
-    def __init__(self, port: str, clock: Clock) -> None:
-        self._port, self._clock = port, clock
+    def __init__(self, port: str, clock: Clock, observe: Observer) -> None:
+        self._port, self._clock, self._observe = port, clock, observe
         self._name = lasting_name(port)
         self._signal = clock.signal()
         self._over = False
@@ -40,10 +46,17 @@ class Lookout:
             self._signal.notify()
 
     def _look(self) -> None:
+        # The hang-up comes before udev takes the name away.
+        if self._await(there=False) and self._await(there=True):
+            assert self._name
+            event = BoardReturned(self._clock.now(), self._port, os.path.realpath(self._name))
+            logger.warning("%s", event)
+            self._observe(event)
+
+    def _await(self, there: bool) -> bool:
+        """Wait until the name is there, or is not; false where nobody wants to know any more."""
         assert self._name
         with self._signal:
-            while not self._over and not self._name.exists():
+            while not self._over and self._name.exists() is not there:
                 self._signal.wait(self._clock.now() + _EVERY)
-            if not self._over:
-                what = "The board of port %s is back as %s; configure and activate the arm to go on"
-                logger.warning(what, self._port, os.path.realpath(self._name))
+            return not self._over

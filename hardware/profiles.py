@@ -37,6 +37,11 @@ class Firmware:
     turn_time: float = 0.0
     letters: str = ""
 
+    @property
+    def on_reset(self) -> str:
+        """What the arm does when the board is reset, as when its port is opened."""
+        return "stays where it is" if self.banner else "moves to its boot pose"
+
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:
         """How long the board is deaf after a frame [s].
 

@@ -3,14 +3,13 @@
 import contextlib
 import logging
 import math
-import threading
 from collections.abc import Callable
 from enum import Enum
 
 from .clock import Clock
 from .dialogue import ANSWER, Dialogue
 from .door import Door
-from .errors import BoardError, HardwareError, LinkError, NotActive, StaleGeneration
+from .errors import HardwareError, NotActive, StaleGeneration, WriteRefused
 from .interfaces import Claim
 from .schedule import Schedule
 
@@ -65,20 +64,23 @@ class Playback:
         """
         self.latest = max(self.latest, lateness)
         self.written += 1
-        self.arrived = max(0, taken - self._began)
-        self._changed()
+        self.took(taken)
 
     def took(self, taken: int) -> None:
         """Note how many frames the board has, those from before included."""
-        if taken - self._began > self.arrived:
-            self.arrived = taken - self._began
-            self._changed()
+        self.arrived = max(self.arrived, taken - self._began)
 
     def end(self, state: PlaybackState, error: HardwareError | None = None) -> None:
         """Note how it ended; only the first end counts."""
         if self.state is PlaybackState.PLAYING:
             self.error, self.state = error, state
+
+    def tell(self) -> None:
+        """Tell who watches that something may have changed; hold no lock meanwhile."""
+        try:
             self._changed()
+        except Exception:
+            logger.exception("who watches a motion failed")
 
 
 class Streamer:
@@ -89,7 +91,10 @@ class Streamer:
         dialogue: Which knows what has arrived.
         clock: Whose time.
         period: Lateness up to this is absorbed; beyond it the rest shifts by it [s].
-        fault: Told when the port failed; it closes this streamer.
+        fault: Told what failed; it closes this streamer.
+
+    Attributes:
+        thread: It ends soon after this streamer is closed.
     """
 
     def __init__(
@@ -98,7 +103,7 @@ class Streamer:
         dialogue: Dialogue,
         clock: Clock,
         period: float,
-        fault: Callable[[HardwareError], None],
+        fault: Callable[[Exception], None],
     ) -> None:
         self._door, self._dialogue, self._clock = door, dialogue, clock
         self._period, self._fault = period, fault
@@ -106,7 +111,7 @@ class Streamer:
         self._playback: Playback | None = None
         self._braking: tuple[float, float] | None = None  # since when and for how long [s]
         self._closing = False
-        self._thread = clock.spawn(self._run, "streamer")
+        self.thread = clock.spawn(self._run, "streamer")
 
     def play(
         self, schedule: Schedule, changed: Callable[[], None], owner: str, generation: int
@@ -115,7 +120,8 @@ class Streamer:
 
         Args:
             schedule: What to play.
-            changed: Called from the streamer's thread after every frame and at the end.
+            changed: Called from another thread after every frame and at the end, and sometimes
+                where nothing has changed; what it raises is logged.
             owner: Whose motion it is.
             generation: The door's, when the motion was decided on.
 
@@ -136,9 +142,22 @@ class Streamer:
     def heard(self) -> None:
         """Note that the board said something."""
         with self._signal:
-            if self._playback:
-                self._playback.took(self._dialogue.taken)
+            if playback := self._playback:
+                playback.took(self._dialogue.taken)
             self._signal.notify()
+        if playback:
+            playback.tell()
+
+    def settle(self) -> None:
+        """Wait until the board has answered what it was sent, or this streamer is closed.
+
+        Raises:
+            FrameLost: It does not answer in time.
+        """
+        with self._signal:
+            while not self._closing and (due := self._dialogue.due) is not None:
+                self._dialogue.check(self._clock.now())
+                self._signal.wait(due)
 
     def stop(self, brake: float = 0.0) -> None:
         """Drop what is left and hold.
@@ -153,9 +172,7 @@ class Streamer:
             return
         with contextlib.suppress(NotActive):  # whatever took it out of *active* stops it, too
             self._door.hold()
-        with self._signal:
-            self._drop()
-            self._signal.notify()
+        self._drop(PlaybackState.STOPPED)
 
     def _brakes(self, brake: float) -> bool:
         """Begin to slow down, or go on with it; false where there is nothing left to slow down."""
@@ -176,16 +193,8 @@ class Streamer:
         """
         self._door.close()
         with self._signal:
-            if self._playback and error:
-                self._playback.end(PlaybackState.FAILED, error)
-            self._drop()
             self._closing = True
-            self._signal.notify()
-
-    def join(self) -> None:
-        """Wait until the thread of a closed streamer has ended, unless it is the caller."""
-        if self._thread is not threading.current_thread():
-            self._thread.join()
+        self._drop(PlaybackState.FAILED if error else PlaybackState.STOPPED, error)
 
     @property
     def playing(self) -> bool:
@@ -193,26 +202,36 @@ class Streamer:
         playback = self._playback
         return playback is not None and playback.state is PlaybackState.PLAYING
 
-    def _drop(self) -> None:
-        if self._playback:
-            self._playback.end(PlaybackState.STOPPED)
-            self._playback = None
+    def _drop(self, state: PlaybackState, error: HardwareError | None = None) -> None:
+        """End what is played, whoever plays it, and wake the thread."""
+        with self._signal:
+            playback, self._playback = self._playback, None
+            if playback:
+                playback.end(state, error)
+            self._signal.notify()
+        if playback:
+            playback.tell()
 
     def _run(self) -> None:
-        while playback := self._next():
-            try:
-                self._play(playback)
-                self._end(playback, PlaybackState.DONE)
-            except StaleGeneration:
-                self._end(playback, PlaybackState.STOPPED)
-            except (LinkError, BoardError) as error:
-                self._fault(error)
-                return
-            except NotActive:
-                return  # who took the arm out of *active* closes this streamer and says why
-            except HardwareError as error:
-                logger.error("%s", error)
-                self._end(playback, PlaybackState.FAILED, error)
+        try:
+            while playback := self._next():
+                self._play_to_its_end(playback)
+        except NotActive:
+            return  # who took the arm out of *active* closes this streamer and says why
+        except Exception as error:  # a driver may raise what it likes
+            self._fault(error)
+
+    def _play_to_its_end(self, playback: Playback) -> None:
+        try:
+            self._play(playback)
+            self._end(playback, PlaybackState.DONE)
+        except StaleGeneration:
+            self._end(playback, PlaybackState.STOPPED)
+        except NotActive:
+            raise
+        except WriteRefused as error:
+            logger.error("%s", error)
+            self._end(playback, PlaybackState.FAILED, error)
 
     def _end(
         self, playback: Playback, state: PlaybackState, error: HardwareError | None = None
@@ -220,13 +239,15 @@ class Streamer:
         with self._signal:
             self._door.give_up(playback.claim)
             playback.end(state, error)
+        playback.tell()
 
     def _next(self) -> Playback | None:
-        """Wait for a playback; None when closing."""
+        """Wait for a playback, and for the answer to what was sent before; None when closing."""
         with self._signal:
             while not (self._closing or self.playing):
-                self._signal.wait(None)
-            return self._playback
+                self._dialogue.check(self._clock.now())
+                self._signal.wait(self._dialogue.due)
+            return None if self._closing else self._playback
 
     def _play(self, playback: Playback) -> None:
         origin = self._clock.now()
@@ -241,7 +262,9 @@ class Streamer:
                 origin += late
             self._dialogue.check(self._clock.now())
             self._door.write(setpoint.positions, playback.claim, due)
-            playback.wrote(late, self._dialogue.taken)
+            with self._signal:
+                playback.wrote(late, self._dialogue.taken)
+            playback.tell()
         self._door.write(playback.schedule.end, playback.claim, self._clock.now())
         if playback.schedule.setpoints:
             self._sleep(playback, max(origin + playback.schedule.duration, self._door.done))

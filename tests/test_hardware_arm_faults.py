@@ -1,8 +1,13 @@
 """What goes wrong under the arm, and from other threads, in simulated time."""
 
 import contextlib
+import gc
+import subprocess
+import sys
 import threading
-from collections.abc import Iterator
+import weakref
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +15,8 @@ from hardware import (
     ActivationStopped,
     Arm,
     ArmEvent,
+    BoardLink,
+    DriverFailed,
     HardwareError,
     PlaybackState,
     PortBusy,
@@ -185,25 +192,30 @@ def test_a_port_that_does_not_open_leaves_the_arm_inactive(
         with pytest.raises(PortBusy):
             rig.arm.activate()
     assert rig.arm.state is State.INACTIVE
-    assert "The port board did not open: The port board is in use by somebody" in caplog.text
+    assert (
+        "The arm on port board did not start: The port board is in use by somebody" in caplog.text
+    )
     rig.arm.activate()
 
 
+@pytest.mark.parametrize(
+    "error", [PortLost("board", "Something went wrong while closing"), ValueError("a driver's own")]
+)
 def test_a_closing_error_is_logged_and_not_raised(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, error: Exception
 ) -> None:
     rig.start()
     close = rig.link.close
 
     def closes_badly() -> None:
         close()
-        raise PortLost("board", "Something went wrong while closing")
+        raise error
 
     with monkeypatch.context() as patch:
         patch.setattr(rig.link, "close", closes_badly)
         rig.arm.deactivate()
     assert rig.arm.state is State.INACTIVE
-    assert "Closing the port board failed: Something went wrong while closing" in caplog.text
+    assert f"Closing the port board failed: {error}" in caplog.text
 
 
 def test_an_observer_that_fails_keeps_the_arm_from_nothing(
@@ -221,6 +233,124 @@ def test_an_observer_that_fails_keeps_the_arm_from_nothing(
         assert playback.state is PlaybackState.DONE
     assert arm.state is State.FINALIZED
     assert "an observer of the arm failed" in caplog.text
+
+
+# Drivers that are not ours --------------------------------------------------------------------
+
+
+class Foreign(BoardLink):
+    """A link whose author knows none of our errors."""
+
+    error: Exception
+
+    def write(self, data: bytes) -> None:
+        try:
+            super().write(data)
+        except PortLost:
+            raise self.error from None
+
+    def read(self) -> bytes:
+        try:
+            return super().read()
+        except PortLost:
+            raise self.error from None
+
+
+@pytest.mark.parametrize("deaf", [True, False])
+@pytest.mark.parametrize("error", [OSError(5, "I/O"), ValueError("bad"), AssertionError()])
+def test_what_a_driver_raises_ends_the_motion_with_its_cause_named(
+    deaf: bool, error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether the thread that listens sees it, or the one that writes."""
+    monkeypatch.setattr("tests.hardware_rigs.BoardLink", Foreign)
+    with Rig.alone() as rig:
+        assert isinstance(rig.link, Foreign)
+        rig.link.error = error
+        if deaf:
+            monkeypatch.setattr(rig.link, "read", lambda: b"")
+        rig.start()
+        playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+        rig.wait(1.0)
+        rig.link.unplug()
+        settled(rig, State.UNCONFIGURED)
+        (fault,) = rig.faults
+        assert playback.state is PlaybackState.FAILED
+        assert fault is playback.error
+        assert isinstance(fault, DriverFailed)
+        assert (fault.code, fault.__cause__) == ("hw.driver", error)
+        assert f"The driver failed: {error!r}" in str(fault)
+
+
+@pytest.mark.parametrize("act", [Arm.stop, Arm.deactivate, Arm.shutdown])
+def test_a_hold_at_which_the_driver_fails_is_a_fault(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, act: Callable[[Arm], None]
+) -> None:
+    rig.start()
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+    rig.wait(1.0)
+
+    def fail(data: bytes) -> None:
+        raise OSError(5, "I/O")
+
+    monkeypatch.setattr(rig.link, "write", fail)
+    with contextlib.suppress(TransitionRefused):  # the fault was first
+        act(rig.arm)
+    assert [type(fault) for fault in rig.faults] == [DriverFailed]
+    assert isinstance(playback.error, DriverFailed)
+
+
+def test_a_driver_that_fails_to_open_leaves_the_arm_inactive(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
+        raise OSError(5, "I/O")
+
+    rig.arm.configure()
+    with monkeypatch.context() as patch:
+        patch.setattr(rig.link, "open", fail)
+        with pytest.raises(DriverFailed, match=r"The driver failed: OSError\(5, 'I/O'\)"):
+            rig.arm.activate()
+    assert rig.arm.state is State.INACTIVE
+    rig.arm.activate()
+
+
+def test_who_watches_a_motion_and_fails_does_not_end_it(
+    rig: Rig, caplog: pytest.LogCaptureFixture
+) -> None:
+    def broken() -> None:
+        raise RuntimeError("a bug of the one who watches")
+
+    rig.start()
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), broken, "test", rig.arm.generation)
+    rig.wait(10.0)
+    assert playback.state is PlaybackState.DONE
+    assert rig.arm.state is State.ACTIVE
+    assert "who watches a motion failed" in caplog.text
+
+
+def test_an_arm_that_is_gone_leaves_nothing_behind() -> None:
+    gone = weakref.ref(Rig().arm)
+    gc.collect()
+    assert gone() is None
+
+
+def test_an_arm_that_nobody_shut_down_is_shut_down_at_the_exit() -> None:
+    program = """
+from tests.hardware_rigs import Rig
+from hardware import StateChanged
+rig = Rig()
+rig.start()
+rig.arm._observe = lambda event: print(event.label, event.goal.value, flush=True)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).parents[1],
+    )
+    assert (done.stderr, done.returncode) == ("", 0)
+    assert done.stdout.splitlines()[-1] == "transition_success finalized"
 
 
 def test_stop_races_with_everything() -> None:

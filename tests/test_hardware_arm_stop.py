@@ -1,18 +1,26 @@
 """Stopping the arm: in every state, at every instant, once."""
 
 import dataclasses
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import pytest
 
 from hardware import (
     ActivationStopped,
+    Arm,
+    ArmEvent,
+    FrameSent,
     PlaybackState,
+    PortLost,
     StaleGeneration,
     State,
+    StateChanged,
+    TransitionRefused,
 )
-from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion
+from hardware.connection import Connection
+from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing
 
 
 @pytest.fixture
@@ -73,6 +81,98 @@ def test_stop_during_the_boot_ends_the_activation(rig: Rig) -> None:
     assert rig.clock.now() == 1.0
     rig.arm.activate()
     assert rig.arm.commanded == HOME
+
+
+@pytest.mark.parametrize("goal", [State.ACTIVATING, State.ACTIVE])
+def test_a_stop_in_the_first_and_in_the_last_moment_of_an_activation(goal: State) -> None:
+    """It ends the activation, or finds the arm active."""
+    with Rig.alone() as rig:
+
+        def stop(event: ArmEvent) -> None:
+            rig.events.append(event)
+            if isinstance(event, StateChanged) and event.goal is goal:
+                rig.arm.stop()
+
+        rig.arm = Arm(ROBOT, rig.link, rig.clock, stop)
+        rig.arm.configure()
+        if goal is State.ACTIVATING:
+            with pytest.raises(ActivationStopped):
+                rig.arm.activate()
+            assert rig.clock.now() == 0.0
+            assert rig.arm.state is State.INACTIVE
+            rig.arm = Arm(ROBOT, rig.link, rig.clock)
+        else:
+            rig.arm.activate()
+            assert rig.arm.generation == 1
+
+
+def test_a_stop_while_a_board_is_taken_as_booted_ends_the_activation(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = Connection.start
+
+    def stopped(connection: Connection) -> None:
+        start(connection)
+        rig.arm.stop()
+
+    rig.arm.configure()
+    with monkeypatch.context() as patch:
+        patch.setattr(Connection, "start", stopped)
+        with pytest.raises(ActivationStopped):
+            rig.arm.activate()
+    assert rig.arm.state is State.INACTIVE
+    rig.arm.activate()
+
+
+def test_a_refused_activation_takes_no_stop_back(rig: Rig) -> None:
+    rig.arm.configure()
+
+    def stop() -> None:
+        rig.wait(1.0)
+        rig.arm.stop()
+        with pytest.raises(TransitionRefused):
+            rig.arm.activate()
+
+    rig.clock.spawn(stop, "stopper")
+    with pytest.raises(ActivationStopped):
+        rig.arm.activate()
+
+
+# Whoever is told ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("told", ["observer", "watcher"])
+@pytest.mark.parametrize("act", [Arm.stop, lambda arm: arm.fault(PortLost("board", "gone"))])
+def test_who_is_told_may_want_a_lock_whose_owner_stops_the_arm(
+    told: str, act: Callable[[Arm], None]
+) -> None:
+    theirs, entered, rig = threading.RLock(), threading.Event(), Rig()
+
+    def wants() -> None:
+        entered.set()
+        with theirs:
+            pass
+
+    def observe(event: ArmEvent) -> None:
+        if told == "observer" and isinstance(event, FrameSent):
+            wants()
+
+    arm = Arm(ROBOT, rig.link, rig.clock, observe)
+    arm.configure()
+    arm.activate()
+    watch = wants if told == "watcher" else nothing
+
+    def own() -> None:
+        with theirs:
+            arm.play(motion(HOME, PICK, 4.0), watch, "test", arm.generation)
+            assert entered.wait(5)
+            act(arm)
+
+    owner = threading.Thread(target=own, daemon=True)
+    owner.start()
+    owner.join(5)
+    assert not owner.is_alive()
+    arm.shutdown()
 
 
 def test_stops_at_any_instant_leave_one_hold_and_lose_nothing() -> None:

@@ -77,7 +77,7 @@ class Rig:
         self.then: Observer = lambda _: None
         self.events: list[ArmEvent] = []
         self.wait(2.0)
-        self.dialogue = Dialogue(self.robot.firmware, self.robot.wire_format)
+        self.dialogue = Dialogue(self.robot)
         self.door = Door(
             self.robot,
             self.link,

@@ -2,12 +2,26 @@
 
 import dataclasses
 import logging
+import os
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from hardware import Arm, PortMissing, RealClock, SerialLink, State, VirtualArduino, load_robot
+from hardware import (
+    Arm,
+    ArmEvent,
+    BoardReturned,
+    PortMissing,
+    RealClock,
+    SerialLink,
+    State,
+    TransitionRefused,
+    VirtualArduino,
+    load_robot,
+)
 from hardware import ports as ports_module
 from hardware.lookout import Lookout
 from tests.hardware_rigs import settled_for
@@ -24,46 +38,92 @@ def by_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "usb-Arduino_Uno_1234-if00"
 
 
-def test_a_board_that_comes_back_under_another_name_is_reported(
-    by_id: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+class Watch:
+    """What an arm tells, and a way to wait for it."""
+
+    def __init__(self) -> None:
+        self.events: list[ArmEvent] = []
+        self._changed = threading.Condition()
+
+    def __call__(self, event: ArmEvent) -> None:
+        with self._changed:
+            self.events.append(event)
+            self._changed.notify_all()
+
+    def returned(self, patience: float = PATIENCE) -> list[str]:
+        """The devices as which the board came back; waits for the first."""
+
+        def devices() -> list[str]:
+            return [event.device for event in self.events if isinstance(event, BoardReturned)]
+
+        with self._changed:
+            self._changed.wait_for(devices, patience)
+        return devices()
+
+
+@pytest.fixture
+def lost(by_id: Path) -> Iterator[tuple[Arm, Watch]]:
+    """An arm whose board has just hung up; udev has not taken its name away yet."""
     robot = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
-    first = VirtualArduino(*BOARD)
-    by_id.symlink_to(first.port)
-    with Arm(robot, SerialLink(first.port, 115200), RealClock()) as arm:
+    watch, board = Watch(), VirtualArduino(*BOARD)
+    by_id.symlink_to(board.port)
+    with Arm(robot, SerialLink(board.port, 115200), RealClock(), watch) as arm:
         arm.configure()
         arm.activate()
-        by_id.unlink()
-        first.close()
+        board.close()
         settled_for(arm, State.UNCONFIGURED, PATIENCE)
-        with closing(VirtualArduino(*BOARD)) as second, caplog.at_level(logging.WARNING):
-            by_id.symlink_to(second.port)
-            back = f"The board of port {first.port} is back as {second.port}; configure and"
-            until = RealClock().now() + PATIENCE
-            signal = RealClock().signal()
-            while back not in caplog.text:
-                assert RealClock().now() < until
-                with signal:
-                    signal.wait(RealClock().now() + 0.01)
-        assert arm.state is State.UNCONFIGURED  # coming back is a person's act
+        yield arm, watch
 
 
-def test_who_configures_again_looks_out_no_longer(by_id: Path) -> None:
-    with closing(VirtualArduino(*BOARD)) as arduino:
-        by_id.symlink_to(arduino.port)
-        lookout = Lookout(arduino.port, RealClock())
+def test_a_board_that_comes_back_under_another_name_is_reported(
+    by_id: Path, lost: tuple[Arm, Watch], caplog: pytest.LogCaptureFixture
+) -> None:
+    arm, watch = lost
+    assert watch.returned(0.3) == []  # its name is still there, but not its board
+    port = os.readlink(by_id)
     by_id.unlink()
-    thread = lookout.begin()
-    assert thread
-    lookout.end()
-    thread.join(PATIENCE)
-    assert not thread.is_alive()
+    with closing(VirtualArduino(*BOARD)) as second, closing(VirtualArduino(*BOARD)) as third:
+        device = next(each.port for each in (second, third) if each.port != port)
+        assert watch.returned(0.3) == []
+        with caplog.at_level(logging.WARNING):
+            by_id.symlink_to(device)
+            assert watch.returned() == [device]
+        back = f"The board of port {port} is back as {device}; configure and activate the arm"
+        assert back in caplog.text
+    assert arm.state is State.UNCONFIGURED  # coming back is a person's act
+
+
+def test_who_is_refused_is_told_of_the_return_all_the_same(
+    by_id: Path, lost: tuple[Arm, Watch]
+) -> None:
+    arm, watch = lost
+    with pytest.raises(TransitionRefused):
+        arm.activate()
+    by_id.unlink()
+    with closing(VirtualArduino(*BOARD)) as second:
+        assert watch.returned(0.3) == []
+        by_id.symlink_to(second.port)
+        assert watch.returned() == [second.port]
+
+
+@pytest.mark.parametrize("act", [Arm.configure, Arm.shutdown])
+@pytest.mark.parametrize("gone", [False, True])
+def test_who_goes_on_looks_out_no_longer(
+    by_id: Path, lost: tuple[Arm, Watch], act: Callable[[Arm], None], gone: bool
+) -> None:
+    arm, _ = lost
+    if gone:
+        by_id.unlink()
+    (lookout,) = (thread for thread in threading.enumerate() if thread.name == "lookout")
+    act(arm)
+    lookout.join(PATIENCE)
+    assert not lookout.is_alive()
 
 
 @pytest.mark.usefixtures("by_id")
 def test_nobody_looks_out_for_a_port_without_a_lasting_name() -> None:
     with closing(VirtualArduino(*BOARD)) as arduino:
-        assert Lookout(arduino.port, RealClock()).begin() is None
+        assert Lookout(arduino.port, RealClock(), Watch()).begin() is None
 
 
 def test_a_missing_port_is_told_the_lasting_names(

@@ -3,7 +3,16 @@
 import numpy as np
 
 import logs
-from hardware import ArmEvent, BytesReceived, CommandSent, Faulted, FrameSent, Robot, StateChanged
+from hardware import (
+    ArmEvent,
+    BoardReturned,
+    BytesReceived,
+    CommandSent,
+    Faulted,
+    FrameSent,
+    Robot,
+    StateChanged,
+)
 from skills import Planned, Scheduled, SkillEvent
 from skills.motion import MotionError
 
@@ -27,6 +36,8 @@ def arm_record(event: ArmEvent, robot: Robot) -> logs.Record:
             return logs.Transition(event.time, event.label, event.start.value, event.goal.value)
         case Faulted():
             return logs.LogLine(event.time, 40, "hardware", str(event.error))
+        case BoardReturned():
+            return logs.LogLine(event.time, 30, "hardware", str(event))
 
 
 def skill_record(event: SkillEvent, robot: Robot, now: float) -> logs.Record:
