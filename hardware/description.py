@@ -41,13 +41,15 @@ def load_robot(path: Path | None = None) -> Robot:
         brake=root.number("brake_s", least=0) if "brake_s" in root else 0.0,
     )
     root.done()
-    _check_boot_wait(root.table("serial"), robot)
     driver.check(root, robot.actuated, robot.firmware)
+    _check_line(root.table("serial"), robot)
     return robot
 
 
-def _check_boot_wait(serial: TomlTable, robot: Robot) -> None:
-    firmware, wait = robot.firmware, robot.serial.boot_wait
+def _check_line(serial: TomlTable, robot: Robot) -> None:
+    firmware, wait, baud = robot.firmware, robot.serial.boot_wait, robot.serial.baud
+    if firmware.baud not in (0, baud):
+        serial.fail("baud", f"{baud} is not {firmware.baud}, at which {firmware.name} speaks")
     if wait < firmware.boot_time:
         needs = f"{firmware.name} needs {firmware.boot_time:g} s from reset to its first byte"
         serial.fail("boot_wait_s", f"{wait:g} s is too short: {needs}")

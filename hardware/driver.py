@@ -1,7 +1,9 @@
 """What speaks to one kind of board, as a seam: an installed package may bring its own.
 
 A robot file names its driver; it is found among the entry points `armtree.hardware`. Limits,
-lifecycle, pace and stop stay in front of every driver.
+lifecycle, pace and stop stay in front of every driver, and so does the dialogue with a board that
+acknowledges frames: a firmware with a `banner` speaks the protocol of `firmware/README.md`. A board
+with another one leaves `banner` empty, and what it says is recorded but not understood.
 """
 
 from collections.abc import Mapping, Sequence

@@ -6,9 +6,11 @@ import stat
 from dataclasses import dataclass
 from pathlib import Path
 
+from .errors import LinkError, PortBusy, PortDenied, PortMissing
 from .port_lock import PortLock
 
 _BY_ID = Path("/dev/serial/by-id")
+_PSEUDO_TERMINALS = range(136, 144)  # major numbers, which sysfs does not know
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +38,15 @@ class Check:
         name: What.
         ok: Whether it is so.
         detail: What was found.
-        remedy: What to do where it is not so.
+        remedy: What to do where it is not so; empty where that is clear.
+        code: That of the error which a run would end with.
     """
 
     name: str
     ok: bool
     detail: str
     remedy: str = ""
+    code: str = ""
 
 
 def serial_ports() -> list[SerialPort]:
@@ -79,22 +83,42 @@ def _links() -> list[Path]:
 
 def _check_there(port: str) -> Check:
     try:
-        there = stat.S_ISCHR(os.stat(port).st_mode)
+        status = os.stat(port)
     except OSError as error:
         remedy = "plug the board in, or give another --port"
-        return Check("port", False, f"{port}: {error.strerror}", remedy)
-    if not there:
-        return Check("port", False, f"{port} is no device", "give another --port")
+        return Check("port", False, f"{port}: {error.strerror}", remedy, PortMissing.code)
+    if not _is_terminal(status):
+        remedy = "give another --port"
+        return Check("port", False, f"{port} is no serial port", remedy, LinkError.code)
     return Check("port", True, f"{port} is there")
+
+
+def _is_terminal(status: os.stat_result) -> bool:
+    """Whether a file is a terminal, as serial ports are; the kernel tells without opening it."""
+    if not stat.S_ISCHR(status.st_mode):
+        return False
+    major, minor = os.major(status.st_rdev), os.minor(status.st_rdev)
+    kind = os.path.realpath(f"/sys/dev/char/{major}:{minor}/subsystem")
+    return major in _PSEUDO_TERMINALS or os.path.basename(kind) == "tty"
 
 
 def _check_permission(port: str) -> Check:
     if os.access(port, os.R_OK | os.W_OK):
         return Check("permission", True, "this user may read and write it")
     group = group_of(port)
-    rule = f'SUBSYSTEM=="tty", ATTRS{{idVendor}}=="2341", GROUP="{group}", MODE="0660"'
-    remedy = f"type `sudo usermod -aG {group} $USER` and log in again, or add the udev rule {rule}"
-    return Check("permission", False, f"{port} belongs to the group {group}", remedy)
+    remedy = f"type `sudo usermod -aG {group} $USER` and log in again"
+    if vendor := _vendor(port):
+        rule = f'SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", GROUP="{group}", MODE="0660"'
+        remedy += f", or add the udev rule {rule}"
+    what = f"{port} belongs to the group {group}"
+    return Check("permission", False, what, remedy, PortDenied.code)
+
+
+def _vendor(port: str) -> str:
+    """The USB vendor of a port, such as `2341`; empty where it is no USB device."""
+    device = os.path.realpath(port)
+    found = (each.usb for each in serial_ports() if os.path.realpath(each.device) == device)
+    return next(found, "").partition(":")[0]
 
 
 def group_of(port: str) -> str:
@@ -110,4 +134,5 @@ def _check_free(port: str) -> Check:
     if owner is None:
         return Check("ours alone", True, "no other armtree has it")
     remedy = f"end it with Ctrl-C, or `kill {owner}`"
-    return Check("ours alone", False, f"the armtree with process id {owner} has it", remedy)
+    what = f"the armtree with process id {owner} has it"
+    return Check("ours alone", False, what, remedy, PortBusy.code)

@@ -22,9 +22,11 @@ class Firmware:
         ring: Unread bytes the board can hold.
         boot_time: From reset until it reads its line [s].
         banner: How the line begins that it says when it has booted; the line ends with the frame
-            it holds, which a reset leaves alone. Empty for a board that says nothing.
+            it holds, which a reset leaves alone. Who has one also acknowledges frames, as
+            `firmware/README.md` says. Empty for a board that says nothing of the kind.
         turn_time: Time that one servo's turn blocks the board beside its degrees [s].
         letters: Of its frames' fields, in order; empty for a sketch that is made for the robot.
+        baud: Speed of its line [bit/s]; 0 for a sketch that may have any.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Firmware:
     banner: bytes
     turn_time: float = 0.0
     letters: str = ""
+    baud: int = 0
 
     @property
     def on_reset(self) -> str:
@@ -60,6 +63,8 @@ class Firmware:
 # which 4 servos and 15 degrees need; frames of more come slower.
 STOCK = Firmware("stock", 10.0, 0.0051, 16, 63, 1.0, b"", turn_time=0.00015)
 # The same largest step: it bounds how far the arm still moves after a stop.
-ARMTREE = Firmware("armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ", letters="bseg")
+ARMTREE = Firmware(
+    "armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ", letters="bseg", baud=115200
+)
 
 FIRMWARES = {firmware.name: firmware for firmware in (STOCK, ARMTREE)}

@@ -330,24 +330,6 @@ def test_doctor_looks_and_opens_nothing(tmp_path: Path, listener: Listener) -> N
     assert listener.frames() == []
 
 
-def test_doctor_tells_what_is_missing_and_the_way_out(tmp_path: Path, robot: Path) -> None:
-    status, out, _ = finish(tmp_path, "doctor", "--port", "/dev/ttyNOPE", "--robot", str(robot))
-    assert status == 6
-    assert "NO  port        /dev/ttyNOPE" in out
-    assert "-> plug the board in" in out
-    robot.write_text(robot.read_text().replace('letter = "s"', 'letter = "ss"'))
-    status, out, _ = finish(tmp_path, "doctor", "--robot", str(robot))
-    assert f"{robot}:" in out
-    assert status == 6
-
-
-def test_doctor_opens_when_told_to(tmp_path: Path, robot: Path) -> None:
-    status, out, _ = finish(tmp_path, "doctor", "--open", "--robot", str(robot))
-    assert status == 0
-    assert out.startswith("Opening the port resets the board, and that moves the arm.")
-    assert "ok  board" in out
-
-
 def test_the_tour_of_the_readme_works_as_typed(tmp_path: Path, robot: Path) -> None:
     text = (HARDWARE.parent / "README.md").read_text()
     tour = text[text.index("## Five minutes") : text.index("## A real arm")]

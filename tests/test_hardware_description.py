@@ -156,6 +156,13 @@ def test_a_wrong_urdf(tmp_path: Path, old: str, new: str, why: str) -> None:
     assert re.search(why, said), said
 
 
+def test_our_firmware_speaks_at_one_speed_only(tmp_path: Path) -> None:
+    ours = replaced(TOML, 'firmware = "stock"', 'firmware = "armtree"')
+    assert load_robot(written(tmp_path, ours)).serial.baud == 115200
+    said = refusal(written(tmp_path, replaced(ours, "baud = 115200", "baud = 9600")))
+    assert said.endswith("serial.baud: 9600 is not 115200, at which armtree speaks")
+
+
 def test_a_robot_file_that_is_not_there(tmp_path: Path) -> None:
     assert "cannot be read: No such file" in refusal(tmp_path / "none.toml")
     assert "cannot be read: Is a directory" in refusal(tmp_path)

@@ -2,11 +2,14 @@
 
 import logging
 import os
+import shlex
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from executive.codes import INTERNAL, INTERRUPTED_EXIT, look_up
 
@@ -89,8 +92,12 @@ def run(**options: Any) -> None:
 @robot_option
 @trees_option
 @recordings_option
-@click.option("--open", "really_open", is_flag=True, help="Open the port too: this moves the arm.")
+@click.option(
+    "--open", "really_open", is_flag=True, help="Open the port too: this may move the arm."
+)
+@click.pass_context
 def doctor(
+    context: click.Context,
     port: str | None,
     robot: Path | None,
     trees: Path | None,
@@ -102,11 +109,9 @@ def doctor(
 
     from .doctor import examine
 
-    if really_open:
-        click.echo("Opening the port resets the board, and that moves the arm.")
-    wrong = 0
+    wrong = []
     for check in examine(robot, port, trees, recordings, really_open):
-        wrong += not check.ok
+        wrong += [] if check.ok else [check.code]
         click.echo(f"{'ok' if check.ok else 'NO':<4}{check.name:<12}{check.detail}")
         if not check.ok and check.remedy:
             click.echo(f"{'':<16}-> {check.remedy}")
@@ -114,9 +119,18 @@ def doctor(
     click.echo(f"\nSerial ports: {'' if found else 'none'}")
     for each in found:
         click.echo("  " + "  ".join(filter(None, (each.device, each.usb, each.name, each.by_id))))
-    given = f" --port {port}" if port else ""
-    click.echo("\nMend what says NO." if wrong else f"\nNext, type: armtree run 0{given}")
-    sys.exit(6 if wrong else 0)
+    command = shlex.join(
+        ["armtree", "run", "0", *_given(context, "port", "robot", "trees", "recordings")]
+    )
+    click.echo("\nMend what says NO." if wrong else f"\nNext, type: {command}")
+    sys.exit(look_up(wrong[0]).exit if wrong else 0)
+
+
+def _given(context: click.Context, *names: str) -> Iterator[str]:
+    """The options of these names, as far as they stand on the command line, spelled out."""
+    for name in names:
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            yield from (f"--{name}", str(context.params[name]))
 
 
 cli.add_command(replay)

@@ -11,8 +11,10 @@ from hardware import (
     Arm,
     Check,
     HardwareError,
+    PortNotGiven,
     RealClock,
     Robot,
+    SerialLink,
     check_port,
     load_robot,
 )
@@ -35,15 +37,16 @@ def examine(
         port: None to take the robot file's.
         trees: Folder with more tasks.
         recordings: Folder for recordings.
-        really_open: Whether to open the port, which resets the board and moves the arm.
+        really_open: Whether to open the port, which resets the board and may move the arm.
     """
     try:
         robot = load_robot(robot_file)
     except HardwareError as error:
-        yield Check("robot", False, str(error), "mend that line")
+        yield Check("robot", False, str(error), "mend that line", error.code)
         return
     yield Check("robot", True, f"{robot.name}, firmware {robot.firmware.name}")
     yield _pose(robot)
+    yield _boot_wait(robot)
     yield _tasks(trees)
     yield _planner(robot)
     yield from _recordings(recordings)
@@ -51,8 +54,16 @@ def examine(
 
 
 def _pose(robot: Robot) -> Check:
+    if robot.firmware.banner:
+        return Check("pose", True, "the board says where the arm stands, and a reset leaves it")
     frame = robot.wire_format.encode(robot.boot_pose)
     return Check("pose", True, f"after a reset the board stands at {frame}")
+
+
+def _boot_wait(robot: Robot) -> Check:
+    wait, firmware = robot.serial.boot_wait, robot.firmware
+    what = f"{wait:g} s after the port opens; {firmware.name} needs {firmware.boot_time:g} s"
+    return Check("boot wait", True, what)
 
 
 def _tasks(trees: Path | None) -> Check:
@@ -61,7 +72,7 @@ def _tasks(trees: Path | None) -> Check:
         for number in library.numbers():
             library.task(number)
     except TreeError as error:
-        return Check("tasks", False, str(error), "mend that file")
+        return Check("tasks", False, str(error), "mend that file", error.code)
     return Check("tasks", True, f"{', '.join(map(str, library.numbers()))} can be read")
 
 
@@ -72,7 +83,8 @@ def _planner(robot: Robot) -> Check:
         pool.submit(Verify([robot.boot_pose], 0.0), answers.put)
         answer = answers.get()
     if isinstance(answer, MotionError):
-        return Check("planner", False, str(answer), "mend the robot file or its URDF")
+        remedy = "mend the robot file or its URDF"
+        return Check("planner", False, str(answer), remedy, answer.code)
     return Check("planner", True, "a worker has loaded the robot; its boot pose is free")
 
 
@@ -83,26 +95,30 @@ def _recordings(folder: Path) -> Iterator[Check]:
             yield Check("recorder", True, f"{folder} can be written")
     except OSError as error:
         remedy = "give another folder with --recordings"
-        yield Check("recorder", False, f"{folder}: {error.strerror}", remedy)
+        yield Check("recorder", False, f"{folder}: {error.strerror}", remedy, LogError.code)
         return
     try:
         yield Check("free disk", True, f"{check_space(folder) / 1e6:.0f} MB")
     except LogError as error:
-        yield Check("free disk", False, str(error))
+        yield Check("free disk", False, str(error), code=error.code)
 
 
 def _port(robot: Robot, port: str, really_open: bool) -> Iterator[Check]:
     if not port:
-        yield Check("port", False, "none is named", "give --port PORT, or --port virtual")
+        remedy = "give --port PORT, or --port virtual"
+        yield Check("port", False, "none is named", remedy, PortNotGiven.code)
         return
     if port == VIRTUAL:
         yield Check("port", True, "virtual: nothing real moves")
+    elif not isinstance(robot.link(port), SerialLink):
+        yield Check("port", True, f"{port}: its driver looks at it when it opens it")
     else:
         checks = check_port(port)
         yield from checks
         if not all(check.ok for check in checks):
             return
     if really_open:
+        yield Check("opening", True, f"it resets the board, and the arm {robot.firmware.on_reset}")
         yield _open(robot, port)
 
 
@@ -113,5 +129,5 @@ def _open(robot: Robot, port: str) -> Check:
             arm.activate()
             stands = ", ".join(f"{name} {q:.3f}" for name, q in arm.read().items())
     except HardwareError as error:
-        return Check("board", False, str(error), "see the message")
+        return Check("board", False, str(error), code=error.code)
     return Check("board", True, f"booted; commanded to {stands} rad")
