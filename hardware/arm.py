@@ -114,6 +114,9 @@ class Arm:
         Raises:
             LinkError: The port cannot be had, and the arm stays inactive; or it was lost while the
                 board booted, and the arm is unconfigured.
+            BoardError: The board is not the one that the robot file names, or not in a pose from
+                which the arm may move.
+            DriverFailed: Something that is no error of ours came out of the driver.
             ActivationStopped: Somebody called `stop` while the board booted.
             TransitionRefused: Not legal now.
         """
@@ -323,7 +326,7 @@ class Arm:
         return Result.SUCCESS
 
     def _connect(self, link: Link) -> Connection:
-        told = self._tell, self._is_active, self.fault, self._notify
+        told = self._tell, lambda: self.state is State.ACTIVE, self.fault, self._notify
         return Connection(self.robot, link, self._clock, *told)
 
     def _boot(self, connection: Connection) -> None:
@@ -353,9 +356,6 @@ class Arm:
             return  # a fault came first
         except Exception as error:  # a driver may raise what it likes
             self.fault(error)
-
-    def _is_active(self) -> bool:
-        return self.state is State.ACTIVE
 
     def _deactivate(self) -> Result:
         self._look_out_no_longer()

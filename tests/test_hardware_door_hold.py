@@ -26,8 +26,7 @@ def test_a_hold_repeats_the_last_frame_exactly_once() -> None:
     for _ in range(3):
         rig.door.hold()
     assert rig.sent == ["b091,s090,e090,g000,"] * 2
-    assert isinstance(rig.events[-1], FrameSent)
-    assert rig.events[-1].scheduled is None
+    assert rig.events[-1] == FrameSent(2.0, b"b091,s090,e090,g000,", degrees(1), None)
 
 
 def test_after_a_hold_the_old_motion_is_over_and_a_new_one_may_begin() -> None:
@@ -151,7 +150,9 @@ def test_the_time_that_a_write_waits_is_the_boards_too() -> None:
     rig.write(degrees(16))
     rig.write(degrees(0))
     busy = 20 * 0.0051 + 4 * 0.00015
-    assert rig.door.earliest == pytest.approx(2.15 + 20 * 10 / 115200 + busy)
+    done = 2.15 + 20 * 10 / 115200 + busy
+    assert rig.door.earliest == pytest.approx(done)
+    assert rig.door.done == pytest.approx(done + busy)
 
 
 @given(st.lists(st.tuples(st.integers(-4, 4), st.floats(0.0, 0.19), st.floats(0.0, 0.2))))

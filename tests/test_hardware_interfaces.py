@@ -37,13 +37,14 @@ def test_every_end_of_a_claim_counts_one_generation() -> None:
     assert first == Claim("one", ("a",), 0)
     claims.take("two", ["b"], 0)
     assert claims.generation == 0
-    claims.give_up(first)
-    assert claims.generation == 1
-    claims.give_up(first)  # has ended already
-    assert claims.generation == 1
     claims.end()
-    assert claims.generation == 2
+    assert claims.generation == 1
     claims.end()  # a stop where nothing moves counts too
+    assert claims.generation == 2
+    third = claims.take("one", ["a"], 2)
+    claims.give_up(third)
+    assert claims.generation == 3
+    claims.give_up(third)  # has ended already
     assert claims.generation == 3
 
 
