@@ -1,5 +1,6 @@
 """Does the arm touch anything? Many configurations at a time."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import coal
@@ -12,7 +13,7 @@ from .model import Model
 
 Array = NDArray[np.float64]
 
-_BATCH = 500  # configurations in one call, which nothing can interrupt: about 1 ms
+BATCH = 500  # configurations in one call, which nothing can interrupt: about 1 ms
 
 
 class Contact(NamedTuple):
@@ -29,6 +30,21 @@ class Contact(NamedTuple):
     distance: float
 
 
+class Look(NamedTuple):
+    """What a look at some configurations found.
+
+    Attributes:
+        hit: Row of the first where two links are nearer than the least distance; None where there
+            is none.
+        near: Which rows have two links nearer than their margin, when there is no hit (N,).
+        pairs: All pairs of links that are, in one row or another.
+    """
+
+    hit: int | None
+    near: NDArray[np.bool_]
+    pairs: frozenset[int]
+
+
 class Contacts:
     """Working memory to check a model's configurations; for one thread.
 
@@ -38,78 +54,98 @@ class Contacts:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._outer = _Outer(model)
-        self._exact = dict[int, _Exact]()
+        self.pairs = frozenset(range(len(model.outer.collisionPairs)))
+        self._all, self._some = _Outer(model, self.pairs), _Outer(model, frozenset())
+        self._exact = dict[tuple[int, bool], _Exact]()
         self._data = model.kinematics.createData()
         self._shapes = model.exact.createData()
 
-    def first_hit(self, configurations: ArrayLike, margin: float) -> int | None:
+    def first_hit(
+        self, configurations: ArrayLike, margin: float, pairs: frozenset[int] | None = None
+    ) -> int | None:
         """Row of the first configuration where two links are nearer than a margin.
 
         Args:
             configurations: All actuated joints (N, A) [rad].
             margin: Distance to be kept [m].
+            pairs: Those of `Model.outer` to be looked at; None for all.
 
         Raises:
             NotFinite: pinocchio must never see a NaN: it would answer wrongly ever after.
         """
-        q = self._coordinates(np.asarray(configurations, dtype=np.float64))
-        self._outer.keep(np.full(len(self._outer.margins), margin))
-        for begin in range(0, q.shape[1], _BATCH):
-            column = self._first_hit(q[:, begin : begin + _BATCH])
-            if column is not None:
-                return begin + column
+        rows = np.asarray(configurations, dtype=np.float64)
+        for begin in range(0, len(rows), BATCH):
+            q = self._coordinates(rows[begin : begin + BATCH])
+            row = self._first_hit(q, margin, self.pairs if pairs is None else pairs)
+            if row is not None:
+                return begin + row
         return None
 
-    def doubtful(self, configurations: Array, margins: Array) -> NDArray[np.bool_]:
-        """Which rows have two hulls nearer than their margin, so that their links may be.
+    def look(
+        self,
+        configurations: Array,
+        margins: Array,
+        least: float,
+        pairs: frozenset[int],
+        closely: bool,
+    ) -> Look:
+        """Which configurations are near to a contact.
 
         Args:
-            configurations: All actuated joints (N, A) [rad].
-            margins: For each pair of `Model.outer` (P,) [m].
+            configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
+            margins: For each pair of `Model.outer`, at least `least` (P,) [m].
+            least: Distance below which there is nothing more to be asked [m].
+            pairs: Those to be looked at; the others may be at any distance.
+            closely: Whether to ask the primitives too which rows are near; if not, some may only
+                seem to be.
 
-        Returns:
-            (N,).
+        Raises:
+            NotFinite: As `first_hit`.
         """
-        self._outer.keep(margins)
-        return self._outer.hits(self._coordinates(configurations), stop=False)
+        q, wanted = self._coordinates(configurations), margins.tolist()
+        outer = self._outer(pairs)
+        outer.keep(pairs, wanted)
+        near, found = outer.hits(q, stop=False), set[int]()
+        rows = np.flatnonzero(near)
+        if not rows.size:
+            return Look(None, near, frozenset())
+        hit = self._first_hit(q[:, rows], least, pairs)
+        if hit is not None:
+            return Look(int(rows[hit]), near, frozenset())
+        outer.keep(pairs, wanted)
+        for row in rows.tolist():
+            here = q[:, row]
+            close = outer.touching(here)
+            if closely:
+                close = [k for k in close if self._of(k, False).hit(here, wanted[k])]
+            near[row] = bool(close)
+            found.update(close)
+        return Look(None, near, frozenset(found))
 
-    def near(self, configurations: Array, margins: Array) -> NDArray[np.bool_]:
-        """Which rows have two links nearer than their margin, none being beyond doubt.
-
-        Args:
-            configurations: All actuated joints (N, A) [rad].
-            margins: For each pair of `Model.outer` (P,) [m].
-
-        Returns:
-            (N,).
-        """
-        q = self._coordinates(configurations)
-        self._outer.keep(margins)
-        return np.array([self._touches(q[:, i : i + 1]) for i in range(q.shape[1])], dtype=bool)
-
-    def _first_hit(self, q: Array) -> int | None:
+    def _first_hit(self, q: Array, margin: float, pairs: frozenset[int]) -> int | None:
         """Column of the first hit. One call if it is free; few looks if the first doubt is one."""
-        doubtful, seen = np.flatnonzero(self._outer.hits(q, stop=True)), 0
+        outer = self._outer(pairs)
+        outer.keep(pairs, [margin] * len(self.pairs))
+        doubtful, seen = np.flatnonzero(outer.hits(q, stop=True)), 0
         while doubtful.size:
             for column in doubtful.tolist():
-                seen = column + 1
-                if self._touches(q[:, column:seen]):
+                here, seen = q[:, column], column + 1
+                if any(self._of(k, True).hit(here, margin) for k in outer.touching(here)):
                     return column
-            doubtful = seen + np.flatnonzero(self._outer.hits(q[:, seen:], stop=False))
+            doubtful = seen + np.flatnonzero(outer.hits(q[:, seen:], stop=False))
         return None
 
-    def _touches(self, q: Array) -> bool:
-        """Whether the primitives of two links are too near where their hulls may be (nq, 1)."""
-        return any(
-            self._of(pair).hit(q[:, 0], self._outer.margins[pair]) for pair in self._outer.pairs(q)
-        )
+    def _outer(self, pairs: frozenset[int]) -> "_Outer":
+        """Two, as turning many pairs on and off takes its time too."""
+        return self._all if pairs is self.pairs else self._some
 
-    def _of(self, pair: int) -> "_Exact":
-        """Made when it is first needed, as it takes a millisecond."""
-        if pair not in self._exact:
-            self._exact[pair] = _Exact(self._model, self._model.outer.collisionPairs[pair])
-        return self._exact[pair]
+    def _of(self, pair: int, least: bool) -> "_Exact":
+        """Made when it is first needed; one for the least distance, which hardly ever changes."""
+        checker = self._exact.get((pair, least))
+        if checker is None:
+            checker = _Exact(self._model, self._model.outer.collisionPairs[pair])
+            self._exact[pair, least] = checker
+        return checker
 
     def nearest(self, configuration: ArrayLike) -> Contact | None:
         """The nearest two links that may not touch (A,) [rad]; None where all may."""
@@ -138,33 +174,44 @@ class Contacts:
 class _Outer:
     """The hulls, and their memory.
 
-    Attributes:
-        margins: For each pair (P,) [m].
+    Args:
+        model: Whose.
+        pairs: Those of its pairs that are looked at to begin with.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, pairs: frozenset[int]) -> None:
         self._pool = pin.GeometryPool(model.kinematics, model.outer, 1)
-        data = self._pool.getGeometryData(0)
-        self._requests = _requests(model.outer, data)
-        self._results = [data.collisionResults[k] for k in range(len(self._requests))]
-        self.margins = [0.0] * len(self._requests)
+        self._data = self._pool.getGeometryData(0)
+        self._requests = _requests(model.outer, self._data)
+        self._results = [self._data.collisionResults[k] for k in range(len(self._requests))]
+        self._pairs = pairs
+        for k in range(len(self._requests)):
+            if k not in pairs:
+                self._data.deactivateCollisionPair(k)
 
-    def keep(self, margins: Array) -> None:
-        """Set the distances to be kept from now on (P,) [m]."""
-        self.margins = margins.tolist()
-        for request, margin in zip(self._requests, self.margins, strict=True):
-            request.security_margin = margin
+    def keep(self, pairs: frozenset[int], margins: Sequence[float]) -> None:
+        """From now on look at these pairs, each with its distance to be kept (P,) [m]."""
+        for k in self._pairs - pairs:
+            self._data.deactivateCollisionPair(k)
+        for k in pairs - self._pairs:
+            self._data.activateCollisionPair(k)
+        for k in pairs:
+            self._requests[k].security_margin = margins[k]
+        self._pairs = pairs
 
     def hits(self, q: Array, stop: bool) -> NDArray[np.bool_]:
         """Whether each column is a hit; after the first, if `stop`, the rest is not looked at."""
         if not q.size:
-            return np.zeros(0, bool)
-        return np.asarray(pin.computeCollisionsInParallel(1, self._pool, q, True, stop), bool)
+            return np.zeros(q.shape[1], bool)
+        columns = np.asfortranarray(q)
+        return np.asarray(pin.computeCollisionsInParallel(1, self._pool, columns, True, stop), bool)
 
-    def pairs(self, q: Array) -> list[int]:
-        """All pairs that are hit where the joints are (nq, 1)."""
-        pin.computeCollisionsInParallel(1, self._pool, q, False, False)
-        return [k for k, result in enumerate(self._results) if result.isCollision()]
+    def touching(self, q: Array) -> list[int]:
+        """All pairs that are too near where the joints are (nq,)."""
+        if len(self._pairs) == 1:
+            return list(self._pairs)  # who asks knows that there is one
+        pin.computeCollisionsInParallel(1, self._pool, q[:, None], False)
+        return [k for k in sorted(self._pairs) if self._results[k].isCollision()]
 
 
 class _Exact:

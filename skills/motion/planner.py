@@ -97,6 +97,7 @@ class Planner:
             columns=group.columns,
             levers=scene.model.levers[:, group.columns],
             margin=self._robot.collision.margin,
+            proved=0.5 * self._robot.collision.margin,
             deadline=deadline,
         )
         waypoints, curve = find(space, group.search, stations, query.seed, watch)
@@ -190,7 +191,7 @@ def _check(space: Space, plan: Plan) -> None:
     Raises:
         MotionCollides: It is not free, by a fault of ours.
     """
-    space = dataclasses.replace(space, margin=0.5 * space.margin)
+    space = dataclasses.replace(space, margin=space.proved, proved=0.0)
     times = np.linspace(0.0, plan.duration, _SAMPLES)
     travels = abs(np.diff(plan.sample(times), axis=0)) @ space.levers.T
     places, travels = evenly(times, travels)
