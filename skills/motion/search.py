@@ -32,6 +32,7 @@ class Search:
 
     def __init__(self, lower: Array, upper: Array) -> None:
         self._lower, self._upper = lower, upper
+        self._bounds: tuple[float, ...] = ()
         self._space = ob.RealVectorStateSpace(len(lower))
         self._information = ob.SpaceInformation(self._space)
         self._edges = _Edges(self._information)
@@ -68,9 +69,11 @@ class Search:
         return np.array([start, *(s[0 : len(start)] for s in states[1:-1]), goal])
 
     def _bound(self, start: Array, goal: Array) -> None:
-        bounds = ob.RealVectorBounds(len(start))
         lower = np.where(np.isfinite(self._lower), self._lower, np.minimum(start, goal) - np.pi)
         upper = np.where(np.isfinite(self._upper), self._upper, np.maximum(start, goal) + np.pi)
+        if self._bounds == (ends := (*lower.tolist(), *upper.tolist())):
+            return
+        self._bounds, bounds = ends, ob.RealVectorBounds(len(start))
         for i in range(len(start)):
             bounds.setLow(i, float(lower[i]))
             bounds.setHigh(i, float(upper[i]))

@@ -21,7 +21,7 @@ from .profile import Profile
 
 Array = NDArray[np.float64]
 
-_POINTS = 60  # grid intervals in a section, about
+_POINTS = 40  # grid intervals in a section, about
 _LEAST = 6  # in any piece of it
 _SLIGHT = 1e-9  # preference of u where x is the same
 _ROUNDING = 1e-8  # kept off what the solver calls reachable, or it may not be in the next step
