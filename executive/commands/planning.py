@@ -36,10 +36,11 @@ def explain(goal: Goal, start: Sequence[str], world: Path | None, output: Path) 
     planner = Planner(robot)
     queries = goal.queries(planner, start, around)
     for number, query in enumerate(queries, 1):
+        loading = sum(planner.plan(query).milliseconds.values())
         plan = planner.plan(query)
         if len(queries) > 1:
             yield f"Motion {number} of {len(queries)}"
-        yield from _told(plan)
+        yield from _told(plan, loading)
         picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
         _draw(robot, around, plan, picture)
         yield str(picture)
@@ -55,7 +56,8 @@ def _world(file: Path | None) -> World:
     return World.parse(bodies)
 
 
-def _told(plan: Plan) -> Iterator[str]:
+def _told(plan: Plan, loading: float) -> Iterator[str]:
+    """In words; the first time it took longer, as all had to be loaded [ms]."""
     spent = sum(plan.milliseconds.values())
     rungs = ", ".join(f"{name} {ms:.2f}" for name, ms in plan.milliseconds.items())
     line = straight_duration(plan)
@@ -67,7 +69,7 @@ def _told(plan: Plan) -> Iterator[str]:
     else:
         yield "Path      straight" if plan.duration else "Path      none: it is there already"
     yield f"Duration  {plan.duration:.3f} s; a straight line would take {line:.3f} s"
-    yield f"Found in  {spent:.2f} ms ({rungs})"
+    yield f"Found in  {spent:.2f} ms ({rungs}); with all to be loaded, {loading:.0f} ms"
     for limit in limits_met(plan):
         unit = "rad/s" if limit.kind == "speed" else "rad/s²"
         share = 100.0 * limit.seconds / plan.duration

@@ -87,6 +87,9 @@ class Planner:
 
     def _climb(self, query: Query, watch: Stopwatch) -> Plan:
         deadline = Deadline(self._clock, query.timeout)
+        if query.world not in self._scenes:
+            with watch.rung("world"):
+                self._scene(query.world)
         with watch.rung("ends"):
             scene = self._scene(query.world)
             start, stations = check_ends(self._robot, scene.contacts, query)
