@@ -46,6 +46,7 @@ def robot_of(urdf: Path, gripper: tuple[str, ...] = (), margin: float = 0.01) ->
         joints=tuple(joints.values()),
         groups={"arm": arm, "gripper": gripper},
         collision=rules,
+        tool=None,
     )
 
 

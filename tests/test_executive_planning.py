@@ -43,7 +43,7 @@ def test_round_a_body(tmp_path: Path) -> None:
 def test_a_point_and_a_start(tmp_path: Path) -> None:
     result = plan(tmp_path, "0.1", "0.05", "0.08", "--start", "joint_4=-0.7")
     assert result.exit_code == 0, result.exception
-    assert "Goal      joint_1 -1.1" in result.output
+    assert "Goal      joint_1 -1.242" in result.output
 
 
 def test_a_pose_and_the_group_it_is_of(tmp_path: Path) -> None:

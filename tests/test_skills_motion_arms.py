@@ -1,9 +1,10 @@
 """Arms that are not ours: six and seven axes, a mesh, sliding fingers, joints without an end."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from hardware import Robot
+from hardware import Robot, load_robot
 from skills.motion import Body, Box, Query, ToolQuery, Unreachable, World
 from skills.motion.contacts import Contacts
 from skills.motion.model import Model
@@ -78,6 +79,21 @@ def test_points_for_the_tool(robot: Robot, planner: Planner) -> None:
     with pytest.raises(Unreachable) as caught:
         planner.reach(ToolQuery("arm", tuple(start), (9.0, 0.0, 0.0)))
     assert 7.0 < caught.value.distance < 9.0
+
+
+def test_the_tool_of_the_robot_file_is_what_gets_there() -> None:
+    robot = load_robot()
+    assert robot.tool
+    point, start = (0.1, 0.05, 0.08), (0.0, 0.0, 0.0, 0.0)
+    found = Planner(robot).reach(ToolQuery("arm", start, point))
+    model = Model(robot)
+    data = model.kinematics.createData()
+    q = model.coordinates(np.array([[*found.positions, 0.0]]))[:, 0]
+    pin.framesForwardKinematics(model.kinematics, data, q)
+    place = data.oMf[model.kinematics.getFrameId(robot.tool.link)]
+    assert place.act(np.array(robot.tool.offset)) == pytest.approx(point, abs=2e-6)
+    beyond = Planner(robot).reach(ToolQuery("arm", start, point, offset=(0.0, 0.01, 0.0)))
+    assert beyond.positions != found.positions
 
 
 def test_sliding_fingers_with_a_follower() -> None:
