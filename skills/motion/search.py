@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 ou.setLogLevel(ou.LogLevel.LOG_NONE)
 
 _ITERATIONS = 20_000  # a count, not a time: the same query must give the same path
-_RANGE = 1.0  # longest new branch [rad]
+_RANGE = 0.7  # longest new branch [rad]
 
 
 class Search:

@@ -113,7 +113,8 @@ def draw(scores: Sequence[Score], growths: Sequence[Growth], file: Path) -> None
     for stack in dict.fromkeys(score.stack for score in scores):
         mine = [score for score in scores if score.stack == stack and score.spent]
         across = [names.index(score.problem) for score in mine]
-        times.plot(across, [score.p(50) for score in mine], "o-", label=stack, markersize=4)
+        label = f"{stack} (timing only)" if stack.startswith("ruckig") else stack
+        times.plot(across, [score.p(50) for score in mine], "o-", label=label, markersize=4)
         longer.plot(across, [score.ratio() for score in mine], "o-", label=stack, markersize=4)
         hits = [score for score in mine if score.colliding]
         at = [names.index(score.problem) for score in hits]
