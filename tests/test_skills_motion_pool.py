@@ -126,6 +126,7 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
     poison = dataclasses.replace(PICK, goal=(float("nan"), 0.0, 0.0))
     assert isinstance(ask(pool, poison), NotFinite)
     assert isinstance(ask(pool, dataclasses.replace(PICK, group="legs")), BadQuery)
+    assert isinstance(ask(pool, dataclasses.replace(PICK, timeout=float("nan"))), BadQuery)
     assert isinstance(ask(pool, PICK), Plan)
     assert pid(pool) == worker
 

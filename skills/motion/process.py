@@ -1,6 +1,7 @@
 """One worker process, as the parent holds it."""
 
 import contextlib
+import math
 import os
 import pickle
 import select
@@ -15,7 +16,7 @@ from typing import Any
 
 from hardware import Robot
 
-from .errors import MotionError, PlanTimeout, WorkerDied
+from .errors import BadQuery, MotionError, PlanTimeout, WorkerDied
 from .plan import Plan
 from .query import Carry, Query, Reached, ToolQuery, Verify
 from .world import Body
@@ -84,6 +85,8 @@ class WorkerProcess:
 
         A worker that died, hung or answered nonsense is no longer alive after it.
         """
+        if not math.isfinite(request.timeout):
+            return BadQuery(f"The time-out is {request.timeout} s; give a finite number")
         try:
             if not self._ready and (broken := self._start()):
                 return broken
