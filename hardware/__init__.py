@@ -46,7 +46,7 @@ from .lifecycle import State
 from .link import Link
 from .ports import Check, SerialPort, check_port, serial_ports
 from .profiles import FIRMWARES, Firmware
-from .robot import CollisionRules, Robot, Serial
+from .robot import CollisionRules, Robot, Serial, Tool
 from .schedule import Schedule, Setpoint, compile_schedule, played
 from .serial_link import SerialLink
 from .serial_servo import VIRTUAL, virtual_board
@@ -113,6 +113,7 @@ __all__ = [
     "State",
     "StateChanged",
     "TooFast",
+    "Tool",
     "TransitionRefused",
     "VirtualArduino",
     "VirtualLink",

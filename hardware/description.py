@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 from .driver import Driver, load_driver
 from .errors import DescriptionError
 from .joints import Joint, Mimic
-from .robot import CollisionRules, Robot, Serial
+from .robot import CollisionRules, Robot, Serial, Tool
 from .toml_table import TomlTable
 
 _MOVING = ("revolute", "continuous", "prismatic")
@@ -38,6 +38,7 @@ def load_robot(path: Path | None = None) -> Robot:
         driver=driver,
         firmware=driver.firmwares[root.table("serial").choice("firmware", driver.firmwares)],
         collision=_collision(root.table("collision"), urdf.links),
+        tool=_tool(root.table("tool"), urdf.links) if "tool" in root else None,
         brake=root.number("brake_s", least=0) if "brake_s" in root else 0.0,
     )
     root.done()
@@ -198,3 +199,15 @@ def _collision(table: TomlTable, links: tuple[str, ...]) -> CollisionRules:
     )
     table.done()
     return rules
+
+
+def _tool(table: TomlTable, links: tuple[str, ...]) -> Tool:
+    tool = Tool(
+        link=table.choice("link", links),
+        offset=table.vector("offset_m", default=(0.0, 0.0, 0.0)),
+        axis=table.vector("axis", default=(0.0, 0.0, 1.0)),
+    )
+    if not any(tool.axis):
+        table.fail("axis", "is zero; give a vector with a length")
+    table.done()
+    return tool

@@ -43,6 +43,21 @@ class CollisionRules:
     floor_ignores: frozenset[str]
 
 
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """What the arm works with: the point that goes where a task says.
+
+    Attributes:
+        link: That carries it.
+        offset: Where it is in the frame of that link [m].
+        axis: Where it points in that frame.
+    """
+
+    link: str
+    offset: tuple[float, float, float]
+    axis: tuple[float, float, float]
+
+
 @dataclass(frozen=True)
 class Robot:
     """A robot description, checked.
@@ -57,6 +72,7 @@ class Robot:
         driver: What speaks to the board.
         firmware: What runs on the board.
         collision: What may not touch.
+        tool: What it works with; None where the file does not say.
         brake: How long a stop slows the motion down before it holds [s]; 0 to hold at once.
     """
 
@@ -69,6 +85,7 @@ class Robot:
     driver: Driver
     firmware: Firmware
     collision: CollisionRules
+    tool: Tool | None = None
     brake: float = 0.0
 
     @property

@@ -69,6 +69,17 @@ class TomlTable:
             self.fail(key, f"{value:g} is not allowed; it must be {wanted}")
         return value
 
+    def vector(
+        self, key: str, default: tuple[float, float, float] | None = None
+    ) -> tuple[float, float, float]:
+        """Three finite numbers; the default where one is given."""
+        values = self._value(key, list, None if default is None else list(default))
+        numbers = [v for v in values if type(v) in (int, float) and math.isfinite(v)]
+        if len(values) != 3 or numbers != values:
+            self.fail(key, f"{values!r} is not three finite numbers")
+        x, y, z = map(float, values)
+        return x, y, z
+
     def integer(self, key: str, choices: Iterable[int] | None = None, least: int = 1) -> int:
         """A whole number, out of the choices or not less than `least`."""
         value = int(self._value(key, int))

@@ -8,10 +8,10 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.patches import Patch, Polygon
 
 _LINES = ("#0072B2", "#E69F00", "#CC79A7", "#000000", "#009E73", "#D55E00", "#56B4E9")
-_ARM, _BODY, _LIMIT = "#0072B2", "#D55E00", "#999999"
+_START, _ARM, _BODY, _LIMIT = "#777777", "#0072B2", "#D55E00", "#999999"
 
 Point = tuple[float, float]
 
@@ -53,10 +53,10 @@ def draw_plan(picture: PlanPicture, output: Path) -> None:
     Raises:
         OSError: The PNG cannot be written.
     """
-    figure = Figure(figsize=(7.16, 7.2), dpi=200, layout="constrained")
+    figure = Figure(figsize=(7.16, 8.2), dpi=200, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(picture.title, fontsize=9)
-    axes = figure.subplots(3, 2)
+    axes = figure.subplots(3, 2, height_ratios=(1.0, 1.0, 1.5))
     _path(axes[0, 0], picture)
     _over_time(axes[0, 1], picture, picture.positions, "position [rad]", ())
     _over_time(axes[1, 0], picture, picture.speeds, "speed [rad/s]", picture.speed_limits)
@@ -75,6 +75,10 @@ def draw_plan(picture: PlanPicture, output: Path) -> None:
 
 def _path(axes: Axes, picture: PlanPicture) -> None:
     """The path in joint space: the second joint and those after it over the first."""
+    if len(picture.joints) < 2:
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, "one joint: its path is a line", ha="center", fontsize=7)
+        return
     columns = list(zip(*picture.positions, strict=True))
     corners = list(zip(*picture.waypoints, strict=True))
     axes.set_xlabel(f"{picture.joints[0]} [rad]", fontsize=7)
@@ -109,18 +113,27 @@ def _over_time(
 
 
 def _sweep(axes: Axes, picture: PlanPicture, across: int, up: int) -> None:
-    """All poses over each other, the last one darkest."""
+    """All poses over each other: the first grey, the last blue, those between faint."""
     axes.set_aspect("equal")
     axes.tick_params(labelsize=6)
     axes.set_xlabel(f"{'xyz'[across]} [m]", fontsize=7)
     axes.set_ylabel(f"{'xyz'[up]} [m]", fontsize=7)
     axes.set_title("sweep from the front" if up == 2 else "sweep from above", fontsize=7)
-    for number, pose in enumerate(picture.sweep, 1):
-        ends = number in (1, len(picture.sweep))
-        for shape in pose:
-            _shape(axes, shape, (across, up), _ARM, 0.35 if ends else 0.08)
     for shape in picture.bodies:
         _shape(axes, shape, (across, up), _BODY, 0.5)
+    first, *between, last = picture.sweep
+    for poses, color, alpha in (
+        (between, _ARM, 0.06),
+        ((first,), _START, 0.3),
+        ((last,), _ARM, 0.3),
+    ):
+        for pose in poses:
+            for shape in pose:
+                _shape(axes, shape, (across, up), color, alpha)
+    handles = [Patch(color=_START, alpha=0.5, label="start"), Patch(color=_ARM, label="goal")]
+    if picture.bodies:
+        handles.append(Patch(color=_BODY, alpha=0.5, label="bodies"))
+    axes.legend(handles=handles, fontsize=6, loc="best")
     axes.autoscale_view()
 
 

@@ -40,19 +40,19 @@ class ReachPoint(Asking):
             count=3,
         ),
         "tool": PortInformation(
-            str, default_value="", description="link with the tool; empty for the group's last"
+            str, default_value="", description="link with the tool; empty for the robot's own"
         ),
         "offset": Port(
             list[float],
             default_value=[0.0, 0.0, 0.0],
-            description="the tool on that link [m]",
+            description="the tool on that link, or beyond the robot's own [m]",
             unit="m",
             count=3,
         ),
         "axis": Port(
             list[float],
-            default_value=[0.0, 0.0, 1.0],
-            description="the tool's axis on that link",
+            default_value=[],
+            description="the tool's axis on that link; without it the robot's own, or z",
             count=3,
         ),
         "group": _GROUP,
@@ -78,7 +78,7 @@ class ReachPoint(Asking):
                 direction=three("direction", given["direction"]) if given["direction"] else None,
                 link=given["tool"],
                 offset=three("offset", given["offset"]),
-                axis=three("axis", given["axis"]),
+                axis=three("axis", given["axis"]) if given["axis"] else None,
                 relative=given["relative"],
                 seed=self.context.seed,
                 timeout=self.context.timeout,

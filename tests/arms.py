@@ -25,7 +25,7 @@ def foreign(name: str) -> Robot:
     return robot_of(Path(__file__).parent / "data" / f"{name}.urdf", ARMS[name])
 
 
-def robot_of(urdf: Path, gripper: tuple[str, ...] = ()) -> Robot:
+def robot_of(urdf: Path, gripper: tuple[str, ...] = (), margin: float = 0.01) -> Robot:
     """A Robot that can be planned for; there is no board to it."""
     model = pin.buildModelFromUrdf(str(urdf), True)
     root = ElementTree.parse(urdf).getroot()
@@ -38,7 +38,7 @@ def robot_of(urdf: Path, gripper: tuple[str, ...] = ()) -> Robot:
             scale, offset = (float(mimic.get(k, d)) for k, d in (("multiplier", 1), ("offset", 0)))
             joints[name] = _joint(element, Mimic(mimic.get("joint", ""), scale, offset))
     arm = tuple(name for name in joints if name not in gripper)
-    rules = CollisionRules(0.01, _neighbours(model), None, frozenset())
+    rules = CollisionRules(margin, _neighbours(model), None, frozenset())
     return dataclasses.replace(
         load_robot(),
         name=root.get("name", ""),
@@ -46,6 +46,7 @@ def robot_of(urdf: Path, gripper: tuple[str, ...] = ()) -> Robot:
         joints=tuple(joints.values()),
         groups={"arm": arm, "gripper": gripper},
         collision=rules,
+        tool=None,
     )
 
 

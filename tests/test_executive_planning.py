@@ -10,6 +10,7 @@ from matplotlib.image import imread
 from executive.commands.cli import cli
 from skills import BadTarget
 from skills.motion import BadWorld, GoalInCollision, Unreachable
+from trees import UnknownTask
 
 PICK = ("joint_1=-1.4", "joint_2=-0.6", "joint_3=-0.07")
 POST = [{"name": "post", "box": {"size": [0.03, 0.03, 0.2]}, "position": [0.115, 0.115, 0.1]}]
@@ -25,7 +26,7 @@ def test_a_straight_move(tmp_path: Path) -> None:
     assert "Path      straight" in result.output
     assert "Duration  3.347 s" in result.output
     assert "joint_1 at its acceleration limit, 0.5 rad/s²: 3.35 s (100 %)" in result.output
-    assert imread(tmp_path / "plan.png").shape[:2] == (1440, 1432)
+    assert imread(tmp_path / "plan.png").shape[:2] == (1640, 1432)
 
 
 def test_round_a_body(tmp_path: Path) -> None:
@@ -42,13 +43,51 @@ def test_round_a_body(tmp_path: Path) -> None:
 def test_a_point_and_a_start(tmp_path: Path) -> None:
     result = plan(tmp_path, "0.1", "0.05", "0.08", "--start", "joint_4=-0.7")
     assert result.exit_code == 0, result.exception
-    assert "Goal      joint_1 -1.1" in result.output
+    assert "Goal      joint_1 -1.242" in result.output
+
+
+def test_a_pose_and_the_group_it_is_of(tmp_path: Path) -> None:
+    result = plan(tmp_path, "open", "--start", "right")
+    assert result.exit_code == 0, result.exception
+    assert "Goal      joint_4 -0.700" in result.output
+    assert "joint_4 at its acceleration limit" in result.output
+
+
+def test_a_task(tmp_path: Path) -> None:
+    result = plan(tmp_path, "1")
+    assert result.exit_code == 0, result.exception
+    assert "Goal      joint_1 -1.400, joint_2 -0.600, joint_3 -0.070" in result.output
+
+
+TWO_REACHES = """
+task: 7
+name: there_and_back
+description: Twice.
+tree:
+  sequence:
+    - subtree: reach
+      with: {arm: right, gripper: open}
+    - subtree: reach
+      with: {arm: upright, gripper: closed}
+"""
+
+
+def test_a_task_of_several_motions(tmp_path: Path) -> None:
+    (tmp_path / "7_there_and_back.yaml").write_text(TWO_REACHES)
+    result = plan(tmp_path, "7", "--trees", str(tmp_path))
+    assert result.exit_code == 0, result.exception
+    assert "Motion 2 of 2" in result.output
+    assert (tmp_path / "plan-2.png").exists()
 
 
 @pytest.mark.parametrize(
     ("goal", "error"),
     [
         (("joint_9=1",), BadTarget),
+        (("rihgt",), BadTarget),
+        (("joint_1=0", "joint_4=-0.5"), BadTarget),
+        (("1", "--group", "legs"), BadTarget),
+        (("99",), UnknownTask),
         (("joint_1=x",), BadTarget),
         (("1", "2"), BadTarget),
         (("joint_2=-1.5", "joint_3=-0.5"), GoalInCollision),

@@ -119,6 +119,10 @@ WRONG = {
     "pair of three": ('["base_link", "base_plate"]', '["base_link", "base_plate", "claw_support"]', "allowed", "collision.allowed: .* is not a pair of names"),
     "pair with itself": ('["base_link", "base_plate"]', '["base_link", "base_link"]', "allowed", "collision.allowed: .* names something twice"),
     "pair of numbers": ('["base_link", "base_plate"]', "[1, 2]", "allowed", "collision.allowed: 1 is not one of"),
+    "tool on no link": ('link = "claw_support"', 'link = "claw_suport"', "link =", "tool.link: 'claw_suport' is not one of .*did you mean claw_support"),
+    "tool in a plane": ("[-0.013, 0.06, -0.0155]", "[0.0, 0.1]", "offset_m", r"tool.offset_m: .* is not three finite numbers"),
+    "tool nowhere": ("[-0.013, 0.06, -0.0155]", "[0.0, nan, true]", "offset_m", "tool.offset_m: .* is not three finite numbers"),
+    "tool points nowhere": ("axis = [0.0, 1.0, 0.0]", "axis = [0, 0, 0]", "axis =", "tool.axis: is zero"),
     "no toml": ("[serial]", "[serial", "[serial", "Expected"),
     "key twice": ("baud = 115200", "baud = 1\nbaud = 2", "baud = 2", "Cannot overwrite"),
 }  # fmt: skip

@@ -1,10 +1,8 @@
 """The model: what touches what, and how far a body can travel."""
 
 import dataclasses
-import itertools
 from pathlib import Path
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -14,7 +12,7 @@ from hardware import Robot, load_robot
 from skills.motion import ModelUnusable, NotFinite
 from skills.motion.contacts import Contacts
 from skills.motion.model import Model
-from skills.motion.reach import levers
+from skills.motion.shapes import corners
 
 Array = NDArray[np.float64]
 
@@ -71,33 +69,34 @@ def test_followers_move_with_their_leader(contacts: Contacts) -> None:
     assert turned == pytest.approx([-0.7, 0.7])
 
 
-def test_no_point_travels_further_than_its_bound(robot: Robot) -> None:
-    """Fingertips included, over random small moves of each joint."""
-    bound, model = levers(robot), Model(robot)
-    data, random = model.kinematics.createData(), np.random.default_rng(1)
+def test_no_pair_travels_further_than_its_bound(robot: Robot) -> None:
+    """Corners of the outer link as the inner one sees them, over random moves of each joint."""
+    model, random = Model(robot), np.random.default_rng(1)
     lower = np.array([joint.lower for joint in robot.actuated])
     upper = np.array([joint.upper for joint in robot.actuated])
-    most = np.zeros(4)
+    most = np.zeros_like(model.levers)
     for configuration in random.uniform(lower, upper, (500, 4)):
+        here = seen(model, configuration)
         for j, move in enumerate(1e-4 * np.eye(4)):
-            travel = corner_places(model, data, configuration + move)
-            travel -= corner_places(model, data, configuration)
-            most[j] = max(most[j], np.linalg.norm(travel, axis=1).max() / 1e-4)
-    assert np.all(most <= bound)
-    assert np.all(most[:3] >= 0.9 * bound[:3])  # and it is a bound worth having
+            there = seen(model, configuration + move)
+            for row, before, after in zip(most, here, there, strict=True):
+                travel = np.linalg.norm(after - before, axis=1).max()
+                row[j] = max(row[j], travel / 1e-4)
+    assert np.all(most <= model.levers + 1e-9)
+    assert np.all(most[:, :3] >= 0.9 * model.levers[:, :3])  # and it is a bound worth having
 
 
-def corner_places(model: Model, data: pin.Data, configuration: Array) -> Array:
-    q = model.coordinates(configuration[None, :])[:, 0]
-    pin.forwardKinematics(model.kinematics, data, q)
-    corners = np.array(list(itertools.product((-1, 1), repeat=3)))
-    places = []
-    for shape in model.exact.geometryObjects[:-1]:
-        if isinstance(shape.geometry, coal.Box):
-            place = data.oMi[shape.parentJoint] * shape.placement
-            points = corners * shape.geometry.halfSide
-            places.append(points @ place.rotation.T + place.translation)
-    return np.vstack(places)
+def seen(model: Model, configuration: Array) -> list[Array]:
+    """For each pair of links, points of the outer one in the frame of the inner one."""
+    data = model.kinematics.createData()
+    pin.forwardKinematics(model.kinematics, data, model.coordinates(configuration[None, :])[:, 0])
+    found = []
+    for pair in model.outer.collisionPairs:
+        shapes = (model.outer.geometryObjects[index] for index in (pair.first, pair.second))
+        inner, outer = sorted(shapes, key=lambda shape: shape.parentJoint)
+        place = data.oMi[inner.parentJoint].actInv(data.oMi[outer.parentJoint])
+        found.append(corners(outer) @ place.rotation.T + place.translation)
+    return found
 
 
 def test_unusable_urdf(robot: Robot, tmp_path: Path) -> None:

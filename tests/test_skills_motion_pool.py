@@ -36,7 +36,7 @@ from skills.motion import (
     WorkerDied,
     World,
 )
-from skills.motion.process import LOADED, WorkerProcess
+from skills.motion.process import LOADED, WorkerProcess, receive
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
 BENT = dataclasses.replace(PICK, via=((-0.7, 0.2, 0.0),))
@@ -126,6 +126,7 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
     poison = dataclasses.replace(PICK, goal=(float("nan"), 0.0, 0.0))
     assert isinstance(ask(pool, poison), NotFinite)
     assert isinstance(ask(pool, dataclasses.replace(PICK, group="legs")), BadQuery)
+    assert isinstance(ask(pool, dataclasses.replace(PICK, timeout=float("nan"))), BadQuery)
     assert isinstance(ask(pool, PICK), Plan)
     assert pid(pool) == worker
 
@@ -245,9 +246,9 @@ def test_loading_what_bends_need_is_no_part_of_a_time_out(
 
 def test_an_idle_worker_loads_what_bends_need_by_itself(robot: Robot) -> None:
     worker = WorkerProcess(robot)
-    assert worker._connection.recv() is None
+    assert receive(worker._connection) is None
     assert worker._connection.poll(20.0)
-    assert worker._connection.recv() == LOADED
+    assert receive(worker._connection) == LOADED
     loaded = Path(f"/proc/{worker.pid}/maps").read_text()
     assert "toppra" in loaded
     worker.close()

@@ -7,6 +7,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
+from py_trees.behaviour import Behaviour
+
 from hardware import Arm, RealClock, Robot
 from skills import Context
 from skills.motion import MotionError, Pool, Result, Verify
@@ -64,11 +66,27 @@ def outline_of(robot: Robot, library: Library, number: int) -> Entry:
         UnknownTask: There is none of that number.
         FileError: It is wrong.
     """
+    assembly, root = _assembled(robot, library, number)
+    return outline(root, assembly.leaves, "/show")
+
+
+def targets_of(robot: Robot, library: Library, number: int) -> list[Pose]:
+    """Where a task spells out that the arm goes: values of the actuated joints [rad], in order.
+
+    Raises:
+        UnknownTask: There is none of that number.
+        FileError: It is wrong.
+    """
+    assembly, _ = _assembled(robot, library, number)
+    return [pose for _, pose in poses(assembly.leaves, robot)]
+
+
+def _assembled(robot: Robot, library: Library, number: int) -> tuple[Assembly, Behaviour]:
     assembly = Assembly(library, _context(robot))
     root = assembly.task(*library.draft(number), "/show", None)
     if assembly.mistakes.found:
         raise FileError(assembly.mistakes.found)
-    return outline(root, assembly.leaves, "/show")
+    return assembly, root
 
 
 def _jobs(

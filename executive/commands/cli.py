@@ -144,29 +144,35 @@ for command in COMMANDS:
 @cli.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
 @click.argument("goal", metavar="GOAL...", nargs=-1, required=True)
 @robot_option
-@click.option("--start", multiple=True, help="JOINT=VALUE [rad]; default: the boot pose.")
+@trees_option
+@click.option("--start", multiple=True, help="JOINT=VALUE [rad] or a pose; default: the boot pose.")
 @click.option("--world", type=PATH, help="JSON file with a list of bodies around the arm.")
-@click.option("--group", default="arm", show_default=True, help="Group that moves.")
+@click.option("--group", help="Group that moves; default: that of the joints named, else the arm.")
 @click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning.")
 @click.option("-o", "--output", type=PATH, default=Path("plan.png"), show_default=True)
 def plan(
     goal: tuple[str, ...],
     robot: Path | None,
+    trees: Path | None,
     start: tuple[str, ...],
     world: Path | None,
-    group: str,
+    group: str | None,
     seed: int,
     output: Path,
 ) -> None:
     """Plan to GOAL, say why it takes as long as it does, and draw it. Nothing moves.
 
-    GOAL is JOINT=VALUE ... [rad], or x y z of the tool [m].
+    GOAL is JOINT=VALUE ... [rad], a pose such as right, x y z of the tool [m], or the number of a
+    task that spells out where it goes.
     """
     from hardware import load_robot
+    from trees import Library
 
+    from .plan_goal import Goal
     from .planning import explain
 
-    for line in explain(load_robot(robot), goal, start, world, group, seed, output):
+    asked = Goal(load_robot(robot), Library(trees), goal, group, seed)
+    for line in explain(asked, start, world, output):
         click.echo(line)
 
 

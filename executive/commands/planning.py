@@ -1,6 +1,5 @@
 """`armtree plan`: a motion found, explained and drawn, without an arm."""
 
-import dataclasses
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -8,56 +7,43 @@ from pathlib import Path
 import numpy as np
 
 from hardware import Robot
-from skills import BadTarget, Positions, check_targets, three
-from skills.motion import EMPTY, BadWorld, Plan, Query, ToolQuery, World
+from skills.motion import EMPTY, BadWorld, Plan, World
 from skills.motion.explain import limits_met, straight_duration
 from skills.motion.model import Model
 from skills.motion.outline import outlines
 from skills.motion.planner import Planner
 
+from .plan_goal import Goal
+
 _POSES = 14  # of the sweep
 _GRID = 0.005  # of the curves [s]
-_NOWHERE = (0.0, 0.0, 0.0)
 
 
-def explain(
-    robot: Robot,
-    goal: Sequence[str],
-    start: Sequence[str],
-    world: Path | None,
-    group: str,
-    seed: int,
-    output: Path,
-) -> Iterator[str]:
+def explain(goal: Goal, start: Sequence[str], world: Path | None, output: Path) -> Iterator[str]:
     """Plan, draw, and say what was found, line by line.
 
     Args:
-        robot: Whose motion.
-        goal: `JOINT=VALUE` [rad], joints not named staying, or three numbers: where the tool
-            shall be [m].
-        start: `JOINT=VALUE` [rad]; joints not named are at their boot pose.
+        goal: What to plan for.
+        start: `JOINT=VALUE` [rad] or a pose; joints not named are at their boot pose.
         world: JSON file with a list of bodies, as `World.plain` writes them.
-        group: That moves.
-        seed: Of the search.
-        output: The PNG to write.
+        output: The PNG to write; where there are several motions, the others beside it.
 
     Raises:
         BadTarget: Goal or start cannot be read, or name no joint.
         MotionError: There is no plan.
     """
-    planner, begin, around = Planner(robot), _start(robot, start), _world(world)
-    target = _goal(robot, planner, goal, ToolQuery(group, begin, _NOWHERE, seed=seed, world=around))
-    plan = planner.plan(Query(group, begin, target, seed, world=around))
-    yield from _told(plan)
-    _draw(robot, around, plan, output)
-    yield str(output)
-
-
-def _start(robot: Robot, given: Sequence[str]) -> tuple[float, ...]:
-    values = _values(given)
-    names = [joint.name for joint in robot.actuated]
-    _check_names(values, names)
-    return tuple(values.get(joint.name, joint.boot) for joint in robot.actuated)
+    robot, around = goal.robot, _world(world)
+    planner = Planner(robot)
+    queries = goal.queries(planner, start, around)
+    for number, query in enumerate(queries, 1):
+        loading = sum(planner.plan(query).milliseconds.values())
+        plan = planner.plan(query)
+        if len(queries) > 1:
+            yield f"Motion {number} of {len(queries)}"
+        yield from _told(plan, loading)
+        picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
+        _draw(robot, around, plan, picture)
+        yield str(picture)
 
 
 def _world(file: Path | None) -> World:
@@ -70,45 +56,8 @@ def _world(file: Path | None) -> World:
     return World.parse(bodies)
 
 
-def _goal(
-    robot: Robot, planner: Planner, given: Sequence[str], tool: ToolQuery
-) -> tuple[float, ...]:
-    group = tool.group
-    if group not in robot.groups:
-        raise BadTarget(f"the robot has no group {group}; it has {', '.join(robot.groups)}")
-    if not any("=" in each for each in given):
-        point = three("point", [_number(each) for each in given])
-        return planner.reach(dataclasses.replace(tool, point=point)).positions
-    values, joints = _values(given), robot.leaders(group)
-    _check_names(values, [joint.name for joint in joints])
-    now = dict(zip([joint.name for joint in robot.actuated], tool.start, strict=True))
-    target = Positions((joint.name, values.get(joint.name, now[joint.name])) for joint in joints)
-    check_targets(robot, {group: target})
-    return tuple(target.values())
-
-
-def _values(given: Sequence[str]) -> dict[str, float]:
-    values = {}
-    for each in given:
-        name, _, number = each.partition("=")
-        values[name.strip()] = _number(number)
-    return values
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise BadTarget(f"{text!r} is no number; write JOINT=VALUE, or x y z") from error
-
-
-def _check_names(values: dict[str, float], names: Sequence[str]) -> None:
-    for name in values:
-        if name not in names:
-            raise BadTarget(f"{name} is no joint that can be set; there are {', '.join(names)}")
-
-
-def _told(plan: Plan) -> Iterator[str]:
+def _told(plan: Plan, loading: float) -> Iterator[str]:
+    """In words; the first time it took longer, as all had to be loaded [ms]."""
     spent = sum(plan.milliseconds.values())
     rungs = ", ".join(f"{name} {ms:.2f}" for name, ms in plan.milliseconds.items())
     line = straight_duration(plan)
@@ -120,7 +69,7 @@ def _told(plan: Plan) -> Iterator[str]:
     else:
         yield "Path      straight" if plan.duration else "Path      none: it is there already"
     yield f"Duration  {plan.duration:.3f} s; a straight line would take {line:.3f} s"
-    yield f"Found in  {spent:.2f} ms ({rungs})"
+    yield f"Found in  {spent:.2f} ms ({rungs}); with all to be loaded, {loading:.0f} ms"
     for limit in limits_met(plan):
         unit = "rad/s" if limit.kind == "speed" else "rad/s²"
         share = 100.0 * limit.seconds / plan.duration

@@ -12,6 +12,7 @@ from hardware import CollisionRules, Robot
 
 from .bodies import objects
 from .errors import BadWorld, ModelUnusable
+from .reach import levers
 from .shapes import hull, packages
 from .world import EMPTY, World
 
@@ -36,6 +37,8 @@ class Model:
         kinematics: pinocchio's model; followers share the coordinate of the joint they follow.
         exact: Geometry of the primitives.
         outer: Geometry of the hulls.
+        levers: How far the two of each pair of `outer` can move against each other (P, A) [m/rad];
+            see `reach`.
 
     Raises:
         ModelUnusable: pinocchio cannot read the URDF.
@@ -66,6 +69,7 @@ class Model:
             self._add_pairs(geometry, robot.collision)
             for shape in geometry.geometryObjects:
                 shape.geometry.computeLocalAABB()  # coal guesses from it where two shapes face
+        self.levers = levers(robot, self.kinematics, self.outer)
         self._places = [self._place(name) for name in self.joints]
         # Whether pinocchio's coordinates are the configuration itself.
         self._plain = self._places == [(i, False) for i in range(self.kinematics.nq)]
@@ -89,6 +93,20 @@ class Model:
         if shape.name == FLOOR or shape.name in self._bodies:
             return str(shape.name)
         return str(self.kinematics.frames[shape.parentFrame].name)
+
+    def between(self, pair: pin.CollisionPair) -> pin.GeometryModel:
+        """The primitives of the two links of a pair of `outer`, and their pairs."""
+        links = {self.link(self.outer, index) for index in (pair.first, pair.second)}
+        shapes = range(len(self.exact.geometryObjects))
+        chosen = [index for index in shapes if self.link(self.exact, index) in links]
+        geometry = pin.GeometryModel()
+        for index in chosen:
+            geometry.addGeometryObject(self.exact.geometryObjects[index])
+        for each in self.exact.collisionPairs:
+            if each.first in chosen and each.second in chosen:
+                ends = chosen.index(each.first), chosen.index(each.second)
+                geometry.addCollisionPair(pin.CollisionPair(*ends))
+        return geometry
 
     def _check_names(self) -> None:
         links = {frame.name for frame in self.kinematics.frames} | {FLOOR}

@@ -1,5 +1,7 @@
 """Start and goal in, a checked and timed Plan out: every rung in its place."""
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,9 +19,8 @@ from .plan import Plan
 from .process import Answer, Request
 from .profile import Profile
 from .query import Carry, Query, Reached, ToolQuery, Verify
-from .reach import levers
 from .search import Search
-from .space import LEAST_STEP, Space
+from .space import Space, evenly
 from .timing import load, timed
 from .tool import reached
 from .verify import check_motion
@@ -39,7 +40,6 @@ class Planner:
         clock: For deadlines and the milliseconds of each rung.
 
     Attributes:
-        levers: Travel of any point per unit of each actuated joint (A,) [m/rad]; see `reach`.
         contacts: Checks configurations where nothing stands around the arm.
 
     Raises:
@@ -51,8 +51,7 @@ class Planner:
         _check_limits(robot)
         self._scenes: dict[World, _Scene] = {}
         self._groups: dict[str, _Group] = {}
-        empty = self._scene(EMPTY)
-        self.contacts, self.levers = empty.contacts, empty.levers
+        self.contacts = self._scene(EMPTY).contacts
 
     def answer(self, request: Request) -> Answer:
         """A Plan for a Query, Reached for a ToolQuery, a Body for a Carry, None for a Verify.
@@ -88,6 +87,9 @@ class Planner:
 
     def _climb(self, query: Query, watch: Stopwatch) -> Plan:
         deadline = Deadline(self._clock, query.timeout)
+        if query.world not in self._scenes:
+            with watch.rung("world"):
+                self._scene(query.world)
         with watch.rung("ends"):
             scene = self._scene(query.world)
             start, stations = check_ends(self._robot, scene.contacts, query)
@@ -96,8 +98,9 @@ class Planner:
             contacts=scene.contacts,
             start=start,
             columns=group.columns,
-            levers=scene.levers[group.columns],
+            levers=scene.model.levers[:, group.columns],
             margin=self._robot.collision.margin,
+            proved=0.5 * self._robot.collision.margin,
             deadline=deadline,
         )
         waypoints, curve = find(space, group.search, stations, query.seed, watch)
@@ -137,7 +140,7 @@ class Planner:
         deadline = Deadline(self._clock, request.timeout)
         joints = [joint.name for joint in self._robot.actuated]
         scene = self._scene(request.world)
-        check_motion(scene.contacts, scene.levers, joints, request, deadline)
+        check_motion(scene.contacts, scene.model.levers, joints, request, deadline)
 
     def reach(self, query: ToolQuery) -> Reached:
         """Joint positions that bring the tool where a query asks for.
@@ -180,30 +183,28 @@ class _Scene:
     def __init__(self, robot: Robot, world: World) -> None:
         self.model = Model(robot, world)
         self.contacts = Contacts(self.model)
-        self.levers = levers(robot, world)
 
 
 def _check(space: Space, plan: Plan) -> None:
-    """Look at a bent motion once more, as it is timed: at samples a margin of travel apart.
+    """Look at a bent motion once more, as it is timed.
 
     A line was looked at whole. What was found free has half the margin proved all along, so that
-    is what it is held to at these other places; see `reach`.
+    is what it is held to here; see `reach`.
 
     Raises:
         MotionCollides: It is not free, by a fault of ours.
     """
+    space = dataclasses.replace(space, margin=space.proved, proved=0.0)
     times = np.linspace(0.0, plan.duration, _SAMPLES)
-    travel = np.cumsum(abs(np.diff(plan.sample(times), axis=0, prepend=plan.origin[None])), axis=0)
-    travel = travel @ space.levers
-    places = np.linspace(0.0, travel[-1], int(travel[-1] / max(space.margin, LEAST_STEP)) + 2)
-    times = np.interp(places, travel, times)
-    rows, proved = space.whole(plan.sample(times)), 0.5 * space.margin
-    space.deadline.check()
-    hit = space.contacts.first_hit(rows, proved)
-    if hit is not None:
-        nearest = space.contacts.nearest(rows[hit])
+    travels = abs(np.diff(plan.sample(times), axis=0)) @ space.levers.T
+    places, travels = evenly(times, travels)
+    share = space.hit(lambda shares: plan.sample(places(shares)), travels)
+    if share is not None:
+        time = float(places(np.array([share]))[0])
+        row = space.whole(plan.sample((time,)))[0]
+        nearest = space.contacts.nearest(row)
         assert nearest
-        raise MotionCollides(hit, float(times[hit]), *nearest, proved)
+        raise MotionCollides(0, time, *nearest, space.margin)
 
 
 class _Group:

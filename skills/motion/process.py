@@ -1,8 +1,10 @@
 """One worker process, as the parent holds it."""
 
 import contextlib
+import math
 import os
 import pickle
+import select
 import signal
 import socket
 import subprocess
@@ -14,7 +16,7 @@ from typing import Any
 
 from hardware import Robot
 
-from .errors import MotionError, PlanTimeout, WorkerDied
+from .errors import BadQuery, MotionError, PlanTimeout, WorkerDied
 from .plan import Plan
 from .query import Carry, Query, Reached, ToolQuery, Verify
 from .world import Body
@@ -62,7 +64,9 @@ class WorkerProcess:
                 env=_environment(),
                 start_new_session=True,
             )
-        self._connection = Connection(ours.detach())
+        self._socket, self._connection = ours, Connection(os.dup(ours.fileno()))
+        self._readable = select.poll()  # kept, as `Connection.poll` makes one every time
+        self._readable.register(self._connection, select.POLLIN)
         self._ready = self._loaded = self._killed = False
         self._hello(robot)
 
@@ -81,10 +85,12 @@ class WorkerProcess:
 
         A worker that died, hung or answered nonsense is no longer alive after it.
         """
+        if not math.isfinite(request.timeout):
+            return BadQuery(f"The time-out is {request.timeout} s; give a finite number")
         try:
             if not self._ready and (broken := self._start()):
                 return broken
-            self._connection.send(request)
+            send(self._connection, request)
             answer = self._answer_within(request.timeout + _GRACE)
         except (EOFError, OSError):
             return self._died()
@@ -101,17 +107,20 @@ class WorkerProcess:
         """End it now. May be called from any thread, and again."""
         self._killed = True
         self._process.kill()
+        with contextlib.suppress(OSError):  # who waits for it need not wait until all is cleared up
+            self._socket.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
         """End it and leave nothing behind."""
         self.kill()
         self._process.wait()
         self._connection.close()
+        self._socket.close()
         self._notes.close()
 
     def _hello(self, robot: Robot) -> None:
         try:
-            self._connection.send(robot)
+            send(self._connection, robot)
         except OSError:
             self.kill()  # told by the first `ask`
 
@@ -133,13 +142,15 @@ class WorkerProcess:
         return self._answer(timeout)
 
     def _answer(self, timeout: float) -> Any:
-        return self._connection.recv() if self._connection.poll(timeout) else _LATE
+        return receive(self._connection) if self._readable.poll(1e3 * timeout) else _LATE
 
     def _nonsense(self, what: str) -> WorkerDied:
         self.kill()
         return WorkerDied(f"it answered {what}")
 
     def _died(self) -> WorkerDied:
+        if self._killed:
+            return WorkerDied("it was ended")
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(_DYING)
         self.kill()
@@ -152,6 +163,16 @@ class WorkerProcess:
         self._notes.seek(0)
         lines = self._notes.read().decode(errors="replace").strip().splitlines()
         return f" ({lines[-1].strip()})" if lines else ""
+
+
+def send(connection: Connection, message: object) -> None:
+    """As `Connection.send`, without its search for a pickler."""
+    connection.send_bytes(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
+
+
+def receive(connection: Connection) -> Any:
+    """What `send` sent."""
+    return pickle.loads(connection.recv_bytes())
 
 
 class _Late:

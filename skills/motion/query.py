@@ -69,9 +69,10 @@ class ToolQuery:
             one soonest reached from there is given.
         point: Where the tool shall be, in the URDF's root frame [m].
         direction: Where the tool's axis shall point, in that frame; None for anywhere.
-        link: The link that carries the tool; empty for the last that the group moves.
-        offset: The tool's place in the frame of that link [m].
-        axis: The tool's axis in that frame.
+        link: The link that carries the tool; empty for the robot's own tool where it has one that
+            the group moves, else for the last link that the group moves.
+        offset: The tool's place in the frame of that link, or how far beyond the robot's own [m].
+        axis: The tool's axis in that frame; None for that of the robot's own, or z.
         relative: Whether `point` counts from where the tool is at the start.
         seed: Of everything random.
         timeout: Time there is [s].
@@ -84,7 +85,7 @@ class ToolQuery:
     direction: Vector | None = None
     link: str = ""
     offset: Vector = (0.0, 0.0, 0.0)
-    axis: Vector = (0.0, 0.0, 1.0)
+    axis: Vector | None = None
     relative: bool = False
     seed: int = 1
     timeout: float = 5.0

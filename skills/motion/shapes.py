@@ -25,6 +25,8 @@ def corners(shape: pin.GeometryObject) -> Array:
         points = _prism(geometry)
     elif isinstance(geometry, coal.BVHModelBase):
         points = np.asarray(geometry.vertices())
+    elif isinstance(geometry, coal.ConvexBase):
+        points = np.asarray(geometry.points())
     else:
         points = _box(geometry)
     placed: Array = points @ shape.placement.rotation.T + shape.placement.translation

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .contacts import Contacts
+from .contacts import BATCH, Contacts, Look
 from .curve import Curve
 from .deadline import Deadline
 
@@ -22,6 +22,8 @@ _LEVELS = 3
 _FINER = 4
 _CUTS = np.arange(1.0 - _FINER, _FINER, 2.0)
 
+Way = Callable[[Array], Array]
+
 
 @dataclass(frozen=True, eq=False)
 class Space:
@@ -31,8 +33,9 @@ class Space:
         contacts: Checks configurations.
         start: All actuated joints; those outside the group stay there (A,) [rad].
         columns: Which of them are the group's (J,).
-        levers: Of the group's joints (J,) [m/rad]; see `reach`.
-        margin: Distance to be kept [m].
+        levers: Of the group's joints, for each pair of links (P, J) [m/rad]; see `reach`.
+        margin: Distance to be kept wherever a way is looked at [m].
+        proved: Distance to be proved all along it, between the looks too [m].
         deadline: When the time is up.
     """
 
@@ -41,12 +44,13 @@ class Space:
     columns: NDArray[np.intp]
     levers: Array
     margin: float
+    proved: float
     deadline: Deadline
 
-    def free(self, points: Array) -> bool:
-        """Whether all points keep the margin (N, J), in one batch."""
-        self.deadline.check()
-        return self.contacts.first_hit(self.whole(points), self.margin) is None
+    @property
+    def step(self) -> float:
+        """Longest stretch for which the margin in its middle proves enough [m]."""
+        return max(2.0 * (self.margin - self.proved), LEAST_STEP)
 
     def whole(self, points: Array) -> Array:
         """All actuated joints where the group's are at points (N, J) -> (N, A) [rad]."""
@@ -57,47 +61,76 @@ class Space:
 
     def edge(self, a: Array, b: Array) -> bool:
         """Whether the line from a free point to another is free."""
-        travel = float(abs(b - a) @ self.levers)
-        if not travel:
-            return True
-        return self._clear(lambda places: a + (places / travel)[:, None] * (b - a), travel)
+        travels = self.levers @ abs(b - a)
+        return self.hit(lambda shares: a + shares[:, None] * (b - a), travels) is None
 
     def curve(self, curve: Curve) -> bool:
         """Whether a curve between free points is free."""
         lengths = np.diff(curve.breaks)
         before, after = abs(curve.slope), abs(curve.slope + 2.0 * lengths[:, None] * curve.bend)
-        travels = (lengths[:, None] * np.maximum(before, after)) @ self.levers
-        reach = np.concatenate(([0.0], np.cumsum(travels)))
-        return self._clear(
-            lambda places: curve.positions(np.interp(places, reach, curve.breaks)), float(reach[-1])
-        )
+        travels = (lengths[:, None] * np.maximum(before, after)) @ self.levers.T
+        places, travels = evenly(curve.breaks, travels)
+        return self.hit(lambda shares: curve.positions(places(shares)), travels) is None
 
-    def _clear(self, at: Callable[[Array], Array], travel: float) -> bool:
-        """Whether a way is free, given its points at places in [0, travel] [m] on it.
+    def hit(self, at: Way, travels: Array) -> float | None:
+        """Where on a way two links are nearer than the margin, as a share of it; None if nowhere.
 
-        It is cut into stretches, each looked at in its middle. Where the middle keeps half the
-        margin and the travel to the ends of the stretch, half the margin is proved for all of it;
-        where it may not, the stretch is cut finer, down to steps of the margin. See `reach`.
+        It is cut into stretches, each looked at in its middle. Where the middle keeps the distance
+        to be proved and the travel to the ends of the stretch, it is proved for all of it; where it
+        does not, the stretch is cut finer, until the margin is enough to prove it. See `reach`.
+
+        Args:
+            at: Its points at shares in [0, 1] (N,) -> (N, J) [rad].
+            travels: For each pair of links, along all of it and no faster anywhere (P,) [m].
         """
-        step = max(self.margin, LEAST_STEP)
+        travel, step = float(travels.max(initial=0.0)), self.step
+        if not travel:
+            return None
         level = next((k for k in range(_LEVELS) if step * _FINER**k >= travel), _LEVELS - 1)
         count = int(travel / (step * _FINER**level)) + 1
-        half = 0.5 * travel / count
+        half, pairs = 0.5 / count, self.contacts.pairs
         middles = half * (2.0 * _coarse_to_fine(count) + 1.0)
-        while True:
-            self.deadline.check()
-            points = self.whole(at(middles))
-            if not level:
-                return self.contacts.first_hit(points, self.margin) is None
-            radius = 0.5 * step * _FINER**level
-            near = self.contacts.near(points, 0.5 * self.margin + radius)
-            middles = middles[near]
-            if not middles.size:
-                return True
-            if self.contacts.first_hit(points[near], self.margin) is not None:
-                return False
-            half, level = half / _FINER, level - 1
-            middles = (middles[:, None] + half * _CUTS).ravel()
+        while middles.size:
+            near, close = list[Array](), set[int]()
+            for begin in range(0, len(middles), BATCH):
+                part = middles[begin : begin + BATCH]
+                look = self._look(at(part), half * travels, pairs, level)
+                if look.hit is not None:
+                    return float(part[look.hit])
+                near.append(part[look.near])
+                close |= look.pairs
+            half, pairs, level = half / _FINER, frozenset(close), level - 1
+            middles = (np.concatenate(near)[:, None] + half * _CUTS).ravel()
+        return None
+
+    def _look(self, points: Array, around: Array, pairs: frozenset[int], level: int) -> Look:
+        """Which points prove too little for some pair that far around (P,) [m]."""
+        self.deadline.check()
+        rows = self.whole(points)
+        if not level:
+            hit = self.contacts.first_hit(rows, self.margin, pairs)
+            return Look(hit, np.zeros(len(rows), bool), frozenset())
+        margins = np.maximum(self.proved + around, self.margin)
+        # Of the longest stretches primitives hardly ever know better than hulls.
+        closely = level < _LEVELS - 1
+        return self.contacts.look(rows, margins, self.margin, pairs, closely)
+
+
+def evenly(breaks: Array, travels: Array) -> tuple[Way, Array]:
+    """How to run along pieces so that no pair of links ever moves faster than on average.
+
+    Args:
+        breaks: Where the pieces begin, and the end of the last (M + 1,).
+        travels: For each pair of links on each piece, at a steady rate or less (M, P) [m].
+
+    Returns:
+        Places at shares of the way, and the travels to be reckoned with along all of it (P,) [m].
+    """
+    tops = travels.max(axis=1, initial=0.0)
+    ends = np.concatenate(([0.0], np.cumsum(tops)))
+    moving = tops > 0.0
+    rates = (travels[moving] / tops[moving, None]).max(axis=0, initial=0.0)
+    return lambda shares: np.interp(ends[-1] * shares, ends, breaks), ends[-1] * rates
 
 
 @lru_cache(maxsize=1024)

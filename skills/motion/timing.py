@@ -27,12 +27,12 @@ def timed(curve: Curve, velocity: Array, acceleration: Array) -> Profile | None:
     Returns:
         The time law; None where the solver fails on a bend, as it never does on lines.
     """
-    whole = Profile.still()
+    whole = None
     for begin, end in pairwise([0.0, *curve.stops, curve.length]):
         part = _section(curve, begin, end, velocity, acceleration)
         if part is None:
             return None
-        whole = whole.then(part)
+        whole = whole.then(part) if whole else part
     return whole
 
 
@@ -45,8 +45,8 @@ def _section(
         from .toppra_timing import fastest  # see `load`
 
         return fastest(curve, np.array([begin, *inside, end]), velocity, limits)
-    slope = abs(curve.slopes(np.array([0.5 * (begin + end)]))[0])
-    return trapezoid(begin, end, *_along(slope, velocity, limits))
+    piece = np.searchsorted(curve.breaks, begin, side="right") - 1
+    return trapezoid(begin, end, *_along(abs(curve.slope[piece]), velocity, limits))
 
 
 def _along(slope: Array, velocity: Array, acceleration: Array) -> tuple[float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hardware import Robot
+from hardware import Robot, Tool
 
 from .bodies import frame_of
 from .contacts import Contact, Contacts
@@ -86,21 +86,28 @@ class _Arm:
         self._velocity = np.array([joint.velocity for joint in joints])
         indices = [model.kinematics.getJointId(joint.name) for joint in joints]
         self._speeds = np.array([model.kinematics.joints[i].idx_v for i in indices])
-        self._frame = self._tool(query, indices)
-        self._offset, self._axis = np.array(query.offset), _unit(query.axis)
+        tool = self._tool(robot, query, indices)
+        self._frame = frame_of(model.kinematics, tool.link)
+        self._offset, self._axis = np.array(tool.offset), _unit(tool.axis)
         self._wanted = None if query.direction is None else _unit(query.direction)
 
-    def _tool(self, query: ToolQuery, joints: list[int]) -> int:
-        """Frame of the link that carries the tool."""
-        if query.link:
-            return frame_of(self._model.kinematics, query.link)
-        frames = self._model.kinematics.frames
+    def _tool(self, robot: Robot, query: ToolQuery, joints: list[int]) -> Tool:
+        """What is to be brought there."""
+        kinematics, own = self._model.kinematics, robot.tool
+        if not query.link and own and self._moves(own.link, joints):
+            x, y, z = (a + b for a, b in zip(own.offset, query.offset, strict=True))
+            return Tool(own.link, (x, y, z), query.axis or own.axis)
         last = [
-            index
-            for index, frame in enumerate(frames)
+            frame.name
+            for frame in kinematics.frames
             if frame.type == pin.FrameType.BODY and frame.parentJoint == joints[-1]
         ]
-        return last[-1]
+        return Tool(query.link or last[-1], query.offset, query.axis or (0.0, 0.0, 1.0))
+
+    def _moves(self, link: str, joints: list[int]) -> bool:
+        kinematics = self._model.kinematics
+        joint = kinematics.frames[frame_of(kinematics, link)].parentJoint
+        return bool(set(kinematics.supports[joint]) & set(joints))
 
     def draw(self, random: np.random.Generator, start: Array) -> Array:
         """A place within the limits; where they are infinite, within half a turn of the start."""

@@ -12,17 +12,19 @@ rounds; what is left of that is taken out by slowing the whole motion.
 """
 
 import numpy as np
-import toppra
 from numpy.typing import NDArray
 from toppra.constraint import LinearConstraint
+from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 from .curve import Curve
 from .profile import Profile
 
 Array = NDArray[np.float64]
 
-_POINTS = 60  # grid intervals in a section, about
+_POINTS = 40  # grid intervals in a section, about
 _LEAST = 6  # in any piece of it
+_SLIGHT = 1e-9  # preference of u where x is the same
+_ROUNDING = 1e-8  # kept off what the solver calls reachable, or it may not be in the next step
 _FASTEST = 1e3  # the solver wants a finite bound on ds/dt [1/s]
 
 
@@ -37,15 +39,36 @@ def fastest(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -
     """
     grid = _grid(curve, breaks, velocity, acceleration)
     limits = _Limits(curve, velocity, acceleration)
-    solver = toppra.algorithm.TOPPRA(
-        [limits], _Path(curve, grid), gridpoints=grid, solver_wrapper="seidel"
-    )
-    _, speeds, _ = solver.compute_parameterization(0.0, 0.0)
-    if speeds is None or not np.all(speeds[1:] + speeds[:-1] > 0.0):
+    solver = seidelWrapper([limits], _Path(curve, grid), grid, solve_lp1d=True)
+    speeds = _speeds(solver, np.diff(grid).tolist())
+    if not np.all(speeds[1:] + speeds[:-1] > 0.0):  # nor if it is not a number
         return None
     profile = _profile(grid, speeds)
     fast, hard = _speed(curve, profile, velocity), _push(curve, profile, acceleration)
     return profile.stretched(max(1.0, fast, float(np.sqrt(hard))))
+
+
+def _speeds(solver: seidelWrapper, steps: list[float]) -> Array:
+    """ds/dt at the grid points, from rest to rest (K + 1,); not a number where the solver fails.
+
+    The two passes of TOPP-RA: backward, the largest x from which a stop at the end can still be
+    reached; forward, the largest x that can be reached below these. The least such x is 0 always,
+    as who stands keeps every limit, so it need not be solved for.
+    """
+    highest, fastest = [0.0] * (len(steps) + 1), np.array([_SLIGHT, -1.0])
+    solver.setup_solver()
+    for i in reversed(range(len(steps))):
+        _, highest[i] = solver.solve_stagewise_optim(
+            i, None, fastest, np.nan, np.nan, 0.0, highest[i + 1]
+        )
+    x = [0.0] * len(highest)
+    for i, step in enumerate(steps):
+        hardest = np.array([-2.0 * step, -1.0])
+        u, _ = solver.solve_stagewise_optim(i, None, hardest, x[i], x[i], 0.0, highest[i + 1])
+        reached = x[i] + 2.0 * step * u
+        x[i + 1] = min(max(reached - _ROUNDING, 0.9999 * reached, 0.0), highest[i + 1])
+    solver.close_solver()
+    return np.sqrt(x)
 
 
 def _grid(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -> Array:

@@ -45,7 +45,8 @@ def check_motion(
 
 def _places(rows: Array, levers: Array, step: float) -> Array:
     """Where to look, in rows and fractions of rows: 0 ... N - 1 (P,)."""
-    counts = (abs(np.diff(rows, axis=0)) @ levers / step).astype(int) + 1
+    travels = (abs(np.diff(rows, axis=0)) @ levers.T).max(axis=1, initial=0.0)
+    counts = (travels / step).astype(int) + 1
     parts = [i + np.arange(count) / count for i, count in enumerate(counts)]
     return np.concatenate((*parts, [len(rows) - 1.0]))
 

@@ -18,7 +18,7 @@ from hardware import RealClock
 
 from .errors import MotionError
 from .planner import Planner
-from .process import LOADED
+from .process import LOADED, receive, send
 from .timing import load
 
 _MEMORY = 4 * 2**30  # of address space; a worker needs a tenth of it [bytes]
@@ -36,25 +36,25 @@ def main(descriptor: int) -> None:
 
 
 def _serve(connection: Connection) -> None:
-    robot = connection.recv()
+    robot = receive(connection)
     try:
         planner = Planner(robot, RealClock())
     except MotionError as error:
-        connection.send(error)
+        send(connection, error)
         return
-    connection.send(None)
+    send(connection, None)
     lock = Lock()
     Thread(target=_load, args=(connection, lock), daemon=True).start()
     while True:
-        answer = _answer(planner, connection.recv())
+        answer = _answer(planner, receive(connection))
         with lock:
-            connection.send(answer)
+            send(connection, answer)
 
 
 def _load(connection: Connection, lock: Lock) -> None:
     load()
     with lock, contextlib.suppress(OSError):  # who would be told is gone
-        connection.send(LOADED)
+        send(connection, LOADED)
 
 
 def _answer(planner: Planner, request: Any) -> Any:

@@ -1,199 +1,173 @@
-"""How soon a plan is found, how long it takes, and whether it keeps what it promises.
+"""How soon a plan is found, how long it takes, whether it keeps what it promises, and beside peers.
 
-300 random pairs on the bare arm and 300 round a post, drawn with a fixed seed; every plan is judged
-anew each millisecond, on primitives, by pinocchio alone. The seven-axis arm, that of
-`tests/data`, stands between two posts. Peers are not in this table yet.
+Ours and every peer that installs, each in an environment of its own, are asked the same in the
+same run: two straight moves and one round a block, on three simple axes; random pairs on the
+shipped arm, bare and beside a post; random pairs among posts on six and seven axes. All keep the
+same margin, and all are judged anew each millisecond by one judge. Then: how our cost grows, what a
+worker costs, how soon it can be stopped, and whether it leaks. `--quick` asks less of everything.
 """
 
-import dataclasses
-import statistics
+import os
 import sys
-import threading
-import time
-from collections.abc import Sequence
-from contextlib import closing
-from itertools import combinations
+import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 # This file's folder comes first where it is run by itself, and holds files named like rooms.
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
-from hardware import RealClock, Robot, load_robot
-from skills.motion import (
-    EMPTY,
-    Body,
-    Box,
-    MotionError,
-    Plan,
-    Pool,
-    Query,
-    Request,
-    Result,
-    World,
-)
-from skills.motion.bodies import objects
-from skills.motion.contacts import Contacts
-from skills.motion.explain import straight_duration
-from skills.motion.model import Model
-from skills.motion.planner import Planner
-from tests.arms import foreign, free_poses
+from hardware import load_robot
+from tests.bench.planners.growth import Growth, growths
+from tests.bench.planners.pools import deadlines, growth_mb, overheads, poison
+from tests.bench.planners.problems import Problem, fixed, random
+from tests.bench.planners.stacks import PEERS, Score, installed, ours, peer
 from tests.bench.table import Row, arguments, show
 
-Array = NDArray[np.float64]
-
-POST = World((Body("post", Box((0.03, 0.03, 0.3)), (0.115, 0.115, 0.15)),))
-POSTS = World(
-    (
-        Body("left", Box((0.1, 0.1, 1.2)), (0.4, 0.3, 0.4)),
-        Body("right", Box((0.1, 0.1, 1.2)), (0.4, -0.3, 0.4)),
-    )
+_LINE = "{:<9} {:<18} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n"
+_HEAD = (
+    "problem",
+    "stack",
+    "solved",
+    "p50 ms",
+    "p95 ms",
+    "detours",
+    "ratio",
+    "colliding",
+    "excess",
 )
-PAIRS = 300
 
 
-def queries(robot: Robot, world: World, count: int) -> list[Query]:
-    """Random free pairs for the arm; the other joints stay at the start."""
-    own = [i for i, joint in enumerate(robot.actuated) if joint in robot.leaders("arm")]
-    contacts = Contacts(Model(robot, world))
-    found: list[Query] = []
-    seed = 0
-    while len(found) < count:
-        seed += 1
-        start, end = free_poses(robot, 2, seed, contacts)
-        goal = start.copy()
-        goal[own] = end[own]
-        if contacts.first_hit(goal[None, :], robot.collision.margin) is None:
-            found.append(Query("arm", tuple(start), tuple(end[own]), 1, 1.0, world=world))
-    return found
+def table(problems: Sequence[Problem], peers: dict[str, Path]) -> Iterator[Score]:
+    """Every planner on every problem, printed as it comes."""
+    sys.stdout.write(_LINE.format(*_HEAD))
+    with tempfile.TemporaryDirectory() as folder:
+        for problem in problems:
+            yield _told(ours(problem))
+            for name, venv in peers.items():
+                try:
+                    yield _told(peer(name, venv, problem, Path(folder)))
+                except RuntimeError as error:
+                    sys.stdout.write(f"{problem.name:<9} {name}: FAILED: {error}\n")
 
 
-def timed(planner: Planner, asked: Sequence[Query]) -> tuple[list[Plan], list[float]]:
-    """The plans found, and how long each took [ms]."""
-    plans, spent = [], []
-    for query in asked:
-        begun = time.perf_counter()
-        try:
-            plans.append(planner.plan(query))
-        except MotionError as error:
-            sys.stderr.write(f"{error}\n")
-        else:
-            spent.append(1e3 * (time.perf_counter() - begun))
-    return plans, spent
+def _told(score: Score) -> Score:
+    figures = (f"{x:.3f}" for x in (score.p(50), score.p(95)))
+    solved = f"{len(score.spent)}/{score.asked}"
+    rest = (len(score.detours), f"{score.ratio():.4f}", score.colliding, f"{score.worst():.4f}")
+    sys.stdout.write(_LINE.format(score.problem, score.stack, solved, *figures, *rest))
+    sys.stdout.flush()
+    return score
 
 
-def percentile(samples: Sequence[float], share: float) -> float:
-    return float(np.percentile(samples, share))
+def grown(count: int) -> Iterator[Growth]:
+    """How our cost grows, printed as it comes."""
+    for growth in growths(count):
+        for n, ms, solved in zip(growth.counts, growth.spent, growth.solved, strict=True):
+            times = ms / growth.spent[0]
+            sys.stdout.write(
+                f"{n:>3} {growth.what:<6} {ms:9.3f} ms, {times:6.2f} times, {solved} of {count}\n"
+            )
+        yield growth
 
 
-class Judge:
-    """Looks for contacts of primitives, with nothing of the planner's but the world's shapes."""
-
-    def __init__(self, robot: Robot, world: World) -> None:
-        self._robot = robot
-        self._model = pin.buildModelFromUrdf(str(robot.urdf), True)
-        geometry = pin.buildGeomFromUrdf(
-            self._model, str(robot.urdf), pin.GeometryType.COLLISION, None, []
-        )
-        links = [self._model.frames[s.parentFrame].name for s in geometry.geometryObjects]
-        for body, shape, _ in objects(self._model, world):
-            geometry.addGeometryObject(shape)
-            links.append(body.name)
-        for i, j in combinations(range(len(links)), 2):
-            one, other = geometry.geometryObjects[i], geometry.geometryObjects[j]
-            pair = frozenset((links[i], links[j]))
-            if one.parentJoint != other.parentJoint and pair not in robot.collision.allowed:
-                geometry.addCollisionPair(pin.CollisionPair(i, j))
-        self._pool = pin.GeometryPool(self._model, geometry, 1)
-
-    def collides(self, plan: Plan) -> bool:
-        """Whether the motion touches anything, each millisecond."""
-        names = [joint.name for joint in self._robot.actuated]
-        times = np.append(np.arange(0.0, plan.duration, 0.001), plan.duration)
-        rows = np.tile(plan.start, (len(times), 1))
-        rows[:, [names.index(name) for name in plan.joints]] = plan.sample(times)
-        q = np.asfortranarray(rows.T)
-        return bool(np.any(pin.computeCollisionsInParallel(1, self._pool, q, True, True)))
-
-
-def excess(plan: Plan) -> float:
-    """Largest speed or acceleration over its limit each millisecond, less 1."""
-    times = np.arange(0.0, plan.duration, 0.001)
-    if not times.size:
-        return 0.0
-    speed = np.max(abs(plan.velocities(times)) / plan.velocity)
-    return float(max(speed, np.max(abs(plan.accelerations(times)) / plan.acceleration))) - 1.0
+def rows(runs: Sequence[dict[str, Score]], quick: bool) -> Iterator[Row]:
+    """The figures that the project holds itself to."""
+    last, robot = runs[-1], load_robot()
+    own = list(last.values())
+    for name, problem, share in (
+        ("straight_p50_ms", "bare", 50),
+        ("straight_p95_ms", "bare", 95),
+    ):
+        yield Row(name, "ms", [run[problem].p(share) for run in runs])
+    for name, problem, share in (
+        ("detour_p50_ms", "hard", 50),
+        ("detour_p95_ms", "hard", 95),
+        ("post_detour_p50_ms", "post", 50),
+        ("post_detour_p95_ms", "post", 95),
+    ):
+        yield Row(name, "ms", [run[problem].detour(share) for run in runs])
+    yield Row("obstacle_duration_ratio", "1", [last["post"].ratio()])
+    yield Row("solved", "1", [sum(len(s.spent) for s in own) / sum(s.asked for s in own)])
+    yield Row("colliding", "", [sum(score.colliding for score in own)])
+    yield Row("limit_excess", "1", [max(score.worst() for score in own)])
+    yield Row("seven_axis_success", "1", [len(last["seven"].spent) / last["seven"].asked])
+    yield Row("worker_overhead_ms", "ms", overheads(robot, 100 if quick else 500))
+    late, canceled, again = deadlines(robot, 10 if quick else 50)
+    yield Row("past_deadline_ms", "ms", late)
+    yield Row("cancel_ms", "ms", canceled)
+    yield Row("next_after_kill_ms", "ms", again)
+    yield Row("poison_ms", "ms", list(poison(robot)))
+    yield Row("growth_10k_plans_mb", "MB", [growth_mb(robot, 1_000 if quick else 10_000)])
 
 
-def overheads(robot: Robot, count: int) -> list[float]:
-    """A straight plan as the caller of a worker sees it, less the solve itself [ms]."""
-    query, spent = Query("arm", (0.0,) * 4, (-1.4, -0.6, -0.07)), list[float]()
-    with closing(Pool(robot, 1, RealClock())) as pool:
-        pool.start()
-        ask(pool, query)
-        for _ in range(count):
-            begun = time.perf_counter()
-            plan = ask(pool, query)
-            waited = 1e3 * (time.perf_counter() - begun)
-            assert isinstance(plan, Plan)
-            spent.append(waited - sum(plan.milliseconds.values()))
-    return spent
+def draw(scores: Sequence[Score], growths: Sequence[Growth], file: Path) -> None:
+    """Cost of every planner on every problem, and growth of ours."""
+    figure = Figure(figsize=(11.0, 4.2), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    times, longer, growing = figure.subplots(1, 3)
+    names = list(dict.fromkeys(score.problem for score in scores))
+    for stack in dict.fromkeys(score.stack for score in scores):
+        mine = [score for score in scores if score.stack == stack and score.spent]
+        across = [names.index(score.problem) for score in mine]
+        label = f"{stack} (timing only)" if stack.startswith("ruckig") else stack
+        times.plot(across, [score.p(50) for score in mine], "o-", label=label, markersize=4)
+        longer.plot(across, [score.ratio() for score in mine], "o-", label=stack, markersize=4)
+        hits = [score for score in mine if score.colliding]
+        at = [names.index(score.problem) for score in hits]
+        longer.plot(at, [score.ratio() for score in hits], "rx", markersize=9)
+    for growth in growths:
+        counts = [n / growth.counts[0] for n in growth.counts]
+        label = f"{growth.what}, from {growth.counts[0]}"
+        growing.loglog(counts, [ms / growth.spent[0] for ms in growth.spent], "o-", label=label)
+    times.set_yscale("log")
+    for axes, title in (
+        (times, "time to a plan, median [ms]"),
+        (longer, "duration over the straight line's\n(red cross: some of them collide)"),
+        (growing, "armtree's cost, times that of the first"),
+    ):
+        axes.set_title(title, fontsize=9)
+        axes.tick_params(labelsize=8)
+        axes.grid(alpha=0.3)
+    for axes in (times, longer):
+        axes.set_xticks(range(len(names)), names)
+    growing.set_xlabel("times as many", fontsize=8)
+    times.legend(fontsize=7)
+    growing.legend(fontsize=7)
+    figure.savefig(file)
 
 
-def ask(pool: Pool, request: Request) -> Result:
-    there, found = threading.Event(), list[Result]()
-
-    def done(result: Result) -> None:
-        found.append(result)
-        there.set()
-
-    pool.submit(request, done)
-    there.wait()
-    return found[0]
-
-
-def main(runs: int, file: Path | None) -> None:
+def main() -> None:
     """Measure and show."""
-    robot, seven_axes = load_robot(), foreign("seven_axes")
-    planner, seven = Planner(robot), Planner(seven_axes)
-    bare, post = queries(robot, EMPTY, PAIRS), queries(robot, POST, PAIRS)
-    straights, detours, plans = list[list[float]](), list[list[float]](), list[Plan]()
-    for _ in range(runs):
-        found, spent = timed(planner, bare)
-        straights.append([t for p, t in zip(found, spent, strict=True) if len(p.waypoints) == 2])
-        around, spent = timed(planner, post)
-        detours.append([t for p, t in zip(around, spent, strict=True) if len(p.waypoints) > 2])
-        plans = found + around
-    ratios = [p.duration / line for p in around if (line := straight_duration(p))]
-    judges = {EMPTY: Judge(robot, EMPTY), POST: Judge(robot, POST)}
-    colliding = sum(judges[EMPTY].collides(p) for p in found)
-    colliding += sum(judges[POST].collides(p) for p in around)
-    poses = [dataclasses.replace(query, timeout=1.0) for query in queries(seven_axes, POSTS, PAIRS)]
-    solved, seconds = timed(seven, poses)
-    seven_hits = sum(map(Judge(seven_axes, POSTS).collides, solved))
-    rows = [
-        Row("straight_p50_ms", "ms", [percentile(each, 50) for each in straights]),
-        Row("straight_p95_ms", "ms", [percentile(each, 95) for each in straights]),
-        Row("detour_p50_ms", "ms", [percentile(each, 50) for each in detours]),
-        Row("detour_p95_ms", "ms", [percentile(each, 95) for each in detours]),
-        Row("detours", "of 300", [len(detours[0])]),
-        Row("obstacle_duration_ratio", "1", [statistics.fmean(ratios)]),
-        Row("solved", "of 600", [len(plans)]),
-        Row("colliding", "of 600", [colliding]),
-        Row("limit_excess", "1", [max(map(excess, plans + solved))]),
-        Row("seven_axis_success", "1", [len(solved) / len(poses)]),
-        Row("seven_axis_p50_ms", "ms", [percentile(seconds, 50)]),
-        Row("seven_axis_p95_ms", "ms", [percentile(seconds, 95)]),
-        Row("seven_axis_colliding", "of 300", [seven_hits]),
-        Row("worker_overhead_ms", "ms", [percentile(overheads(robot, 300), 50)]),
-    ]
-    show(rows, file)
+    parser = arguments(__doc__ or "")
+    parser.add_argument("--quick", action="store_true", help="30 pairs instead of 300, and so on")
+    parser.add_argument("--no-peers", action="store_true", help="ours alone")
+    parser.add_argument("--plot", type=Path, default=Path("planning.png"), metavar="PNG")
+    parser.add_argument(
+        "--environments",
+        type=Path,
+        default=Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "armtree-peers",
+        metavar="DIR",
+        help="where the peers are or get installed, 1.5 GB (default: %(default)s)",
+    )
+    given = parser.parse_args()
+    wanted = {} if given.no_peers else PEERS
+    found = {name: installed(name, given.environments, sys.stdout.write) for name in wanted}
+    peers = {name: venv for name, venv in found.items() if venv}
+    problems = [*fixed(12), *random(30 if given.quick else 300)]
+    scores = list(table(problems, peers))
+    growing = list(grown(10 if given.quick else 50))
+    runs = [{score.problem: score for score in scores if score.stack == "armtree"}]
+    for _ in range(given.runs - 1):
+        again = {problem.name: ours(problem) for problem in problems if problem.name != "seven"}
+        runs.append({**runs[0], **again})
+    draw(scores, growing, given.plot)
+    show(list(rows(runs, given.quick)), given.json)
+    sys.stdout.write(f"{given.plot}\n")
 
 
 if __name__ == "__main__":
-    given = arguments(__doc__ or "").parse_args()
-    main(given.runs, given.json)
+    main()

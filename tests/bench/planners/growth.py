@@ -1,0 +1,118 @@
+"""How our cost grows with axes, obstacles and the length of the path, to ten times of each."""
+
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware import Robot, load_robot
+from skills.motion import EMPTY, Body, Box, NoPath, PlanTimeout, Query, World
+from skills.motion.contacts import Contacts
+from skills.motion.model import Model
+from skills.motion.planner import Planner
+from tests.arms import robot_of
+
+Case = Callable[[int], tuple[Robot, World, int]]
+
+FACTORS = (1, 2, 5, 10)
+AXES, BOXES, LEGS = 3, 3, 1  # at factor 1
+_LENGTH = 0.6  # of the chain, whatever its axes [m]
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Median time to plan at each of `FACTORS`.
+
+    Attributes:
+        what: What grows.
+        counts: How many there are.
+        spent: Medians [ms].
+        solved: Of all, how many were found.
+    """
+
+    what: str
+    counts: Sequence[int]
+    spent: Sequence[float]
+    solved: Sequence[int]
+
+
+def growths(count: int) -> Iterator[Growth]:
+    """All three, with so many queries at each factor."""
+    yield _growth("axes", AXES, count, lambda n: (chain(n), EMPTY, 1))
+    yield _growth("boxes", BOXES, count, lambda n: (load_robot(), around(n), 1))
+    yield _growth("legs", LEGS, count, lambda n: (load_robot(), EMPTY, n))
+
+
+def _growth(what: str, base: int, count: int, case: Case) -> Growth:
+    counts = [base * factor for factor in FACTORS]
+    medians, solved = [], []
+    for n in counts:
+        spent = list(_spent(*case(n), count))
+        medians.append(statistics.median(spent))
+        solved.append(len(spent))
+    return Growth(what, counts, medians, solved)
+
+
+def _spent(robot: Robot, world: World, legs: int, count: int) -> Iterator[float]:
+    """What each query that is solved within ten seconds takes [ms]."""
+    planner, poses = Planner(robot), _free(robot, world)
+    own = [robot.actuated.index(joint) for joint in robot.leaders("arm")]
+    for seed in range(count + 1):
+        way = [next(poses) for _ in range(legs + 1)]
+        _, *via, goal = (tuple(pose[own].tolist()) for pose in way)
+        query = Query("arm", tuple(way[0].tolist()), goal, seed, 10.0, tuple(via), world)
+        begun = time.perf_counter()
+        try:
+            planner.plan(query)
+        except (NoPath, PlanTimeout):
+            continue
+        if seed:  # the first one warms up
+            yield 1e3 * (time.perf_counter() - begun)
+
+
+def _free(robot: Robot, world: World) -> Iterator[NDArray[np.float64]]:
+    """Random free configurations, all but the arm at zero (A,) [rad]."""
+    contacts, draw = Contacts(Model(robot, world)), np.random.default_rng(3)
+    moves = np.isin([j.name for j in robot.actuated], [j.name for j in robot.leaders("arm")])
+    lower, upper = np.array([(joint.lower, joint.upper) for joint in robot.actuated]).T
+    while True:
+        pose = np.where(moves, draw.uniform(lower, upper), 0.0)
+        if contacts.first_hit(pose[None, :], robot.collision.margin) is None:
+            yield pose
+
+
+def around(count: int) -> World:
+    """Small boxes at random places around the shipped arm, none next to its base."""
+    draw = np.random.default_rng(2).uniform(
+        (-0.25, -0.25, 0.02), (0.25, 0.25, 0.3), (20 * count, 3)
+    )
+    away = [place for place in draw.tolist() if np.hypot(*place[:2]) > 0.12]
+    size = Box((0.02, 0.02, 0.02))
+    return World(
+        tuple(Body(f"box_{i}", size, (x, y, z)) for i, (x, y, z) in enumerate(away[:count]))
+    )
+
+
+def chain(axes: int) -> Robot:
+    """An arm of so many hinges, always as long and as bendable in all."""
+    length, bend = _LENGTH / axes, 6.0 / axes
+    links = [
+        f'<link name="link_{i}"><collision><origin xyz="0 0 {0.5 * length}"/>'
+        f'<geometry><cylinder radius="0.02" length="{0.9 * length}"/></geometry></collision></link>'
+        for i in range(axes + 1)
+    ]
+    joints = [
+        f'<joint name="joint_{i}" type="revolute"><parent link="link_{i}"/>'
+        f'<child link="link_{i + 1}"/><origin xyz="0 0 {length}"/>'
+        f'<axis xyz="{i % 2} {(i + 1) % 2} 0"/>'
+        f'<limit lower="{-bend}" upper="{bend}" velocity="1" effort="1"/></joint>'
+        for i in range(axes)
+    ]
+    with tempfile.NamedTemporaryFile("w", suffix=".urdf", delete=False) as urdf:
+        urdf.write(f'<robot name="chain_{axes}">{"".join(links + joints)}</robot>')
+    return robot_of(Path(urdf.name))

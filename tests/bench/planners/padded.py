@@ -1,0 +1,130 @@
+"""The same arm and world for planners that know no margin: every shape grown by half of it.
+
+Two shapes that are each half a margin larger touch where ours are a margin apart (at corners a
+little further), so all planners keep the same distance. Joints outside the arm are fixed at zero,
+bodies and the floor are links, and a mesh is the box around it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+from xml.etree import ElementTree as Xml
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from hardware import Robot
+from skills.motion import Body, Box, Cylinder, Sphere, World
+from skills.motion.bodies import placed
+from skills.motion.model import FLOOR, Model
+from skills.motion.shapes import packages
+
+
+@dataclass(frozen=True)
+class Description:
+    """An arm and its world in the words that everybody understands.
+
+    Attributes:
+        urdf: All of it.
+        srdf: Which pairs of links are not checked; the group `arm`.
+        joints: Of the arm, in order.
+        checked: Pairs of links that are.
+    """
+
+    urdf: str
+    srdf: str
+    joints: tuple[str, ...]
+    checked: frozenset[frozenset[str]]
+
+
+def padded(robot: Robot, world: World, padding: float | None = None) -> Description:
+    """The arm and world of a problem, grown by half the robot's margin, or by another padding."""
+    grow = 0.5 * robot.collision.margin if padding is None else padding
+    root = Xml.parse(robot.urdf).getroot()
+    arm = tuple(joint.name for joint in robot.leaders("arm"))
+    for joint in root.findall("joint"):
+        _fix(joint, robot, arm)
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+        for geometry in link.iterfind("collision/geometry"):
+            _grow(geometry, robot.urdf, grow)
+    for body in world.bodies:
+        _add(root, body, grow)
+    if robot.collision.floor is not None:
+        deep = 0.5
+        place = (0.0, 0.0, robot.collision.floor - 0.5 * deep)
+        _add(root, Body(FLOOR, Box((4.0, 4.0, deep)), place), grow)
+    checked = frozenset(_checked(Model(robot, world)))
+    urdf = Xml.tostring(root, encoding="unicode")
+    return Description(urdf, _srdf(root, arm, checked), arm, checked)
+
+
+def _fix(joint: Xml.Element, robot: Robot, arm: tuple[str, ...]) -> None:
+    limit, mimic = joint.find("limit"), joint.find("mimic")
+    if mimic is not None:
+        joint.remove(mimic)
+    if joint.get("name") not in arm:
+        joint.set("type", "fixed")
+    elif limit is not None:
+        limit.set("velocity", str(robot.joint(joint.get("name", "")).velocity))
+
+
+def _grow(geometry: Xml.Element, urdf: Path, grow: float) -> None:
+    shape = geometry[0]
+    if shape.tag == "mesh":
+        geometry.remove(shape)
+        shape = _box_around(shape.get("filename", ""), urdf, geometry)
+    for key, share in (("size", 2.0), ("radius", 1.0), ("length", 2.0)):
+        if key in shape.attrib:
+            sizes = [float(value) + share * grow for value in shape.attrib[key].split()]
+            shape.set(key, " ".join(map(repr, sizes)))
+
+
+def _box_around(name: str, urdf: Path, geometry: Xml.Element) -> Xml.Element:
+    """In place of a mesh that stands straight on the origin of its link."""
+    relative = name.removeprefix("package://")
+    path = next(Path(f) / relative for f in packages(urdf) if (Path(f) / relative).exists())
+    mesh = coal.MeshLoader().load(str(path), np.ones(3))
+    mesh.computeLocalAABB()
+    sizes = mesh.aabb_local.max_ - mesh.aabb_local.min_
+    return Xml.SubElement(geometry, "box", size=" ".join(map(repr, sizes.tolist())))
+
+
+def _add(root: Xml.Element, body: Body, grow: float) -> None:
+    link = Xml.SubElement(root, "link", name=body.name)
+    geometry = Xml.SubElement(Xml.SubElement(link, "collision"), "geometry")
+    match body.shape:
+        case Box(size):
+            Xml.SubElement(geometry, "box", size=" ".join(map(repr, size)))
+        case Sphere(radius):
+            Xml.SubElement(geometry, "sphere", radius=repr(radius))
+        case Cylinder(radius, length):
+            Xml.SubElement(geometry, "cylinder", radius=repr(radius), length=repr(length))
+    _grow(geometry, Path(), grow)
+    children = {child.get("link") for child in root.iterfind("joint/child")}
+    first = next(e.get("name", "") for e in root.findall("link") if e.get("name") not in children)
+    joint = Xml.SubElement(root, "joint", name=f"{body.name}_joint", type="fixed")
+    Xml.SubElement(joint, "parent", link=first)
+    Xml.SubElement(joint, "child", link=body.name)
+    turn = " ".join(map(repr, pin.rpy.matrixToRpy(placed(body).rotation).tolist()))
+    Xml.SubElement(joint, "origin", xyz=" ".join(map(repr, body.position)), rpy=turn)
+
+
+def _checked(model: Model) -> Iterator[frozenset[str]]:
+    for pair in model.outer.collisionPairs:
+        yield frozenset(model.link(model.outer, index) for index in (pair.first, pair.second))
+
+
+def _srdf(root: Xml.Element, arm: tuple[str, ...], checked: frozenset[frozenset[str]]) -> str:
+    srdf = Xml.Element("robot", name=root.get("name", ""))
+    group = Xml.SubElement(srdf, "group", name="arm")
+    for name in arm:
+        Xml.SubElement(group, "joint", name=name)
+    links = [link.get("name", "") for link in root.findall("link")]
+    for one, other in combinations(links, 2):
+        if frozenset((one, other)) not in checked:
+            Xml.SubElement(srdf, "disable_collisions", link1=one, link2=other, reason="Never")
+    return Xml.tostring(srdf, encoding="unicode")

@@ -1,0 +1,156 @@
+"""What a worker costs, how soon it stops, what poison does to it, and whether it grows."""
+
+import dataclasses
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+from hardware import RealClock, Robot
+from skills.motion import MotionError, Plan, PlanCanceled, PlanTimeout, Pool, Query, Request, Result
+from skills.motion.planner import Planner
+from tests.bench.planners.problems import POST
+
+EASY = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
+ROUND = Query("arm", (0.3, -0.6, 0.3, 0.0), (-1.4, -0.6, -0.07), world=POST)
+_NAN, _INF = float("nan"), float("inf")
+POISON = (
+    dataclasses.replace(EASY, start=(_NAN, 0.0, 0.0, 0.0)),
+    dataclasses.replace(EASY, goal=(0.0, _INF, 0.0)),
+    dataclasses.replace(EASY, goal=(0.0, -_INF, 0.0)),
+    dataclasses.replace(EASY, start=(2.0, 0.0, 0.0, 0.0)),
+    dataclasses.replace(EASY, goal=(0.0, 0.0, -1.6)),
+    dataclasses.replace(EASY, start=(0.0, -1.5, -0.5, 0.0)),
+    dataclasses.replace(EASY, goal=(0.0, -1.5, -0.5)),
+    dataclasses.replace(EASY, goal=(0.0, 0.0)),
+    dataclasses.replace(EASY, group="legs"),
+    dataclasses.replace(EASY, seed=-1),
+    dataclasses.replace(EASY, timeout=_NAN),
+    dataclasses.replace(EASY, timeout=-1.0),
+)
+
+WALL = """
+<link name="wall"><collision>
+  <origin xyz="0.354 0.421 0.35" rpy="0 0 0.8708"/><geometry><box size="0.9 0.01 0.7"/></geometry>
+</collision></link>
+<joint name="wall_joint" type="fixed"><parent link="world"/><child link="wall"/></joint>
+</robot>"""
+
+
+class _Call:
+    """A request, and what comes of it."""
+
+    def __init__(self, pool: Pool, request: Request) -> None:
+        self.there, self._found = threading.Event(), list[Result]()
+        self.job = pool.submit(request, self._done)
+
+    def _done(self, result: Result) -> None:
+        self._found.append(result)
+        self.there.set()
+
+    def answer(self) -> Result:
+        """Waited for."""
+        self.there.wait()
+        return self._found[0]
+
+
+def ask(pool: Pool, request: Request) -> Result:
+    """What the pool answers."""
+    return _Call(pool, request).answer()
+
+
+def overheads(robot: Robot, count: int) -> list[float]:
+    """A straight plan as the caller of a worker sees it, less the same plan in this process [ms].
+
+    The two are taken in turn, so that both meet the same machine.
+    """
+    planner, spent = Planner(robot), list[float]()
+    with closing(_pool(robot)) as pool:
+        for _ in range(count):
+            begun = time.perf_counter()
+            assert isinstance(ask(pool, EASY), Plan)
+            answered = time.perf_counter()
+            planner.plan(EASY)
+            spent.append(1e3 * (2.0 * answered - begun - time.perf_counter()))
+    return spent
+
+
+def deadlines(robot: Robot, count: int) -> tuple[list[float], list[float], list[float]]:
+    """Behind a wall: past the deadline, from cancel to its answer, from there to a plan [ms]."""
+    late, canceled, again = list[float](), list[float](), list[float]()
+    with closing(_pool(_cut_off(robot))) as pool:
+        for seed in range(count):
+            begun = time.perf_counter()
+            answer = ask(pool, dataclasses.replace(EASY, seed=seed, timeout=0.1))
+            late.append(1e3 * (time.perf_counter() - begun - 0.1))
+            assert isinstance(answer, PlanTimeout)
+        for seed in range(count // 5):
+            call = _Call(pool, dataclasses.replace(EASY, seed=seed, timeout=30.0))
+            call.there.wait(0.1)
+            begun = time.perf_counter()
+            call.job.cancel()
+            assert isinstance(call.answer(), PlanCanceled)
+            ended = time.perf_counter()
+            assert isinstance(ask(pool, dataclasses.replace(EASY, goal=(0.1, 0.0, 0.0))), Plan)
+            canceled.append(1e3 * (ended - begun))
+            again.append(1e3 * (time.perf_counter() - ended))
+    return late, canceled, again
+
+
+def poison(robot: Robot) -> Iterator[float]:
+    """To the error of each poisoned query [ms]."""
+    with closing(_pool(robot)) as pool:
+        for query in POISON:
+            begun = time.perf_counter()
+            answer = ask(pool, query)
+            yield 1e3 * (time.perf_counter() - begun)
+            assert isinstance(answer, MotionError), query
+            assert isinstance(ask(pool, EASY), Plan)  # and the next is none the worse
+
+
+def growth_mb(robot: Robot, count: int) -> float:
+    """What a worker's memory grows by over so many plans, one in ten round something [MB]."""
+    with closing(_pool(robot)) as pool:
+        _plans(pool, count // 10)
+        worker = pool._seats[0].process
+        assert worker
+        before = _resident(worker.pid)
+        _plans(pool, count)
+        assert pool._seats[0].process is worker
+        return _resident(worker.pid) - before
+
+
+def _plans(pool: Pool, count: int) -> None:
+    for seed in range(count):
+        query = EASY if seed % 10 else dataclasses.replace(ROUND, seed=seed)
+        assert isinstance(ask(pool, query), Plan)
+
+
+def _resident(pid: int) -> float:
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return 4096 * pages / 2**20
+
+
+def _pool(robot: Robot) -> Pool:
+    """One worker, warm."""
+    pool = Pool(robot, 1, RealClock())
+    pool.start()
+    near = dataclasses.replace(EASY, goal=(0.1, 0.0, 0.0))
+    ask(pool, dataclasses.replace(near, via=((0.05, 0.1, 0.0),)))  # bent, so it loads all
+    ask(pool, near)
+    return pool
+
+
+def _cut_off(robot: Robot) -> Robot:
+    """The arm behind a wall, too stiff to get past it."""
+    with tempfile.NamedTemporaryFile("w", suffix=".urdf", delete=False) as urdf:
+        urdf.write(robot.urdf.read_text().replace("</robot>", WALL))
+    base, *rest = robot.joints
+    stiff = (
+        dataclasses.replace(j, lower=max(j.lower, -0.7), upper=min(j.upper, 0.1)) for j in rest
+    )
+    ignores = robot.collision.floor_ignores | {"wall"}
+    rules = dataclasses.replace(robot.collision, floor_ignores=ignores)
+    return dataclasses.replace(robot, urdf=Path(urdf.name), collision=rules, joints=(base, *stiff))

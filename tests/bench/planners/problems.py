@@ -1,0 +1,97 @@
+"""What is asked of every planner."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware import Robot, load_robot
+from skills.motion import EMPTY, Body, Box, Query, World
+from skills.motion.contacts import Contacts
+from skills.motion.model import Model
+from tests.arms import foreign, robot_of
+from tests.bench.planners.judge import Judge
+from tests.bench.planners.padded import padded
+
+Array = NDArray[np.float64]
+DATA = Path(__file__).parents[2] / "data"
+
+POST = World((Body("post", Box((0.03, 0.03, 0.3)), (0.115, 0.115, 0.15)),))
+POSTS = World(
+    (
+        Body("left", Box((0.1, 0.1, 1.2)), (0.4, 0.3, 0.4)),
+        Body("right", Box((0.1, 0.1, 1.2)), (0.4, -0.3, 0.4)),
+    )
+)
+BLOCK = World((Body("block", Box((0.03, 0.03, 0.2)), (0.065, 0.075, 0.1)),))
+
+# The fixed queries of three simple axes: two straight moves and one round a block.
+EASY = (((0.0, 0.0, 0.0), (-1.4, -0.6, -0.07)), ((0.0, 0.0, 0.0), (-1.57, 0.0, -0.9)))
+HARD = (((0.0, 0.3, 0.2), (-1.4, 0.3, 0.2)),)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Queries for one arm in one world; only its arm moves, all other joints are at zero.
+
+    Attributes:
+        name: What it is called in the table.
+        robot: The arm.
+        world: What stands around it.
+        pairs: Start and goal of each query, the arm's joints alone [rad].
+    """
+
+    name: str
+    robot: Robot
+    world: World
+    pairs: Sequence[tuple[tuple[float, ...], tuple[float, ...]]]
+
+    def queries(self) -> Iterator[Query]:
+        """For our planner; equal pairs get seeds of their own."""
+        arm = self.robot.leaders("arm")
+        for seed, (start, goal) in enumerate(self.pairs, 1):
+            own = dict(zip((joint.name for joint in arm), start, strict=True))
+            whole = tuple(own.get(joint.name, 0.0) for joint in self.robot.actuated)
+            yield Query("arm", whole, goal, seed, 1.0, world=self.world)
+
+
+def fixed(times: int) -> list[Problem]:
+    """Three simple axes at life size: the two straight moves, and the one round the block."""
+    robot = robot_of(DATA / "three_axes.urdf", margin=0.005)
+    return [
+        Problem("straight", robot, EMPTY, EASY * times),
+        Problem("hard", robot, BLOCK, HARD * 2 * times),
+    ]
+
+
+def random(count: int) -> list[Problem]:
+    """Random pairs: the shipped arm bare and beside a post, six and seven axes among posts."""
+    arduinobot = load_robot()
+    return [
+        _drawn("bare", arduinobot, EMPTY, count),
+        _drawn("post", arduinobot, POST, count),
+        _drawn("six", foreign("six_axes"), POSTS, count),
+        _drawn("seven", foreign("seven_axes"), POSTS, count),
+    ]
+
+
+def _drawn(name: str, robot: Robot, world: World, count: int) -> Problem:
+    """Both ends are free for us, with our margin, and in the padded world that peers are given."""
+    free = _free(robot, world)
+    return Problem(name, robot, world, [(next(free), next(free)) for _ in range(count)])
+
+
+def _free(robot: Robot, world: World) -> Iterator[tuple[float, ...]]:
+    contacts = Contacts(Model(robot, world))
+    judge = Judge(padded(robot, world))
+    arm, draw = robot.leaders("arm"), np.random.default_rng(1)
+    lower, upper = np.array([(joint.lower, joint.upper) for joint in arm]).T
+    columns = [robot.actuated.index(joint) for joint in arm]
+    while True:
+        pose, whole = draw.uniform(lower, upper), np.zeros((1, len(robot.actuated)))
+        whole[0, columns] = pose
+        free = contacts.first_hit(whole, robot.collision.margin) is None
+        if free and not judge.collides(pose[None, :]):
+            yield tuple(pose.tolist())

@@ -1,0 +1,211 @@
+"""Ours and its peers on the same problems, in the same run, under the same judge."""
+
+import json
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from skills.motion import MotionError, Plan
+from skills.motion.curve import Curve
+from skills.motion.model import Model
+from skills.motion.planner import Planner
+from skills.motion.timing import timed
+from tests.bench.planners.judge import TICK, Judge, excess
+from tests.bench.planners.padded import padded
+from tests.bench.planners.problems import Problem
+
+Array = NDArray[np.float64]
+SCRIPTS = Path(__file__).parent / "peers"
+
+PEERS = {
+    "roboplan": "roboplan==0.7.0",
+    "pyroboplan": "pyroboplan==1.3.1",
+    "mplib": "mplib==0.2.1",
+    "drake": "drake==1.51.1",
+    "ruckig": "ruckig==0.19.4",
+}
+_LEFT = 0.3  # of the margin, what the peers' steps leave proved
+_PATIENCE = 1800.0  # for all queries of a problem [s]
+
+
+@dataclass(frozen=True)
+class Score:
+    """How a planner did on a problem.
+
+    Attributes:
+        stack: The planner, with its version.
+        problem: The problem's name.
+        asked: How many queries there were.
+        spent: Time for each that was solved [ms].
+        ratios: Duration of each over that of the straight line.
+        colliding: How many touch something.
+        over: Largest speed or acceleration over its limit, less 1, of each.
+        detours: Indices in `spent` of those that do not go straight.
+    """
+
+    stack: str
+    problem: str
+    asked: int
+    spent: Sequence[float]
+    ratios: Sequence[float]
+    colliding: int
+    over: Sequence[float]
+    detours: Sequence[int]
+
+    def p(self, share: float) -> float:
+        """Percentile of the time [ms]."""
+        return float(np.percentile(self.spent, share)) if self.spent else float("nan")
+
+    def detour(self, share: float) -> float:
+        """The same of the detours alone [ms]."""
+        chosen = [self.spent[i] for i in self.detours]
+        return float(np.percentile(chosen, share)) if chosen else float("nan")
+
+    def ratio(self) -> float:
+        """Mean duration over that of the straight line."""
+        return statistics.fmean(self.ratios) if self.ratios else float("nan")
+
+    def worst(self) -> float:
+        """Largest speed or acceleration over its limit, less 1."""
+        return max(self.over, default=float("nan"))
+
+
+Tell = Callable[[str], object]
+Answers = Iterator[tuple[float, Array]]
+
+
+def ours(problem: Problem) -> Score:
+    """In this process, as the worker does it."""
+    planner = Planner(problem.robot)
+
+    queries, found = list(problem.queries()), list[tuple[float, Plan | None]]()
+    for query in queries[:3]:
+        planner.plan(query)  # what is loaded or built at first need is not timed
+    for query in queries:
+        begun = time.perf_counter()
+        try:
+            plan = planner.plan(query)
+        except MotionError as error:
+            sys.stderr.write(f"armtree: {error}\n")
+            plan = None
+        found.append((1e3 * (time.perf_counter() - begun), plan))
+    return _judged("armtree", problem, ((spent, _ticks(plan)) for spent, plan in found))
+
+
+def _ticks(plan: Plan | None) -> Array:
+    """Its positions each millisecond, and where it ends (N, J) [rad]."""
+    if plan is None:
+        return np.empty((0, 1))
+    return plan.sample(np.append(np.arange(0.0, plan.duration, TICK), plan.duration))
+
+
+def peer(name: str, venv: Path, problem: Problem, folder: Path) -> Score:
+    """In an environment of its own.
+
+    Raises:
+        RuntimeError: Its script failed; says with what.
+    """
+    given, out = folder / f"{problem.name}.json", folder / f"{name}-{problem.name}.json"
+    given.write_text(json.dumps(_plain(problem)))
+    command = [str(venv / "bin" / "python"), str(SCRIPTS / f"use_{name}.py"), str(given), str(out)]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=_PATIENCE
+        )
+    except subprocess.TimeoutExpired as error:
+        raise RuntimeError(f"not done within {error.timeout:g} s") from error
+    if done.returncode or not out.exists():
+        lines = done.stderr.strip().splitlines() or [f"ended with {done.returncode}"]
+        raise RuntimeError(lines[-1])
+    answer = json.loads(out.read_text())
+    rows = np.fromfile(out.with_suffix(".bin")).reshape(-1, len(problem.robot.leaders("arm")))
+
+    def answers() -> Answers:
+        begin = 0
+        for row in answer["rows"]:
+            yield row["ms"], rows[begin : begin + row["samples"]]
+            begin += row["samples"]
+
+    return _judged(f"{name} {answer['version']}", problem, answers())
+
+
+def installed(name: str, home: Path, tell: Tell) -> Path | None:
+    """The environment of a peer, made now if it is not there; None, said aloud, if it cannot be."""
+    venv = home / name
+    if (venv / "ready").exists():
+        return venv
+    tell(f"{name}: installing into {venv}\n")
+    for command in (
+        [sys.executable, "-m", "venv", str(venv)],
+        [str(venv / "bin" / "pip"), "install", "--quiet", PEERS[name]],
+    ):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            lines = (done.stderr or done.stdout).strip().splitlines() or ["no reason given"]
+            tell(f"{name}: SKIPPED, it does not install: {lines[-1]}\n")
+            return None
+    (venv / "ready").touch()
+    return venv
+
+
+def _plain(problem: Problem) -> dict[str, object]:
+    robot, description = problem.robot, padded(problem.robot, problem.world)
+    arm = robot.leaders("arm")
+    columns = [robot.actuated.index(joint) for joint in arm]
+    levers = Model(robot, problem.world).levers[:, columns].max(axis=0, initial=0.0)
+    step = 2.0 * (1.0 - _LEFT) * robot.collision.margin / float(np.linalg.norm(levers))
+    return {
+        "urdf": description.urdf,
+        "srdf": description.srdf,
+        "joints": description.joints,
+        "checked": sorted(sorted(pair) for pair in description.checked),
+        "tip": _tip(description.urdf),
+        "velocity": [joint.velocity for joint in arm],
+        "acceleration": [joint.acceleration for joint in arm],
+        "pairs": problem.pairs,
+        "step": step,
+        "timeout": 1.0,
+    }
+
+
+def _tip(urdf: str) -> str:
+    """The link at the end of the longest chain."""
+    model = pin.buildModelFromXML(urdf)
+    last = max(range(model.njoints), key=lambda joint: len(model.supports[joint]))
+    bodies = [f for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint == last]
+    return str(bodies[-1].name)
+
+
+def _judged(stack: str, problem: Problem, answers: Answers) -> Score:
+    judge, arm = Judge(padded(problem.robot, problem.world, 0.0)), problem.robot.leaders("arm")
+    velocity = np.array([joint.velocity for joint in arm])
+    acceleration = np.array([joint.acceleration for joint in arm])
+    spent, ratios, over, detours, colliding = list[float](), list[float](), list[float](), [], 0
+    for (start, goal), (ms, rows) in zip(problem.pairs, answers, strict=True):
+        if not len(rows) or abs(rows[-1] - goal).max() > 1e-3:
+            continue  # not solved, or not where it was sent
+        ends = np.array([start, goal])
+        line = timed(Curve.through(ends, np.empty(0)), velocity, acceleration)
+        assert line
+        if _off(rows, ends) > 1e-3:
+            detours.append(len(spent))
+        spent.append(ms)
+        ratios.append((len(rows) - 1) * TICK / line.duration)
+        colliding += judge.collides(rows)
+        over.append(excess(rows[:-1], velocity, acceleration))  # the last comes sooner than a tick
+    return Score(stack, problem.name, len(problem.pairs), spent, ratios, colliding, over, detours)
+
+
+def _off(rows: Array, ends: Array) -> float:
+    """How far a motion leaves the straight line [rad]."""
+    way = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    offsets = rows - ends[0]
+    return float(np.linalg.norm(offsets - np.outer(offsets @ way, way), axis=1).max())
