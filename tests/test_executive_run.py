@@ -7,7 +7,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 from py_trees.composites import Sequence
 
-from executive.run import CANCEL_DEADLINE, Mailbox, _paths
+from executive.mailbox import Mailbox
+from executive.run import CANCEL_DEADLINE, _paths
 from hardware import RealClock, SimulatedClock
 
 

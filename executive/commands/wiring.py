@@ -5,12 +5,14 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import logs
 from executive.building.arguments import read_arguments
-from executive.executive import Executive
-from executive.goal import GoalState, Outcome
+from executive.executive import Event, Executive
+from executive.goal import GoalState, GoalStatus, Outcome
+from executive.in_turn import InTurn
 from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
 from logs.keeping import Rule, prune
 from skills.motion import Pool
@@ -83,10 +85,15 @@ def execute(options: Options) -> list[Outcome]:
                 clock,
                 options.seed,
                 PLANNING_TIMEOUT,
-                view.watch,
+                partial(_show, view),
+                solo=True,
             )
-            interrupts.on_cancel(executive.cancel)
             return _drive(executive, clock, options.numbers, arguments, view, interrupts)
+
+
+def _show(view: View, event: Event) -> None:
+    if not isinstance(event, GoalStatus):
+        view.watch(event)
 
 
 def _put_in_order(options: Options, clock: RealClock, view: View) -> None:
@@ -114,10 +121,12 @@ def _drive(
     """Run on a thread of its own; this one waits for signals."""
     outcomes: list[Outcome] = []
     bugs: list[Exception] = []
+    in_turn = InTurn(executive)
+    interrupts.on_cancel(in_turn.cancel)
 
-    def own() -> None:
+    def drive() -> None:
         try:
-            outcomes.extend(executive.run(numbers, view.report, arguments))
+            outcomes.extend(in_turn.run(numbers, view.report, arguments))
         except Exception as error:  # carried over to the thread that tells the user
             bugs.append(error)
         finally:
@@ -125,9 +134,9 @@ def _drive(
 
     handler = LogHandler(executive.tell, clock)
     logging.getLogger().addHandler(handler)
-    owner = clock.spawn(own, "owner")
+    driver = clock.spawn(drive, "driver")
     interrupts.wait()
-    owner.join()
+    driver.join()
     logging.getLogger().removeHandler(handler)
     if bugs:
         raise bugs[0]
