@@ -22,7 +22,7 @@ from skills import Context
 from skills.motion import Pool
 from trees import Library, Located
 
-from .goal import GoalStatus, Outcome
+from .goal import Goal, GoalStatus, Outcome
 from .goals import Acceptance, CancelAnswer, Goals, Policy
 from .owner import Owner
 from .recording.recorded_link import RecordedLink
@@ -139,7 +139,8 @@ class Executive:
             LogError: A recording could not be finished.
         """
         self._goals.close()
-        self.cancel()
+        _, running = self._goals.cancel("", 0)
+        self._stop_for(running)
         self._owner.join()
         try:
             if self._arm.state is not State.UNCONFIGURED:
@@ -161,9 +162,7 @@ class Executive:
             identity: 32 hexadecimal digits, made here where there are none.
         """
         acceptance, preempted = self._goals.send(task, arguments, identity)
-        if preempted:
-            self._arm.stop()
-            self._goals.stopped(preempted)
+        self._stop_for(preempted)
         did = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
         logger.info("Received a goal for task %d (%s): %s", task, acceptance.identity, did)
         return acceptance
@@ -177,12 +176,9 @@ class Executive:
                 there are where neither is named; then the arm is stopped in any case.
         """
         answer, running = self._goals.cancel(identity, stamp_ns)
-        try:
-            if running or not (identity or stamp_ns):
-                self._arm.stop()
-        finally:
-            if running:
-                self._goals.stopped(running)
+        if not (identity or stamp_ns or running):
+            self._arm.stop()
+        self._stop_for(running)
         logger.info("Received a cancel: %s %s", answer.code.name, ", ".join(answer.goals))
         return answer
 
@@ -275,6 +271,14 @@ class Executive:
             LogError: Something is missing from it.
         """
         self._recordings.close()
+
+    def _stop_for(self, goal: Goal | None) -> None:
+        """Stop the arm for a goal that is under way, if there is one."""
+        if goal:
+            try:
+                self._arm.stop()
+            finally:
+                self._goals.stopped(goal)
 
     def _commanded(self) -> Mapping[str, float] | None:
         try:

@@ -33,6 +33,29 @@ NEXT = {
 
 
 @dataclass(frozen=True, slots=True)
+class Cause:
+    """Why a goal was not done.
+
+    Attributes:
+        code: Stable name.
+        message: In words.
+        node: Path of the node in the tree that it came from; empty where it came from outside.
+        joint: Which it concerns; empty where none is known.
+        value: What was wrong: a position [rad], a distance [m], or a time [s].
+        limit: What it is held against, in the same unit.
+        hint: What to do next.
+    """
+
+    code: str
+    message: str
+    node: str = ""
+    joint: str = ""
+    value: float | None = None
+    limit: float | None = None
+    hint: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
     """How a goal ended.
 
@@ -44,6 +67,7 @@ class Outcome:
         frames: Frames that were sent.
         duration: From acceptance to the end [s].
         recording: The file; empty where none could be made.
+        cause: Why it was not done; None where it was.
     """
 
     task: int
@@ -53,6 +77,7 @@ class Outcome:
     frames: int
     duration: float
     recording: str
+    cause: Cause | None = None
 
     @property
     def success(self) -> bool:

@@ -14,20 +14,16 @@ from enum import Enum
 from hardware import Clock
 from trees import Located
 
-from .codes import CANCELED, look_up
+from .causes import CANCELED_CAUSE, cause_of
+from .codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, OK
 from .errors import GoalPreempted, ResultTimeout, UnknownGoal
-from .goal import Goal, GoalState, GoalStatus, Outcome
+from .goal import Cause, Goal, GoalState, GoalStatus, Outcome
 from .mailbox import Mailbox
 
 logger = logging.getLogger(__name__)
 
 _IDENTITY = re.compile("[0-9a-f]{32}")
 NOBODY = "0" * 32  # names no goal where one is to be canceled
-
-BUSY = "goal.busy"
-DUPLICATE = "goal.duplicate"
-BAD_IDENTITY = "goal.bad_id"
-CLOSING = "server.closing"
 
 
 class Policy(Enum):
@@ -122,7 +118,7 @@ class Goals:
             self._waiting.append(goal)
             self._changed(goal.status)
             self._signal.notify()
-            return Acceptance(identity, True, goal.stamp_ns, "ok", "accepted"), preempted
+            return Acceptance(identity, True, goal.stamp_ns, OK, "accepted"), preempted
 
     def cancel(self, identity: str, stamp_ns: int) -> tuple[CancelAnswer, Goal | None]:
         """Ask to cancel goals.
@@ -266,14 +262,15 @@ class Goals:
 
     def _preempt(self, identity: str) -> Goal | None:
         """Make room for a goal."""
-        cause, ended = GoalPreempted(identity), list(self._waiting)
+        error, ended = GoalPreempted(identity), list(self._waiting)
+        cause = cause_of(error)
         self._waiting.clear()
         for goal in ended:
             self._enter(goal, GoalState.EXECUTING)  # no goal is aborted before that
-            self._end_waiting(goal, GoalState.ABORTED, cause.code, str(cause))
+            self._end_waiting(goal, GoalState.ABORTED, cause)
         if running := self._running:
             running.stops += 1
-            running.mailbox.fail(cause)
+            running.mailbox.fail(error)
         return running
 
     def _uncancelable(self, identity: str) -> CancelCode | None:
@@ -289,11 +286,11 @@ class Goals:
             goal.mailbox.cancel()
         else:
             self._waiting.remove(goal)
-            self._end_waiting(goal, GoalState.CANCELED, CANCELED, look_up(CANCELED).heading)
+            self._end_waiting(goal, GoalState.CANCELED, CANCELED_CAUSE)
 
-    def _end_waiting(self, goal: Goal, state: GoalState, code: str, message: str) -> None:
+    def _end_waiting(self, goal: Goal, state: GoalState, cause: Cause) -> None:
         spent = self._clock.now() - goal.accepted
-        outcome = Outcome(goal.task, state, code, message, 0, spent, "")
+        outcome = Outcome(goal.task, state, cause.code, cause.message, 0, spent, "", cause)
         _call(self._end(goal, outcome), outcome)
 
     def _end(self, goal: Goal, outcome: Outcome) -> list[Callable[[Outcome], None]]:

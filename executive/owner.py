@@ -13,8 +13,9 @@ from trees import Library, Located, TaskFile, TreeError
 
 from .building.arguments import located
 from .building.builder import Tree, build
+from .codes import OK
 from .errors import GoalError
-from .goal import Goal, Outcome
+from .goal import Cause, Goal, Outcome
 from .goals import NOBODY, Goals
 from .mailbox import Mailbox
 from .recording.recordings import Recordings
@@ -175,15 +176,16 @@ class Owner:
     def _end(self, attempt: _Attempt) -> None:
         """Judge a goal, record its outcome, and tell whoever waits for it."""
         goal, recordings, now = attempt.goal, self._recordings, self._clock.now()
-        state, code, message = judge(attempt.tree, attempt.error, goal.mailbox.canceled)
+        state, cause = judge(attempt.tree, attempt.error, goal.mailbox.canceled)
         outcome = Outcome(
             task=goal.task,
             state=state,
-            code=code,
-            message=message,
+            code=cause.code if cause else OK,
+            message=cause.message if cause else "Done",
             frames=recordings.frames,
             duration=now - goal.accepted,
             recording=recordings.path,
+            cause=cause,
         )
         logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, state.name)
         recordings.tell(_result(goal, outcome, now))
@@ -197,6 +199,7 @@ class Owner:
 
 
 def _result(goal: Goal, outcome: Outcome, now: float) -> logs.Result:
+    cause = outcome.cause or Cause(OK, "")
     return logs.Result(
         time=now,
         goal_id=goal.identity,
@@ -207,4 +210,9 @@ def _result(goal: Goal, outcome: Outcome, now: float) -> logs.Result:
         message=outcome.message,
         frames=outcome.frames,
         duration=outcome.duration,
+        node=cause.node,
+        joint=cause.joint,
+        value=cause.value,
+        limit=cause.limit,
+        hint=cause.hint,
     )

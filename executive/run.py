@@ -2,30 +2,22 @@
 
 import logging
 from collections.abc import Callable
-from typing import NamedTuple
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from hardware import Arm, CancelTimeout, Clock
 from logs import Feedback, NodeStatus, Record
-from skills import Skill
 
 from .building.builder import Tree
+from .building.paths import paths
 from .goal import Goal
+from .progress import Progress
 
 logger = logging.getLogger(__name__)
 
 # What is asked to stop has this long to say that it has.
 CANCEL_DEADLINE = 0.25  # [s]
-
-
-class _Reached(NamedTuple):
-    """How far a run is, as it was last told."""
-
-    percentage: int
-    phase: str
-    node: str
 
 
 class _Shown:
@@ -54,10 +46,8 @@ class Run:
     ) -> None:
         self._goal, self._tree, self._arm = goal, tree, arm
         self._clock, self._mailbox, self._tell = clock, goal.mailbox, tell
-        self._shown = [_Shown(node, path) for node, path in _paths(tree.root, "")]
-        # Those that measure how far they are, whether or not they have begun.
-        self._moving = [s for s in tree.skills if type(s).progress is not Skill.progress]
-        self._reached = _Reached(0, "", "")
+        self._shown = [_Shown(node, path) for node, path in paths(tree.root)]
+        self._progress = Progress(tree)
 
     def execute(self) -> bool:
         """Tick until the tree has ended, was canceled, or something failed.
@@ -88,8 +78,8 @@ class Run:
             self._interrupt()
         self._settle()
         if root.status is Status.SUCCESS:
-            now, name = self._clock.now(), root.name
-            self._tell(Feedback(now, self._goal.identity, 100, "succeeded", name))
+            done = self._progress.done()
+            self._tell(Feedback(self._clock.now(), self._goal.identity, *done))
             return True
         if mailbox.fault:
             raise mailbox.fault
@@ -131,32 +121,5 @@ class Run:
             shown.status = node.status
             status, message = node.status.name, node.feedback_message
             self._tell(NodeStatus(now, shown.path, node.name, status, message))
-        self._show_progress(now)
-
-    def _show_progress(self, now: float) -> None:
-        skills = reversed(self._tree.skills)
-        running = next((skill for skill in skills if skill.status is Status.RUNNING), None)
-        if running is None:
-            return
-        shares = [skill.progress for skill in self._moving]
-        done = sum(share or 0.0 for share in shares) / len(shares) if shares else 0.0
-        # 100 belongs to success alone, and what was reached is never taken back.
-        percentage = max(self._reached.percentage, min(99, int(100 * done)))
-        phase = "planning" if all(share is None for share in shares) else "executing"
-        reached = _Reached(percentage, phase, running.name)
-        if reached != self._reached:
-            self._reached = reached
+        if reached := self._progress.step():
             self._tell(Feedback(now, self._goal.identity, *reached))
-
-
-def _paths(node: Behaviour, above: str) -> list[tuple[Behaviour, str]]:
-    """Every node with its path of names; a name that a sibling has too gets a number."""
-    path = f"{above}/{node.name}" if above else node.name
-    paths, seen = [(node, path)], set()
-    for number, child in enumerate(node.children):
-        below = _paths(child, path)
-        if child.name in seen:
-            below = [(n, f"{path}/{number}:{p.removeprefix(path + '/')}") for n, p in below]
-        seen.add(child.name)
-        paths += below
-    return paths

@@ -119,10 +119,12 @@ def check_position(joint: Joint, q: object) -> None:
         BadPosition: Not a number, not finite, or outside the limits.
     """
     if not isinstance(q, (int, float)) or isinstance(q, bool) or not -math.inf < q < math.inf:
-        raise BadPosition(f"{joint.name} = {q!r} is not a finite number")
+        raise BadPosition(f"{joint.name} = {q!r} is not a finite number", joint.name, q)
     if not joint.lower <= q <= joint.upper:
         limits = f"[{joint.lower!r}, {joint.upper!r}]"
-        raise BadPosition(f"{joint.name} = {q} rad is outside its limits {limits} rad")
+        limit = joint.lower if q < joint.lower else joint.upper
+        words = f"{joint.name} = {q} rad is outside its limits {limits} rad"
+        raise BadPosition(words, joint.name, q, limit)
 
 
 def servo_angle(wire: WireField, q: float) -> int:

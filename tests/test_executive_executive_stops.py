@@ -16,7 +16,7 @@ from skills.motion import Pool
 from tests.conftest import Rig, RigMaker
 
 
-def percentages(rig: Rig) -> list[int]:
+def percentages(rig: Rig) -> list[int | None]:
     return [feedback.percentage for feedback in rig.told(logs.Feedback)]
 
 

@@ -59,6 +59,11 @@ class _Loop(Decorator):
         self._next: float | None = None
         self.rounds = 0
 
+    @property
+    def between_rounds(self) -> bool:
+        """Whether a round has ended and the next one has not begun."""
+        return self._next is not None
+
     def initialise(self) -> None:
         """Begin the first round."""
         self.rounds, self._next = 0, None

@@ -32,8 +32,8 @@ def cli(verbose: bool, debug: bool) -> None:
 
     Exit codes: 0 done, 1 a bug of ours, 2 usage, 3 bad file, 4 goal refused, 5 planning failed,
     6 hardware fault, 7 canceled, 8 timed out, 9 port busy, 10 recording incomplete, 11 the task
-    failed by its own tree, 12 a replay differs, 130 left by Ctrl-C before a goal had begun, or by
-    a second one.
+    failed by its own tree, 12 a replay differs, 13 the server ended, 130 left by Ctrl-C before a
+    goal had begun, or by a second one.
     """
     root = logging.getLogger()
     root.setLevel(logging.INFO)

@@ -101,6 +101,7 @@ def _result(outcome: Outcome) -> dict[str, Any]:
         "frames": outcome.frames,
         "duration_s": round(outcome.duration, 6),
         "recording": outcome.recording,
+        "cause": dataclasses.asdict(outcome.cause) if outcome.cause else None,
     }
 
 
