@@ -22,8 +22,10 @@ from skills import Context
 from skills.motion import Pool
 from trees import Library, Located
 
-from .goal import Goal, GoalStatus, Outcome
+from .errors import NotExecuting, NotPaused
+from .goal import Goal, GoalState, GoalStatus, Outcome
 from .goals import Acceptance, CancelAnswer, Goals, Policy
+from .mailbox import Mailbox
 from .owner import Owner
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
@@ -44,6 +46,8 @@ class Snapshot:
         commanded: Where the arm was last commanded to, by joint [rad]; None while it is not active.
         goal: The goal under way, if there is one.
         progress: How far it is, if it has begun.
+        paused: Whether the goal under way stands still.
+        breakpoints: Paths of the nodes that are paused before.
         waiting: Identities of those that wait for their turn.
         policy: What becomes of a second goal.
         uptime: Since the start [s].
@@ -54,6 +58,8 @@ class Snapshot:
     commanded: Mapping[str, float] | None
     goal: GoalStatus | None
     progress: logs.Feedback | None
+    paused: bool
+    breakpoints: tuple[str, ...]
     waiting: tuple[str, ...]
     policy: Policy
     uptime: float
@@ -98,6 +104,7 @@ class Executive:
         self._port, self._began = link.port if link else "", clock.now()
         self._subscribers: tuple[Callable[[Event], None], ...] = (watch,)
         self._progress: logs.Feedback | None = None
+        self._marked = set[str]()
         self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
         self._arm = arm = Arm(robot, recorded, clock, self._arm_did)
@@ -113,7 +120,9 @@ class Executive:
             clock=clock,
             wake_at=_never,
         )
-        self._owner = Owner(self._goals, arm, library, pool, self._recordings, context, clock, solo)
+        self._owner = Owner(
+            self._goals, arm, library, pool, self._recordings, context, clock, self._marked, solo
+        )
 
     def start(self) -> None:
         """Begin to execute goals.
@@ -207,6 +216,49 @@ class Executive:
         """All goals that are known, ended ones until they are forgotten."""
         return self._goals.all()
 
+    def pause(self, identity: str) -> None:
+        """Stop the arm where a goal has brought it, and keep the goal. Time-outs stand still too.
+
+        Raises:
+            UnknownGoal: There is none, or it is forgotten.
+            NotExecuting: It is not executing.
+        """
+        self._executing(identity).pause()
+
+    def resume(self, identity: str) -> None:
+        """Go on with a paused goal: what is left of its motion is timed anew from standstill.
+
+        Raises:
+            UnknownGoal: There is none, or it is forgotten.
+            NotExecuting: It is not executing.
+            NotPaused: It is not paused.
+        """
+        if not self._executing(identity).resume():
+            raise NotPaused(identity)
+
+    def step(self, identity: str) -> None:
+        """Go on with a paused goal up to the next skill that begins, and pause before it.
+
+        Raises:
+            UnknownGoal: There is none, or it is forgotten.
+            NotExecuting: It is not executing.
+            NotPaused: It is not paused.
+        """
+        if not self._executing(identity).resume(step=True):
+            raise NotPaused(identity)
+
+    def break_at(self, path: str, on: bool = True) -> None:
+        """Have every goal pause before a node begins; a condition is never waited for.
+
+        Args:
+            path: Of the node in its tree, such as `pick/reach/Execute`.
+            on: False to have it no longer.
+        """
+        if on:
+            self._marked.add(path)
+        else:
+            self._marked.discard(path)
+
     def arm_to(self, transition: str) -> State:
         """Take the arm through a transition, to its end.
 
@@ -255,6 +307,8 @@ class Executive:
             commanded=self._commanded(),
             goal=running.status if running else None,
             progress=progress if ours else None,
+            paused=running is not None and running.mailbox.paused,
+            breakpoints=tuple(sorted(self._marked)),
             waiting=self._goals.waiting,
             policy=self._goals.policy,
             uptime=self._clock.now() - self._began,
@@ -279,6 +333,12 @@ class Executive:
                 self._arm.stop()
             finally:
                 self._goals.stopped(goal)
+
+    def _executing(self, identity: str) -> Mailbox:
+        goal = self._goals.find(identity)
+        if goal.state is not GoalState.EXECUTING:
+            raise NotExecuting(identity, goal.state.name)
+        return goal.mailbox
 
     def _commanded(self) -> Mapping[str, float] | None:
         try:

@@ -11,6 +11,7 @@ from skills import Context, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, Located, TaskFile, TreeError
 
+from .breakpoints import Breakpoints
 from .building.arguments import located
 from .building.builder import Tree, build
 from .codes import OK
@@ -55,6 +56,7 @@ class Owner:
         recordings: Told of everything.
         context: What skills work with, but for the mailbox of their run.
         clock: Whose time.
+        marked: Paths of the nodes that every run holds before; may change meanwhile.
         solo: Whether goals activate the arm by themselves.
     """
 
@@ -67,11 +69,12 @@ class Owner:
         recordings: Recordings,
         context: Context,
         clock: Clock,
+        marked: set[str],
         solo: bool,
     ) -> None:
         self._goals, self._arm, self._library, self._pool = goals, arm, library, pool
         self._recordings, self._context, self._clock = recordings, context, clock
-        self._solo = solo
+        self._marked, self._solo = marked, solo
         self._signal = clock.signal()
         self._ended = False
         self._fault: Exception | None = None
@@ -138,11 +141,18 @@ class Owner:
         goal = attempt.goal
         draft = self._library.draft(goal.task)
         attempt.task = draft[0]
+        mailbox, breakpoints = goal.mailbox, Breakpoints(self._marked, goal.mailbox)
         context = dataclasses.replace(
-            self._context, wake=goal.mailbox.wake, wake_at=goal.mailbox.wake_at
+            self._context,
+            wake=mailbox.wake,
+            wake_at=mailbox.wake_at,
+            paused=lambda: mailbox.lost,
+            holds=breakpoints.holds,
         )
         namespace = f"run_{goal.identity}"
-        attempt.tree = build(draft, self._library, context, namespace, located(goal.arguments))
+        arguments = located(goal.arguments)
+        attempt.tree = build(draft, self._library, context, namespace, arguments)
+        breakpoints.watch(attempt.tree)
 
     def _open(self, attempt: _Attempt) -> None:
         name = attempt.task.name if attempt.task else ""

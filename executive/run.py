@@ -72,6 +72,9 @@ class Run:
             mailbox.wait()
             if mailbox.stopping:
                 break
+            if mailbox.paused:
+                self._pause()
+                continue
             root.tick_once()
             self._show()
         if root.status is not Status.SUCCESS and mailbox.stopping:  # which may have made it fail
@@ -84,6 +87,14 @@ class Run:
         if mailbox.fault:
             raise mailbox.fault
         return False
+
+    def _pause(self) -> None:
+        """Stand still; the goal stays."""
+        for skill in self._tree.skills:
+            if skill.status is Status.RUNNING:
+                skill.on_pause()
+        self._show(paused=True)
+        self._mailbox.wait_for_resume()
 
     def _interrupt(self) -> None:
         """Stop the tree and the arm."""
@@ -107,7 +118,7 @@ class Run:
     def _settled(self) -> bool:
         return not any(skill.busy for skill in self._tree.skills)
 
-    def _show(self) -> None:
+    def _show(self, paused: bool = False) -> None:
         """Tell what has changed since the last tick."""
         now = self._clock.now()
         for shown in self._shown:
@@ -121,5 +132,5 @@ class Run:
             shown.status = node.status
             status, message = node.status.name, node.feedback_message
             self._tell(NodeStatus(now, shown.path, node.name, status, message))
-        if reached := self._progress.step():
+        if reached := self._progress.step(paused):
             self._tell(Feedback(now, self._goal.identity, *reached))

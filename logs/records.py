@@ -217,6 +217,7 @@ class Schedule:
         together: Whether those groups move at once.
         sample_times: When the motion was looked at, from its start [s], (K,).
         samples: Where all actuated joints were then [rad], (K, J).
+        resumed: Where the motion before it was taken up again [s]; None for one from its beginning.
     """
 
     time: float
@@ -232,6 +233,7 @@ class Schedule:
     together: bool
     sample_times: tuple[float, ...]
     samples: tuple[tuple[float, ...], ...]
+    resumed: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
