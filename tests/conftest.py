@@ -33,6 +33,8 @@ class Rig:
         recordings: Path,
         tasks: Path | None = None,
         timeout: float = 5.0,
+        solo: bool = True,
+        **options: Any,
     ) -> None:
         self.robot, self.clock = robot, clock
         self.link = BoardLink(virtual_board(robot), clock)
@@ -50,7 +52,8 @@ class Rig:
             1,
             timeout,
             self._watch,
-            solo=True,
+            solo=solo,
+            **options,
         )
         self._in_turn = InTurn(self.executive)
 
@@ -63,6 +66,13 @@ class Rig:
     def cancel(self) -> None:
         """Cancel what runs, and what would follow."""
         self._in_turn.cancel()
+
+    def rest(self, seconds: float) -> None:
+        """Let time pass."""
+        signal, until = self.clock.signal(), self.clock.now() + seconds
+        with signal:
+            while self.clock.now() < until:
+                signal.wait(until)
 
     def soon(self, act: Callable[[], None]) -> None:
         """Do it on another thread, before time goes on."""
@@ -117,13 +127,35 @@ def rig(
 ) -> Iterator[RigMaker]:
     """Makes rigs; when the test ends, none has left anything on the blackboard."""
 
-    def make(tasks: Path | None = None, pool: Pool = shared_pool, timeout: float = 5.0) -> Rig:
-        return Rig(robot, shared_clock, pool, tmp_path, tasks, timeout)
+    def make(
+        tasks: Path | None = None, pool: Pool = shared_pool, timeout: float = 5.0, **options: Any
+    ) -> Rig:
+        return Rig(robot, shared_clock, pool, tmp_path, tasks, timeout, **options)
 
     yield make
     assert Blackboard.storage == {}
     assert Blackboard.metadata == {}
     assert Blackboard.clients == {}
+
+
+@pytest.fixture
+def server(rig: RigMaker, shared_clock: SimulatedClock) -> Iterator[RigMaker]:
+    """Makes rigs that serve others: started, with an active arm, and closed at the end."""
+    made: list[Rig] = []
+
+    def make(active: bool = True, **options: Any) -> Rig:
+        one = rig(solo=False, **options)
+        made.append(one)
+        one.executive.start()
+        if active:
+            one.executive.arm_to("configure")
+            one.executive.arm_to("activate")
+        return one
+
+    with shared_clock.working():
+        yield make
+        for one in made:
+            one.executive.close()
 
 
 class Asked:

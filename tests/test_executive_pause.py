@@ -65,15 +65,6 @@ def at_frame(rig: Rig, number: int, act: Callable[[], None]) -> None:
     rig.on_record = watch
 
 
-def rest(rig: Rig, seconds: float) -> None:
-    """Let time pass."""
-    signal = rig.clock.signal()
-    until = rig.clock.now() + seconds
-    with signal:
-        while rig.clock.now() < until:
-            signal.wait(until)
-
-
 def running(rig: Rig) -> str:
     status = rig.executive.snapshot().goal
     assert status
@@ -84,7 +75,7 @@ def pause_for(rig: Rig, seconds: float) -> Callable[[], None]:
     def act() -> None:
         goal = running(rig)
         rig.executive.pause(goal)
-        rest(rig, seconds)
+        rig.rest(seconds)
         assert rig.executive.snapshot().paused
         rig.executive.resume(goal)
 
@@ -185,7 +176,7 @@ def test_a_cancel_while_paused(rig: RigMaker) -> None:
 
     def act() -> None:
         arm.executive.pause(running(arm))
-        rest(arm, 3.0)
+        arm.rest(3.0)
         arm.cancel()
 
     at_frame(arm, 10, act)
@@ -200,7 +191,7 @@ def test_unplugged_while_paused(rig: RigMaker) -> None:
 
     def act() -> None:
         arm.executive.pause(running(arm))
-        rest(arm, 3.0)
+        arm.rest(3.0)
         arm.link.unplug()
 
     at_frame(arm, 10, act)
@@ -270,7 +261,7 @@ def test_a_breakpoint(rig: RigMaker) -> None:
     held: list[int] = []
 
     def act() -> None:
-        rest(arm, 5.0)
+        arm.rest(5.0)
         held.append(len(arm.frames))
         arm.executive.resume(running(arm))
 
