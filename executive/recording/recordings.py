@@ -4,7 +4,7 @@ import errno
 import logging
 import threading
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import logs
@@ -148,15 +148,23 @@ class Recordings:
 
     def _attach(self, recorder: logs.Recorder, tree: Tree | None) -> None:
         """Add all that it takes to see, and to prove, the run from its file alone."""
-        robot = self._robot
-        for path in (robot.path, robot.urdf):
-            recorder.attach(path.name, "text/plain", path.read_bytes())
-        recorder.put(logs.Description(self._clock.now(), robot.urdf.read_text()))
-        recorder.note("robot", robot_note(robot))
-        recorder.note("versions", versions())
+        urdf, files, notes = self._machine
+        for name, data in files.items():
+            recorder.attach(name, "text/plain", data)
+        recorder.put(logs.Description(self._clock.now(), urdf))
+        for name, facts in notes.items():
+            recorder.note(name, facts)
         if tree:
             for file, text in tree.files.items():
                 recorder.attach(file, "application/yaml", text.encode())
+
+    @cached_property
+    def _machine(self) -> tuple[str, dict[str, bytes], dict[str, dict[str, str]]]:
+        """The URDF, the robot's files and the notes, as they are at the first goal."""
+        robot = self._robot
+        files = {path.name: path.read_bytes() for path in (robot.path, robot.urdf)}
+        notes = {"robot": robot_note(robot), "versions": versions()}
+        return robot.urdf.read_text(), files, notes
 
     def _attach_new(self, meshes: Mapping[str, bytes]) -> None:
         if self._recorder:
