@@ -161,12 +161,22 @@ CODES = {
     "hw.board_silent": Code(
         6, "The board did not say that it has booted", "flash it, or name what it runs"
     ),
+    "hw.wrong_firmware": Code(
+        6, "The board runs another firmware than the robot file names", "correct the robot file"
+    ),
+    "hw.pose_outside": Code(
+        6, "The board holds what is outside a joint's limits", "switch the board off and on"
+    ),
+    "hw.driver": Code(6, "The driver of the arm failed", "mend the driver"),
     "hw.board_reset": Code(
         6, "The board started anew while the arm was active", "check the servos' supply"
     ),
     "hw.frame_lost": Code(6, "The board took other frames than were sent", "check the cable"),
     "hw.transition_refused": Code(
         6, "The arm's lifecycle does not allow that now", "the message lists what it allows"
+    ),
+    "hw.pose_unconfirmed": Code(
+        6, "Nobody has said where the arm stands", "give --pose last, or --pose boot"
     ),
     "hw.activation_stopped": Code(
         6, "Somebody stopped the arm while its board booted", "activate it again"

@@ -29,6 +29,7 @@ from .mailbox import Mailbox
 from .owner import Owner
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
+from .restart import cut_off
 
 logger = logging.getLogger(__name__)
 
@@ -104,6 +105,7 @@ class Executive:
         self._port, self._began = link.port if link else "", clock.now()
         self._subscribers: tuple[Callable[[Event], None], ...] = (watch,)
         self._progress: logs.Feedback | None = None
+        self._folder, self._keep = recordings, result_timeout
         self._marked = set[str]()
         self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
@@ -125,12 +127,15 @@ class Executive:
         )
 
     def start(self) -> None:
-        """Begin to execute goals.
+        """Begin to execute goals. A server knows those that another one before it left unfinished.
 
         Raises:
             LogError: A server's recording cannot be made.
         """
         if not self._solo:
+            utc = self._clock.epoch_ns() / 1e9 + self._clock.now()
+            for goal in cut_off(self._folder, utc - self._keep):
+                self._goals.add_ended(*goal)
             self._recordings.open_between()
         self._owner.start()
 

@@ -128,9 +128,14 @@ def rig(
     """Makes rigs; when the test ends, none has left anything on the blackboard."""
 
     def make(
-        tasks: Path | None = None, pool: Pool = shared_pool, timeout: float = 5.0, **options: Any
+        tasks: Path | None = None,
+        pool: Pool = shared_pool,
+        timeout: float = 5.0,
+        robot: Robot = robot,
+        recordings: Path = tmp_path,
+        **options: Any,
     ) -> Rig:
-        return Rig(robot, shared_clock, pool, tmp_path, tasks, timeout, **options)
+        return Rig(robot, shared_clock, pool, recordings, tasks, timeout, **options)
 
     yield make
     assert Blackboard.storage == {}

@@ -14,6 +14,7 @@ from .log_commands import log
 from .options import (
     PATH,
     port_option,
+    pose_option,
     recordings_option,
     robot_option,
     skills_option,
@@ -74,6 +75,7 @@ def cli(verbose: bool, debug: bool) -> None:
     envvar="ARMTREE_KEEP_MB",
     help="Delete the oldest recordings beyond so many megabytes.",
 )
+@pose_option
 @click.option("--json", is_flag=True, help="Print one JSON object per event.")
 def run(**options: Any) -> None:
     """Run tasks N in turn. Ctrl-C cancels and stops the arm; a second one leaves at once."""

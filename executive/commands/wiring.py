@@ -10,9 +10,11 @@ from pathlib import Path
 
 import logs
 from executive.building.arguments import read_arguments
+from executive.causes import cause_of
 from executive.executive import Event, Executive
 from executive.goal import GoalState, GoalStatus, Outcome
 from executive.in_turn import InTurn
+from executive.pose import standing
 from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
 from logs.keeping import Rule, prune
 from skills.motion import Pool
@@ -43,6 +45,7 @@ class Options:
         verbose: Whether the log is shown, so that no live picture may be in its way.
         keep_days: Older recordings go; None to keep them.
         keep_mb: The oldest recordings beyond so many megabytes go; None to keep them.
+        pose: Where the arm stands, where its board is not reset; see `executive.pose`.
     """
 
     numbers: tuple[int, ...]
@@ -58,6 +61,7 @@ class Options:
     verbose: bool
     keep_days: float | None = None
     keep_mb: float | None = None
+    pose: str | None = None
 
 
 def execute(options: Options) -> list[Outcome]:
@@ -66,12 +70,14 @@ def execute(options: Options) -> list[Outcome]:
         try:
             robot, library = load_robot(options.robot), Library(options.trees)
             arguments = read_arguments(options.settings, options.numbers)
+            port = robot.serial.port if options.port is None else options.port
+            robot = standing(robot, port, options.pose, options.recordings)
         except (HardwareError, TreeError) as error:
             task = options.numbers[0]
-            outcome = Outcome(task, GoalState.ABORTED, error.code, str(error), 0, 0.0, "")
+            aborted, cause = GoalState.ABORTED, cause_of(error)
+            outcome = Outcome(task, aborted, cause.code, cause.message, 0, 0.0, "", cause)
             view.report(outcome)
             return [outcome]
-        port = robot.serial.port if options.port is None else options.port
         view.say(_port_line(robot, port))
         clock = RealClock()
         _put_in_order(options, clock, view)
