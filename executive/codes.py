@@ -59,7 +59,9 @@ CODES = {
     # Goals
     "goal": Code(4, "The goal makes no sense", "send another one"),
     "goal.error": Code(4, "The goal makes no sense", "send another one"),
-    "goal.unknown_task": Code(4, "No task has that number", "`armtree list` shows those there are"),
+    "goal.unknown_task": Code(
+        4, "No task has that number", "`armtree tasks` shows those there are"
+    ),
     "goal.out_of_bounds": Code(
         4,
         "A target lies outside the limits of its joints",
@@ -72,6 +74,7 @@ CODES = {
         "name every joint of the group once",
         "The target makes no sense",
     ),
+    "goal.bad_question": Code(4, "An answer is wanted that is no choice", "correct the task"),
     "goal.not_replayable": Code(
         4,
         "The frames of a recording cannot be sent to this arm",
@@ -212,6 +215,7 @@ CODES = {
         11, "A function of a skill raised something", "correct the function", _FAILED
     ),
     "task.timeout": Code(8, "A time-out of the task is over", "allow more time", _FAILED),
+    "task.unanswered": Code(11, "The operator did not answer", "run again, and answer", _FAILED),
     "skill": Code(1, "A skill failed without a cause of its own", "report it", _FAILED),
     "skill.error": Code(1, "A skill failed without a cause of its own", "report it", _FAILED),
     # Recordings

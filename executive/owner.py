@@ -197,7 +197,8 @@ class Owner:
             recording=recordings.path,
             cause=cause,
         )
-        logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, state.name)
+        end = f"{state.name} ({outcome.code}) {outcome.message}"
+        logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, end)
         recordings.tell(_result(goal, outcome, now))
         self._goals.finish(goal, outcome)
         if not self._solo:
