@@ -161,20 +161,20 @@ def test_queue(server: RigMaker) -> None:
 @pytest.mark.parametrize("number", [1, 8, 20, 30])
 def test_preempt(server: RigMaker, number: int) -> None:
     arm = server(policy=Policy.PREEMPT)
-    second = []
-    at_frame(arm, number, lambda: second.append(arm.executive.send(2).identity))
+    at_frame(arm, number, lambda: arm.executive.send(2))
     first = arm.executive.send(1).identity
     outcome = arm.executive.result(first)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "goal.preempted")
     assert history(arm, first) == ["ACCEPTED", "EXECUTING", "ABORTED"]
-    assert arm.executive.result(second[0]).success
+    second = arm.executive.goals()[-1].identity
+    assert arm.executive.result(second).success
     held = [i for i, frame in enumerate(arm.frames) if frame.startswith("(")]
     assert held == [number]  # the arm stood before the second motion began
     plan = next(p for p in arm.told(logs.Plan)[2:] if p.group == "arm")
     stood = arm.told(logs.Sent)[number]
     assert plan.start == dict(zip(stood.joints, stood.positions, strict=True))
     arm.executive.close()
-    assert prove(Path(arm.executive.result(second[0]).recording)).holds
+    assert prove(Path(arm.executive.result(second).recording)).holds
 
 
 def test_preempt_while_planning(server: RigMaker) -> None:
