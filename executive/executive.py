@@ -30,10 +30,12 @@ from .owner import Owner
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 from .restart import cut_off
+from .watchers import Event, Watchers
 
 logger = logging.getLogger(__name__)
 
-Event = logs.Record | GoalStatus
+__all__ = ["TRANSITIONS", "Event", "Executive", "Snapshot"]
+
 TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
 
 
@@ -103,7 +105,8 @@ class Executive:
     ) -> None:
         self._robot, self._clock, self._solo = robot, clock, solo
         self._port, self._began = link.port if link else "", clock.now()
-        self._subscribers: tuple[Callable[[Event], None], ...] = (watch,)
+        self._watchers = Watchers()
+        self._watchers.add(watch)
         self._progress: logs.Feedback | None = None
         self._folder, self._keep = recordings, result_timeout
         self._marked = set[str]()
@@ -289,17 +292,13 @@ class Executive:
         """Have everything told that is recorded, and every change of a goal.
 
         Args:
-            callback: Must be quick, and wait for no other thread; called from any.
+            callback: Must be quick, and wait for no other thread; called from any. One that raises
+                something is told nothing more.
 
         Returns:
             What ends it.
         """
-        self._subscribers = (*self._subscribers, callback)
-
-        def end() -> None:
-            self._subscribers = tuple(c for c in self._subscribers if c is not callback)
-
-        return end
+        return self._watchers.add(callback)
 
     def snapshot(self) -> Snapshot:
         """How things are now."""
@@ -364,11 +363,7 @@ class Executive:
     def _publish(self, event: Event) -> None:
         if isinstance(event, logs.Feedback):
             self._progress = event
-        for subscriber in self._subscribers:
-            try:
-                subscriber(event)
-            except Exception:  # somebody else's; it must keep the arm from nothing
-                logger.exception("a subscriber failed")
+        self._watchers.tell(event)
 
 
 def _nobody() -> None:

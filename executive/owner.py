@@ -4,6 +4,7 @@ import dataclasses
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from threading import Thread
 
 import logs
 from hardware import ActivationStopped, Arm, Clock, HardwareError, NotActive, State
@@ -77,6 +78,7 @@ class Owner:
         self._marked, self._solo = marked, solo
         self._signal = clock.signal()
         self._ended = False
+        self._thread: Thread | None = None
         self._fault: Exception | None = None
 
     def start(self) -> None:
@@ -87,6 +89,8 @@ class Owner:
 
     def join(self) -> None:
         """Wait until the last goal has ended, once there will be no more."""
+        if self._thread is None:
+            return
         with self._signal:
             while not self._ended:
                 self._signal.wait(None)
@@ -167,6 +171,8 @@ class Owner:
         """See that the arm is active."""
         if goal.mailbox.canceled:
             raise ActivationStopped("canceled before the arm moved")
+        if goal.mailbox.fault:
+            raise goal.mailbox.fault
         if self._solo:
             self._activate()
         if self._arm.state is not State.ACTIVE:

@@ -46,13 +46,14 @@ class Progress:
         """How far the tree is now; None where nothing has changed."""
         skills = reversed(self._tree.skills)
         running = next((skill for skill in skills if skill.status is Status.RUNNING), None)
-        if running is None:
+        if running is None and not paused:
             return None
         attempt = self._attempt()
         before = self._told.percentage if attempt == self._told.attempt else None
         percentage = self._percentage(before)
+        name = running.name if running else self._tree.root.name
         phase = "paused" if paused else "planning" if percentage is None else "executing"
-        return self._tell(Reached(percentage, phase, running.name, attempt))
+        return self._tell(Reached(percentage, phase, name, attempt))
 
     def done(self) -> Reached:
         """What is told of success."""
