@@ -1,59 +1,75 @@
-"""The task executive: goals in, outcomes out."""
+"""The task executive: goals in, outcomes out. Whoever sends goals, by whatever way, uses this."""
 
-import dataclasses
 import logging
-import uuid
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
 import logs
 from hardware import (
-    ActivationStopped,
     Arm,
     ArmEvent,
     Clock,
     Faulted,
-    HardwareError,
     Link,
+    NotActive,
     Robot,
     State,
+    TransitionRefused,
 )
-from skills import Context, SkillError
-from skills.motion import MotionError, Pool
-from trees import Library, Located, TaskFile, TreeError
+from skills import Context
+from skills.motion import Pool
+from trees import Library, Located
 
-from .building.builder import Tree, build
-from .goal import Goal, GoalState, Outcome
+from .errors import NotExecuting, NotPaused
+from .goal import Goal, GoalState, GoalStatus, Outcome
+from .goals import Acceptance, CancelAnswer, Goals, Policy
+from .mailbox import Mailbox
+from .owner import Owner
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
-from .run import Mailbox, Run
-from .verdict import judge
+from .restart import cut_off
+from .watchers import Event, Watchers
 
 logger = logging.getLogger(__name__)
 
-_OURS = (HardwareError, SkillError, MotionError, TreeError, logs.LogError)
+__all__ = ["TRANSITIONS", "Event", "Executive", "Snapshot"]
+
+TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
 
 
-@dataclasses.dataclass
-class _Attempt:
-    """A goal on its way.
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """How things are at one moment.
 
     Attributes:
-        goal: Which.
-        task: Its file; None where there is none that can be read.
-        tree: What to run; None where it could not be built.
-        error: What failed outside the tree.
+        arm: State of the hardware.
+        port: The line to the board; empty where none was named.
+        commanded: Where the arm was last commanded to, by joint [rad]; None while it is not active.
+        goal: The goal under way, if there is one.
+        progress: How far it is, if it has begun.
+        paused: Whether the goal under way stands still.
+        breakpoints: Paths of the nodes that are paused before.
+        waiting: Identities of those that wait for their turn.
+        policy: What becomes of a second goal.
+        uptime: Since the start [s].
     """
 
-    goal: Goal
-    task: TaskFile | None = None
-    tree: Tree | None = None
-    error: Exception | None = None
+    arm: State
+    port: str
+    commanded: Mapping[str, float] | None
+    goal: GoalStatus | None
+    progress: logs.Feedback | None
+    paused: bool
+    breakpoints: tuple[str, ...]
+    waiting: tuple[str, ...]
+    policy: Policy
+    uptime: float
 
 
 class Executive:
-    """Runs tasks on an arm, one after the other.
+    """Runs tasks on an arm. Any thread may call; one thread of its own executes.
 
     Args:
         robot: The robot.
@@ -64,7 +80,12 @@ class Executive:
         clock: Whose time.
         seed: For whatever draws at random.
         timeout: How long a planner may take [s].
-        watch: Told of everything that is recorded; must be quick, from any thread.
+        watch: The first that is told of everything, as by `subscribe`.
+        policy: What becomes of a goal that comes while another one is under way.
+        result_timeout: How long the result of an ended goal is kept [s].
+        solo: Whether it is there for the goals of one caller alone: then a goal activates the arm
+            by itself, and what follows a goal belongs to its recording, until `finish_recording`.
+            Otherwise only `arm_to` activates the arm.
     """
 
     def __init__(
@@ -77,175 +98,277 @@ class Executive:
         clock: Clock,
         seed: int,
         timeout: float,
-        watch: Callable[[logs.Record], None],
+        watch: Callable[[Event], None],
+        policy: Policy = Policy.REJECT,
+        result_timeout: float = 900.0,
+        solo: bool = False,
     ) -> None:
-        self._library, self._pool, self._clock = library, pool, clock
-        self._mailbox = mailbox = Mailbox(clock)
-        self._recordings = Recordings(recordings, robot, clock, watch, mailbox.fail)
+        self._robot, self._clock, self._solo = robot, clock, solo
+        self._port, self._began = link.port if link else "", clock.now()
+        self._watchers = Watchers()
+        self._watchers.add(watch)
+        self._progress: logs.Feedback | None = None
+        self._folder, self._keep = recordings, result_timeout
+        self._marked = set[str]()
+        self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
-        self._arm = Arm(robot, recorded, clock, self._arm_did)
-        self._context = Context(
+        self._arm = arm = Arm(robot, recorded, clock, self._arm_did)
+        self._goals = Goals(clock, policy, result_timeout, self._publish)
+        context = Context(
             robot,
-            self._arm,
+            arm,
             pool,
             seed,
             timeout,
-            mailbox.wake,
-            self._recordings.skill_did,
-            clock,
-            mailbox.wake_at,
+            wake=_nobody,
+            tell=self._recordings.skill_did,
+            clock=clock,
+            wake_at=_never,
+        )
+        self._owner = Owner(
+            self._goals, arm, library, pool, self._recordings, context, clock, self._marked, solo
         )
 
-    def cancel(self) -> None:
-        """Cancel what runs and what still waits; the arm stops. May be called from any thread."""
-        self._mailbox.cancel()
-        self._arm.stop()
+    def start(self) -> None:
+        """Begin to execute goals. A server knows those that another one before it left unfinished.
+
+        Raises:
+            LogError: A server's recording cannot be made.
+        """
+        if not self._solo:
+            utc = self._clock.epoch_ns() / 1e9 + self._clock.now()
+            for goal in cut_off(self._folder, utc - self._keep):
+                self._goals.add_ended(*goal)
+            self._recordings.open_between()
+        self._owner.start()
+
+    def refused(self, tasks: Sequence[int], arguments: Mapping[str, str | Located]) -> int | None:
+        """The first task of which it can be said without the arm that it will not be done.
+
+        Only before `start`.
+        """
+        return next((task for task in tasks if not self._owner.judge(task, arguments)), None)
+
+    def close(self) -> None:
+        """Take no more goals, cancel those there are, wait for them, and shut the arm down.
+
+        Raises:
+            LogError: A recording could not be finished.
+        """
+        self._goals.close()
+        _, running = self._goals.cancel("", 0)
+        self._stop_for(running)
+        self._owner.join()
+        try:
+            if self._arm.state is not State.UNCONFIGURED:
+                self._arm.shutdown()
+        finally:
+            self._recordings.close()
+
+    def send(
+        self,
+        task: int,
+        arguments: Mapping[str, str | Located] = MappingProxyType({}),
+        identity: str = "",
+    ) -> Acceptance:
+        """Send a goal. Returns at once.
+
+        Args:
+            task: Number of the task.
+            arguments: Values of its parameters, by name; a text is read as it would be in a file.
+            identity: 32 hexadecimal digits, made here where there are none.
+        """
+        acceptance, preempted = self._goals.send(task, arguments, identity)
+        self._stop_for(preempted)
+        did = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
+        logger.info("Received a goal for task %d (%s): %s", task, acceptance.identity, did)
+        return acceptance
+
+    def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelAnswer:
+        """Cancel goals, and stop the arm if it moves for one of them. Returns at once.
+
+        Args:
+            identity: Which; empty to name none.
+            stamp_ns: All that were accepted up to then, UTC [ns since 1970]; 0 to name none. All
+                there are where neither is named; then the arm is stopped in any case.
+        """
+        answer, running = self._goals.cancel(identity, stamp_ns)
+        if not (identity or stamp_ns or running):
+            self._arm.stop()
+        self._stop_for(running)
+        logger.info("Received a cancel: %s %s", answer.code.name, ", ".join(answer.goals))
+        return answer
+
+    def result(self, identity: str, timeout: float | None = None) -> Outcome:
+        """Wait for the outcome of a goal; any number may wait, also after its end.
+
+        Args:
+            identity: Which.
+            timeout: How long at most [s]; None for as long as it takes.
+
+        Raises:
+            UnknownGoal: There is none, or it is forgotten.
+            ResultTimeout: It has not ended in that time.
+        """
+        return self._goals.result(identity, timeout)
+
+    def on_result(self, identity: str, callback: Callable[[Outcome], None]) -> None:
+        """Have the outcome of a goal told once, from any thread; at once if it has ended.
+
+        Raises:
+            UnknownGoal: There is none, or it is forgotten.
+        """
+        self._goals.on_result(identity, callback)
+
+    def goals(self) -> tuple[GoalStatus, ...]:
+        """All goals that are known, ended ones until they are forgotten."""
+        return self._goals.all()
+
+    def pause(self, identity: str) -> None:
+        """Stop the arm where a goal has brought it, and keep the goal. Time-outs stand still too.
+
+        Raises:
+            UnknownGoal: There is none, or it is forgotten.
+            NotExecuting: It is not executing.
+        """
+        self._executing(identity).pause()
+
+    def resume(self, identity: str) -> None:
+        """Go on with a paused goal: what is left of its motion is timed anew from standstill.
+
+        Raises:
+            UnknownGoal: There is none, or it is forgotten.
+            NotExecuting: It is not executing.
+            NotPaused: It is not paused.
+        """
+        if not self._executing(identity).resume():
+            raise NotPaused(identity)
+
+    def step(self, identity: str) -> None:
+        """Go on with a paused goal up to the next skill that begins, and pause before it.
+
+        Raises:
+            UnknownGoal: There is none, or it is forgotten.
+            NotExecuting: It is not executing.
+            NotPaused: It is not paused.
+        """
+        if not self._executing(identity).resume(step=True):
+            raise NotPaused(identity)
+
+    def break_at(self, path: str, on: bool = True) -> None:
+        """Have every goal pause before a node begins; a condition is never waited for.
+
+        Args:
+            path: Of the node in its tree, such as `pick/reach/Execute`.
+            on: False to have it no longer.
+        """
+        if on:
+            self._marked.add(path)
+        else:
+            self._marked.discard(path)
+
+    def arm_to(self, transition: str) -> State:
+        """Take the arm through a transition, to its end.
+
+        Args:
+            transition: configure, activate, deactivate, cleanup or shutdown.
+
+        Returns:
+            Where it stands then.
+
+        Raises:
+            HardwareError: It did not succeed, or is not legal now.
+            LogError: There is no room for a recording, so the arm is not activated.
+        """
+        if transition not in TRANSITIONS:
+            known = ", ".join(TRANSITIONS)
+            raise TransitionRefused(f"there is no transition {transition}; there are {known}")
+        if transition == "activate":
+            self._recordings.check_space()
+        getattr(self._arm, transition)()
+        return self._arm.state
+
+    def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
+        """Have everything told that is recorded, and every change of a goal.
+
+        Args:
+            callback: Must be quick, and wait for no other thread; called from any. One that raises
+                something is told nothing more.
+
+        Returns:
+            What ends it.
+        """
+        return self._watchers.add(callback)
+
+    def snapshot(self) -> Snapshot:
+        """How things are now."""
+        running = self._goals.running
+        progress = self._progress
+        ours = running and progress and progress.goal_id == running.identity
+        return Snapshot(
+            arm=self._arm.state,
+            port=self._port,
+            commanded=self._commanded(),
+            goal=running.status if running else None,
+            progress=progress if ours else None,
+            paused=running is not None and running.mailbox.paused,
+            breakpoints=tuple(sorted(self._marked)),
+            waiting=self._goals.waiting,
+            policy=self._goals.policy,
+            uptime=self._clock.now() - self._began,
+        )
 
     def tell(self, record: logs.Record) -> None:
         """Record something from outside, such as a line of the log."""
         self._recordings.tell(record)
 
-    def run(
-        self,
-        tasks: Sequence[int],
-        report: Callable[[Outcome], None],
-        arguments: Mapping[str, Located] = MappingProxyType({}),
-    ) -> list[Outcome]:
-        """Run tasks in turn, up to the first that is not done.
+    def finish_recording(self) -> None:
+        """Finish the recording of the last goal.
 
-        What can be judged without the arm is judged for all of them before it is activated.
-
-        Args:
-            tasks: Their numbers.
-            report: Told of every outcome as soon as its recording is closed.
-            arguments: Values of the tasks' parameters, by name.
-
-        Returns:
-            The outcomes of those that were begun or refused.
+        Raises:
+            LogError: Something is missing from it.
         """
-        attempts = [_Attempt(self._goal(number)) for number in tasks]
+        self._recordings.close()
+
+    def _stop_for(self, goal: Goal | None) -> None:
+        """Stop the arm for a goal that is under way, if there is one."""
+        if goal:
+            try:
+                self._arm.stop()
+            finally:
+                self._goals.stopped(goal)
+
+    def _executing(self, identity: str) -> Mailbox:
+        goal = self._goals.find(identity)
+        if goal.state is not GoalState.EXECUTING:
+            raise NotExecuting(identity, goal.state.name)
+        return goal.mailbox
+
+    def _commanded(self) -> Mapping[str, float] | None:
         try:
-            for attempt in attempts:
-                if not self._build(attempt, arguments):
-                    return [self._refuse(attempt, report)]
-            self._pool.start()
-            with self._arm:
-                return self._run_all(attempts, report)
-        finally:
-            for attempt in attempts:
-                if attempt.tree:
-                    attempt.tree.discard()
-
-    def _goal(self, number: int) -> Goal:
-        return Goal(number, uuid.uuid4().hex, self._clock.now())
-
-    def _build(self, attempt: _Attempt, arguments: Mapping[str, Located]) -> bool:
-        """Judge a goal as far as that goes without the arm."""
-        goal = attempt.goal
-        try:
-            draft = self._library.draft(goal.task)
-            attempt.task = draft[0]
-            namespace = f"run_{goal.identity}"
-            attempt.tree = build(draft, self._library, self._context, namespace, arguments)
-        except _OURS as error:
-            attempt.error = error
-        return attempt.error is None
-
-    def _refuse(self, attempt: _Attempt, report: Callable[[Outcome], None]) -> Outcome:
-        try:
-            self._open(attempt)
-        except logs.LogError as error:
-            logger.error("%s", error)
-        return self._end(attempt, report)
-
-    def _run_all(
-        self, attempts: list[_Attempt], report: Callable[[Outcome], None]
-    ) -> list[Outcome]:
-        outcomes: list[Outcome] = []
-        for attempt in attempts:
-            done = self._run(attempt)
-            if not done or attempt is attempts[-1]:
-                self._arm.shutdown()  # before its recording closes, so that it is in it
-            outcomes.append(self._end(attempt, report))
-            if not outcomes[-1].success:
-                break
-        return outcomes
-
-    def _run(self, attempt: _Attempt) -> bool:
-        """Run a goal; false when it was not done."""
-        assert attempt.tree
-        attempt.goal.accepted = self._clock.now()
-        run = Run(
-            attempt.goal, attempt.tree, self._arm, self._clock, self._mailbox, self._recordings.tell
-        )
-        try:
-            self._open(attempt)
-            self._activate()
-            return run.execute()
-        except _OURS as error:
-            attempt.error = error
-        except Exception as error:
-            # The outermost place of this thread: a bug, too, must stop the arm and end the goal.
-            logger.exception("a bug of ours")
-            self._arm.stop()
-            attempt.error = error
-        return False
-
-    def _open(self, attempt: _Attempt) -> None:
-        name = attempt.task.name if attempt.task else ""
-        self._recordings.open(attempt.goal, name, self._context.seed, attempt.tree)
-
-    def _activate(self) -> None:
-        if self._mailbox.fault:  # coming back from a fault is a person's act
-            raise self._mailbox.fault
-        if self._mailbox.canceled:
-            raise ActivationStopped("canceled before the arm was activated")
-        self._recordings.check_space()
-        if self._arm.state is State.UNCONFIGURED:
-            self._arm.configure()
-        if self._arm.state is State.INACTIVE:
-            self._arm.activate()
-
-    def _end(self, attempt: _Attempt, report: Callable[[Outcome], None]) -> Outcome:
-        """Judge a goal, record its outcome and close its recording."""
-        goal, recordings, now = attempt.goal, self._recordings, self._clock.now()
-        state, code, message = judge(attempt.tree, attempt.error, self._mailbox.canceled)
-        if goal.state is GoalState.ACCEPTED:
-            goal.enter(GoalState.CANCELING if state is GoalState.CANCELED else GoalState.EXECUTING)
-        goal.enter(state)
-        outcome = Outcome(
-            task=goal.task,
-            state=state,
-            code=code,
-            message=message,
-            frames=recordings.frames,
-            duration=now - goal.accepted,
-            recording=recordings.path,
-        )
-        recordings.tell(_result(goal, outcome, now))
-        try:
-            recordings.close()
-        except logs.LogError as error:
-            if outcome.success:
-                outcome = dataclasses.replace(outcome, code=error.code, message=str(error))
-        report(outcome)
-        return outcome
+            positions = self._arm.commanded
+        except NotActive:
+            return None
+        names = (joint.name for joint in self._robot.actuated)
+        return dict(zip(names, positions, strict=True))
 
     def _arm_did(self, event: ArmEvent) -> None:
         self._recordings.arm_did(event)
         if isinstance(event, Faulted):
-            self._mailbox.fail(event.error)
+            self._fail(event.error)
+
+    def _fail(self, error: Exception) -> None:
+        self._owner.fail(error)
+
+    def _publish(self, event: Event) -> None:
+        if isinstance(event, logs.Feedback):
+            self._progress = event
+        self._watchers.tell(event)
 
 
-def _result(goal: Goal, outcome: Outcome, now: float) -> logs.Result:
-    return logs.Result(
-        time=now,
-        goal_id=goal.identity,
-        task=goal.task,
-        state=outcome.state.name,
-        success=outcome.success,
-        code=outcome.code,
-        message=outcome.message,
-        frames=outcome.frames,
-        duration=outcome.duration,
-    )
+def _nobody() -> None:
+    """Wakes nobody."""
+
+
+def _never(time: float) -> None:
+    """Wakes nobody."""

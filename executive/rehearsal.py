@@ -19,8 +19,9 @@ from trees import Library
 from .building.arguments import read_arguments
 from .building.plugins import load_skills
 from .building.port_types import known_skills
-from .executive import Executive
-from .goal import Outcome
+from .executive import Event, Executive
+from .goal import GoalStatus, Outcome
+from .in_turn import InTurn
 
 _TIMEOUT = 5.0  # of a planner [s]
 
@@ -106,10 +107,16 @@ class Rehearsal:
                 self.clock,
                 1,
                 _TIMEOUT,
-                self.records.append,
+                self._watch,
+                solo=True,
             )
-            (outcome,) = executive.run([task], lambda _: None, read_arguments(settings, [task]))
+            given = read_arguments(settings, [task])
+            (outcome,) = InTurn(executive).run([task], lambda _: None, given)
         return outcome
+
+    def _watch(self, event: Event) -> None:
+        if not isinstance(event, GoalStatus):
+            self.records.append(event)
 
     def said(self, name: str) -> list[str]:
         """What a node of that name said, each time it ended."""

@@ -9,11 +9,14 @@ from hardware import ActivationStopped
 from skills import TaskFailed
 
 from .building.builder import Tree
-from .codes import CANCELED, INTERNAL, OK, look_up
-from .goal import GoalState
+from .building.paths import paths
+from .causes import CANCELED_CAUSE, cause_of
+from .goal import Cause, GoalState
 
 
-def judge(tree: Tree | None, error: Exception | None, canceled: bool) -> tuple[GoalState, str, str]:
+def judge(
+    tree: Tree | None, error: Exception | None, canceled: bool
+) -> tuple[GoalState, Cause | None]:
     """Judge a goal.
 
     Args:
@@ -22,40 +25,35 @@ def judge(tree: Tree | None, error: Exception | None, canceled: bool) -> tuple[G
         canceled: Whether a cancel was asked for.
 
     Returns:
-        Its last state, the code of the cause, and the cause in words.
+        Its last state, and the cause where it was not done.
     """
     if error is not None and not (canceled and isinstance(error, ActivationStopped)):
-        code = getattr(error, "code", INTERNAL)
-        heading = look_up(code).heading
-        return GoalState.ABORTED, code, f"{heading}: {error}" if heading else str(error)
+        return GoalState.ABORTED, cause_of(error)
     if tree is not None and tree.root.status is Status.SUCCESS:
-        return GoalState.SUCCEEDED, OK, "Done"
+        return GoalState.SUCCEEDED, None
     if tree is not None and tree.root.status is Status.FAILURE:
-        return GoalState.ABORTED, *_causes(tree)
-    return GoalState.CANCELED, CANCELED, look_up(CANCELED).heading
+        return GoalState.ABORTED, _of_tree(tree.root)
+    return GoalState.CANCELED, CANCELED_CAUSE
 
 
-def _causes(tree: Tree) -> tuple[str, str]:
-    """The code of the first failed node that knows why, and what every one of them says."""
-    failed = list(_failed(tree.root))
+def _of_tree(root: Behaviour) -> Cause:
+    """The first failed node that knows why, with what every one of them says."""
+    failed = list(_failed(root))
     if not failed:
-        return TaskFailed.code, f"{tree.root.name} failed, as its tree has it"
-    code = getattr(failed[0][1], "code", INTERNAL)
-    heading = look_up(code).heading
-    said = "; ".join(
-        f"{name}: {failure}" if code.startswith("plan.") else str(failure)
-        for name, failure in failed
-    )
-    return code, f"{heading}: {said}" if heading else said
+        return cause_of(TaskFailed(f"{root.name} failed, as its tree has it"))
+    node, error = failed[0]
+    planning = getattr(error, "code", "").startswith("plan.")
+    said = (f"{node.name}: {error}" if planning else str(error) for node, error in failed)
+    return cause_of(error, dict(paths(root))[node], "; ".join(said))
 
 
-def _failed(node: Behaviour) -> Iterator[tuple[str, Exception]]:
+def _failed(node: Behaviour) -> Iterator[tuple[Behaviour, Exception]]:
     """The nodes that a failure came from; what others have made good is none."""
     if node.status is not Status.FAILURE:
         return
     failure: Exception | None = getattr(node, "failure", None)
     if failure:
-        yield node.name, failure
+        yield node, failure
         return
     for child in node.children:
         yield from _failed(child)

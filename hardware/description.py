@@ -51,6 +51,9 @@ def _check_line(serial: TomlTable, robot: Robot) -> None:
     firmware, wait, baud = robot.firmware, robot.serial.boot_wait, robot.serial.baud
     if firmware.baud not in (0, baud):
         serial.fail("baud", f"{baud} is not {firmware.baud}, at which {firmware.name} speaks")
+    if firmware.banner and not robot.serial.resets:
+        says = f"{firmware.name} says where the arm stands after a reset only"
+        serial.fail("reset_on_open", f"false is not allowed: {says}")
     if wait < firmware.boot_time:
         needs = f"{firmware.name} needs {firmware.boot_time:g} s from reset to its first byte"
         serial.fail("boot_wait_s", f"{wait:g} s is too short: {needs}")
@@ -185,6 +188,7 @@ def _serial(table: TomlTable) -> Serial:
         port=table.text("port", default=""),
         baud=table.integer("baud"),
         boot_wait=table.number("boot_wait_s", least=0),
+        resets=table.boolean("reset_on_open") if "reset_on_open" in table else True,
     )
     table.done()
     return serial

@@ -290,9 +290,21 @@ class StaleGeneration(WriteRefused):
 
 
 class BadPosition(WriteRefused, ValueError):
-    """A joint value is missing, not finite or outside its limits."""
+    """A joint value is missing, not finite or outside its limits.
+
+    Attributes:
+        joint: Which; empty where none can be named.
+        value: What was given for it [rad].
+        limit: What it is held against [rad]; None where the value is no finite number.
+    """
 
     code = "hw.bad_position"
+
+    def __init__(
+        self, message: str, joint: str = "", value: object = None, limit: float | None = None
+    ) -> None:
+        self.joint, self.value, self.limit = joint, value, limit
+        super().__init__(message)
 
 
 class TooFast(WriteRefused):

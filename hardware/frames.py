@@ -127,10 +127,12 @@ def check_position(joint: Joint, q: object) -> float:
     except OverflowError:  # an integer beyond all floats
         value = math.inf
     if not math.isfinite(value):
-        raise BadPosition(f"{joint.name} = {q!r} is not a finite number")
+        raise BadPosition(f"{joint.name} = {q!r} is not a finite number", joint.name, q)
     if not joint.lower <= value <= joint.upper:
         limits = f"[{joint.lower!r}, {joint.upper!r}]"
-        raise BadPosition(f"{joint.name} = {q} rad is outside its limits {limits} rad")
+        limit = joint.lower if value < joint.lower else joint.upper
+        words = f"{joint.name} = {q} rad is outside its limits {limits} rad"
+        raise BadPosition(words, joint.name, q, limit)
     return value
 
 

@@ -19,11 +19,13 @@ class Serial:
         port: Device, `virtual`, or empty where the robot file names none.
         baud: [bit/s].
         boot_wait: How long after opening the board listens [s].
+        resets: Whether opening it resets the board.
     """
 
     port: str
     baud: int
     boot_wait: float
+    resets: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -147,7 +147,7 @@ def percentage(feedback: Feedback, stamp: Stamp, ros: RosTypes) -> Any:
     return ros.make(
         "arduinobot_msgs/msg/TaskFeedback",
         goal_id=ros.make("unique_identifier_msgs/msg/UUID", uuid=goal_id),
-        percentage=feedback.percentage,
+        percentage=feedback.percentage or 0,  # it knows no other way to say unknown
     )
 
 

@@ -26,13 +26,13 @@ def check_space(folder: Path) -> int:
     return free
 
 
-def recording_path(folder: Path, utc_ns: int, task: int) -> Path:
+def recording_path(folder: Path, utc_ns: int, task: int | str) -> Path:
     """Where the recording of a task that starts now belongs; the folder is made if missing.
 
     Args:
         folder: Folder for recordings.
         utc_ns: UTC since 1970 [ns]; the name keeps whole milliseconds.
-        task: The task's number.
+        task: The task's number, or what else is recorded.
 
     Returns:
         A path such as `recordings/20261121T103155.123Z-1.mcap`. It may exist already; a recorder

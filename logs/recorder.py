@@ -43,7 +43,7 @@ class Recorder:
     """Records one run into one file, without ever keeping the run waiting.
 
     `put`, `attach` and `note` are one queue put each, from any thread. While it runs the file is a
-    locked journal, handed to the operating system after every record and brought to the disk every
+    locked journal, handed to the operating system after every record and brought to the disk within
     `FSYNC_S`; `close` makes the final recording of it.
     """
 
@@ -71,6 +71,7 @@ class Recorder:
         self._summary: Summary | None = None
         stream = _create(path)
         self._file = os.dup(stream.fileno())  # holds the lock until the recording is made
+        self._written = threading.Event()  # since the disk was last waited for
         self._ended = threading.Event()
         # Daemons: whoever leaves without close() leaves a journal, which recovery can read.
         self._thread = threading.Thread(
@@ -125,6 +126,7 @@ class Recorder:
             self._queue.put(None)
             self._thread.join()
             self._ended.set()
+            self._written.set()
             self._syncer.join()
             self._summary = self._compact()
             os.close(self._file)
@@ -176,6 +178,7 @@ class Recorder:
         except Exception as cause:
             self._fail(cause)
             return False
+        self._written.set()
         if journal.full:
             self._fail(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
         return True
@@ -187,7 +190,8 @@ class Recorder:
             self._fail(cause)
 
     def _sync(self) -> None:
-        while not self._ended.wait(FSYNC_S):
+        while self._written.wait() and not self._ended.wait(FSYNC_S):
+            self._written.clear()
             try:
                 os.fsync(self._file)
             except OSError as cause:

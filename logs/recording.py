@@ -1,7 +1,7 @@
 """A recording as the records it was made of."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +139,8 @@ def _whole(kind: type[Any], message: Message) -> Record:
     given = message.fields()
     names = {field.name for field in fields(kind)}
     known = {name: _frozen(value) for name, value in given.items() if name in names}
-    if missing := sorted(names - known.keys()):
+    needed = {field.name for field in fields(kind) if field.default is MISSING}
+    if missing := sorted(needed - known.keys()):
         what = f"what {message.topic} says lacks {', '.join(missing)}; another armtree recorded it"
         raise RecordingError(message.path, what)
     record: Record = kind(**known)

@@ -86,16 +86,18 @@ class Feedback:
 
     Attributes:
         goal_id: UUID, 32 hexadecimal digits.
-        percentage: Frames that arrived over frames scheduled [%].
+        percentage: Frames that arrived over frames scheduled [%]; None while none are.
         phase: What is going on, such as `planning`.
         node: Name of the tree's node at work.
+        attempt: Which one it is, from 1; the percentage only grows within one.
     """
 
     time: float
     goal_id: str
-    percentage: int
+    percentage: int | None
     phase: str
     node: str
+    attempt: int = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +113,11 @@ class Result:
         message: The cause in words.
         frames: How many frames left.
         duration: From goal to outcome [s].
+        node: Path of the node that the cause came from; empty where there is none.
+        joint: Which the cause concerns; empty where none is known.
+        value: What was wrong: a position [rad], a distance [m], or a time [s].
+        limit: What it is held against, in the same unit.
+        hint: What to do next.
     """
 
     time: float
@@ -122,6 +129,11 @@ class Result:
     message: str
     frames: int
     duration: float
+    node: str = ""
+    joint: str = ""
+    value: float | None = None
+    limit: float | None = None
+    hint: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +217,7 @@ class Schedule:
         together: Whether those groups move at once.
         sample_times: When the motion was looked at, from its start [s], (K,).
         samples: Where all actuated joints were then [rad], (K, J).
+        resumed: Where the motion before it was taken up again [s]; None for one from its beginning.
     """
 
     time: float
@@ -220,6 +233,7 @@ class Schedule:
     together: bool
     sample_times: tuple[float, ...]
     samples: tuple[tuple[float, ...], ...]
+    resumed: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from .compaction import UNFINISHED, compact, locked, part_of
 from .errors import LogError, RecordingInUse
+from .recording import Recording
+from .records import Goal, Result
 from .salvage import Salvage
 from .summary import Summary
 
@@ -47,6 +49,26 @@ def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
             continue
         except (LogError, OSError) as error:
             yield error
+
+
+def cut_off(folder: Path, since: float) -> Iterator[Recording]:
+    """Recordings of goals that have no end, and that nobody is writing: recovered or not.
+
+    Args:
+        folder: Where recordings are.
+        since: Only those that were changed since then [s since 1970].
+    """
+    for path in sorted(folder.glob("*.mcap")):
+        try:
+            if path.stat().st_mtime < since:
+                continue
+            with locked(path):
+                recording = Recording(path)
+            kinds = {type(record) for record in recording.records(Goal, Result)}
+        except (LogError, OSError):
+            continue  # in use, or no recording of ours
+        if kinds == {Goal}:
+            yield recording
 
 
 def complete(path: Path, every_byte: bool) -> bool:

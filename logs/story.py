@@ -146,6 +146,7 @@ def in_words(record: Record) -> str:  # noqa: C901, a table of words
         case Received():
             return f"received: {record.data!r}"
         case Feedback():
-            return f"progress: {record.percentage} % {record.phase} {record.node}"
+            share = "" if record.percentage is None else f"{record.percentage} % "
+            return f"progress: {share}{record.phase} {record.node}"
         case LogLine():
             return f"log: {record.logger}: {record.message}"

@@ -38,11 +38,13 @@ class Scheduled:
         schedule: The frames.
         start: Where the arm stood, one value per actuated joint [rad].
         motion: What the frames were made of; None for frames that were not planned.
+        resumed: Where the motion before it was taken up again [s]; None for one from its beginning.
     """
 
     schedule: Schedule
     start: tuple[float, ...]
     motion: Merged | None
+    resumed: float | None = None
 
 
 SkillEvent = Planned | Scheduled
@@ -59,6 +61,14 @@ class Scene:
     world: World = EMPTY
 
 
+def _never_paused() -> float:
+    return 0.0
+
+
+def _holds_nothing(skill: "Skill") -> bool:
+    return False
+
+
 @dataclass(frozen=True, slots=True)
 class Context:
     """What a skill works with.
@@ -72,8 +82,10 @@ class Context:
         wake: Asks for a tick; may be called from any thread.
         tell: Hands an event to whoever records.
         clock: Whose time.
-        wake_at: Asks for a tick at a time [s]; only within a tick, and anew at each.
+        wake_at: Asks for a tick at a time by `now` [s]; only within a tick, and anew at each.
         scene: What stands around the arm, and what it holds.
+        paused: For how long the run was paused so far [s].
+        holds: Whether a skill is kept from beginning, so that its run can be looked at.
     """
 
     robot: Robot
@@ -86,6 +98,12 @@ class Context:
     clock: Clock
     wake_at: Callable[[float], None]
     scene: Scene = field(default_factory=Scene)
+    paused: Callable[[], float] = _never_paused
+    holds: Callable[["Skill"], bool] = _holds_nothing
+
+    def now(self) -> float:
+        """Time as the run has it, which stands still while it is paused [s]."""
+        return self.clock.now() - self.paused()
 
 
 class Skill(BehaviourWithPorts):
@@ -160,8 +178,17 @@ class Skill(BehaviourWithPorts):
     def on_halt(self) -> None:
         """Stop; called once when interrupted while running, and must neither block nor raise."""
 
+    def on_pause(self) -> None:
+        """Stand still until the next tick, which may be long after; must neither block nor raise.
+
+        What goes on elsewhere, such as planning, may go on.
+        """
+
     def update(self) -> Status:
         """One tick; an error of ours becomes FAILURE and keeps its cause."""
+        if not (self._live or self.condition) and self.context.holds(self):
+            self.feedback_message = "waits to begin"
+            return Status.RUNNING
         begin, self._live = not self._live, True
         if begin:
             self.failure, self.feedback_message = None, ""

@@ -65,12 +65,12 @@ def check_targets(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> N
         BadTarget: An unknown or missing joint, or a mimic joint that contradicts its leader.
         OutOfBounds: Names every joint that is out, its value and its limits.
     """
-    wrong, out = [], []
+    wrong, out = list[str](), list[BadPosition]()
     for group, target in targets.items():
         wrong += _wrong_names(robot, group, target)
-        out += [reason for name, q in target.items() if (reason := _outside(robot, name, q))]
+        out += [error for name, q in target.items() if (error := _outside(robot, name, q))]
     if out:
-        raise OutOfBounds("; ".join(out))
+        raise OutOfBounds(out)
     if wrong:
         raise BadTarget("; ".join(wrong))
 
@@ -102,11 +102,11 @@ def _contradicts(joint: Joint, target: Mapping[str, float]) -> str:
     )
 
 
-def _outside(robot: Robot, name: str, q: float) -> str:
+def _outside(robot: Robot, name: str, q: float) -> BadPosition | None:
     joints = {joint.name: joint for joint in robot.joints}
     if name in joints:
         try:
             check_position(joints[name], q)
         except BadPosition as error:
-            return str(error)
-    return ""
+            return error
+    return None

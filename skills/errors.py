@@ -11,6 +11,10 @@ SkillError
     └── TookTooLong     a timeout of the task is over
 """
 
+from collections.abc import Sequence
+
+from hardware import BadPosition
+
 
 class SkillError(Exception):
     """Root of what skills raise; a failed skill keeps its `code` and message."""
@@ -19,9 +23,23 @@ class SkillError(Exception):
 
 
 class OutOfBounds(SkillError):
-    """A target lies outside the limits of its joints."""
+    """A target lies outside the limits of its joints.
+
+    Args:
+        errors: One per joint that is out.
+
+    Attributes:
+        joint: The first of them.
+        value: Where it would be [rad].
+        limit: Its limit there [rad]; None where the value is no number.
+    """
 
     code = "goal.out_of_bounds"
+
+    def __init__(self, errors: Sequence[BadPosition]) -> None:
+        first = errors[0]
+        self.joint, self.value, self.limit = first.joint, first.value, first.limit
+        super().__init__("; ".join(map(str, errors)))
 
 
 class BadTarget(SkillError):

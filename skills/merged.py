@@ -6,7 +6,7 @@ import numpy as np
 
 from hardware import Robot
 
-from .motion import Plan
+from .motion import Plan, Rest
 
 
 class Merged:
@@ -32,13 +32,30 @@ class Merged:
         self.sampled: dict[float, list[float]] = {}
         names = [joint.name for joint in robot.actuated]
         self._start = np.array(start, dtype=float)
-        self._plans, begins = [], 0.0
+        self._plans: list[tuple[float, list[int], Plan]] = []
+        begins = 0.0
         for plan in plans:
             columns = [names.index(name) for name in plan.joints]
             self._plans.append((begins, columns, plan))
             begins += 0.0 if together else plan.duration
         ends = [begin + plan.duration for begin, _, plan in self._plans]
         self.duration = max(ends, default=0.0)
+
+    def rest(self, time: float, start: tuple[float, ...]) -> list[Plan | Rest]:
+        """What is left of it at a time [s]: whole plans, and those that are to be timed anew.
+
+        Args:
+            time: How far it was followed [s].
+            start: Where the arm stands then, one value per actuated joint [rad].
+        """
+        left: list[Plan | Rest] = []
+        for begins, _, plan in self._plans:
+            passed = time - begins
+            if passed <= 0.0:
+                left.append(plan)
+            elif passed < plan.duration:
+                left.append(Rest(plan, passed, start))
+        return left
 
     def begins_at(self, positions: Sequence[float]) -> bool:
         """Whether the motion begins at these positions, to the bit."""

@@ -30,12 +30,12 @@ class Wait(Skill):
 
     def on_start(self) -> Status:
         """Note when it ends."""
-        self._until = self.context.clock.now() + self.get_input("duration")
+        self._until = self.context.now() + self.get_input("duration")
         return self.on_running()
 
     def on_running(self) -> Status:
         """Look at the clock."""
-        if self.context.clock.now() >= self._until:
+        if self.context.now() >= self._until:
             return Status.SUCCESS
         self.context.wake_at(self._until)
         return Status.RUNNING

@@ -1,6 +1,6 @@
 """What tests of several rooms share: one simulated clock and one pool of planners per session."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -8,8 +8,10 @@ import pytest
 from py_trees.blackboard import Blackboard
 
 import logs
-from executive.executive import Executive
-from executive.goal import Outcome
+from executive.building.arguments import read_arguments
+from executive.executive import Event, Executive
+from executive.goal import GoalStatus, Outcome
+from executive.in_turn import InTurn
 from executive.rehearsal import SharedPool
 from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board
 from skills import Context, Skill, SkillEvent
@@ -31,28 +33,57 @@ class Rig:
         recordings: Path,
         tasks: Path | None = None,
         timeout: float = 5.0,
+        solo: bool = True,
+        **options: Any,
     ) -> None:
         self.robot, self.clock = robot, clock
         self.link = BoardLink(virtual_board(robot), clock)
         self.records: list[logs.Record] = []
+        self.statuses: list[GoalStatus] = []
         self.outcomes: list[Outcome] = []
         self.on_record: Callable[[logs.Record], None] = lambda _: None
         self.executive = Executive(
-            robot, self.link, Library(tasks), pool, recordings, clock, 1, timeout, self._watch
+            robot,
+            self.link,
+            Library(tasks),
+            pool,
+            recordings,
+            clock,
+            1,
+            timeout,
+            self._watch,
+            solo=solo,
+            **options,
         )
+        self._in_turn = InTurn(self.executive)
 
-    def run(self, *numbers: int) -> list[Outcome]:
-        """Run tasks on this thread."""
+    def run(self, *numbers: int, settings: Sequence[str] = ()) -> list[Outcome]:
+        """Run tasks in turn on this thread, with parameters as NAME=VALUE."""
+        arguments = read_arguments(settings, numbers)
         with self.clock.working():
-            return self.executive.run(numbers, self.outcomes.append)
+            return self._in_turn.run(numbers, self.outcomes.append, arguments)
+
+    def cancel(self) -> None:
+        """Cancel what runs, and what would follow."""
+        self._in_turn.cancel()
+
+    def rest(self, seconds: float) -> None:
+        """Let time pass."""
+        signal, until = self.clock.signal(), self.clock.now() + seconds
+        with signal:
+            while self.clock.now() < until:
+                signal.wait(until)
 
     def soon(self, act: Callable[[], None]) -> None:
         """Do it on another thread, before time goes on."""
         self.clock.spawn(act, "test")
 
-    def _watch(self, record: logs.Record) -> None:
-        self.records.append(record)
-        self.on_record(record)
+    def _watch(self, event: Event) -> None:
+        if isinstance(event, GoalStatus):
+            self.statuses.append(event)
+        else:
+            self.records.append(event)
+            self.on_record(event)
 
     def told(self, kind: type[R]) -> list[R]:
         """The records of a kind."""
@@ -96,13 +127,40 @@ def rig(
 ) -> Iterator[RigMaker]:
     """Makes rigs; when the test ends, none has left anything on the blackboard."""
 
-    def make(tasks: Path | None = None, pool: Pool = shared_pool, timeout: float = 5.0) -> Rig:
-        return Rig(robot, shared_clock, pool, tmp_path, tasks, timeout)
+    def make(
+        tasks: Path | None = None,
+        pool: Pool = shared_pool,
+        timeout: float = 5.0,
+        robot: Robot = robot,
+        recordings: Path = tmp_path,
+        **options: Any,
+    ) -> Rig:
+        return Rig(robot, shared_clock, pool, recordings, tasks, timeout, **options)
 
     yield make
     assert Blackboard.storage == {}
     assert Blackboard.metadata == {}
     assert Blackboard.clients == {}
+
+
+@pytest.fixture
+def server(rig: RigMaker, shared_clock: SimulatedClock) -> Iterator[RigMaker]:
+    """Makes rigs that serve others: started, with an active arm, and closed at the end."""
+    made: list[Rig] = []
+
+    def make(active: bool = True, **options: Any) -> Rig:
+        one = rig(solo=False, **options)
+        made.append(one)
+        one.executive.start()
+        if active:
+            one.executive.arm_to("configure")
+            one.executive.arm_to("activate")
+        return one
+
+    with shared_clock.working():
+        yield make
+        for one in made:
+            one.executive.close()
 
 
 class Asked:

@@ -8,7 +8,6 @@ import pytest
 
 import logs
 import trees
-from executive.building.arguments import read_arguments
 from executive.building.plugins import load_skills
 from executive.building.port_types import known_skills
 from executive.building.resolved import RESOLVED
@@ -99,10 +98,7 @@ def test_a_key_goes_from_a_function_to_a_text(examples: Rig) -> None:
 
 
 def test_parameters_at_call_time(examples: Rig) -> None:
-    with examples.clock.working():
-        (outcome,) = examples.executive.run(
-            [3], examples.outcomes.append, read_arguments(["swing=5 deg", "times=1"], [3])
-        )
+    (outcome,) = examples.run(3, settings=["swing=5 deg", "times=1"])
     assert outcome.success
     proof = prove(Path(outcome.recording))
     assert proof.holds, in_words(proof)
@@ -123,14 +119,11 @@ def test_parameters_at_call_time(examples: Rig) -> None:
 def test_wrong_parameters_are_refused(examples: Rig, setting: str, words: str) -> None:
     from trees import FileError
 
-    with examples.clock.working():
-        try:
-            (outcome,) = examples.executive.run(
-                [3], examples.outcomes.append, read_arguments([setting], [3])
-            )
-        except FileError as error:
-            assert words in str(error)  # noqa: PT017  not every one can be read at all
-            return
+    try:
+        (outcome,) = examples.run(3, settings=[setting])
+    except FileError as error:
+        assert words in str(error)  # noqa: PT017  not every one can be read at all
+        return
     assert outcome.code == "file.task"
     assert words in outcome.message
     assert examples.opened == 0

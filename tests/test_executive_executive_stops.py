@@ -16,7 +16,7 @@ from skills.motion import Pool
 from tests.conftest import Rig, RigMaker
 
 
-def percentages(rig: Rig) -> list[int]:
+def percentages(rig: Rig) -> list[int | None]:
     return [feedback.percentage for feedback in rig.told(logs.Feedback)]
 
 
@@ -61,7 +61,7 @@ def check_canceled(arm: Rig, frames: int) -> None:
 
 def test_cancel_before_the_run(rig: RigMaker) -> None:
     arm = rig()
-    arm.executive.cancel()
+    arm.cancel()
     arm.run(1)
     check_canceled(arm, 0)
     assert arm.opened == 0
@@ -78,7 +78,7 @@ def test_cancel_during_boot(rig: RigMaker) -> None:
         signal = arm.clock.signal()
         with signal:
             signal.wait(arm.clock.now() + 0.5)
-        arm.executive.cancel()
+        arm.cancel()
 
     arm.on_record = watch
     arm.run(1)
@@ -89,7 +89,7 @@ def test_cancel_during_boot(rig: RigMaker) -> None:
 @pytest.mark.parametrize("node", ["PlanArm", "PlanGripper"])
 def test_cancel_during_planning(rig: RigMaker, node: str) -> None:
     arm = rig()
-    at(arm, node, arm.executive.cancel)
+    at(arm, node, arm.cancel)
     arm.run(1)
     check_canceled(arm, 0)
 
@@ -97,14 +97,14 @@ def test_cancel_during_planning(rig: RigMaker, node: str) -> None:
 @pytest.mark.parametrize("node", ["SetStart", "CheckBounds", "PlanArm", "PlanGripper"])
 def test_cancel_when_a_node_is_done(rig: RigMaker, node: str) -> None:
     arm = rig()
-    at(arm, node, arm.executive.cancel, "SUCCESS")
+    at(arm, node, arm.cancel, "SUCCESS")
     arm.run(1)
     check_canceled(arm, 0)
 
 
 def test_cancel_during_the_check_of_the_frames(rig: RigMaker) -> None:
     arm = rig()
-    at(arm, "Execute", arm.executive.cancel)
+    at(arm, "Execute", arm.cancel)
     arm.run(1)
     check_canceled(arm, 0)
 
@@ -112,7 +112,7 @@ def test_cancel_during_the_check_of_the_frames(rig: RigMaker) -> None:
 @pytest.mark.parametrize("number", range(1, 32))
 def test_cancel_at_every_frame(rig: RigMaker, number: int) -> None:
     arm = rig()
-    at_frame(arm, number, arm.executive.cancel)
+    at_frame(arm, number, arm.cancel)
     arm.run(1)
     check_canceled(arm, number)
 
@@ -121,9 +121,9 @@ def test_cancel_twice(rig: RigMaker) -> None:
     arm = rig()
 
     def twice() -> None:
-        arm.executive.cancel()
-        arm.executive.cancel()
-        arm.soon(arm.executive.cancel)
+        arm.cancel()
+        arm.cancel()
+        arm.soon(arm.cancel)
 
     at_frame(arm, 10, twice)
     arm.run(1)
@@ -134,7 +134,7 @@ def test_cancel_after_the_end(rig: RigMaker) -> None:
     arm = rig()
     (outcome,) = arm.run(1)
     before = list(arm.records)
-    arm.executive.cancel()
+    arm.cancel()
     assert outcome.success
     assert arm.records == before
 
@@ -158,7 +158,7 @@ class Canceling(list):  # type: ignore[type-arg]
     def append(self, outcome: object) -> None:
         super().append(outcome)
         if len(self) == 1:
-            self._arm.executive.cancel()
+            self._arm.cancel()
 
 
 def test_a_cancel_in_the_middle_of_a_tick(rig: RigMaker, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,7 +169,7 @@ def test_a_cancel_in_the_middle_of_a_tick(rig: RigMaker, monkeypatch: pytest.Mon
     def on_running(skill: Execute) -> object:
         ticks.append(1)
         if len(ticks) == 20:
-            arm.executive.cancel()
+            arm.cancel()
         return tick(skill)
 
     monkeypatch.setattr(Execute, "on_running", on_running)
@@ -234,7 +234,7 @@ def test_a_fault_between_two_tasks_is_not_resumed_from(rig: RigMaker) -> None:
 def test_a_skill_that_does_not_stop(rig: RigMaker, monkeypatch: pytest.MonkeyPatch) -> None:
     arm = rig()
     monkeypatch.setattr(PlanGripper, "busy", True)
-    at_frame(arm, 5, arm.executive.cancel)
+    at_frame(arm, 5, arm.cancel)
     arm.run(1)
     outcome = arm.outcomes[-1]
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.cancel_timeout")
@@ -284,7 +284,7 @@ def test_a_brake_adds_its_time_to_the_deadline(
     robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool, tmp_path: Path
 ) -> None:
     arm = Rig(dataclasses.replace(robot, brake=1.0), shared_clock, shared_pool, tmp_path)
-    at_frame(arm, 10, arm.executive.cancel)
+    at_frame(arm, 10, arm.cancel)
     arm.run(1)
     (outcome,) = arm.outcomes
     assert (outcome.state, outcome.code) == (GoalState.CANCELED, "goal.canceled")

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from executive.goal import NEXT, Goal, GoalState, Outcome
+from executive.mailbox import Mailbox
+from hardware import SimulatedClock
 
 TERMINAL = {GoalState.SUCCEEDED, GoalState.CANCELED, GoalState.ABORTED}
 
@@ -24,8 +26,12 @@ STEPS = {
 }
 
 
+def new() -> Goal:
+    return Goal("0" * 32, 1, {}, 0.0, 1, Mailbox(SimulatedClock()))
+
+
 def goal(state: GoalState) -> Goal:
-    made = Goal(1, "0" * 32, 0.0)
+    made = new()
     made.state = state
     return made
 
@@ -58,7 +64,7 @@ class Goals(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.goal = Goal(1, "0" * 32, 0.0)
+        self.goal = new()
         self.been = [GoalState.ACCEPTED]
 
     @rule(state=st.sampled_from(GoalState))

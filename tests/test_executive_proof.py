@@ -64,7 +64,7 @@ def test_a_run_of_several_tasks_holds(rig: RigMaker) -> None:
 def test_a_canceled_run_holds_with_its_hold_frame(rig: RigMaker) -> None:
     arm = rig()
     arm.on_record = lambda record: (
-        arm.soon(arm.executive.cancel)
+        arm.soon(arm.cancel)
         if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 4
         else None
     )
@@ -230,7 +230,7 @@ def test_a_plan_that_a_body_forbids(rig: RigMaker, tmp_path: Path) -> None:
 def test_a_plan_that_was_canceled_tells_its_world(rig: RigMaker, tmp_path: Path) -> None:
     arm = around(rig, tmp_path)
     arm.on_record = lambda record: (
-        arm.executive.cancel()
+        arm.cancel()
         if isinstance(record, logs.NodeStatus)
         and (record.name, record.status) == ("PlanArm", "RUNNING")
         else None

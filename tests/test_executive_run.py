@@ -7,7 +7,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 from py_trees.composites import Sequence
 
-from executive.run import CANCEL_DEADLINE, Mailbox, _paths
+from executive.building.paths import paths
+from executive.mailbox import Mailbox
+from executive.run import CANCEL_DEADLINE
 from hardware import RealClock, SimulatedClock
 
 
@@ -91,13 +93,20 @@ def named(name: str, *children: Behaviour) -> Behaviour:
 
 def test_every_node_has_a_path_of_its_own() -> None:
     root = named("t", named("a", named("x"), named("x")), named("a", named("x")), named("b"))
-    paths = [path for _, path in _paths(root, "")]
-    assert paths == ["t", "t/a", "t/a/x", "t/a/1:x", "t/1:a", "t/1:a/x", "t/b"]
+    assert [path for _, path in paths(root)] == [
+        "t",
+        "t/a",
+        "t/a/x",
+        "t/a/1:x",
+        "t/1:a",
+        "t/1:a/x",
+        "t/b",
+    ]
 
 
 def test_parents_come_before_their_children() -> None:
     root = named("t", named("t", named("t"), named("t")), named("t"))
-    paths = [path for _, path in _paths(root, "")]
-    assert len(set(paths)) == len(paths)
-    for path in paths[1:]:
-        assert path.rpartition("/")[0] in paths[: paths.index(path)]
+    found = [path for _, path in paths(root)]
+    assert len(set(found)) == len(found)
+    for path in found[1:]:
+        assert path.rpartition("/")[0] in found[: found.index(path)]

@@ -1,5 +1,7 @@
 """What is said of how a goal ended."""
 
+import math
+
 import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -7,11 +9,13 @@ from py_trees.composites import Sequence
 from py_trees.decorators import FailureIsSuccess
 
 from executive.building.builder import Tree
+from executive.causes import cause_of
 from executive.goal import GoalState
 from executive.verdict import judge
-from hardware import ActivationStopped, NotActive, PortNotGiven
+from hardware import ActivationStopped, BadPosition, NotActive, PortNotGiven
 from skills import OutOfBounds
 from skills.motion import MotionCollides, PlanCanceled, PlanTimeout
+from skills.motion.errors import NotFinite, StartInCollision, StartOutOfBounds
 
 
 class Failed(Behaviour):
@@ -31,8 +35,19 @@ def tree(status: Status, *skills: Behaviour) -> Tree:
     return Tree(root, (), {}, "run")
 
 
+def said(
+    judged: Tree | None, error: Exception | None, canceled: bool
+) -> tuple[GoalState, str, str]:
+    state, cause = judge(judged, error, canceled)
+    assert cause
+    return state, cause.code, cause.message
+
+
+OUT = OutOfBounds([BadPosition("joint_1 is out", "joint_1", 2.0, 1.5)])
+
+
 def test_done() -> None:
-    assert judge(tree(Status.SUCCESS), None, False) == (GoalState.SUCCEEDED, "ok", "Done")
+    assert judge(tree(Status.SUCCESS), None, False) == (GoalState.SUCCEEDED, None)
 
 
 def test_done_before_the_cancel_was_seen() -> None:
@@ -40,7 +55,7 @@ def test_done_before_the_cancel_was_seen() -> None:
 
 
 def test_canceled() -> None:
-    assert judge(tree(Status.INVALID), None, True) == (
+    assert said(tree(Status.INVALID), None, True) == (
         GoalState.CANCELED,
         "goal.canceled",
         "Canceled",
@@ -50,28 +65,28 @@ def test_canceled() -> None:
 def test_canceled_while_the_board_booted() -> None:
     stopped = ActivationStopped("stopped")
     assert judge(tree(Status.INVALID), stopped, True)[0] is GoalState.CANCELED
-    assert judge(tree(Status.INVALID), stopped, False)[:2] == (
+    assert said(tree(Status.INVALID), stopped, False)[:2] == (
         GoalState.ABORTED,
         "hw.activation_stopped",
     )
 
 
 def test_a_fault_outweighs_the_cancel() -> None:
-    state, code, _ = judge(tree(Status.INVALID), NotActive("x"), True)
+    state, code, _ = said(tree(Status.INVALID), NotActive("x"), True)
     assert (state, code) == (GoalState.ABORTED, "hw.not_active")
 
 
 ERRORS: list[tuple[Exception, str, str]] = [
     (PortNotGiven(), "hw.no_port", "No serial port provided"),
-    (OutOfBounds("joint_1 is out"), "goal.out_of_bounds", "Target position out of boundaries: j"),
+    (OUT, "goal.out_of_bounds", "Target position out of boundaries: j"),
     (ZeroDivisionError("x"), "internal", "A bug of ours: x"),
 ]
 
 
 @pytest.mark.parametrize(("error", "code", "words"), ERRORS)
 def test_what_failed_outside_the_tree(error: Exception, code: str, words: str) -> None:
-    state, said, message = judge(None, error, False)
-    assert (state, said) == (GoalState.ABORTED, code)
+    state, name, message = said(None, error, False)
+    assert (state, name) == (GoalState.ABORTED, code)
     assert message.startswith(words)
 
 
@@ -82,7 +97,7 @@ def test_both_planners_with_their_names() -> None:
         Failed("PlanArm", PlanTimeout(5.0)),
         Failed("PlanGripper", PlanCanceled()),
     )
-    state, code, message = judge(failed, None, False)
+    state, code, message = said(failed, None, False)
     assert (state, code) == (GoalState.ABORTED, "plan.timeout")
     assert message.startswith("One or more planners failed: PlanArm: ")
     assert "; PlanGripper: " in message
@@ -90,7 +105,7 @@ def test_both_planners_with_their_names() -> None:
 
 def test_one_planner() -> None:
     failed = tree(Status.FAILURE, Failed("PlanArm", None), Failed("PlanGripper", PlanCanceled()))
-    _, code, message = judge(failed, None, False)
+    _, code, message = said(failed, None, False)
     assert code == "plan.canceled"
     assert message.startswith("One or more planners failed: PlanGripper: ")
     assert "PlanArm" not in message
@@ -98,21 +113,46 @@ def test_one_planner() -> None:
 
 def test_the_last_check() -> None:
     collides = MotionCollides(3, None, "gripper_left", "floor", -0.01, 0.002)
-    _, code, message = judge(tree(Status.FAILURE, Failed("Execute", collides)), None, False)
+    _, code, message = said(tree(Status.FAILURE, Failed("Execute", collides)), None, False)
     assert code == "plan.motion_collides"
     assert message.startswith("The motion would collide as its frames play it: Execute: ")
 
 
 def test_a_failure_that_no_skill_explains() -> None:
-    assert judge(tree(Status.FAILURE), None, False) == (
+    assert said(tree(Status.FAILURE), None, False) == (
         GoalState.ABORTED,
         "task.failed",
-        "task failed, as its tree has it",
+        "The task failed: task failed, as its tree has it",
     )
 
 
 def test_what_was_made_good_is_not_the_cause() -> None:
-    forgiven = FailureIsSuccess("forgiven", Failed("A", OutOfBounds("a")))
+    forgiven = FailureIsSuccess("forgiven", Failed("A", OUT))
     forgiven.status = Status.SUCCESS
     failed = tree(Status.FAILURE, forgiven, Failed("B", PlanTimeout(5.0)))
-    assert judge(failed, None, False)[1] == "plan.timeout"
+    assert said(failed, None, False)[1] == "plan.timeout"
+
+
+def test_what_is_known_of_it_is_told() -> None:
+    _, cause = judge(tree(Status.FAILURE, Failed("CheckBounds", OUT)), None, False)
+    assert cause
+    assert (cause.node, cause.joint) == ("task/CheckBounds", "joint_1")
+    assert (cause.value, cause.limit) == (2.0, 1.5)
+    assert cause.hint == "choose a target within"
+
+
+@pytest.mark.parametrize(
+    ("error", "value", "limit"),
+    [
+        (StartInCollision("a", "b", -0.01, 0.005), -0.01, 0.005),
+        (StartOutOfBounds("joint_1", -2.0, -1.5, 1.5), -2.0, -1.5),
+        (StartOutOfBounds("joint_1", 2.0, -1.5, 1.5), 2.0, 1.5),
+        (PlanTimeout(5.0), None, 5.0),
+        (NotFinite("goal", "joint_1", math.nan), None, None),
+        (BadPosition("x", "joint_1", "two"), None, None),
+        (ZeroDivisionError("x"), None, None),
+    ],
+)
+def test_values_and_limits(error: Exception, value: float | None, limit: float | None) -> None:
+    cause = cause_of(error)
+    assert (cause.value, cause.limit) == (value, limit)

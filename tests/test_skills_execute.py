@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from py_trees.common import Status
 
-from hardware import FrameSent
+from hardware import FrameSent, Schedule
 from skills import Execute, Interrupted, Scheduled, StartMoved
-from skills.motion import MotionCollides, Plan, PlanCanceled, Verify
+from skills.merged import Merged
+from skills.motion import MotionCollides, Plan, PlanCanceled, Rest, Verify
 from tests.conftest import Bench
 
 Plans = tuple[Plan, Plan]
@@ -161,3 +162,60 @@ def test_the_arm_left_the_active_state_meanwhile(bench: Bench, skill: Execute) -
     assert skill.status is Status.FAILURE
     assert skill.failure is not None
     assert skill.failure.code == "hw.not_active"
+
+
+# Paused
+
+
+class Unplanned(Execute, register=False):
+    """Frames of which no motion is known."""
+
+    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, Merged | None]:
+        schedule, _ = super()._compile(start)
+        return schedule, None
+
+
+def test_what_is_left_of_unplanned_frames_follows_as_it_is(bench: Bench, plans: Plans) -> None:
+    skill = bench.skill(Unplanned, arm_plan=plans[0], gripper_plan=plans[1])
+    moving(bench, skill, 5)
+    skill.on_pause()
+    skill.tick_once()
+    while len(bench.desk.jobs) < 2:
+        bench.wait()
+        skill.tick_once()
+    moving(bench, skill)
+    assert to_the_end(bench, skill) is Status.SUCCESS
+    whole, left = (told.schedule for told in bench.told if isinstance(told, Scheduled))
+    assert left.setpoints[0].time == 0.0
+    assert [s.frame for s in left.setpoints] == [s.frame for s in whole.setpoints[5:]]
+    frames = [event.data for event in sent(bench) if event.scheduled is not None]
+    assert frames == [setpoint.frame.data for setpoint in whole.setpoints]
+    assert skill.feedback_message == f"{len(frames)} of {len(frames)} frames"
+
+
+def test_a_rest_that_cannot_be_timed_fails(bench: Bench, skill: Execute) -> None:
+    moving(bench, skill, 5)
+    skill.on_pause()
+    while not isinstance(bench.desk.jobs[-1].request, Rest):
+        skill.tick_once()
+    share = skill.progress
+    assert share
+    assert skill.busy
+    bench.desk.jobs[-1].answer(PlanCanceled())
+    skill.tick_once()
+    assert skill.status is Status.FAILURE
+    assert isinstance(skill.failure, PlanCanceled)
+    assert not skill.busy
+    assert skill.progress == share
+
+
+def test_a_rest_is_halted(bench: Bench, skill: Execute) -> None:
+    moving(bench, skill, 5)
+    skill.on_pause()
+    while not isinstance(bench.desk.jobs[-1].request, Rest):
+        skill.tick_once()
+    skill.stop(Status.INVALID)
+    assert bench.desk.jobs[-1].canceled == 1
+    assert skill.busy
+    bench.desk.jobs[-1].answer(PlanCanceled())
+    assert not skill.busy

@@ -6,6 +6,7 @@ What a skill's name or port means is not known here; the builder above checks th
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -178,6 +179,7 @@ def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
     return subtree, parser.mistakes.found
 
 
+@lru_cache(maxsize=16)  # every task asks for all of them
 def parse_poses(path: Path, text: str) -> PosesFile:
     """Check a file of poses.
 

@@ -33,6 +33,18 @@ def read_arguments(settings: Sequence[str], tasks: Sequence[int]) -> dict[str, L
     return arguments
 
 
+def located(arguments: Mapping[str, str | Located]) -> dict[str, Located]:
+    """Values of which some are still text, as it would stand in a file.
+
+    Raises:
+        FileError: A text cannot be read.
+    """
+    return {
+        name: parse_value(value, f"argument {name}") if isinstance(value, str) else value
+        for name, value in arguments.items()
+    }
+
+
 def as_text(arguments: Mapping[str, Located]) -> str:
     """The arguments as a file."""
     return "".join(f"{name}: {json.dumps(value.plain())}\n" for name, value in arguments.items())

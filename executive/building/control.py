@@ -43,7 +43,7 @@ class ReactiveSelector(Selector):
 
 def _ask_again(node: Composite, context: Context) -> None:
     if node.status is Status.RUNNING:
-        context.wake_at(context.clock.now() + ASK_AGAIN)
+        context.wake_at(context.now() + ASK_AGAIN)
 
 
 class _Loop(Decorator):
@@ -59,6 +59,11 @@ class _Loop(Decorator):
         self._next: float | None = None
         self.rounds = 0
 
+    @property
+    def between_rounds(self) -> bool:
+        """Whether a round has ended and the next one has not begun."""
+        return self._next is not None
+
     def initialise(self) -> None:
         """Begin the first round."""
         self.rounds, self._next = 0, None
@@ -66,7 +71,7 @@ class _Loop(Decorator):
     def tick(self) -> Iterator[Behaviour]:
         """Tick the child, unless its next round has still to wait."""
         if self.status is Status.RUNNING and self._next is not None:
-            if self._context.clock.now() < self._next or busy(self.decorated):
+            if self._context.now() < self._next or busy(self.decorated):
                 self._wait(self._next)
                 yield self
                 return
@@ -75,12 +80,12 @@ class _Loop(Decorator):
 
     def again(self, pause: float) -> Status:
         """Plan another round, after a pause [s]."""
-        self._next = self._context.clock.now() + max(pause, LEAST_ROUND)
+        self._next = self._context.now() + max(pause, LEAST_ROUND)
         self._wait(self._next)
         return Status.RUNNING
 
     def _wait(self, until: float) -> None:
-        self._context.wake_at(max(until, self._context.clock.now() + LEAST_ROUND))
+        self._context.wake_at(max(until, self._context.now() + LEAST_ROUND))
 
 
 class Retry(_Loop):
@@ -175,13 +180,13 @@ class Timeout(Decorator):
 
     def initialise(self) -> None:
         """Begin to count."""
-        self.failure, self._until = None, self._context.clock.now() + self.after
+        self.failure, self._until = None, self._context.now() + self.after
 
     def update(self) -> Status:
         """Look at the clock, if the child has not ended."""
         if self.decorated.status is not Status.RUNNING:
             return self.decorated.status
-        if self._context.clock.now() < self._until:
+        if self._context.now() < self._until:
             self._context.wake_at(self._until)
             return Status.RUNNING
         self.failure = TookTooLong(f"{self.name} took longer than {self.after:g} s")
@@ -228,7 +233,7 @@ class Guard(Composite):
             self.stop(status)
             return
         self.status = Status.RUNNING
-        self._context.wake_at(self._context.clock.now() + self._every)
+        self._context.wake_at(self._context.now() + self._every)
 
 
 def busy(node: Behaviour) -> bool:

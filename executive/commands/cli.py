@@ -17,6 +17,7 @@ from .log_commands import log
 from .options import (
     PATH,
     port_option,
+    pose_option,
     recordings_option,
     robot_option,
     skills_option,
@@ -35,8 +36,8 @@ def cli(verbose: bool, debug: bool) -> None:
 
     Exit codes: 0 done, 1 a bug of ours, 2 usage, 3 bad file, 4 goal refused, 5 planning failed,
     6 hardware fault, 7 canceled, 8 timed out, 9 port busy, 10 recording incomplete, 11 the task
-    failed by its own tree, 12 a replay differs, 130 left by Ctrl-C before a goal had begun, or by
-    a second one.
+    failed by its own tree, 12 a replay differs, 13 the server ended, 130 left by Ctrl-C before a
+    goal had begun, or by a second one.
     """
     root = logging.getLogger()
     root.setLevel(logging.INFO)
@@ -77,6 +78,7 @@ def cli(verbose: bool, debug: bool) -> None:
     envvar="ARMTREE_KEEP_MB",
     help="Delete the oldest recordings beyond so many megabytes.",
 )
+@pose_option
 @click.option("--json", is_flag=True, help="Print one JSON object per event.")
 def run(**options: Any) -> None:
     """Run tasks N in turn. Ctrl-C cancels and stops the arm; a second one leaves at once."""

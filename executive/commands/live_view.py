@@ -39,6 +39,7 @@ class LiveView:
         self._console = console
         self._lock = threading.Lock()
         self._live: Live | None = None
+        self._percentage: int | None = None
         self._clear()
 
     def __enter__(self) -> Self:
@@ -88,7 +89,7 @@ class LiveView:
     def _clear(self) -> None:
         self._nodes: dict[str, logs.NodeStatus] = {}
         self._title = self._phase = self._frame = ""
-        self._percentage = 0
+        self._percentage = None
         self._arm = getattr(self, "_arm", "unconfigured")
 
     def _start(self) -> None:
@@ -121,6 +122,8 @@ class LiveView:
 
     def _bar(self) -> Table:
         row = Table.grid(padding=(0, 1))
-        bar = ProgressBar(total=100, completed=self._percentage, width=30)
-        row.add_row(bar, f"{self._percentage:3d} %", self._phase, Text(self._frame, style="cyan"))
+        share = self._percentage
+        bar = ProgressBar(total=None if share is None else 100, completed=share or 0, width=30)
+        said = "" if share is None else f"{share:3d} %"
+        row.add_row(bar, said, self._phase, Text(self._frame, style="cyan"))
         return row

@@ -16,6 +16,12 @@ robot_option = click.option(
     "--robot", type=PATH, envvar="ARMTREE_ROBOT", help="Robot file; default: the Arduinobot."
 )
 port_option = click.option("--port", envvar="ARMTREE_PORT", help="Serial port, or: virtual.")
+pose_option = click.option(
+    "--pose",
+    type=click.Choice(["boot", "last"]),
+    help="Where the arm stands, for a board that opening the port does not reset: in its boot "
+    "pose, or where it was commanded to last.",
+)
 recordings_option = click.option(
     "--recordings",
     type=PATH,

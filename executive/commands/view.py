@@ -101,6 +101,7 @@ def _result(outcome: Outcome) -> dict[str, Any]:
         "frames": outcome.frames,
         "duration_s": round(outcome.duration, 6),
         "recording": outcome.recording,
+        "cause": dataclasses.asdict(outcome.cause) if outcome.cause else None,
     }
 
 
@@ -151,4 +152,6 @@ def in_words(outcome: Outcome) -> str:
     """An outcome for people."""
     spent = f"{outcome.duration:.2f} s, {outcome.frames} frames"
     text = f"task {outcome.task} {outcome.state.name} ({spent}): {outcome.message}"
+    if (cause := outcome.cause) and cause.hint:
+        text += f"\n  -> {cause.hint}"
     return f"{text}\n  recording {outcome.recording}" if outcome.recording else text

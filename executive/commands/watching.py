@@ -9,7 +9,7 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 
-from executive.goal import GoalState, Outcome
+from executive.goal import Cause, GoalState, Outcome
 from hardware import RealClock
 from logs import Record, Recording, Result
 
@@ -136,4 +136,17 @@ def _outcome(result: Result, path: Path) -> Outcome:
         frames=result.frames,
         duration=result.duration,
         recording=str(path),
+        cause=None if result.success else _cause(result),
+    )
+
+
+def _cause(result: Result) -> Cause:
+    return Cause(
+        code=result.code,
+        message=result.message,
+        node=result.node,
+        joint=result.joint,
+        value=result.value,
+        limit=result.limit,
+        hint=result.hint,
     )

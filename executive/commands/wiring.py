@@ -5,12 +5,16 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import logs
 from executive.building.arguments import read_arguments
-from executive.executive import Executive
-from executive.goal import GoalState, Outcome
+from executive.causes import cause_of
+from executive.executive import Event, Executive
+from executive.goal import GoalState, GoalStatus, Outcome
+from executive.in_turn import InTurn
+from executive.pose import standing
 from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
 from logs.keeping import Rule, prune
 from skills.motion import Pool
@@ -41,6 +45,7 @@ class Options:
         verbose: Whether the log is shown, so that no live picture may be in its way.
         keep_days: Older recordings go; None to keep them.
         keep_mb: The oldest recordings beyond so many megabytes go; None to keep them.
+        pose: Where the arm stands, where its board is not reset; see `executive.pose`.
     """
 
     numbers: tuple[int, ...]
@@ -56,6 +61,7 @@ class Options:
     verbose: bool
     keep_days: float | None = None
     keep_mb: float | None = None
+    pose: str | None = None
 
 
 def execute(options: Options) -> list[Outcome]:
@@ -64,12 +70,14 @@ def execute(options: Options) -> list[Outcome]:
         try:
             robot, library = load_robot(options.robot), Library(options.trees)
             arguments = read_arguments(options.settings, options.numbers)
+            port = robot.serial.port if options.port is None else options.port
+            robot = standing(robot, port, options.pose, options.recordings)
         except (HardwareError, TreeError) as error:
             task = options.numbers[0]
-            outcome = Outcome(task, GoalState.ABORTED, error.code, str(error), 0, 0.0, "")
+            aborted, cause = GoalState.ABORTED, cause_of(error)
+            outcome = Outcome(task, aborted, cause.code, cause.message, 0, 0.0, "", cause)
             view.report(outcome)
             return [outcome]
-        port = robot.serial.port if options.port is None else options.port
         view.say(_port_line(robot, port))
         clock = RealClock()
         _put_in_order(options, clock, view)
@@ -83,10 +91,15 @@ def execute(options: Options) -> list[Outcome]:
                 clock,
                 options.seed,
                 PLANNING_TIMEOUT,
-                view.watch,
+                partial(_show, view),
+                solo=True,
             )
-            interrupts.on_cancel(executive.cancel)
             return _drive(executive, clock, options.numbers, arguments, view, interrupts)
+
+
+def _show(view: View, event: Event) -> None:
+    if not isinstance(event, GoalStatus):
+        view.watch(event)
 
 
 def _put_in_order(options: Options, clock: RealClock, view: View) -> None:
@@ -114,10 +127,12 @@ def _drive(
     """Run on a thread of its own; this one waits for signals."""
     outcomes: list[Outcome] = []
     bugs: list[Exception] = []
+    in_turn = InTurn(executive)
+    interrupts.on_cancel(in_turn.cancel)
 
-    def own() -> None:
+    def drive() -> None:
         try:
-            outcomes.extend(executive.run(numbers, view.report, arguments))
+            outcomes.extend(in_turn.run(numbers, view.report, arguments))
         except Exception as error:  # carried over to the thread that tells the user
             bugs.append(error)
         finally:
@@ -125,9 +140,9 @@ def _drive(
 
     handler = LogHandler(executive.tell, clock)
     logging.getLogger().addHandler(handler)
-    owner = clock.spawn(own, "owner")
+    driver = clock.spawn(drive, "driver")
     interrupts.wait()
-    owner.join()
+    driver.join()
     logging.getLogger().removeHandler(handler)
     if bugs:
         raise bugs[0]

@@ -1,7 +1,10 @@
 """What is told of a run: into its recording, and to whoever watches."""
 
 import errno
+import logging
+import threading
 from collections.abc import Callable, Mapping
+from functools import cached_property, partial
 from pathlib import Path
 
 import logs
@@ -15,9 +18,15 @@ from .meshes import kept
 from .translate import arm_record, skill_record
 from .versions import versions
 
+logger = logging.getLogger(__name__)
+
+_BETWEEN = "server"  # in the name of the recording of what happens between goals
+
 
 class Recordings:
     """One recording per goal; everything told goes into the one that is open, and to the watcher.
+
+    A server keeps one more, which is open whenever no goal's is.
 
     Args:
         folder: Where recordings are made.
@@ -42,9 +51,21 @@ class Recordings:
         self._folder, self._robot, self._clock = folder, robot, clock
         self._watch, self._failed = watch, failed
         self._recorder: logs.Recorder | None = None
+        self._between: logs.Recorder | None = None
+        self._closing: list[threading.Thread] = []
+        self._wrong: list[logs.LogError] = []
         self._meshes: set[str] = set()  # that are in it already
         self.path = ""
         self.frames = 0
+
+    def open_between(self) -> None:
+        """Open the recording of what happens between goals.
+
+        Raises:
+            LogError: It cannot be made.
+        """
+        self._recorder = self._between = recorder = self._create(_BETWEEN)
+        self._attach(recorder, None)
 
     def open(self, goal: Goal, name: str, seed: int, tree: Tree | None) -> None:
         """Open the recording of a goal and tell of it.
@@ -72,15 +93,35 @@ class Recordings:
         """
         logs.check_space(self._folder)
 
+    def goal_ended(self) -> None:
+        """Finish the recording of a goal in the background; what follows is between goals."""
+        recorder, self._recorder, self.path = self._recorder, self._between, ""
+        self._closing = [thread for thread in self._closing if thread.is_alive()]
+        if recorder and recorder is not self._between:
+            finish = partial(self._finish, recorder)
+            self._closing.append(self._clock.spawn(finish, "recording"))
+
     def close(self) -> None:
-        """Finish the recording that is open, if one is.
+        """Finish the recordings that are open.
 
         Raises:
-            LogError: Something is missing from it.
+            LogError: Something is missing from one of them.
         """
-        recorder, self._recorder, self.path = self._recorder, None, ""
-        if recorder:
+        recorders = [self._recorder, self._between]
+        self._recorder, self._between, self.path = None, None, ""
+        for recorder in filter(None, recorders):
+            self._finish(recorder)
+        for thread in self._closing:
+            thread.join()
+        if self._wrong:
+            raise self._wrong.pop(0)
+
+    def _finish(self, recorder: logs.Recorder) -> None:
+        try:
             recorder.close()
+        except logs.LogError as error:
+            logger.error("%s", error)
+            self._wrong.append(error)
 
     def tell(self, record: logs.Record) -> None:
         """Record something and show it to the watcher."""
@@ -107,15 +148,23 @@ class Recordings:
 
     def _attach(self, recorder: logs.Recorder, tree: Tree | None) -> None:
         """Add all that it takes to see, and to prove, the run from its file alone."""
-        robot = self._robot
-        for path in (robot.path, robot.urdf):
-            recorder.attach(path.name, "text/plain", path.read_bytes())
-        recorder.put(logs.Description(self._clock.now(), robot.urdf.read_text()))
-        recorder.note("robot", robot_note(robot))
-        recorder.note("versions", versions())
+        urdf, files, notes = self._machine
+        for name, data in files.items():
+            recorder.attach(name, "text/plain", data)
+        recorder.put(logs.Description(self._clock.now(), urdf))
+        for name, facts in notes.items():
+            recorder.note(name, facts)
         if tree:
             for file, text in tree.files.items():
                 recorder.attach(file, "application/yaml", text.encode())
+
+    @cached_property
+    def _machine(self) -> tuple[str, dict[str, bytes], dict[str, dict[str, str]]]:
+        """The URDF, the robot's files and the notes, as they are at the first goal."""
+        robot = self._robot
+        files = {path.name: path.read_bytes() for path in (robot.path, robot.urdf)}
+        notes = {"robot": robot_note(robot), "versions": versions()}
+        return robot.urdf.read_text(), files, notes
 
     def _attach_new(self, meshes: Mapping[str, bytes]) -> None:
         if self._recorder:
@@ -123,7 +172,7 @@ class Recordings:
                 self._recorder.attach(name, "application/octet-stream", meshes[name])
                 self._meshes.add(name)
 
-    def _create(self, task: int) -> logs.Recorder:
+    def _create(self, task: int | str) -> logs.Recorder:
         utc_ns = self._clock.epoch_ns() + round(self._clock.now() * 1e9)
         while True:
             path = logs.recording_path(self._folder, utc_ns, task)

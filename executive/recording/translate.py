@@ -93,6 +93,7 @@ def _schedule_record(event: Scheduled, robot: Robot, now: float) -> logs.Schedul
         together=motion.together if motion else False,
         sample_times=tuple(sampled),
         samples=tuple(tuple(row) for row in sampled.values()),
+        resumed=event.resumed,
     )
 
 

@@ -8,7 +8,7 @@ from hardware import HardwareError, Robot, compile_schedule
 from hardware import Schedule as Compiled
 from logs import NodeStatus, Plan, Record, Result, Schedule, Sent
 from skills.merged import Merged
-from skills.motion import MotionError, Query
+from skills.motion import MotionError, Query, Rest
 from skills.motion import Plan as Planned
 from skills.motion.planner import Planner
 
@@ -137,6 +137,7 @@ def plans_difference(
         files: What is attached to the recording.
     """
     made: dict[str, Planned] = {}
+    before: Merged | None = None
     number = 0
     for record in story:
         words = ""
@@ -145,7 +146,12 @@ def plans_difference(
             words = _plan_difference(record, _plan(planner, robot, record, files), made)
             words = words and f"plan {number} ({record.group}): {words}"
         elif isinstance(record, Schedule) and record.groups and set(record.groups) <= set(made):
-            words = _merged_difference(robot, record, made)
+            if before and record.resumed is not None:
+                made |= _left(planner, robot, record, before, record.resumed)
+            start = [record.start[joint.name] for joint in robot.actuated]
+            plans = [made[group] for group in record.groups]
+            before = Merged(robot, start, plans, record.together)
+            words = _merged_difference(robot, record, before)
         if words:
             return words
     return ""
@@ -188,9 +194,17 @@ def _plan_difference(
     return _motions_difference(recorded, answer)
 
 
-def _merged_difference(robot: Robot, recorded: Schedule, made: dict[str, Planned]) -> str:
-    start = [recorded.start[joint.name] for joint in robot.actuated]
-    merged = Merged(robot, start, [made[group] for group in recorded.groups], recorded.together)
+def _left(
+    planner: Planner, robot: Robot, recorded: Schedule, before: Merged, time: float
+) -> dict[str, Planned]:
+    """What was left of a motion that was paused at a time [s], by group."""
+    start = tuple(recorded.start[joint.name] for joint in robot.actuated)
+    rest = before.rest(time, start)
+    plans = [planner.rest(part) if isinstance(part, Rest) else part for part in rest]
+    return {plan.group: plan for plan in plans}
+
+
+def _merged_difference(robot: Robot, recorded: Schedule, merged: Merged) -> str:
     if merged.duration != recorded.duration:
         return (
             f"a motion of {recorded.duration!r} s is recorded, the plans take {merged.duration!r}"

@@ -25,7 +25,7 @@ from .errors import (
 from .plan import Plan
 from .pool import Job, Pool
 from .process import Request, Result
-from .query import Carry, Query, Reached, ToolQuery, Verify
+from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
 from .world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World, quaternion
 
 __all__ = [
@@ -54,6 +54,7 @@ __all__ = [
     "Query",
     "Reached",
     "Request",
+    "Rest",
     "Result",
     "Shape",
     "Sphere",

@@ -76,6 +76,14 @@ class Curve(Rebuilt):
         still = np.zeros((1, len(position)))
         return cls(np.zeros(2), position[None, :], still, still, np.empty(0))
 
+    def after(self, s: float) -> "Curve":
+        """What is left of it from s on; its own parameter begins at 0 there."""
+        first = int(np.searchsorted(self.breaks[1:-1], s, side="right"))
+        base, slope = self.base[first:].copy(), self.slope[first:].copy()
+        base[0], slope[0] = self.positions(np.array([s]))[0], self.slopes(np.array([s]))[0]
+        breaks = np.concatenate(([0.0], self.breaks[first + 1 :] - s))
+        return Curve(breaks, base, slope, self.bend[first:], self.stops[self.stops > s] - s)
+
     @property
     def length(self) -> float:
         """Largest s."""

@@ -18,7 +18,8 @@ from .path import find
 from .plan import Plan
 from .process import Answer, Request
 from .profile import Profile
-from .query import Carry, Query, Reached, ToolQuery, Verify
+from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
+from .rest import rest_of
 from .search import Search
 from .space import Space, evenly
 from .timing import load, timed
@@ -54,10 +55,10 @@ class Planner:
         self.contacts = self._scene(EMPTY).contacts
 
     def answer(self, request: Request) -> Answer:
-        """A Plan for a Query, Reached for a ToolQuery, a Body for a Carry, None for a Verify.
+        """A Plan (Query, Rest), Reached (ToolQuery), a Body (Carry), or None (Verify).
 
         Raises:
-            MotionError: As `plan`, `reach`, `carry` and `verify`.
+            MotionError: As `plan`, `rest`, `reach`, `carry` and `verify`.
         """
         match request:
             case Query():
@@ -69,6 +70,8 @@ class Planner:
                 return self.reach(request)
             case Carry():
                 return self.carry(request)
+            case Rest():
+                return self.rest(request)
         raise BadQuery(f"{type(request).__name__} is nothing that a planner can be asked")
 
     def plan(self, query: Query) -> Plan:
@@ -151,6 +154,16 @@ class Planner:
         """
         scene, deadline = self._scene(query.world), Deadline(self._clock, query.timeout)
         return reached(self._robot, scene.model, scene.contacts, query, deadline)
+
+    def rest(self, request: Rest) -> Plan:
+        """What is left of a motion that was stopped, timed from standstill.
+
+        Raises:
+            BadQuery, NotFinite: The arm does not stand on its path.
+        """
+        start = finite("start", request.start, self._robot.actuated)
+        group = self._group(request.plan.group)
+        return rest_of(request.plan, request.time, start, group.columns)
 
     def carry(self, request: Carry) -> Body:
         """A body where it is, but moving with another link.

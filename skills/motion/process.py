@@ -18,10 +18,10 @@ from hardware import Robot
 
 from .errors import BadQuery, MotionError, PlanTimeout, WorkerDied
 from .plan import Plan
-from .query import Carry, Query, Reached, ToolQuery, Verify
+from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
 from .world import Body
 
-Request = Query | Verify | ToolQuery | Carry
+Request = Query | Verify | ToolQuery | Carry | Rest
 Answer = Plan | Reached | Body | None
 Result = Answer | MotionError
 

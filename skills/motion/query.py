@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Rebuilt, readonly
+from .plan import Plan
 from .world import EMPTY, Vector, World
 
 
@@ -57,6 +58,23 @@ class Verify(Rebuilt):
         object.__setattr__(self, "configurations", readonly(self.configurations))
         if self.times is not None:
             object.__setattr__(self, "times", readonly(self.times))
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """Time what is left of a motion that was stopped, from standstill; answered with a Plan.
+
+    Attributes:
+        plan: Of which motion.
+        time: How far it was followed [s].
+        start: Where the arm stands: all actuated joints [rad].
+        timeout: Time there is [s].
+    """
+
+    plan: Plan
+    time: float
+    start: tuple[float, ...]
+    timeout: float = 5.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,8 @@ sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).pare
 from executive.building.assembly import Assembly
 from executive.building.builder import build
 from executive.goal import Goal
-from executive.run import Mailbox, Run
+from executive.mailbox import Mailbox
+from executive.run import Run
 from hardware import Arm, RealClock, Robot, load_robot
 from skills import Context
 from skills.motion import Pool
@@ -126,8 +127,8 @@ class Bench:
         return loop / plain
 
     def _run(self, tree: Any) -> tuple[Any, ...]:
-        goal = Goal(11, "0" * 32, self.clock.now())
-        return goal, tree, self.arm, self.clock, self.mailbox, nothing
+        goal = Goal("0" * 32, 11, {}, self.clock.now(), 1, self.mailbox)
+        return goal, tree, self.arm, self.clock, nothing
 
 
 def tick(root: Any) -> None:

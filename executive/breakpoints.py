@@ -1,0 +1,50 @@
+"""Where a run holds before a node begins, so that it can be looked at and stepped through."""
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from skills import Skill
+
+from .building.builder import Tree
+from .building.paths import paths
+from .mailbox import Mailbox
+
+
+class Breakpoints:
+    """Those of one run; for its owner thread.
+
+    Args:
+        marked: Paths of the nodes to hold before; those of nodes with others below them count for
+            the first of these that begins. Shared by all runs, and may change meanwhile.
+        mailbox: Of the run.
+    """
+
+    def __init__(self, marked: set[str], mailbox: Mailbox) -> None:
+        self._marked, self._mailbox = marked, mailbox
+        self._paths: dict[Behaviour, str] = {}
+        self._held: set[Behaviour] = set()
+
+    def watch(self, tree: Tree) -> None:
+        """Know the nodes of the tree that is run."""
+        self._paths = dict(paths(tree.root))
+
+    def holds(self, skill: Skill) -> bool:
+        """Whether a skill is to wait before it begins; pauses the run for the first that is."""
+        if skill in self._held:
+            self._held.discard(skill)
+            return False
+        mailbox = self._mailbox
+        if not (mailbox.stepping or mailbox.paused or self._reached(skill)):
+            return False
+        self._held.add(skill)
+        mailbox.pause()
+        return True
+
+    def _reached(self, skill: Skill) -> bool:
+        """Whether a mark stands at the skill, or at a node that begins with it."""
+        node: Behaviour | None = skill
+        while node is not None and node.status is not Status.RUNNING:
+            if self._paths.get(node) in self._marked:
+                return True
+            node = node.parent
+        return False

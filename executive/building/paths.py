@@ -1,0 +1,16 @@
+"""Where nodes stand in a tree: paths of names."""
+
+from py_trees.behaviour import Behaviour
+
+
+def paths(node: Behaviour, above: str = "") -> list[tuple[Behaviour, str]]:
+    """Every node with its path of names; a name that a sibling has too gets a number."""
+    path = f"{above}/{node.name}" if above else node.name
+    found, seen = [(node, path)], set()
+    for number, child in enumerate(node.children):
+        below = paths(child, path)
+        if child.name in seen:
+            below = [(n, f"{path}/{number}:{p.removeprefix(path + '/')}") for n, p in below]
+        seen.add(child.name)
+        found += below
+    return found

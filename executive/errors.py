@@ -1,0 +1,75 @@
+"""What can go wrong with goals.
+
+GoalError
+├── UnknownGoal      there is no goal of that name, or it is forgotten
+├── ResultTimeout    TimeoutError: the goal has not ended yet
+├── NotExecuting     only a goal that is executing can be paused and gone on with
+├── NotPaused        only a paused goal can be gone on with
+├── GoalPreempted    another goal took its place
+└── ServerRestarted  its server ended before it did
+
+Every error carries a stable `code`, and its message says what to do next.
+"""
+
+
+class GoalError(Exception):
+    """Root of everything that is said of goals as such."""
+
+    code = "goal.error"
+
+
+class UnknownGoal(GoalError):
+    """There is no goal of that name, or its result was kept long enough."""
+
+    code = "goal.unknown"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"no goal {identity} is known; results are kept for a while only")
+
+
+class ResultTimeout(GoalError, TimeoutError):
+    """The goal has not ended yet."""
+
+    code = "goal.result_timeout"
+
+    def __init__(self, identity: str, timeout: float) -> None:
+        super().__init__(f"goal {identity} has not ended within {timeout:g} s; ask again")
+
+
+class NotExecuting(GoalError):
+    """Only a goal that is executing can be paused and gone on with."""
+
+    code = "goal.not_executing"
+
+    def __init__(self, identity: str, state: str) -> None:
+        super().__init__(f"goal {identity} is {state}; only one that is EXECUTING can be paused")
+
+
+class NotPaused(GoalError):
+    """Only a paused goal can be gone on with."""
+
+    code = "goal.not_paused"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"goal {identity} is not paused; pause it first")
+
+
+class GoalPreempted(GoalError):
+    """Another goal took its place."""
+
+    code = "goal.preempted"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"goal {identity} took its place; send it again if it is still wanted")
+
+
+class ServerRestarted(GoalError):
+    """Its server ended before it did."""
+
+    code = "server.restarted"
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the server ended before this goal did, and never goes on with one; see where the arm "
+            "stands, then send the goal again"
+        )

@@ -1,0 +1,235 @@
+"""The one thread that executes goals: it alone builds, ticks, stops and discards their trees."""
+
+import dataclasses
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from threading import Thread
+
+import logs
+from hardware import ActivationStopped, Arm, Clock, HardwareError, NotActive, State
+from skills import Context, SkillError
+from skills.motion import MotionError, Pool
+from trees import Library, Located, TaskFile, TreeError
+
+from .breakpoints import Breakpoints
+from .building.arguments import located
+from .building.builder import Tree, build
+from .codes import OK
+from .errors import GoalError
+from .goal import Cause, Goal, Outcome
+from .goals import NOBODY, Goals
+from .mailbox import Mailbox
+from .recording.recordings import Recordings
+from .run import Run
+from .verdict import judge
+
+logger = logging.getLogger(__name__)
+
+_OURS = (HardwareError, SkillError, MotionError, TreeError, GoalError, logs.LogError)
+
+
+@dataclass
+class _Attempt:
+    """A goal on its way.
+
+    Attributes:
+        goal: Which.
+        task: Its file; None where there is none that can be read.
+        tree: What to run; None where it could not be built.
+        error: What failed outside the tree.
+    """
+
+    goal: Goal
+    task: TaskFile | None = None
+    tree: Tree | None = None
+    error: Exception | None = None
+
+
+class Owner:
+    """Executes goals, one after the other.
+
+    Args:
+        goals: Where they come from.
+        arm: What moves.
+        library: The tasks there are.
+        pool: The planners.
+        recordings: Told of everything.
+        context: What skills work with, but for the mailbox of their run.
+        clock: Whose time.
+        marked: Paths of the nodes that every run holds before; may change meanwhile.
+        solo: Whether goals activate the arm by themselves.
+    """
+
+    def __init__(
+        self,
+        goals: Goals,
+        arm: Arm,
+        library: Library,
+        pool: Pool,
+        recordings: Recordings,
+        context: Context,
+        clock: Clock,
+        marked: set[str],
+        solo: bool,
+    ) -> None:
+        self._goals, self._arm, self._library, self._pool = goals, arm, library, pool
+        self._recordings, self._context, self._clock = recordings, context, clock
+        self._marked, self._solo = marked, solo
+        self._signal = clock.signal()
+        self._ended = False
+        self._thread: Thread | None = None
+        self._fault: Exception | None = None
+
+    def start(self) -> None:
+        """Begin to execute."""
+        if not self._solo:
+            self._pool.start()
+        self._thread = self._clock.spawn(self._own, "owner")
+
+    def join(self) -> None:
+        """Wait until the last goal has ended, once there will be no more."""
+        if self._thread is None:
+            return
+        with self._signal:
+            while not self._ended:
+                self._signal.wait(None)
+        self._thread.join()
+
+    def fail(self, error: Exception) -> None:
+        """Say that the arm or a recording failed; ends the goal under way. From any thread."""
+        self._fault = self._fault or error
+        if goal := self._goals.running:
+            goal.mailbox.fail(error)
+
+    def judge(self, task: int, arguments: Mapping[str, str | Located]) -> bool:
+        """Whether nothing is wrong with a goal as far as that can be said without the arm."""
+        attempt = _Attempt(Goal(NOBODY, task, arguments, 0.0, 0, Mailbox(self._clock)))
+        self._try(attempt, self._build)
+        self._discard(attempt)
+        return attempt.error is None
+
+    def _own(self) -> None:
+        while goal := self._goals.take():
+            self._execute(_Attempt(goal))
+        with self._signal:
+            self._ended = True
+            self._signal.notify()
+
+    def _execute(self, attempt: _Attempt) -> None:
+        goal = attempt.goal
+        logger.info("Executing the goal for task %d (%s)", goal.task, goal.identity)
+        self._try(attempt, self._build)
+        self._try(attempt, self._open)
+        if attempt.error is None:
+            self._try(attempt, self._run)
+        self._end(attempt)
+        self._discard(attempt)
+
+    def _try(self, attempt: _Attempt, step: Callable[[_Attempt], None]) -> None:
+        """Take a step; the first error counts."""
+        try:
+            step(attempt)
+        except _OURS as error:
+            if attempt.error:
+                logger.error("%s", error)
+            attempt.error = attempt.error or error
+        except Exception as error:
+            # The outermost place of this thread: a bug, too, must stop the arm and end the goal.
+            logger.exception("a bug of ours")
+            self._arm.stop()
+            attempt.error = attempt.error or error
+
+    def _build(self, attempt: _Attempt) -> None:
+        """Judge a goal as far as that goes without the arm."""
+        goal = attempt.goal
+        draft = self._library.draft(goal.task)
+        attempt.task = draft[0]
+        mailbox, breakpoints = goal.mailbox, Breakpoints(self._marked, goal.mailbox)
+        context = dataclasses.replace(
+            self._context,
+            wake=mailbox.wake,
+            wake_at=mailbox.wake_at,
+            paused=lambda: mailbox.lost,
+            holds=breakpoints.holds,
+        )
+        namespace = f"run_{goal.identity}"
+        arguments = located(goal.arguments)
+        attempt.tree = build(draft, self._library, context, namespace, arguments)
+        breakpoints.watch(attempt.tree)
+
+    def _open(self, attempt: _Attempt) -> None:
+        name = attempt.task.name if attempt.task else ""
+        self._recordings.open(attempt.goal, name, self._context.seed, attempt.tree)
+
+    def _run(self, attempt: _Attempt) -> None:
+        assert attempt.tree
+        self._ready(attempt.goal)
+        Run(attempt.goal, attempt.tree, self._arm, self._clock, self._recordings.tell).execute()
+
+    def _ready(self, goal: Goal) -> None:
+        """See that the arm is active."""
+        if goal.mailbox.canceled:
+            raise ActivationStopped("canceled before the arm moved")
+        if goal.mailbox.fault:
+            raise goal.mailbox.fault
+        if self._solo:
+            self._activate()
+        if self._arm.state is not State.ACTIVE:
+            state = self._arm.state.value
+            raise NotActive(f"the arm is {state}; configure and activate it first")
+
+    def _activate(self) -> None:
+        if self._fault:  # coming back from a fault is a person's act
+            raise self._fault
+        self._recordings.check_space()
+        if self._arm.state is State.UNCONFIGURED:
+            self._pool.start()  # it starts while the board boots
+            self._arm.configure()
+        if self._arm.state is State.INACTIVE:
+            self._arm.activate()
+
+    def _end(self, attempt: _Attempt) -> None:
+        """Judge a goal, record its outcome, and tell whoever waits for it."""
+        goal, recordings, now = attempt.goal, self._recordings, self._clock.now()
+        state, cause = judge(attempt.tree, attempt.error, goal.mailbox.canceled)
+        outcome = Outcome(
+            task=goal.task,
+            state=state,
+            code=cause.code if cause else OK,
+            message=cause.message if cause else "Done",
+            frames=recordings.frames,
+            duration=now - goal.accepted,
+            recording=recordings.path,
+            cause=cause,
+        )
+        end = f"{state.name} ({outcome.code}) {outcome.message}"
+        logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, end)
+        recordings.tell(_result(goal, outcome, now))
+        self._goals.finish(goal, outcome)
+        if not self._solo:
+            recordings.goal_ended()
+
+    def _discard(self, attempt: _Attempt) -> None:
+        if attempt.tree:
+            attempt.tree.discard()
+
+
+def _result(goal: Goal, outcome: Outcome, now: float) -> logs.Result:
+    cause = outcome.cause or Cause(OK, "")
+    return logs.Result(
+        time=now,
+        goal_id=goal.identity,
+        task=goal.task,
+        state=outcome.state.name,
+        success=outcome.success,
+        code=outcome.code,
+        message=outcome.message,
+        frames=outcome.frames,
+        duration=outcome.duration,
+        node=cause.node,
+        joint=cause.joint,
+        value=cause.value,
+        limit=cause.limit,
+        hint=cause.hint,
+    )

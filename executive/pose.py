@@ -1,0 +1,97 @@
+"""Where the arm stands when its port opens: known after a reset, else a person's word."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import logs
+from hardware import VIRTUAL, HardwareError, Robot
+
+POSES = ("boot", "last")
+
+_LOOKED_AT = 50  # newest recordings
+
+
+class PoseUnconfirmed(HardwareError):
+    """Nobody has said where the arm stands, and its board is not reset."""
+
+    code = "hw.pose_unconfirmed"
+
+
+@dataclass(frozen=True, slots=True)
+class Commanded:
+    """Where the arm was commanded to last.
+
+    Attributes:
+        positions: One value per actuated joint [rad].
+        recording: The file that tells.
+    """
+
+    positions: tuple[float, ...]
+    recording: Path
+
+
+def standing(robot: Robot, port: str, pose: str | None, recordings: Path) -> Robot:
+    """The robot, with the pose it stands in when its port is opened as its boot pose.
+
+    Args:
+        robot: Which.
+        port: Its serial port.
+        pose: What a person says: `boot`, `last` for where it was commanded to last, or None.
+        recordings: Folder that tells where that was.
+
+    Raises:
+        PoseUnconfirmed: The board is not reset, and a person has to say; or there is nothing to
+            confirm.
+    """
+    if robot.serial.resets or port == VIRTUAL:
+        if pose == "last":
+            raise PoseUnconfirmed(
+                f"Opening the port {port} resets the board, which moves the arm to its boot pose; "
+                "--pose last is for robots whose file says reset_on_open = false"
+            )
+        return robot
+    if pose == "boot":
+        return robot
+    found = last_commanded(robot, recordings)
+    if pose is None:
+        raise PoseUnconfirmed(_offer(robot, found))
+    if found is None:
+        raise PoseUnconfirmed(
+            f"No recording in {recordings} tells where the arm was commanded to; bring it to its "
+            "boot pose, then give --pose boot"
+        )
+    stands = dict(zip((joint.name for joint in robot.actuated), found.positions, strict=True))
+    joints = []
+    for joint in robot.joints:
+        leader = stands[joint.mimic.leader] if joint.mimic else stands[joint.name]
+        joints.append(replace(joint, boot=joint.mimic.value(leader) if joint.mimic else leader))
+    return replace(robot, joints=tuple(joints))
+
+
+def last_commanded(robot: Robot, recordings: Path) -> Commanded | None:
+    """Where the newest recording that moved this arm has left it; None where none did."""
+    names = tuple(joint.name for joint in robot.actuated)
+    files = sorted(recordings.glob("*.mcap"), key=lambda path: path.name, reverse=True)
+    for path in files[:_LOOKED_AT]:
+        try:
+            sent = list(logs.Recording(path).records(logs.Sent))
+        except logs.LogError:
+            continue  # no recording of ours
+        for record in reversed(sent):
+            if isinstance(record, logs.Sent) and record.joints == names:
+                return Commanded(record.positions, path)
+    return None
+
+
+def _offer(robot: Robot, found: Commanded | None) -> str:
+    asked = "The board is not reset when its port opens, so that only you can say where the arm is."
+    boot = "--pose boot where it stands in its boot pose"
+    if found is None:
+        return f"{asked} Give {boot}; no recording tells where it was commanded to"
+    where = ", ".join(
+        f"{joint.name} {q:.3f}" for joint, q in zip(robot.actuated, found.positions, strict=True)
+    )
+    return (
+        f"{asked} It was commanded to {where} rad last ({found.recording}). "
+        f"Give --pose last where it still stands there, or {boot}"
+    )

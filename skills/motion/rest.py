@@ -1,0 +1,53 @@
+"""What is left of a motion that was stopped on its way."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .arrays import norms
+from .curve import Curve
+from .errors import BadQuery
+from .plan import Plan
+from .profile import Profile
+from .timing import timed
+
+Array = NDArray[np.float64]
+
+# Less way than this is none [rad].
+_NOTHING = 1e-9
+
+
+def rest_of(plan: Plan, time: float, start: Array, columns: NDArray[np.intp]) -> Plan:
+    """The same path from where it was left, timed anew from standstill.
+
+    Args:
+        plan: Which motion.
+        time: How far it was followed [s].
+        start: Where the arm stands: all actuated joints (A,) [rad].
+        columns: Those of the plan's joints (J,).
+
+    Raises:
+        BadQuery: The arm does not stand on the path.
+    """
+    place = float(plan.profile.at(np.clip(np.array([time]), 0.0, plan.duration))[0][0])
+    curve, origin = plan.curve.after(place), start[columns]
+    if not np.allclose(curve.base[0], origin, rtol=0.0, atol=_NOTHING):
+        raise BadQuery("the arm does not stand where the motion was stopped; plan again")
+    waypoints = np.vstack((origin, _ahead(plan.waypoints, curve.length)))
+    if curve.length <= _NOTHING:
+        curve, profile = Curve.point(plan.goal), Profile.still()
+    elif (found := timed(curve, plan.velocity, plan.acceleration)) is not None:
+        profile = found
+    else:  # bends that cannot be timed: with a stop at every waypoint
+        curve = Curve.through(waypoints, np.zeros(len(waypoints) - 2))
+        profile = timed(curve, plan.velocity, plan.acceleration) or Profile.still()
+    return replace(
+        plan, start=start, origin=origin, waypoints=waypoints, curve=curve, profile=profile
+    )
+
+
+def _ahead(waypoints: Array, length: float) -> Array:
+    """The waypoints that are less than a length before the end, along the line through them."""
+    left = np.cumsum(norms(np.diff(waypoints, axis=0))[::-1])[::-1]
+    return waypoints[1:][np.append(left[1:], 0.0) < max(length, _NOTHING)]

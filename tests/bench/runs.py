@@ -1,0 +1,354 @@
+"""How soon a run goes on, how soon it stops, and what it leaves behind.
+
+`next_skill` and the idle server run on the virtual Arduino in real time; a cancel is timed at the
+bytes of a pseudo-terminal, by another process that reads them. Ten thousand cancels and a thousand
+goals run in simulated time, on the board in-process.
+"""
+
+import dataclasses
+import json
+import os
+import random
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+# A file beside this one is named like a room, and this folder comes first when run by itself.
+sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
+
+from py_trees.common import Status
+
+import executive.owner
+import logs
+from executive.executive import Event, Executive
+from executive.goal import GoalState
+from executive.goals import Policy
+from executive.run import Run
+from hardware import (
+    FIRMWARES,
+    VIRTUAL,
+    BoardLink,
+    Clock,
+    Link,
+    RealClock,
+    Robot,
+    SimulatedClock,
+    load_robot,
+    virtual_board,
+)
+from skills import Cancel, Skill, skill
+from skills.motion import Pool
+from tests.bench.table import Row, arguments, show
+from trees import Library
+
+EMPTY = "task: 20\nname: empty\ndescription: Nothing.\ntree: Succeed\n"
+SWING = """\
+task: {number}
+name: swing{number}
+description: A swing that changes every frame.
+tree:
+  subtree: reach
+  with:
+    arm: {{joint_1: {angle}, joint_2: 0.2, joint_3: -0.2}}
+    gripper: {{joint_4: 0}}
+"""
+MARKS = 100
+CHAIN = (
+    "task: 23\nname: chain\ndescription: Work, and what follows it.\ntree:\n  sequence:\n"
+    + "    - bench_work\n    - BenchMark\n" * MARKS
+)
+
+# Reads a pseudo-terminal in a process of its own; tells what came when, once its input ends.
+LISTENER = """
+import json, os, pty, select, sys, time, tty
+master, slave = pty.openpty()
+tty.setraw(slave)
+print(os.ttyname(slave), flush=True)
+came = []
+while True:
+    ready, _, _ = select.select([master, sys.stdin], [], [])
+    if master in ready:
+        data = os.read(master, 4096)
+        came.append((time.monotonic(), data.decode()))
+    if sys.stdin in ready:
+        break
+print(json.dumps(came), flush=True)
+"""
+
+_ended: list[float] = []
+_began: list[float] = []
+
+
+@skill
+def bench_work(cancel: Cancel) -> None:
+    """Take two milliseconds."""
+    cancel.wait(0.002)
+    _ended.append(time.monotonic())
+
+
+class BenchMark(Skill):
+    """Note when it begins."""
+
+    INPUT_PORTS: dict[str, Any] = {}
+    OUTPUT_PORTS: dict[str, Any] = {}
+
+    def on_start(self) -> Status:
+        """Note it."""
+        _began.append(time.monotonic())
+        return Status.SUCCESS
+
+
+class Ears:
+    """Hears all that an executive tells."""
+
+    def __init__(self) -> None:
+        self.changed = threading.Condition()
+        self.events: list[Event] = []
+
+    def __call__(self, event: Event) -> None:
+        with self.changed:
+            self.events.append(event)
+            self.changed.notify_all()
+
+    def wait_for_frames(self, number: int) -> None:
+        """Wait until so many frames were sent since the events were cleared."""
+
+        def sent() -> bool:
+            return sum(isinstance(event, logs.Sent) for event in self.events) >= number
+
+        with self.changed:
+            assert self.changed.wait_for(sent, timeout=60)
+
+
+@contextmanager
+def serving(
+    robot: Robot, link: Link, clock: Clock, ears: Callable[[Event], None], folder: Path
+) -> Iterator[Executive]:
+    """An executive with an active arm."""
+    tasks = folder / "tasks"
+    tasks.mkdir(exist_ok=True)
+    (tasks / "20_empty.yaml").write_text(EMPTY)
+    (tasks / "21_swing21.yaml").write_text(SWING.format(number=21, angle=1.4))
+    (tasks / "22_swing22.yaml").write_text(SWING.format(number=22, angle=-1.4))
+    (tasks / "23_chain.yaml").write_text(CHAIN)
+    with closing(Pool(robot, 1, clock)) as pool:
+        made = Executive(
+            robot, link, Library(tasks), pool, folder, clock, 1, 5.0, ears, policy=Policy.QUEUE
+        )
+        made.start()
+        made.arm_to("configure")
+        made.arm_to("activate")
+        yield made
+        made.close()
+
+
+def quick_robot() -> Robot:
+    """The shipped robot with our firmware, which says when it has booted."""
+    robot = load_robot()
+    serial = dataclasses.replace(robot.serial, boot_wait=5.0)
+    return dataclasses.replace(robot, serial=serial, firmware=FIRMWARES["armtree"])
+
+
+def next_skill_times() -> list[float]:
+    """From the end of a worker's job to the start of the skill after it [ms]."""
+    robot = quick_robot()
+    with tempfile.TemporaryDirectory() as folder:
+        link = robot.link(VIRTUAL)
+        with serving(robot, link, RealClock(), Ears(), Path(folder)) as arm:
+            for _ in range(3):
+                arm.result(arm.send(23).identity)
+    return [(b - a) * 1000 for a, b in zip(_ended, _began, strict=True)][MARKS:]
+
+
+def cancel_times(count: int) -> list[float]:
+    """From a cancel to the hold frame at the other end, streaming at full rate [ms]."""
+    robot, rng, asked = quick_robot(), random.Random(1), list[tuple[float, float]]()
+    silent = dataclasses.replace(robot.firmware, banner=b"")  # nobody answers on that line
+    serial = dataclasses.replace(robot.serial, boot_wait=0.1)
+    robot = dataclasses.replace(
+        robot, firmware=dataclasses.replace(silent, boot_time=0.0), serial=serial
+    )
+    command = [sys.executable, "-c", LISTENER]
+    pipe = subprocess.PIPE
+    with (
+        subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as listener,
+        tempfile.TemporaryDirectory() as folder,
+    ):
+        assert listener.stdout
+        ears, arm_clock = Ears(), RealClock()
+        link = robot.link(listener.stdout.readline().strip())
+        with serving(robot, link, arm_clock, ears, Path(folder)) as arm:
+            for number in range(count):
+                goal = arm.send(21 + number % 2).identity
+                ears.wait_for_frames(rng.randint(4, 12))
+                rest(arm_clock, rng.uniform(0.0, 0.02))
+                begun = time.monotonic()
+                arm.cancel()
+                assert arm.result(goal).state is GoalState.CANCELED
+                rest(arm_clock, 0.02)
+                asked.append((begun, time.monotonic()))
+                ears.events.clear()
+        came, _ = listener.communicate("\n")
+    heard = [(at, data) for at, data in json.loads(came)]
+    return [_held(heard, *window) for window in asked]
+
+
+def _held(heard: Sequence[tuple[float, str]], begun: float, ended: float) -> float:
+    """How long after `begun` the hold came [ms], which is the last frame, and the one before it."""
+    came = [at for at, _ in heard if begun <= at <= ended]
+    frames = _frames("".join(data for at, data in heard if at <= ended))
+    assert frames[-1] == frames[-2], "the last frame is no hold"
+    return (came[-1] - begun) * 1000
+
+
+def _frames(data: str) -> list[str]:
+    return [data[i : i + 20] for i in range(0, len(data), 20)]
+
+
+class _NotedRun(Run):
+    """A run whose tree can be looked at when it is over."""
+
+    trees: list[Any] = []
+
+    def __init__(self, goal: Any, tree: Any, *rest: Any) -> None:
+        super().__init__(goal, tree, *rest)
+        self.trees[:] = [tree]
+
+
+def leftovers(cancels: int) -> tuple[int, int]:
+    """Cancels at random instants: nodes or work left alive, and frames sent after a hold."""
+    clock, robot, rng = SimulatedClock(), load_robot(), random.Random(1)
+    zombies = after_hold = 0
+    setattr(executive.owner, "Run", _NotedRun)  # noqa: B010, for the time being
+    with tempfile.TemporaryDirectory() as folder, clock.working():
+        link, sent = BoardLink(virtual_board(robot), clock), list[logs.Sent]()
+
+        def watch(event: Event) -> None:
+            if isinstance(event, logs.Sent):
+                sent.append(event)
+
+        with serving(robot, link, clock, watch, Path(folder)) as arm:
+            for number in range(cancels):
+                sent.clear()
+                goal = arm.send(21 + number % 2).identity
+                rest(clock, rng.choice((0.0, rng.uniform(0.0, 4.0))))
+                arm.cancel(rng.choice(("", goal)))
+                arm.result(goal)
+                for tree in _NotedRun.trees:
+                    zombies += sum(s.status is Status.RUNNING or s.busy for s in tree.skills)
+                    zombies += sum(node.status is Status.RUNNING for node in tree.root.iterate())
+                holds = [i for i, frame in enumerate(sent) if frame.hold]
+                after_hold += len(sent) - 1 - holds[0] if holds else 0
+                _NotedRun.trees.clear()
+                _sweep(Path(folder))
+    setattr(executive.owner, "Run", Run)  # noqa: B010
+    return zombies, after_hold
+
+
+def rest(clock: Clock, seconds: float) -> None:
+    """Let time pass."""
+    signal, until = clock.signal(), clock.now() + seconds
+    with signal:
+        while clock.now() < until:
+            signal.wait(until)
+
+
+def _sweep(folder: Path) -> None:
+    """Recordings of ten thousand runs would fill the disk; all but the last few go."""
+    for path in sorted(folder.glob("*Z-2[12].mcap"))[:-10]:
+        path.unlink()
+
+
+def soak(goals: int) -> tuple[int, float, int, int]:
+    """Goals back to back: how many succeeded, and how memory, threads and descriptors grew."""
+    clock, robot, done = SimulatedClock(), load_robot(), 0
+    with tempfile.TemporaryDirectory() as folder, clock.working():
+        link = BoardLink(virtual_board(robot), clock)
+        with serving(robot, link, clock, lambda _: None, Path(folder)) as arm:
+            for number in range(20):  # what is loaded once is loaded
+                arm.result(arm.send(21 + number % 2).identity)
+            memory, threads, descriptors = _memory(), _threads(), _descriptors()
+            for number in range(goals):
+                done += arm.result(arm.send(21 + number % 2).identity).success
+                if number % 50 == 0:
+                    _sweep(Path(folder))
+            grown = _memory() - memory
+            rest(clock, 1.0)
+            return done, grown, _threads() - threads, _descriptors() - descriptors
+
+
+def _memory() -> float:
+    """Of this process, resident [MiB]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def _threads() -> int:
+    """Threads but those that still finish a recording."""
+    return sum(
+        thread.name not in ("recording", "recorder", "fsync") for thread in threading.enumerate()
+    )
+
+
+def _descriptors() -> int:
+    """Open descriptors but those of recordings."""
+    links = (Path("/proc/self/fd") / name for name in os.listdir("/proc/self/fd"))
+    return sum(not _target(link).endswith((".mcap", ".part")) for link in links)
+
+
+def _target(link: Path) -> str:
+    try:
+        return os.readlink(link)
+    except OSError:  # it was the one that listed them
+        return ".part"
+
+
+def idle_load(seconds: float) -> float:
+    """What a server takes of a core while it waits for a goal [%]."""
+    robot, clock = quick_robot(), RealClock()
+    with tempfile.TemporaryDirectory() as folder:
+        link = robot.link(VIRTUAL)
+        with serving(robot, link, clock, lambda _: None, Path(folder)) as arm:
+            arm.result(arm.send(20).identity)
+            rest(clock, 2.0)
+            used = time.process_time()
+            rest(clock, seconds)
+            return 100 * (time.process_time() - used) / seconds
+
+
+def percentile(samples: Sequence[float], percent: int) -> float:
+    return statistics.quantiles(samples, n=100)[percent - 1]
+
+
+def main(runs: int, file: Path | None, cancels: int) -> None:
+    """Measure and show."""
+    following, canceled = next_skill_times(), cancel_times(200)
+    zombies, after_hold = leftovers(cancels)
+    done, grown, threads, descriptors = soak(1000)
+    rows = [
+        Row("next_skill_p95_ms", "ms", [percentile(following, 95)]),
+        Row("cancel_p50_ms", "ms", [percentile(canceled, 50)]),
+        Row("cancel_p99_ms", "ms", [percentile(canceled, 99)]),
+        Row("zombies", "1", [zombies]),
+        Row("frames_after_hold", "1", [after_hold]),
+        Row("goals_done", "1", [done]),
+        Row("memory_growth_mib", "MiB", [grown]),
+        Row("threads_growth", "1", [threads]),
+        Row("descriptors_growth", "1", [descriptors]),
+        Row("idle_cpu_percent", "%", [idle_load(5.0) for _ in range(min(runs, 3))]),
+    ]
+    show(rows, file)
+
+
+if __name__ == "__main__":
+    parser = arguments(__doc__ or "")
+    parser.add_argument("--cancels", type=int, default=10_000, help="at random instants")
+    given = parser.parse_args()
+    main(given.runs, given.json, given.cancels)

@@ -1,0 +1,301 @@
+"""Goals that are paused, stepped through and gone on with: the arm, the recording, the time."""
+
+import dataclasses
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import logs
+from executive.errors import NotExecuting, NotPaused, UnknownGoal
+from executive.goal import GoalState
+from executive.replay.proof import prove
+from executive.replay.proof_words import in_words
+from hardware import Robot, SimulatedClock
+from skills.motion import Pool
+from tests.conftest import Rig, RigMaker
+
+ROUND = """\
+task: 12
+name: round
+description: By way of a point between, with the gripper.
+tree:
+  sequence:
+    - SetStart: {start: $start}
+    - CheckBounds:
+        arm: {joint_1: 0.6, joint_2: 0.3, joint_3: -0.4}
+        gripper: {joint_4: -0.5}
+        goal: $goal
+    - parallel:
+        - PlanArm:
+            start: $start
+            goal: $goal
+            via: [{joint_1: 0.5, joint_2: -0.2, joint_3: 0.1}]
+            plan: $arm
+        - PlanGripper: {start: $start, goal: $goal, plan: $gripper}
+    - Execute: {arm_plan: $arm, gripper_plan: $gripper, together: TOGETHER}
+"""
+
+WAITING = """\
+task: 13
+name: waiting
+description: A time-out around a wait.
+tree:
+  timeout:
+    Wait: {duration: 1.5 s}
+  after: 2 s
+"""
+
+
+@pytest.fixture
+def tasks(tmp_path: Path) -> Path:
+    folder = tmp_path / "tasks"
+    folder.mkdir()
+    return folder
+
+
+def at_frame(rig: Rig, number: int, act: Callable[[], None]) -> None:
+    """Do something, on another thread, when that many frames were sent."""
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and len(rig.told(logs.Sent)) == number:
+            rig.soon(act)
+
+    rig.on_record = watch
+
+
+def running(rig: Rig) -> str:
+    status = rig.executive.snapshot().goal
+    assert status
+    return status.identity
+
+
+def pause_for(rig: Rig, seconds: float) -> Callable[[], None]:
+    def act() -> None:
+        goal = running(rig)
+        rig.executive.pause(goal)
+        rig.rest(seconds)
+        assert rig.executive.snapshot().paused
+        rig.executive.resume(goal)
+
+    return act
+
+
+def unpaused(rig: Rig) -> list[str]:
+    """The frames without holds."""
+    return [frame for frame in rig.frames if not frame.startswith("(")]
+
+
+@pytest.mark.parametrize("number", [1, 2, 9, 17, 30, 31])
+def test_a_pause_at_a_frame(rig: RigMaker, number: int) -> None:
+    straight, arm = rig(), rig()
+    straight.run(1)
+    at_frame(arm, number, pause_for(arm, 60.0))
+    (outcome,) = arm.run(1)
+    assert outcome.success, outcome.message
+    assert arm.frames[-1].strip("()") == straight.frames[-1]
+    held = [frame for frame in arm.frames if frame.startswith("(")]
+    assert held == [f"({arm.frames[number - 1]})"]
+    first, *others = arm.told(logs.Schedule)
+    assert first.resumed is None
+    assert [schedule.resumed is None for schedule in others] == [False]
+    times = [sent.time for sent in arm.told(logs.Sent)]
+    assert max(b - a for a, b in pairwise(times)) >= 60.0 or number == 31
+    proof = prove(Path(outcome.recording))
+    assert proof.holds, in_words(proof)
+
+
+@pytest.mark.parametrize("together", ["true", "false"])
+@pytest.mark.parametrize("number", [3, 11, 19, 28, 40])
+def test_a_pause_round_a_corner(rig: RigMaker, tasks: Path, together: str, number: int) -> None:
+    (tasks / "12_round.yaml").write_text(ROUND.replace("TOGETHER", together))
+    straight, arm = rig(tasks), rig(tasks)
+    straight.run(12)
+    if number > len(straight.frames):
+        number = len(straight.frames) - 2
+    at_frame(arm, number, pause_for(arm, 5.0))
+    (outcome,) = arm.run(12)
+    assert outcome.success, outcome.message
+    assert arm.frames[-1] == straight.frames[-1]
+    proof = prove(Path(outcome.recording))
+    assert proof.holds, in_words(proof)
+
+
+def test_many_pauses(rig: RigMaker, tasks: Path) -> None:
+    (tasks / "12_round.yaml").write_text(ROUND.replace("TOGETHER", "false"))
+    straight, arm = rig(tasks), rig(tasks)
+    straight.run(12)
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and not record.hold and len(unpaused(arm)) % 4 == 0:
+            arm.soon(pause_for(arm, 1.0))
+
+    arm.on_record = watch
+    (outcome,) = arm.run(12)
+    assert outcome.success, outcome.message
+    assert arm.frames[-1] == straight.frames[-1]
+    assert len(arm.told(logs.Schedule)) > 5
+    told = [f.percentage for f in arm.told(logs.Feedback) if f.percentage is not None]
+    assert told == sorted(told)
+    assert told.count(100) == 1
+    assert "paused" in {feedback.phase for feedback in arm.told(logs.Feedback)}
+    proof = prove(Path(outcome.recording))
+    assert proof.holds, in_words(proof)
+
+
+def test_a_pause_with_a_brake(
+    robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool, tmp_path: Path
+) -> None:
+    arm = Rig(dataclasses.replace(robot, brake=0.5), shared_clock, shared_pool, tmp_path)
+    at_frame(arm, 10, pause_for(arm, 0.1))  # it still slows down when it is gone on with
+    (outcome,) = arm.run(1)
+    assert outcome.success, outcome.message
+    assert arm.frames[-1] == "b009,s125,e085,g000,"
+    assert arm.frames.index(next(f for f in arm.frames if f.startswith("("))) > 10
+    proof = prove(Path(outcome.recording))
+    assert proof.holds, in_words(proof)
+
+
+def test_what_is_left_starts_from_standstill(rig: RigMaker) -> None:
+    arm = rig()
+    at_frame(arm, 15, pause_for(arm, 1.0))
+    arm.run(1)
+    _, again = arm.told(logs.Schedule)
+    steps = [
+        max(abs(b - a) for a, b in zip(one, other, strict=True))
+        for one, other in pairwise(again.samples)
+    ]
+    times = again.sample_times
+    first_speed = steps[0] / (times[1] - times[0])
+    assert first_speed < 0.5 * max(steps) / (times[1] - times[0])
+
+
+def test_a_cancel_while_paused(rig: RigMaker) -> None:
+    arm = rig()
+
+    def act() -> None:
+        arm.executive.pause(running(arm))
+        arm.rest(3.0)
+        arm.cancel()
+
+    at_frame(arm, 10, act)
+    (outcome,) = arm.run(1)
+    assert outcome.state is GoalState.CANCELED
+    assert arm.frames[-1] == f"({arm.frames[-2]})"
+    assert len(arm.frames) == 11
+
+
+def test_unplugged_while_paused(rig: RigMaker) -> None:
+    arm = rig()
+
+    def act() -> None:
+        arm.executive.pause(running(arm))
+        arm.rest(3.0)
+        arm.link.unplug()
+
+    at_frame(arm, 10, act)
+    (outcome,) = arm.run(1)
+    assert outcome.code == "hw.port_lost"
+
+
+@pytest.mark.parametrize("node", ["PlanArm", "PlanGripper", "Execute"])
+def test_a_pause_before_it_moves(rig: RigMaker, node: str) -> None:
+    straight, arm = rig(), rig()
+    straight.run(1)
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.NodeStatus) and (record.name, record.status) == (
+            node,
+            "RUNNING",
+        ):
+            arm.on_record = lambda _: None
+            arm.soon(pause_for(arm, 30.0))
+
+    arm.on_record = watch
+    (outcome,) = arm.run(1)
+    assert outcome.success, outcome.message
+    assert arm.frames == straight.frames
+
+
+def test_time_outs_stand_still(rig: RigMaker, tasks: Path) -> None:
+    (tasks / "13_waiting.yaml").write_text(WAITING)
+    arm = rig(tasks)
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.NodeStatus) and record.name == "Wait":
+            arm.on_record = lambda _: None
+            arm.soon(pause_for(arm, 60.0))
+
+    arm.on_record = watch
+    (outcome,) = arm.run(13)
+    assert outcome.success, outcome.message
+    assert outcome.duration == pytest.approx(2.0 + 1.5 + 60.0)
+
+
+def test_steps(rig: RigMaker) -> None:
+    arm = rig()
+    begun: list[list[str]] = []
+
+    def begins() -> list[str]:
+        """What has begun, and what waits to."""
+        last = {node.name: node for node in arm.told(logs.NodeStatus)}
+        return [n for n, node in last.items() if node.message == "waits to begin"]
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Feedback) and record.phase == "paused":
+            begun.append(begins())
+            arm.soon(lambda: arm.executive.step(record.goal_id))
+
+    arm.on_record = watch
+    arm.executive.break_at("pick")
+    (outcome,) = arm.run(1)
+    assert outcome.success, outcome.message
+    assert arm.executive.snapshot().breakpoints == ("pick",)
+    planners = ["PlanArm", "PlanGripper"]
+    assert begun == [["SetStart"], ["CheckBounds"], planners, ["Execute"], ["Succeed"]]
+
+
+def test_a_breakpoint(rig: RigMaker) -> None:
+    arm = rig()
+    held: list[int] = []
+
+    def act() -> None:
+        arm.rest(5.0)
+        held.append(len(arm.frames))
+        arm.executive.resume(running(arm))
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Feedback) and record.phase == "paused":
+            arm.soon(act)
+
+    arm.on_record = watch
+    arm.executive.break_at("pick/Execute")
+    arm.executive.break_at("pick/PlanArm")
+    arm.executive.break_at("pick/PlanArm", on=False)
+    arm.executive.break_at("nowhere")
+    (outcome,) = arm.run(1)
+    assert outcome.success
+    assert held == [0]
+
+
+def test_what_makes_no_sense_is_refused(rig: RigMaker) -> None:
+    arm = rig()
+    refused: list[type[Exception]] = []
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and not refused:
+            for act in (arm.executive.resume, arm.executive.step):
+                with pytest.raises(NotPaused) as caught:
+                    act(running(arm))
+                refused.append(caught.type)
+
+    arm.on_record = watch
+    arm.run(1)
+    assert refused == [NotPaused, NotPaused]
+    (status,) = arm.executive.goals()
+    for act in (arm.executive.pause, arm.executive.resume, arm.executive.step):
+        with pytest.raises(NotExecuting, match="is SUCCEEDED"):
+            act(status.identity)
+        with pytest.raises(UnknownGoal):
+            act("f" * 32)

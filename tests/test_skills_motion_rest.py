@@ -1,0 +1,64 @@
+"""What is left of a motion: the same path, timed anew from standstill, within the limits."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hardware import load_robot
+from skills.motion import BadQuery, Plan, Query, Rest
+from skills.motion.planner import Planner
+
+ROBOT = load_robot()
+PLANNER = Planner(ROBOT)
+LINE = PLANNER.plan(Query("arm", (0.0,) * 4, (0.7, 0.2, -0.3)))
+BENT = PLANNER.plan(
+    Query("arm", (0.0,) * 4, (0.6, 0.3, -0.4), via=((0.5, -0.2, 0.1), (0.55, 0.1, 0.1)))
+)
+GRIPPER = PLANNER.plan(Query("gripper", (0.3, 0.0, 0.0, 0.0), (-0.7,)))
+
+
+def left(plan: Plan, time: float) -> Plan:
+    start = np.array(plan.start)
+    names = [joint.name for joint in ROBOT.actuated]
+    start[[names.index(name) for name in plan.joints]] = plan.state(time)
+    return PLANNER.rest(Rest(plan, time, tuple(start.tolist())))
+
+
+def check(plan: Plan, time: float, rest: Plan) -> None:
+    assert np.array_equal(rest.origin, plan.state(time))
+    assert np.array_equal(rest.state(rest.duration), plan.goal)
+    times = np.linspace(0.0, rest.duration, 400)
+    assert np.all(abs(rest.velocities(times)) <= plan.velocity * (1 + 1e-6))
+    assert np.all(abs(rest.accelerations(times)) <= plan.acceleration * (1 + 1e-6))
+    if rest.duration:
+        assert np.allclose(rest.velocities(times[[0, -1]]), 0.0, atol=1e-6)
+    path = plan.sample(np.linspace(time, plan.duration, 4000))
+    for row in rest.sample(times[::20]):
+        assert np.min(np.linalg.norm(path - row, axis=1)) < 2e-3
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from((LINE, BENT, GRIPPER)), st.floats(0.0, 1.0))
+def test_the_rest_is_the_same_path_within_the_limits(plan: Plan, share: float) -> None:
+    time = share * plan.duration
+    check(plan, time, left(plan, time))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_the_rest_of_a_rest(first: float, second: float) -> None:
+    rest = left(BENT, first * BENT.duration)
+    time = second * rest.duration
+    check(rest, time, left(rest, time))
+
+
+def test_from_its_beginning_it_is_all() -> None:
+    rest = left(LINE, 0.0)
+    assert rest.duration == LINE.duration
+    assert np.array_equal(rest.waypoints, LINE.waypoints)
+
+
+def test_an_arm_that_stands_elsewhere_is_refused() -> None:
+    with pytest.raises(BadQuery, match="does not stand where the motion was stopped"):
+        PLANNER.rest(Rest(LINE, 0.5 * LINE.duration, tuple(LINE.start)))
