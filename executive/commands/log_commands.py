@@ -57,8 +57,12 @@ def info(recording: Path) -> None:
 
 
 def _facts(found: "Overview") -> list[tuple[str, str]]:
+    from logs.compaction import RECOVERED
+
     end = "complete" if found.complete else "cut off or damaged: armtree log recover"
     facts = [("file", f"{found.path}, {found.bytes} bytes, {found.messages} messages, {end}")]
+    if torn := found.notes.get(RECOVERED, {}).get("torn_bytes"):
+        facts.append(("recovered", f"from a file without its end; {torn} bytes of it are torn"))
     if goal := found.goal:
         facts.append(("goal", f"task {goal.task} {goal.name}, seed {goal.seed}"))
     facts.append(("outcome", found.outcome))
