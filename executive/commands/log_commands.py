@@ -62,7 +62,8 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
     end = "complete" if found.complete else "cut off or damaged: armtree log recover"
     facts = [("file", f"{found.path}, {found.bytes} bytes, {found.messages} messages, {end}")]
     if torn := found.notes.get(RECOVERED, {}).get("torn_bytes"):
-        facts.append(("recovered", f"from a file without its end; {torn} bytes of it are torn"))
+        bytes_ = f" {torn} bytes of it were torn" if torn != "0" else ""
+        facts.append(("recovered", f"the file was cut off or damaged;{bytes_}".rstrip(";")))
     if goal := found.goal:
         facts.append(("goal", f"task {goal.task} {goal.name}, seed {goal.seed}"))
     facts.append(("outcome", found.outcome))

@@ -2,7 +2,8 @@
 
 `kill_*`: whole `armtree run` processes on a pseudo-terminal, killed at random instants of a move.
 `truncation_failures`: every cut of a journal and flipped bits of it and of the finished file, read
-and recovered: what precedes the damage is all there, and a cut or a flip in the finished file seen. `read_*`: reading as `logs.read` gives it, against the stock
+and recovered: what precedes the damage is all there, and a cut, or a flip in the finished file, is
+seen. `read_*`: reading as `logs.read` gives it, against the stock
 reader of the same run.
 """
 
