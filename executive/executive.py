@@ -19,7 +19,7 @@ from hardware import (
     Robot,
     State,
 )
-from skills import Context, SkillError
+from skills import Context, NoOperator, Operator, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, Located, TaskFile, TreeError
 
@@ -65,6 +65,7 @@ class Executive:
         seed: For whatever draws at random.
         timeout: How long a planner may take [s].
         watch: Told of everything that is recorded; must be quick, from any thread.
+        operator: Who answers what tasks ask.
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class Executive:
         seed: int,
         timeout: float,
         watch: Callable[[logs.Record], None],
+        operator: Operator | None = None,
     ) -> None:
         self._library, self._pool, self._clock = library, pool, clock
         self._mailbox = mailbox = Mailbox(clock)
@@ -94,6 +96,7 @@ class Executive:
             self._recordings.skill_did,
             clock,
             mailbox.wake_at,
+            operator=operator or NoOperator(),
         )
 
     def cancel(self) -> None:

@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import logs
 from hardware import BoardLink, SimulatedClock, load_robot, virtual_board
+from skills import Question
 from skills.motion import Pool
 from trees import Library
 
@@ -37,6 +38,22 @@ class SharedPool(Pool):
             super().start()
 
 
+class _Script:
+    """An operator who answers by heart."""
+
+    def __init__(self, answers: list[str]) -> None:
+        self._answers = answers
+
+    def ask(self, question: Question) -> None:
+        """Answer it, if anything is left to say."""
+        if self._answers:
+            words = self._answers.pop(0)
+            assert question.answer(words), f"{words} is no answer to: {question}"
+
+    def withdraw(self, question: Question) -> None:
+        """Nothing to do."""
+
+
 class Rehearsal:
     """An executive on the virtual board, whose clock jumps when everybody waits.
 
@@ -46,6 +63,7 @@ class Rehearsal:
         robot: Robot file; None for the shipped robot.
 
     Attributes:
+        answers: What the operator answers, one question after the other; then nobody does.
         records: All that was recorded, in its order.
         clock: The simulated clock.
 
@@ -63,6 +81,7 @@ class Rehearsal:
         self._replaced: list[tuple[Any, Callable[..., Any]]] = []
         self.clock = SimulatedClock()
         self.records: list[logs.Record] = []
+        self.answers: list[str] = []
 
     def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory()
@@ -107,6 +126,7 @@ class Rehearsal:
                 1,
                 _TIMEOUT,
                 self.records.append,
+                _Script(self.answers),
             )
             (outcome,) = executive.run([task], lambda _: None, read_arguments(settings, [task]))
         return outcome

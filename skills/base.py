@@ -13,6 +13,7 @@ from hardware import Arm, Clock, HardwareError, Robot, Schedule
 from .errors import SkillError
 from .merged import Merged
 from .motion import EMPTY, MotionError, Plan, Pool, Query, World
+from .operator import NoOperator, Operator
 
 logger = logging.getLogger(__name__)
 
@@ -74,6 +75,7 @@ class Context:
         clock: Whose time.
         wake_at: Asks for a tick at a time [s]; only within a tick, and anew at each.
         scene: What stands around the arm, and what it holds.
+        operator: Who answers questions.
     """
 
     robot: Robot
@@ -86,6 +88,7 @@ class Context:
     clock: Clock
     wake_at: Callable[[float], None]
     scene: Scene = field(default_factory=Scene)
+    operator: Operator = field(default_factory=NoOperator)
 
 
 class Skill(BehaviourWithPorts):

@@ -343,7 +343,7 @@ def test_received_bytes_of_any_kind_have_a_text(tmp_path: Path) -> None:
 def test_a_setting_of_the_board_moves_no_joint(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     moved = [item for item in RUNS["ok"] if isinstance(item, Sent)]
-    told = [Sent(1.0, b"bA01;", None, False, (), ()), *moved]
+    told: list[Record] = [Sent(1.0, b"bA01;", None, False, (), ()), *moved]
     record(path, told)
     assert list(logs.Recording(path).records()) == told
     assert len(logs.table(path, "/joint_states")["joint_1"]) == len(moved)

@@ -18,6 +18,7 @@ from trees import Library, Located, TreeError
 
 from .interrupts import Interrupts
 from .log_handler import LogHandler
+from .terminal import Terminal
 from .view import JsonView, TextView, View
 
 PLANNING_TIMEOUT = 5.0  # [s]
@@ -84,6 +85,7 @@ def execute(options: Options) -> list[Outcome]:
                 options.seed,
                 PLANNING_TIMEOUT,
                 view.watch,
+                Terminal(_to_errors if options.json else view.say),
             )
             interrupts.on_cancel(executive.cancel)
             return _drive(executive, clock, options.numbers, arguments, view, interrupts)
@@ -150,6 +152,11 @@ def view_for(json: bool, verbose: bool) -> View:
     from .live_view import LiveView
 
     return LiveView(Console())
+
+
+def _to_errors(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
 
 
 def _port_line(robot: Robot, port: str) -> str:
