@@ -227,4 +227,5 @@ def _files(folder: Path) -> list[str]:
 
 
 def _misnamed(path: Path, message: str) -> FileError:
-    return FileError([Mistake(Place(path, 0, 0), message)])
+    place = Place(path, 1, 1) if path.suffix == ".yaml" else Place(path, 0, 0)
+    return FileError([Mistake(place, message)])

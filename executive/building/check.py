@@ -88,7 +88,7 @@ def _jobs(
             }
         if file.resolve() not in libraries[parent]:
             wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"
-            raise FileError([Mistake(Place(file, 0, 0), wrong)])
+            raise FileError([Mistake(Place(file, 1, 1), wrong)])
         yield file, *libraries[parent][file.resolve()]
 
 
@@ -141,7 +141,8 @@ class _Checker:
 def _mistakes(error: TreeError) -> list[Mistake]:
     if isinstance(error, FileError):
         return list(error.mistakes)
-    return [Mistake(Place(Path(getattr(error, "path", "")), 0, 0), str(error))]
+    path = getattr(error, "path", None)
+    return [Mistake(Place(path, 1, 1) if path else Place(Path(), 0, 0), str(error))]
 
 
 def _collisions(
