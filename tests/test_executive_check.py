@@ -257,3 +257,19 @@ def test_two_files_of_one_number_are_told_with_a_place(robot: Robot, tmp_path: P
     (mistake,) = check(robot, tmp_path, []).mistakes
     assert (mistake.place.path, mistake.place.line) == (tmp_path / "3_y.yaml", 1)
     assert str(tmp_path / "3_x.yaml") in mistake.message
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        ("{joint_1: 5}", "joint_1 = 5.0 rad is outside its limits"),
+        ("{jint_1: 1}", "jint_1 is no joint"),
+    ],
+)
+def test_a_pose_that_the_robot_cannot_take(
+    robot: Robot, tmp_path: Path, pose: str, words: str
+) -> None:
+    (tmp_path / "poses.yaml").write_text(f"poses:\n  right_one: {{joint_1: 1}}\n  far: {pose}\n")
+    (mistake,) = check(robot, tmp_path, [tmp_path / "poses.yaml"]).mistakes
+    assert (mistake.place.line, mistake.place.column) == (3, 3)
+    assert words in mistake.message

@@ -8,9 +8,9 @@ from queue import SimpleQueue
 from typing import Any
 
 from hardware import Arm, RealClock, Robot
-from skills import Context
+from skills import Context, Positions, SkillError, Target
 from skills.motion import MotionError, Pool, Result, Verify
-from trees import FileError, Library, Mistake, Mistakes, Place, TreeError
+from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, TreeError
 
 from .assembly import Assembly
 from .builder import poses, refusals
@@ -51,7 +51,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     for path, library, name in jobs:
         findings.files.append(path)
         checker = _Checker(library, context, places)
-        findings.mistakes += checker.check(name)
+        findings.mistakes += checker.check(path, name)
     findings.mistakes += _collisions(robot, places, context)
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
@@ -113,12 +113,12 @@ class _Checker:
     def __init__(self, library: Library, context: Context, places: dict[Pose, list[Place]]) -> None:
         self._library, self._context, self._places = library, context, places
 
-    def check(self, name: int | str | None) -> list[Mistake]:
+    def check(self, path: Path, name: int | str | None) -> list[Mistake]:
         """What is wrong with the task of a number, the subtree of a name, or for None the poses."""
         try:
             if name is None:
                 self._library.poses()
-                return []
+                return list(self._unreachable(self._library.poses_in(path)))
             assembly = Assembly(self._library, self._context)
             if isinstance(name, int):
                 assembly.task(*self._library.draft(name), "/check", None)
@@ -136,6 +136,14 @@ class _Checker:
             for place, pose in poses(assembly.leaves, robot):
                 self._places.setdefault(pose, []).append(place)
         return refused
+
+    def _unreachable(self, file: PosesFile) -> Iterator[Mistake]:
+        """Poses that the robot cannot take, whether or not a task names them."""
+        for name, joints in file.poses.items():
+            try:
+                Target.judge(self._context.robot, {"joints": Positions(joints)})
+            except SkillError as error:
+                yield Mistake(file.labels[name].label, f"{name}: {error}")
 
 
 def _mistakes(error: TreeError) -> list[Mistake]:
