@@ -33,7 +33,10 @@ def ls(folder: Path) -> None:
     from logs.keeping import pinned
     from logs.story import overview
 
-    for path in sorted(folder.glob("*.mcap")):
+    paths = sorted(folder.glob("*.mcap"))
+    if not paths:
+        click.echo(f"{folder}: there are no recordings here", err=True)
+    for path in paths:
         try:
             found = overview(path)
         except LogError as error:
