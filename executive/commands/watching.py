@@ -20,7 +20,7 @@ _STEP = 1.0  # [s] of the recording, for an arrow key
 _KEYS = "space pause, <- -> 1 s, up down speed, q quit"
 _MOVES = {"\x1b[D": -_STEP, "\x1b[C": _STEP}
 _SPEEDS = {"\x1b[A": 2.0, "\x1b[B": 0.5}
-_KEY = re.compile("\x1b[[O][A-D]|.", re.DOTALL)  # an arrow, in either of a terminal's two modes
+_KEY = re.compile("\x1b[O\\[][A-D]|.", re.DOTALL)  # an arrow, in either of a terminal's two modes
 
 
 class Player:
