@@ -18,7 +18,7 @@ from hardware import (
     State,
     TransitionRefused,
 )
-from skills import Context
+from skills import Context, NoOperator, Operator
 from skills.motion import Pool
 from trees import Library, Located
 
@@ -86,6 +86,7 @@ class Executive:
         solo: Whether it is there for the goals of one caller alone: then a goal activates the arm
             by itself, and what follows a goal belongs to its recording, until `finish_recording`.
             Otherwise only `arm_to` activates the arm.
+        operator: Who answers what tasks ask.
     """
 
     def __init__(
@@ -102,6 +103,7 @@ class Executive:
         policy: Policy = Policy.REJECT,
         result_timeout: float = 900.0,
         solo: bool = False,
+        operator: Operator | None = None,
     ) -> None:
         self._robot, self._clock, self._solo = robot, clock, solo
         self._port, self._began = link.port if link else "", clock.now()
@@ -124,6 +126,7 @@ class Executive:
             tell=self._recordings.skill_did,
             clock=clock,
             wake_at=_never,
+            operator=operator or NoOperator(),
         )
         self._owner = Owner(
             self._goals, arm, library, pool, self._recordings, context, clock, self._marked, solo

@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import logs
 from hardware import BoardLink, SimulatedClock, load_robot, virtual_board
+from skills import Question
 from skills.motion import Pool
 from trees import Library
 
@@ -38,6 +39,22 @@ class SharedPool(Pool):
             super().start()
 
 
+class _Script:
+    """An operator who answers by heart."""
+
+    def __init__(self, answers: list[str]) -> None:
+        self._answers = answers
+
+    def ask(self, question: Question) -> None:
+        """Answer it, if anything is left to say."""
+        if self._answers:
+            words = self._answers.pop(0)
+            assert question.answer(words), f"{words} is no answer to: {question}"
+
+    def withdraw(self, question: Question) -> None:
+        """Nothing to do."""
+
+
 class Rehearsal:
     """An executive on the virtual board, whose clock jumps when everybody waits.
 
@@ -47,6 +64,7 @@ class Rehearsal:
         robot: Robot file; None for the shipped robot.
 
     Attributes:
+        answers: What the operator answers, one question after the other; then nobody does.
         records: All that was recorded, in its order.
         clock: The simulated clock.
 
@@ -64,6 +82,7 @@ class Rehearsal:
         self._replaced: list[tuple[Any, Callable[..., Any]]] = []
         self.clock = SimulatedClock()
         self.records: list[logs.Record] = []
+        self.answers: list[str] = []
 
     def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory()
@@ -109,6 +128,7 @@ class Rehearsal:
                 _TIMEOUT,
                 self._watch,
                 solo=True,
+                operator=_Script(self.answers),
             )
             given = read_arguments(settings, [task])
             (outcome,) = InTurn(executive).run([task], lambda _: None, given)

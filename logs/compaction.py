@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 # Ends the name of the library in the head of a file that is still to be compacted.
 UNFINISHED = ", journal"
 
+# The note in a recording that was made of less than a whole file.
+RECOVERED = "recovered"
+
 _CHUNK_BYTES = 262144  # smaller ones compress worse, and every one has indexes
 
 
@@ -25,7 +28,8 @@ def compact(journal: Path) -> Summary:
 
     One path for all: a journal that was closed, one that was cut off anywhere (of a file without
     a whole header an empty recording is made), and a finished recording, which stays as it is.
-    The journal is replaced only after the new file was read back from the disk.
+    The journal is replaced only after the new file was read back from the disk, and where bytes had
+    to be dropped, it is kept beside it.
 
     Raises:
         RecordingInUse: It is still being written.
@@ -67,6 +71,8 @@ def rewrite(journal: Path) -> Summary:
         messages = _write(records, new)
         torn = records.torn
         _check(new, messages)
+        if torn:
+            journal.rename(damaged_of(journal))
         os.replace(new, journal)
     finally:
         new.unlink(missing_ok=True)
@@ -80,12 +86,19 @@ def part_of(recording: Path) -> Path:
     return recording.with_name(recording.name + ".part")
 
 
+def damaged_of(recording: Path) -> Path:
+    """Where a damaged recording is kept that was replaced by what is valid in it."""
+    return recording.with_name(recording.name + ".damaged")
+
+
 def _write(records: Salvage, new: Path) -> int:
     from mcap.writer import Writer
 
     with new.open("wb") as stream:
         writer = Writer(stream, chunk_size=_CHUNK_BYTES, enable_data_crcs=True)
         messages = _Copy(writer).all(records)
+        if not records.intact:
+            writer.add_metadata(RECOVERED, {"torn_bytes": str(records.torn)})
         writer.finish()  # type: ignore[no-untyped-call]
         stream.flush()
         os.fsync(stream.fileno())

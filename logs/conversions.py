@@ -74,13 +74,15 @@ def received_bytes(received: Received, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def sent_timing(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """What SerialFrame has no field for: when the frame was due, and whether it is a hold."""
+    """What SerialFrame has no field for: when it was due, whether it is a hold, or a setting."""
     facts = {"seq": stamp.sequence, "time": sent.time, "scheduled": sent.scheduled}
-    return _string(facts | {"hold": sent.hold}, ros)
+    return _string(facts | {"hold": sent.hold, "setting": not sent.joints}, ros)
 
 
 def joint_state(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """The commanded positions [rad], as JointState."""
+    """The commanded positions [rad], as JointState; None where a setting of the board was sent."""
+    if not sent.joints:
+        return None
     return ros.make(
         "sensor_msgs/msg/JointState",
         header=_header(stamp, ros),

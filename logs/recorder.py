@@ -24,6 +24,9 @@ _log = logging.getLogger(__name__)
 # What a loss of power may cost at most, in a run whose process goes on.
 FSYNC_S = 1.0
 
+# Loading what writes the file takes 0.3 s, and far longer on a busy machine.
+_BEGIN_S = 10.0
+
 
 class _Attachment(NamedTuple):
     name: str
@@ -71,8 +74,8 @@ class Recorder:
         self._summary: Summary | None = None
         stream = _create(path)
         self._file = os.dup(stream.fileno())  # holds the lock until the recording is made
+        self._begun, self._ended = threading.Event(), threading.Event()
         self._written = threading.Event()  # since the disk was last waited for
-        self._ended = threading.Event()
         # Daemons: whoever leaves without close() leaves a journal, which recovery can read.
         self._thread = threading.Thread(
             target=self._run, args=(stream,), name="recorder", daemon=True
@@ -104,12 +107,14 @@ class Recorder:
     def caught_up(self, timeout: float) -> bool:
         """Whether every frame that was put is on its way to the disk.
 
-        Costs a comparison where that is so; else waits for it.
+        Costs a comparison where that is so; else waits for it. The first time it waits until the
+        file has begun, too.
 
         Args:
             timeout: How long to wait at most [s].
         """
-        if self._kept == self._sent:
+        begun = self._begun.is_set() or self._begun.wait(_BEGIN_S)
+        if begun and self._kept == self._sent:
             return True
         mark = threading.Event()
         self._queue.put(mark)
@@ -145,6 +150,7 @@ class Recorder:
 
     def _run(self, stream: BufferedWriter) -> None:
         journal = self._begin(stream)
+        self._begun.set()
         while (item := self._queue.get()) is not None:
             if isinstance(item, threading.Event):
                 item.set()

@@ -86,13 +86,13 @@ class Recording:
         sent: list[Message] = []
         try:
             for message in filter(wanted, read(self.path)):
-                if message.topic in _SENT:
-                    sent.append(message)
-                    if message.topic == _SENT[-1]:
-                        yield _sent(*sent)
-                        sent = []
-                else:
+                if message.topic not in _SENT:
                     yield self._record(message)
+                    continue
+                sent.append(message)
+                if message.topic == _SENT[-1] or _is_setting(message):
+                    yield _sent(sent)
+                    sent = []
         except RecordingTruncated:
             return
 
@@ -152,13 +152,22 @@ def _frozen(value: Any) -> Any:
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 
-def _sent(frame: Message, timing: Message, joints: Message) -> Sent:
-    facts, state = timing.fields(), joints.data
+def _is_setting(message: Message) -> bool:
+    """Whether nothing more is told of what was sent: a setting of the board moves no joint."""
+    return message.topic == "/serial/timing" and bool(message.fields().get("setting"))
+
+
+def _sent(messages: list[Message]) -> Sent:
+    if tuple(message.topic for message in messages) != _SENT[: len(messages)]:
+        what = f"a frame is not told by {', '.join(_SENT)}; another program wrote the file"
+        raise RecordingError(messages[0].path, what)
+    frame, timing, *joints = messages
+    facts, state = timing.fields(), joints[0].data if joints else None
     return Sent(
         facts["time"],
         bytes(frame.data.data),
         facts["scheduled"],
         facts["hold"],
-        tuple(state.name),
-        tuple(state.position.tolist()),
+        tuple(state.name) if state else (),
+        tuple(state.position.tolist()) if state else (),
     )

@@ -10,6 +10,7 @@ from .errors import RecordingError
 
 _MAGIC = b"\x89MCAP0\r\n"
 _CRC_BYTES = 4
+_ATTACHMENT_HEAD_BYTES = 32  # two times of 8, the lengths of name, type (4 each) and data (8)
 _BLOCK_BYTES = 65536
 
 
@@ -52,7 +53,7 @@ class Salvage:
             try:
                 sense = _Sense()
                 for record in self._records(stream):
-                    if not sense.fits(record):
+                    if not sense.fits(record) or not _attached_whole(record, stream):
                         return
                     self.valid = stream.tell()
                     yield record
@@ -75,6 +76,17 @@ class Salvage:
         # A damaged length must not make the reader ask for gigabytes.
         limit = self.path.stat().st_size
         yield from StreamReader(stream, validate_crcs=True, record_size_limit=limit).records
+
+
+def _attached_whole(record: Any, stream: BinaryIO) -> bool:
+    """Whether an attachment just read is what was written; the reader passes its checksum over."""
+    if type(record).__name__ != "Attachment":
+        return True
+    names = len(record.name.encode()) + len(record.media_type.encode())
+    size = _ATTACHMENT_HEAD_BYTES + names + len(record.data)
+    stream.seek(-size - _CRC_BYTES, os.SEEK_CUR)
+    found, wanted = crc32(stream.read(size)), stream.read(_CRC_BYTES)
+    return int.from_bytes(wanted, "little") in (0, found)
 
 
 def _summary_is_whole(footer: Any, stream: BinaryIO) -> bool:

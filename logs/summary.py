@@ -26,7 +26,8 @@ class Summary:
         """What was recovered, for people."""
         if self.whole:
             return f"{self.path}: {self.messages} messages, nothing was lost"
-        return (
-            f"{self.path}: recovered {self.messages} messages; the end of the run is missing, and "
-            f"{self.torn} torn bytes were dropped"
-        )
+        recovered = f"{self.path}: recovered {self.messages} messages"
+        if self.torn:
+            kept = f"as it was, it is kept as {self.path.name}.damaged"
+            return f"{recovered}; {self.torn} bytes behind them are torn or damaged, {kept}"
+        return f"{recovered}; the end of the run is missing"

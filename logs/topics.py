@@ -59,7 +59,7 @@ class Topic:
 
 TOPICS = (
     Topic(Sent, "/serial/tx", _FRAME, as_.sent_frame, "bytes written to the port"),
-    Topic(Sent, "/serial/timing", _JSON, as_.sent_timing, "when each frame was due; holds"),
+    Topic(Sent, "/serial/timing", _JSON, as_.sent_timing, "when each was due; holds, settings"),
     Topic(
         Sent,
         "/joint_states",

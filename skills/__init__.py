@@ -1,9 +1,11 @@
 """What the arm can do: the leaves that task files name."""
 
+from .ask import Ask
 from .base import Context, Planned, Scene, Scheduled, Skill, SkillEvent
 from .bounds import CheckBounds, check_targets
 from .check_hardware import CheckHardware
 from .errors import (
+    BadQuestion,
     BadTarget,
     ConditionFails,
     FunctionFailed,
@@ -13,10 +15,12 @@ from .errors import (
     StartMoved,
     TaskFailed,
     TookTooLong,
+    Unanswered,
 )
 from .execute import Execute
 from .function import Cancel, condition, skill
 from .keys import Compare, Set
+from .operator import NoOperator, Operator, Question
 from .plan_group import PlanArm, PlanGripper
 from .ports import Port
 from .positions import Positions, three
@@ -33,7 +37,9 @@ __all__ = [
     "AddCylinder",
     "AddMesh",
     "AddSphere",
+    "Ask",
     "Attach",
+    "BadQuestion",
     "BadTarget",
     "Cancel",
     "CheckBounds",
@@ -46,12 +52,15 @@ __all__ = [
     "Fail",
     "FunctionFailed",
     "Interrupted",
+    "NoOperator",
+    "Operator",
     "OutOfBounds",
     "PlanArm",
     "PlanGripper",
     "Planned",
     "Port",
     "Positions",
+    "Question",
     "ReachPoint",
     "RemoveBody",
     "Say",
@@ -68,6 +77,7 @@ __all__ = [
     "Target",
     "TaskFailed",
     "TookTooLong",
+    "Unanswered",
     "Wait",
     "check_targets",
     "condition",

@@ -13,6 +13,7 @@ from hardware import Arm, Clock, HardwareError, Robot, Schedule
 from .errors import SkillError
 from .merged import Merged
 from .motion import EMPTY, MotionError, Plan, Pool, Query, World
+from .operator import NoOperator, Operator
 
 logger = logging.getLogger(__name__)
 
@@ -84,6 +85,7 @@ class Context:
         clock: Whose time.
         wake_at: Asks for a tick at a time by `now` [s]; only within a tick, and anew at each.
         scene: What stands around the arm, and what it holds.
+        operator: Who answers questions.
         paused: For how long the run was paused so far [s].
         holds: Whether a skill is kept from beginning, so that its run can be looked at.
     """
@@ -98,6 +100,7 @@ class Context:
     clock: Clock
     wake_at: Callable[[float], None]
     scene: Scene = field(default_factory=Scene)
+    operator: Operator = field(default_factory=NoOperator)
     paused: Callable[[], float] = _never_paused
     holds: Callable[["Skill"], bool] = _holds_nothing
 

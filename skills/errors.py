@@ -3,12 +3,14 @@
 SkillError
 ├── OutOfBounds     a target lies outside the limits
 ├── BadTarget       a target names no joint, the wrong one, or contradicts itself
+├── BadQuestion     an answer is wanted that is no choice
 ├── StartMoved      the arm no longer stands where the plan begins
 ├── Interrupted     somebody stopped the motion from outside the tree
 └── TaskFailed      the task itself says so
     ├── ConditionFails  something it asks for is not so
     ├── FunctionFailed  a registered function raised something
-    └── TookTooLong     a timeout of the task is over
+    ├── TookTooLong     a timeout of the task is over
+    └── Unanswered      the operator said nothing
 """
 
 from collections.abc import Sequence
@@ -48,6 +50,12 @@ class BadTarget(SkillError):
     code = "goal.bad_target"
 
 
+class BadQuestion(SkillError):
+    """An answer is wanted that is not among the choices."""
+
+    code = "goal.bad_question"
+
+
 class StartMoved(SkillError):
     """The arm no longer stands where the plan begins."""
 
@@ -82,3 +90,9 @@ class TookTooLong(TaskFailed):
     """A timeout of the task is over."""
 
     code = "task.timeout"
+
+
+class Unanswered(TaskFailed):
+    """The operator did not answer in time, or there is none."""
+
+    code = "task.unanswered"

@@ -73,6 +73,19 @@ def test_an_example_is_the_same_with_every_file_and_value_in_its_place(
     assert again.frames == examples.frames
 
 
+def test_a_recording_of_every_example_ships() -> None:
+    shipped = sorted(path.stem for path in (EXAMPLES / "recordings").iterdir())
+    assert shipped == sorted(path.stem for path in EXAMPLES.glob("[0-9]*.yaml"))
+
+
+@pytest.mark.parametrize("name", [path.name for path in (EXAMPLES / "recordings").iterdir()])
+def test_old_recordings_hold(name: str) -> None:
+    proof = prove(EXAMPLES / "recordings" / name)
+    frames, plans = proof.verdicts
+    assert frames.holds, in_words(proof)  # for ever
+    assert plans.holds or plans.source.startswith("version: "), in_words(proof)
+
+
 def test_the_stubborn_one_recovers(examples: Rig) -> None:
     examples.run(5)
     assert said(examples, "retry") == ["2 of 2 attempts failed"]

@@ -226,3 +226,50 @@ def test_a_copy_of_all_that_ships_next_to_it_is_refused(robot: Robot, tmp_path: 
     for path in SHIPPED.glob("*.yaml"):
         shutil.copy(path, tmp_path)
     assert check(robot, tmp_path).mistakes
+
+
+def test_a_subtree_by_itself_may_put_its_ports_into_a_mapping(robot: Robot, tmp_path: Path) -> None:
+    path = tmp_path / "look.yaml"
+    text = (
+        "subtree: look\ndescription: x\nports: {turn: angle, to: positions}\ntree:\n"
+        "  sequence:\n"
+        "    - {subtree: move_joints, with: {joints: {joint_1: $turn}}}\n"
+        "    - {subtree: move_joints, with: {joints: $to}}\n"
+    )
+    path.write_text(text)
+    assert not check(robot, None, [path]).mistakes
+    path.write_text(text.replace("$turn", "$torn"))
+    (mistake, unused) = check(robot, None, [path]).mistakes
+    assert "nothing in the tree uses $turn" in mistake.message
+    assert "$torn has no value before the run" in unused.message
+
+
+def test_a_subtree_written_like_a_skill_is_told_how_to_write_it(
+    robot: Robot, tmp_path: Path
+) -> None:
+    (mistake,) = found(robot, tmp_path, tree("open_gripper"))
+    assert mistake == "4:7 open_gripper is a subtree, not a skill: write subtree: open_gripper"
+
+
+def test_two_files_of_one_number_are_told_with_a_place(robot: Robot, tmp_path: Path) -> None:
+    for name in ("3_x.yaml", "3_y.yaml"):
+        (tmp_path / name).write_text(tree("Succeed"))
+    (mistake,) = check(robot, tmp_path, []).mistakes
+    assert (mistake.place.path, mistake.place.line) == (tmp_path / "3_y.yaml", 1)
+    assert str(tmp_path / "3_x.yaml") in mistake.message
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        ("{joint_1: 5}", "joint_1 = 5.0 rad is outside its limits"),
+        ("{jint_1: 1}", "jint_1 is no joint"),
+    ],
+)
+def test_a_pose_that_the_robot_cannot_take(
+    robot: Robot, tmp_path: Path, pose: str, words: str
+) -> None:
+    (tmp_path / "poses.yaml").write_text(f"poses:\n  right_one: {{joint_1: 1}}\n  far: {pose}\n")
+    (mistake,) = check(robot, tmp_path, [tmp_path / "poses.yaml"]).mistakes
+    assert (mistake.place.line, mistake.place.column) == (3, 3)
+    assert words in mistake.message

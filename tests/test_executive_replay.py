@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import logs
+from executive.commands import watching
 from executive.commands.watching import Player
 from executive.recording.recorded_link import RecordedLink, RecordingBehind
 from hardware import SimulatedClock
@@ -204,3 +205,21 @@ def test_no_frame_overtakes_its_recording_but_a_hold_always_goes(rig: RigMaker) 
         link._last = b"b090,s090,e090,g000,"
         link.write(b"b090,s090,e090,g000,")
         link.close()
+
+
+def test_keys_that_come_at_once_all_count() -> None:
+    reader, writer = os.pipe()
+    os.write(writer, b"\x1b[D\x1b[D\x1bOC q")
+    assert watching._pressed(reader, 0.0) == ["\x1b[D", "\x1b[D", "\x1b[C", " ", "q"]
+    assert watching._pressed(reader, 0.0) == []
+    os.close(reader)
+    os.close(writer)
+
+
+def test_a_path_that_is_not_there_is_no_bug(tmp_path: Path, picked: Path) -> None:
+    gone = tmp_path / "gone"
+    for command in (["export", str(picked), "-o", str(gone)], ["pin", str(gone)]):
+        status, _, err = finish(tmp_path, "log", *command)
+        assert status == 3
+        assert "No such file or directory; check the path" in err
+        assert str(gone) in err

@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 import trees
 from executive.building.port_types import known_skills
 from executive.commands.cli import cli
+from tests.test_logs_run import RUNS, record
 from trees import KINDS, FileError
 
 SHIPPED = Path(trees.__file__).parent
@@ -113,6 +114,38 @@ def test_show(form: str) -> None:
         assert name in shown
     if form in ("svg", "groot"):
         ET.fromstring(shown)
+
+
+def test_show_a_run(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["canceled"])
+    told = armtree("show", str(path)).output.splitlines()
+    assert told[0].startswith("■ Reach  +0.640 s, 1.6")
+    assert "│  ├─ ✓ PlanArm  +0.640 s, 0.080 s  straight" in told
+    assert told[-1] == "└─ · Succeed"
+    assert any(line.startswith("├─ ■ Execute  +0.750 s, 1.5") for line in told)
+    assert "style=filled" in armtree("show", str(path), "--format", "dot").output
+    refused = armtree("show", str(path), "--ports")
+    assert "--ports and --format groot go with the number of a task" in refused.output
+
+
+def test_the_last_outcome_of_a_task_is_listed(tmp_path: Path) -> None:
+    record(tmp_path / "20261121T170228.553Z-1.mcap", RUNS["ok"])
+    record(tmp_path / "20261121T180228.553Z-1.mcap", RUNS["canceled"])
+    (tmp_path / "20261121T180228.553Z-2.mcap").write_bytes(b"\x89MCAP0\r\n")
+    listed = _tasks(tmp_path)
+    assert "last: CANCELED 2026-11-21 18:02 UTC" in listed
+    assert "last: unknown, 20261121T180228.553Z-2.mcap is not complete" in listed
+    rows = [json.loads(line) for line in _tasks(tmp_path, "--json").splitlines()]
+    assert {row["task"]: row["last_outcome"][:8] for row in rows} == {
+        0: "",
+        1: "CANCELED",
+        2: "unknown,",
+    }
+
+
+def _tasks(recordings: Path, *options: str) -> str:
+    return armtree("tasks", "--recordings", str(recordings), *options).output
 
 
 @pytest.mark.parametrize("number", [0, 3, 4, 5, 6, 7, 8])

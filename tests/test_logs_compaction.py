@@ -5,10 +5,12 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from logs import RecordingError, RecordingTruncated, compact, read
+from logs.compaction import RECOVERED
 from logs.journal import Journal
 from tests.test_logs_run import EPOCH_NS, RUNS, record
 
@@ -95,8 +97,8 @@ def test_compaction_changes_nothing_but_the_form(tmp_path: Path) -> None:
     run_journal(cut, finish=False)
     assert compact(ended).bytes < size / 2
     compact(cut)
-    assert content(ended) == before == content(cut)
-    assert ended.read_bytes() == cut.read_bytes()
+    assert content(ended) == before
+    assert content(cut) == [*before, Metadata(RECOVERED, {"torn_bytes": "0"})]
 
 
 def test_compacting_a_recording_gives_the_same_bytes(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 
 import logs
 from logs import DiskFull, Recorder, RecordingInUse, compact, recover, recover_all
+from logs.compaction import RECOVERED, damaged_of
 from logs.keeping import Rule, pin, pinned, prune
 from logs.tail import Tail
 from tests.test_logs_compaction import run_journal
@@ -24,11 +25,14 @@ DAY = 86400.0
 def test_a_journal_that_was_cut_is_recovered_and_the_loss_counted(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     run_journal(path, finish=False)
-    path.write_bytes(path.read_bytes() + b"\x05\x99torn")
+    torn = path.read_bytes() + b"\x05\x99torn"
+    path.write_bytes(torn)
     made = recover(path)
     assert made is not None
     assert (made.whole, made.torn) == (False, 6)
-    assert "6 torn bytes were dropped" in made.in_words()
+    assert "6 bytes behind them are torn" in made.in_words()
+    assert damaged_of(path).read_bytes() == torn
+    assert logs.Recording(path).notes[RECOVERED] == {"torn_bytes": "6"}
     with path.open("rb") as stream:
         assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages())
     assert recover(path) is None
@@ -53,6 +57,18 @@ def test_damage_in_the_middle_is_found_by_hand(tmp_path: Path) -> None:
     made = recover(path)
     assert made is not None
     assert made.torn > 0
+
+
+def test_a_damaged_attachment_is_found_and_dropped(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run_journal(path)
+    data = path.read_bytes()
+    for whole in (data, data[:-40]):  # closed, and cut off
+        path.write_bytes(whole.replace(b"task: 1\n", b"task: 2\n", 1))
+        made = recover(path)
+        assert made is not None
+        assert made.torn > 0
+        assert "task.yaml" not in logs.Recording(path).files
 
 
 def test_stray_parts_go_and_other_files_stay(tmp_path: Path) -> None:

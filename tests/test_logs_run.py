@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -192,7 +193,9 @@ def rebuilt(messages: list[logs.Message]) -> list[Record]:
     records: list[Record] = []
     for topic, found in by_topic.items():
         if topic == "/serial/tx":
-            records += map(sent, found, by_topic["/serial/timing"], by_topic["/joint_states"])
+            joints = iter(by_topic.get("/joint_states", ()))
+            timing = by_topic["/serial/timing"]
+            records += [sent(*both, joints) for both in zip(found, timing, strict=True)]
         elif topic in JSON_RECORDS or (topic.startswith("/plan/") and topic.count("/") == 2):
             kind = JSON_RECORDS.get(topic, Plan)
             records += [kind(**tuples(message.fields())) for message in found]
@@ -219,14 +222,17 @@ def as_tuple(value: Any) -> Any:
     return tuple(map(as_tuple, value)) if isinstance(value, list) else value
 
 
-def sent(frame: logs.Message, timing: logs.Message, joints: logs.Message) -> Sent:
+def sent(frame: logs.Message, timing: logs.Message, joints: Iterator[logs.Message]) -> Sent:
     facts = timing.fields()
     assert frame.data.seq == facts["seq"]
-    assert frame.time_ns == timing.time_ns == joints.time_ns
+    assert frame.time_ns == timing.time_ns
     assert frame.data.direction == 0
-    data, state = bytes(frame.data.data), joints.data
-    names, positions = tuple(state.name), tuple(state.position.tolist())
-    return Sent(facts["time"], data, facts["scheduled"], facts["hold"], names, positions)
+    moved: tuple[tuple[str, ...], tuple[float, ...]] = (), ()
+    if not facts["setting"]:
+        message = next(joints)
+        assert message.time_ns == frame.time_ns
+        moved = tuple(message.data.name), tuple(message.data.position.tolist())
+    return Sent(facts["time"], bytes(frame.data.data), facts["scheduled"], facts["hold"], *moved)
 
 
 JSON_RECORDS: dict[str, type[Any]] = {
@@ -332,3 +338,12 @@ def test_received_bytes_of_any_kind_have_a_text(tmp_path: Path) -> None:
     assert bytes(message.data.data) == bytes(range(256))
     assert "\0" not in message.data.text
     assert "\\x00" in message.data.text
+
+
+def test_a_setting_of_the_board_moves_no_joint(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    moved = [item for item in RUNS["ok"] if isinstance(item, Sent)]
+    told: list[Record] = [Sent(1.0, b"bA01;", None, False, (), ()), *moved]
+    record(path, told)
+    assert list(logs.Recording(path).records()) == told
+    assert len(logs.table(path, "/joint_states")["joint_1"]) == len(moved)

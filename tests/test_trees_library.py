@@ -49,7 +49,7 @@ def test_two_files_with_one_number(tmp_path: Path) -> None:
 
 
 def test_two_files_with_one_subtree(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"reach.yaml: subtree reach is in .* already"):
+    with pytest.raises(FileError, match=r"reach.yaml:1:1: subtree reach is in .* already"):
         Library(write(tmp_path, "reach.yaml", "subtree: reach\n"))
 
 

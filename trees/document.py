@@ -159,6 +159,14 @@ _CORE: tuple[tuple[re.Pattern[str], Callable[[str], Scalar]], ...] = tuple(
 )
 
 
+class _Plain(YAML):
+    """Looks for no plug-ins, which would read a folder for every file."""
+
+    def official_plug_ins(self) -> list[str]:
+        """None."""
+        return []
+
+
 class _Reader:
     """Makes values of the parser's events.
 
@@ -168,7 +176,7 @@ class _Reader:
 
     def __init__(self, path: Path, text: str) -> None:
         self._path, self._lines = path, _lines(text)
-        self._events = YAML(typ="safe", pure=True, plug_ins=[]).parse(io.StringIO(text))
+        self._events = _Plain(typ="safe", pure=True).parse(io.StringIO(text))
         self.mistakes: list[Mistake] = []
 
     def document(self) -> Located:

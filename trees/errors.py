@@ -88,11 +88,16 @@ def _order(mistake: Mistake) -> tuple[str, int, int, str]:
 
 
 class DuplicateTask(TreeError):
-    """Two files claim one number."""
+    """Two files claim one number.
+
+    Attributes:
+        path: The second.
+    """
 
     code = "file.duplicate_task"
 
     def __init__(self, number: int, first: Path, second: Path) -> None:
+        self.path = second
         super().__init__(f"task {number} is in two files, {first} and {second}: rename one of them")
 
 

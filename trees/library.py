@@ -185,13 +185,21 @@ class Library:
         poses: dict[str, Mapping[str, float]] = {}
         texts: dict[str, str] = {}
         for path in self._poses:
-            file = parse_poses(path, read_text(path))
+            file = self.poses_in(path)
             _check_replaced(file, poses)
             poses |= file.poses
             texts[path.name if path.name not in texts else f"{path.parent.name}_{_POSES}"] = (
                 file.text
             )
         return poses, texts
+
+    def poses_in(self, path: Path) -> PosesFile:
+        """Read one of the files of poses.
+
+        Raises:
+            FileError: It is wrong.
+        """
+        return parse_poses(path, read_text(path))
 
 
 def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:
@@ -227,4 +235,5 @@ def _files(folder: Path) -> list[str]:
 
 
 def _misnamed(path: Path, message: str) -> FileError:
-    return FileError([Mistake(Place(path, 0, 0), message)])
+    place = Place(path, 1, 1) if path.suffix == ".yaml" else Place(path, 0, 0)
+    return FileError([Mistake(place, message)])

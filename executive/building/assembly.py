@@ -79,7 +79,7 @@ class Assembly:
 
     def __init__(self, library: Library, context: Context) -> None:
         self._context = context
-        self._sources = Sources(library)
+        self._sources, self._library = Sources(library), library
         self._branches = Branches(self, context)
         self.known = known_skills()
         self.keys = Keys()
@@ -124,7 +124,12 @@ class Assembly:
         self.keys.written |= {
             f"{namespace}/{name}": port.type or ANY for name, port in inputs.items()
         }
-        root = self.node(file.tree, Scope(namespace, {}, (file.name,)), file.name)
+        stand_ins = {
+            name: _stand_in(port, file.tree.place)
+            for name, port in inputs.items()
+            if not port.type.startswith(("positions", LIST))
+        }
+        root = self.node(file.tree, Scope(namespace, {}, (file.name,), stand_ins), file.name)
         self._finish(root)
         return root
 
@@ -243,7 +248,10 @@ class Assembly:
     def _skill(self, spec: SkillNode, scope: Scope, shown: str) -> Behaviour:
         kind = self.known.get(spec.skill)
         if kind is None:
-            if spec.skill:  # else the file is wrong here, and that is told already
+            if spec.skill in self._library.subtrees():
+                name = spec.skill
+                self.wrong(spec.place, f"{name} is a subtree, not a skill: write subtree: {name}")
+            elif spec.skill:  # else the file is wrong here, and that is told already
                 there = choices(spec.skill, (*self.known, *KINDS, "subtree", "task"))
                 self.wrong(spec.place, f"no skill {spec.skill}; there are {there}")
             self._forgive(spec.ports.values(), scope)

@@ -10,9 +10,9 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 
 from hardware import Arm, RealClock, Robot
-from skills import Context
+from skills import Context, Positions, SkillError, Target
 from skills.motion import MotionError, Pool, Result, Verify
-from trees import FileError, Library, Mistake, Mistakes, Place, TreeError
+from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, TreeError
 
 from .assembly import Assembly
 from .builder import poses, refusals
@@ -53,7 +53,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     for path, library, name in jobs:
         findings.files.append(path)
         checker = _Checker(library, context, places)
-        findings.mistakes += checker.check(name)
+        findings.mistakes += checker.check(path, name)
     findings.mistakes += _collisions(robot, places, context)
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
@@ -106,7 +106,7 @@ def _jobs(
             }
         if file.resolve() not in libraries[parent]:
             wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"
-            raise FileError([Mistake(Place(file, 0, 0), wrong)])
+            raise FileError([Mistake(Place(file, 1, 1), wrong)])
         yield file, *libraries[parent][file.resolve()]
 
 
@@ -131,12 +131,12 @@ class _Checker:
     def __init__(self, library: Library, context: Context, places: dict[Pose, list[Place]]) -> None:
         self._library, self._context, self._places = library, context, places
 
-    def check(self, name: int | str | None) -> list[Mistake]:
+    def check(self, path: Path, name: int | str | None) -> list[Mistake]:
         """What is wrong with the task of a number, the subtree of a name, or for None the poses."""
         try:
             if name is None:
                 self._library.poses()
-                return []
+                return list(self._unreachable(self._library.poses_in(path)))
             assembly = Assembly(self._library, self._context)
             if isinstance(name, int):
                 assembly.task(*self._library.draft(name), "/check", None)
@@ -155,11 +155,20 @@ class _Checker:
                 self._places.setdefault(pose, []).append(place)
         return refused
 
+    def _unreachable(self, file: PosesFile) -> Iterator[Mistake]:
+        """Poses that the robot cannot take, whether or not a task names them."""
+        for name, joints in file.poses.items():
+            try:
+                Target.judge(self._context.robot, {"joints": Positions(joints)})
+            except SkillError as error:
+                yield Mistake(file.labels[name].label, f"{name}: {error}")
+
 
 def _mistakes(error: TreeError) -> list[Mistake]:
     if isinstance(error, FileError):
         return list(error.mistakes)
-    return [Mistake(Place(Path(getattr(error, "path", "")), 0, 0), str(error))]
+    path = getattr(error, "path", None)
+    return [Mistake(Place(path, 1, 1) if path else Place(Path(), 0, 0), str(error))]
 
 
 def _collisions(

@@ -2,8 +2,34 @@
 
 from collections.abc import Callable, Mapping
 from html import escape
+from typing import NamedTuple
+
+import click
 
 from .outline import Entry
+
+
+class Look(NamedTuple):
+    """How what became of a node is shown.
+
+    Attributes:
+        glyph: Before its name.
+        ink: In a terminal.
+        fill: In a picture.
+    """
+
+    glyph: str
+    ink: str
+    fill: str
+
+
+LOOKS: Mapping[str, Look] = {
+    "INVALID": Look("·", "bright_black", "#eeeeee"),
+    "RUNNING": Look("▶", "yellow", "#fff2b3"),
+    "SUCCESS": Look("✓", "green", "#c8ebc0"),
+    "FAILURE": Look("✗", "red", "#f5b7b1"),
+    "HALTED": Look("■", "yellow", "#fadfb0"),
+}
 
 _WIDTH, _LINE, _GAP = 7.3, 16, 14  # of a character, of a line, between boxes [px]
 
@@ -15,13 +41,21 @@ def as_text(root: Entry, ports: bool) -> str:
 
 def _lines(entry: Entry, first: str, rest: str, ports: bool) -> list[str]:
     below = "│ " if entry.children else "  "
-    lines = [f"{first}{entry.title}"]
+    lines = [first + _inked(entry)]
     lines += [f"{rest}{below}  {wire}" for wire in (entry.wiring() if ports else [])]
     for child in entry.children:
         last = child is entry.children[-1]
         turn, on = ("└─ ", "   ") if last else ("├─ ", "│  ")
         lines += _lines(child, rest + turn, rest + on, ports)
     return lines
+
+
+def _inked(entry: Entry) -> str:
+    if not entry.state:
+        return entry.title
+    look = LOOKS[entry.state]
+    note = click.style(f"  {entry.note}", dim=True) if entry.note else ""
+    return click.style(f"{look.glyph} {entry.title}", fg=look.ink) + note
 
 
 def as_mermaid(root: Entry, ports: bool) -> str:
@@ -33,6 +67,8 @@ def as_mermaid(root: Entry, ports: bool) -> str:
         opening, closing = ('["', '"]') if entry.children else ('(["', '"])')
         lines.append(f"    {numbers[id(entry)]}{opening}{label}{closing}")
         lines += [f"    {numbers[id(entry)]} --> {numbers[id(c)]}" for c in entry.children]
+        if entry.state:
+            lines.append(f"    style {numbers[id(entry)]} fill:{LOOKS[entry.state].fill}")
     return "\n".join(lines)
 
 
@@ -47,7 +83,8 @@ def as_dot(root: Entry, ports: bool) -> str:
     for entry in root.walk():
         label = "\\n".join(_quoted(line) for line in _label(entry, ports))
         shape = "box" if entry.children else "ellipse"
-        lines.append(f'    {numbers[id(entry)]} [label="{label}", shape={shape}];')
+        fill = f', style=filled, fillcolor="{LOOKS[entry.state].fill}"' if entry.state else ""
+        lines.append(f'    {numbers[id(entry)]} [label="{label}", shape={shape}{fill}];')
         lines += [f"    {numbers[id(entry)]} -> {numbers[id(c)]};" for c in entry.children]
     return "\n".join([*lines, "}"])
 
@@ -111,6 +148,7 @@ def _draw(
             'fill="none" stroke="#888"/>'
         )
     fill, radius = ("#e8eef7", 3) if entry.children else ("#f3f7e8", 12)
+    fill = LOOKS[entry.state].fill if entry.state else fill
     shapes.append(
         f'<rect x="{left:.0f}" y="{middle - own / 2:.0f}" width="{columns[depth]:.0f}" '
         f'height="{own:.0f}" rx="{radius}" fill="{fill}" stroke="#556"/>'
@@ -122,7 +160,8 @@ def _draw(
 
 
 def _label(entry: Entry, ports: bool) -> list[str]:
-    return [entry.title, *(entry.wiring() if ports else [])]
+    notes = [entry.note] if entry.note else []
+    return [entry.title, *notes, *(entry.wiring() if ports else [])]
 
 
 DRAWINGS: Mapping[str, Callable[[Entry, bool], str]] = {

@@ -47,7 +47,7 @@ def _model(models: ET.Element, kind: type[Skill]) -> None:
 
 
 def _add(parent: ET.Element, entry: Entry) -> None:
-    node, shown = entry.node, {"name": entry.node.name}
+    node, shown = entry.node, {"name": entry.name}
     if isinstance(node, Skill):
         ports = {_port(port): _value(text) for port, text in entry.ports.items()}
         ET.SubElement(parent, type(node).__name__, shown | ports)
@@ -81,7 +81,7 @@ _CONTROLS: Mapping[str, str] = {
 }
 
 
-def _control(kind: str, node: Behaviour) -> tuple[str, dict[str, str]]:
+def _control(kind: str, node: Behaviour | None) -> tuple[str, dict[str, str]]:
     if kind in _CONTROLS:
         return _CONTROLS[kind], {}
     match node:

@@ -1,7 +1,7 @@
 """A built tree as an outline: what a picture, a text or another program's file is made from."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from py_trees.behaviour import Behaviour
 from py_trees.composites import Selector, Sequence
@@ -36,24 +36,29 @@ class Entry:
     """One node.
 
     Attributes:
-        node: Which.
+        name: Of the node.
         kind: What it does with its children, or the name of its skill.
+        children: What it holds.
         ports: What its ports are wired to: values as text, keys with a $.
         outputs: Which of these it writes.
-        children: What it holds.
+        node: Which; None where it is known from a recording only.
+        state: After a run, what became of it; a key of `drawings.LOOKS`. Else empty.
+        note: After a run, when, and what it said.
     """
 
-    node: Behaviour
+    name: str
     kind: str
-    ports: Mapping[str, str]
-    outputs: frozenset[str]
     children: "tuple[Entry, ...]"
+    ports: Mapping[str, str] = field(default_factory=dict)
+    outputs: frozenset[str] = frozenset()
+    node: Behaviour | None = None
+    state: str = ""
+    note: str = ""
 
     @property
     def title(self) -> str:
         """Its name, and its kind where that says more."""
-        name = self.node.name
-        return name if name == self.kind else f"{name} ({self.kind})"
+        return self.name if self.name == self.kind else f"{self.name} ({self.kind})"
 
     def wiring(self) -> list[str]:
         """Its ports, one line each."""
@@ -82,12 +87,12 @@ def _entry(node: Behaviour, leaves: Mapping[Behaviour, Leaf], namespace: str) ->
     children = tuple(_entry(child, leaves, namespace) for child in node.children)
     if not isinstance(node, Skill):
         kind = next(name for fits, name in _KINDS if isinstance(node, fits))
-        return Entry(node, kind, {}, frozenset(), children)
+        return Entry(node.name, kind, children, node=node)
     leaf = leaves[node]
     ports = {port: _text(value) for port, value in leaf.inputs.items()}
     ports |= {port: f"${key.removeprefix(namespace)}" for port, key in leaf.keys.items()}
     outputs = frozenset(node.output_ports()) & set(ports)
-    return Entry(node, type(node).__name__, ports, outputs, ())
+    return Entry(node.name, type(node).__name__, (), ports, outputs, node)
 
 
 def _text(value: object) -> str:

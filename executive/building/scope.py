@@ -14,11 +14,13 @@ class Scope:
         namespace: Of its own keys.
         ports: What it was given.
         within: The files around it, and itself.
+        stand_ins: Where nobody gave it anything, what stands for a port within a mapping or a list.
     """
 
     namespace: str
     ports: Mapping[str, Value] = field(default_factory=dict)
     within: tuple[str, ...] = ()
+    stand_ins: Mapping[str, Located] = field(default_factory=dict)
 
 
 def resolve(value: Value, scope: Scope, wrong: Callable[[Place, str], None]) -> Value:
@@ -53,7 +55,7 @@ def _without_names(
         return Located(value.place, rows, value.label)
     if not inside or not isinstance(inner, str) or not inner.startswith("$"):
         return value
-    given = scope.ports.get(inner[1:])
+    given = scope.ports.get(inner[1:], scope.stand_ins.get(inner[1:]))
     if isinstance(given, Located):
         return Located(given.place, given.value, value.label)
     wrong(

@@ -192,7 +192,10 @@ def main() -> None:
     except Exception as error:
         if "--debug" in sys.argv:
             raise
-        code = getattr(error, "code", INTERNAL)
-        words = f"a bug of ours: {error!r}; see --debug" if code == INTERNAL else str(error)
+        code, words = getattr(error, "code", INTERNAL), str(error)
+        if isinstance(error, OSError) and error.filename:
+            code, words = "file", f"{error.filename}: {error.strerror}; check the path"
+        elif code == INTERNAL:
+            words = f"a bug of ours: {error!r}; see --debug"
         click.echo(f"Error: {words}", err=True)
         sys.exit(look_up(code).exit)

@@ -33,7 +33,10 @@ def ls(folder: Path) -> None:
     from logs.keeping import pinned
     from logs.story import overview
 
-    for path in sorted(folder.glob("*.mcap")):
+    paths = sorted(folder.glob("*.mcap"))
+    if not paths:
+        click.echo(f"{folder}: there are no recordings here", err=True)
+    for path in paths:
         try:
             found = overview(path)
         except LogError as error:
@@ -57,8 +60,13 @@ def info(recording: Path) -> None:
 
 
 def _facts(found: "Overview") -> list[tuple[str, str]]:
+    from logs.compaction import RECOVERED
+
     end = "complete" if found.complete else "cut off or damaged: armtree log recover"
     facts = [("file", f"{found.path}, {found.bytes} bytes, {found.messages} messages, {end}")]
+    if torn := found.notes.get(RECOVERED, {}).get("torn_bytes"):
+        bytes_ = f" {torn} bytes of it were torn" if torn != "0" else ""
+        facts.append(("recovered", f"the file was cut off or damaged;{bytes_}".rstrip(";")))
     if goal := found.goal:
         facts.append(("goal", f"task {goal.task} {goal.name}, seed {goal.seed}"))
     facts.append(("outcome", found.outcome))

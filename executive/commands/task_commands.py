@@ -173,7 +173,7 @@ def skills(skills: Path | None, as_json: bool) -> None:
 
 
 @click.command()
-@click.argument("number", metavar="TASK", type=int)
+@click.argument("task", metavar="TASK|RECORDING")
 @trees_option
 @skills_option
 @robot_option
@@ -188,7 +188,7 @@ def skills(skills: Path | None, as_json: bool) -> None:
 )
 @click.option("-o", "--output", type=PATH, help="File to write; default: standard output.")
 def show(
-    number: int,
+    task: str,
     trees: Path | None,
     skills: Path | None,
     robot: Path | None,
@@ -196,17 +196,25 @@ def show(
     form: str,
     output: Path | None,
 ) -> None:
-    """Show the tree of a task."""
+    """Show the tree of a task; of a RECORDING, coloured by what happened, with times."""
     from executive.building.check import outline_of
     from executive.building.drawings import DRAWINGS
     from executive.building.groot import as_groot
     from hardware import load_robot
     from trees import Library
 
-    root = outline_of(load_robot(robot), Library(trees), number)
-    text = as_groot(root, number) if form == "groot" else DRAWINGS[form](root, ports)
+    if task.isdecimal():
+        number = int(task)
+        root = outline_of(load_robot(robot), Library(trees), number)
+        text = as_groot(root, number) if form == "groot" else DRAWINGS[form](root, ports)
+    elif ports or form == "groot":
+        raise click.UsageError("--ports and --format groot go with the number of a task")
+    else:
+        from executive.replay.ran import tree_of
+
+        text = DRAWINGS[form](tree_of(Path(task)), False)
     if output:
-        output.write_text(text + "\n")
+        output.write_text(click.unstyle(text) + "\n")
         click.echo(output)
     else:
         click.echo(text)

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import select
 import sys
 import termios
@@ -19,6 +20,7 @@ _STEP = 1.0  # [s] of the recording, for an arrow key
 _KEYS = "space pause, <- -> 1 s, up down speed, q quit"
 _MOVES = {"\x1b[D": -_STEP, "\x1b[C": _STEP}
 _SPEEDS = {"\x1b[A": 2.0, "\x1b[B": 0.5}
+_KEY = re.compile("\x1b[O\\[][A-D]|.", re.DOTALL)  # an arrow, in either of a terminal's two modes
 
 
 class Player:
@@ -95,21 +97,23 @@ def _play(player: Player, keys: int | None) -> None:
     clock, paused = RealClock(), False
     while not player.over:
         begun = clock.now()
-        key = _key(keys, None if paused else max(0.0, player.due))
-        if key == "q":
-            return
-        if key == " ":
-            paused = not paused
+        pressed = _pressed(keys, None if paused else max(0.0, player.due))
         passed = 0.0 if paused else (clock.now() - begun) * player.speed
-        player.speed *= _SPEEDS.get(key, 1.0)
-        player.show_until(player.at + passed + _MOVES.get(key, 0.0))
+        for key in pressed:
+            if key == "q":
+                return
+            paused ^= key == " "
+            player.speed *= _SPEEDS.get(key, 1.0)
+            passed += _MOVES.get(key, 0.0)
+        player.show_until(player.at + passed)
 
 
-def _key(keys: int | None, seconds: float | None) -> str:
-    """The next key, or nothing once the time is up [s]."""
+def _pressed(keys: int | None, seconds: float | None) -> list[str]:
+    """The keys pressed until now, or nothing once the time is up [s]."""
     watched = [] if keys is None else [keys]
     ready, _, _ = select.select(watched, [], [], seconds)
-    return os.read(keys, 8).decode("ascii", "replace") if ready and keys is not None else ""
+    typed = os.read(keys, 4096).decode("ascii", "replace") if ready and keys is not None else ""
+    return [key.replace("O", "[") if len(key) > 1 else key for key in _KEY.findall(typed)]
 
 
 @contextlib.contextmanager

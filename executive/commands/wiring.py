@@ -22,6 +22,7 @@ from trees import Library, Located, TreeError
 
 from .interrupts import Interrupts
 from .log_handler import LogHandler
+from .terminal import Terminal
 from .view import JsonView, TextView, View
 
 PLANNING_TIMEOUT = 5.0  # [s]
@@ -93,6 +94,7 @@ def execute(options: Options) -> list[Outcome]:
                 PLANNING_TIMEOUT,
                 partial(_show, view),
                 solo=True,
+                operator=Terminal(_to_errors if options.json else view.say),
             )
             return _drive(executive, clock, options.numbers, arguments, view, interrupts)
 
@@ -165,6 +167,11 @@ def view_for(json: bool, verbose: bool) -> View:
     from .live_view import LiveView
 
     return LiveView(Console())
+
+
+def _to_errors(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
 
 
 def _port_line(robot: Robot, port: str) -> str:

@@ -1,0 +1,84 @@
+"""Skills of an installed package: built and installed by pip, found by entry point."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ARMTREE = [sys.executable, "-P", "-m", "executive"]
+PROJECT = """\
+[build-system]
+requires = ["setuptools"]
+build-backend = "setuptools.build_meta"
+
+[project]
+name = "armtree-kitchen"
+version = "1.0"
+
+[project.entry-points."armtree.skills"]
+kitchen = "kitchen"
+broken = "kitchen_broken"
+
+[tool.setuptools]
+py-modules = ["kitchen", "kitchen_broken"]
+"""
+KITCHEN = '''\
+from skills import skill
+
+@skill
+def count_cups(shelf: int) -> int:
+    """Count the cups on a shelf."""
+    return 2 * shelf
+'''
+TASK = """\
+task: 9
+name: cups
+description: Count cups.
+tree:
+  sequence:
+    - count_cups: {shelf: 4, result: $cups}
+    - Say: {text: cups, value: $cups}
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder into which the package was installed."""
+    source, target = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("site")
+    (source / "pyproject.toml").write_text(PROJECT)
+    (source / "kitchen.py").write_text(KITCHEN)
+    (source / "kitchen_broken.py").write_text("import no_such_module\n")
+    offline = ["--no-index", "--no-build-isolation", "--no-deps", "--quiet"]
+    pip = [sys.executable, "-m", "pip", "install", "--disable-pip-version-check", *offline]
+    subprocess.run([*pip, "--target", str(target), str(source)], check=True)
+    return target
+
+
+def armtree(installed: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [*ARMTREE, *arguments],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(installed)},
+    )
+
+
+def test_its_skills_are_listed_and_a_broken_module_costs_only_itself(installed: Path) -> None:
+    done = armtree(installed, "skills", "--json")
+    skills = {row["skill"]: row for row in map(json.loads, done.stdout.splitlines())}
+    assert skills["count_cups"]["description"] == "Count the cups on a shelf."
+    assert set(skills["count_cups"]["ports"]) == {"shelf", "result"}
+    assert "broken (kitchen_broken)" in done.stderr
+    assert "No module named 'no_such_module'" in done.stderr
+
+
+def test_its_skills_are_in_the_schema_and_in_tasks(installed: Path, tmp_path: Path) -> None:
+    assert '"count_cups"' in armtree(installed, "schema").stdout
+    (tmp_path / "9_cups.yaml").write_text(TASK)
+    folders = ["--trees", str(tmp_path), "--recordings", str(tmp_path / "recordings")]
+    done = armtree(installed, "run", "9", "--port", "virtual", *folders)
+    assert "cups 8" in done.stdout
