@@ -157,7 +157,8 @@ def lateness(arm: Arm, watch: Watch) -> float:
     watch.events.clear()
     for goal in (PICK, HOME) * 2:
         playback = play(arm, watch, goal, 3.0)
-        watch.until(lambda p=playback: p.state is PlaybackState.DONE)  # type: ignore[misc]
+        watch.until(lambda p=playback: p.state is not PlaybackState.PLAYING)  # type: ignore[misc]
+        assert playback.state is PlaybackState.DONE, playback.error
     frames = [event for event in watch.events if isinstance(event, FrameSent)]
     return p99([(f.time - f.scheduled) * 1000 for f in frames if f.scheduled is not None])
 
