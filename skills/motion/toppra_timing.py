@@ -89,11 +89,8 @@ def _grid(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -> 
 def _even(breaks: Array) -> Array:
     lengths = np.diff(breaks)
     counts = np.maximum(_LEAST, np.rint(_POINTS * lengths / lengths.sum())).astype(int)
-    parts = [
-        np.linspace(begin, end, count, endpoint=False)
-        for begin, end, count in zip(breaks, breaks[1:], counts, strict=False)
-    ]
-    return np.concatenate((*parts, breaks[-1:]))
+    ends = np.concatenate(([0], np.cumsum(counts)))
+    return np.interp(np.arange(ends[-1] + 1), ends, breaks)
 
 
 def _profile(grid: Array, speeds: Array) -> Profile:
@@ -121,7 +118,8 @@ def _speed(curve: Curve, profile: Profile, velocity: Array) -> float:
     squares, steps = np.square(profile.speeds)[:, None], np.diff(profile.places)[:, None]
     p0, x0, x1 = lower, squares[:-1], np.diff(squares, axis=0) / steps
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        turn = np.nan_to_num(-(2.0 * p1 * x0 + p0 * x1) / (3.0 * p1 * x1))
+        turn = -(2.0 * p1 * x0 + p0 * x1) / (3.0 * p1 * x1)
+        turn = np.where(np.isfinite(turn), turn, 0.0)
     speeds = [
         abs(p0 + u * p1) * np.sqrt(np.maximum(0.0, x0 + u * x1)) / velocity
         for u in (0.0 * steps, np.clip(turn, 0.0, steps), steps)
