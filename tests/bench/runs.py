@@ -192,7 +192,7 @@ def cancel_times(count: int) -> list[float]:
                 begun = time.monotonic()
                 arm.cancel()
                 assert arm.result(goal).state is GoalState.CANCELED
-                rest(arm_clock, 0.02)
+                rest(arm_clock, 0.1)  # the listener hears it by then
                 asked.append((begun, time.monotonic()))
                 ears.events.clear()
         came, _ = listener.communicate("\n")
