@@ -53,6 +53,7 @@ class Mailbox:
             if not self._paused:
                 return False
             self._paused, self._stepping = False, step
+            self._woken = True  # what waits to begin needs a tick, also where no pause was made yet
             self._signal.notify()
             return True
 
@@ -103,13 +104,12 @@ class Mailbox:
                 self._deadline = math.inf
 
     def wait_for_resume(self) -> None:
-        """Stand still until somebody says to go on, or to end; then ask for a tick."""
+        """Stand still until somebody says to go on, or to end."""
         since = self._clock.now()
         with self._signal:
             while self._paused and not self.stopping:
                 self._signal.wait(None)
             self._lost += self._clock.now() - since
-            self._woken = True
 
     @property
     def _due(self) -> bool:

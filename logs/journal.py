@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from io import BufferedWriter
 from typing import cast
@@ -146,6 +147,7 @@ class Journal:
         return _Channel(self._writer.register_channel(name, "cdr", schema, facts))
 
 
+@cache
 def _library() -> str:
     try:
         return f"armtree {version('armtree')}"

@@ -18,6 +18,8 @@ class RosTypes:
     def __init__(self) -> None:
         """Reads the standard types, 0.1 s."""
         self._store = get_typestore(Stores.ROS2_JAZZY)
+        self._schemas: dict[str, str] = {}  # every journal asks for them
+        self._hashes: dict[str, str] = {}
         for name, text in _OURS.items():
             self.learn(name, text)
 
@@ -44,11 +46,15 @@ class RosTypes:
 
     def schema(self, name: str) -> str:
         """The type's definition in `ros2msg` form, nested types included."""
-        return self._store.generate_msgdef(name, ros_version=2)[0]
+        if name not in self._schemas:
+            self._schemas[name] = self._store.generate_msgdef(name, ros_version=2)[0]
+        return self._schemas[name]
 
     def hash(self, name: str) -> str:
         """The type's hash, `RIHS01_` and 64 hexadecimal digits."""
-        return self._store.hash_rihs01(name)
+        if name not in self._hashes:
+            self._hashes[name] = self._store.hash_rihs01(name)
+        return self._hashes[name]
 
     def learn(self, name: str, text: str) -> None:
         """Adds a type, and those nested in it, from its definition; known ones stay.

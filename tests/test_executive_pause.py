@@ -10,6 +10,7 @@ import pytest
 import logs
 from executive.errors import NotExecuting, NotPaused, UnknownGoal
 from executive.goal import GoalState
+from executive.goals import Policy
 from executive.replay.proof import prove
 from executive.replay.proof_words import in_words
 from hardware import Robot, SimulatedClock
@@ -299,3 +300,42 @@ def test_what_makes_no_sense_is_refused(rig: RigMaker) -> None:
             act(status.identity)
         with pytest.raises(UnknownGoal):
             act("f" * 32)
+
+
+def test_a_paused_goal_gives_way(server: RigMaker) -> None:
+    arm = server(policy=Policy.PREEMPT)
+
+    def act() -> None:
+        arm.on_record = lambda _: None
+        arm.executive.pause(running(arm))
+        arm.rest(2.0)
+        arm.executive.send(0)
+
+    at_frame(arm, 10, act)
+    first = arm.executive.send(1).identity
+    assert arm.executive.result(first).code == "goal.preempted"
+    assert arm.executive.result(arm.executive.goals()[-1].identity).success
+    assert not arm.executive.snapshot().paused
+
+
+def test_a_step_in_the_middle_of_a_motion_ends_before_the_next_skill(rig: RigMaker) -> None:
+    arm = rig()
+    waited: list[str] = []
+
+    def act() -> None:
+        goal = running(arm)
+        arm.executive.pause(goal)
+        arm.rest(1.0)
+        arm.executive.step(goal)
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 10:
+            arm.soon(act)
+        if isinstance(record, logs.NodeStatus) and record.message == "waits to begin":
+            waited.append(record.name)
+            arm.soon(lambda: arm.executive.resume(running(arm)))
+
+    arm.on_record = watch
+    (outcome,) = arm.run(1)
+    assert outcome.success
+    assert waited == ["Succeed"]

@@ -96,6 +96,7 @@ class Recordings:
     def goal_ended(self) -> None:
         """Finish the recording of a goal in the background; what follows is between goals."""
         recorder, self._recorder, self.path = self._recorder, self._between, ""
+        self.frames = 0
         self._closing = [thread for thread in self._closing if thread.is_alive()]
         if recorder and recorder is not self._between:
             finish = partial(self._finish, recorder)
@@ -108,7 +109,7 @@ class Recordings:
             LogError: Something is missing from one of them.
         """
         recorders = [self._recorder, self._between]
-        self._recorder, self._between, self.path = None, None, ""
+        self._recorder, self._between, self.path, self.frames = None, None, "", 0
         for recorder in filter(None, recorders):
             self._finish(recorder)
         for thread in self._closing:
@@ -177,11 +178,10 @@ class Recordings:
         while True:
             path = logs.recording_path(self._folder, utc_ns, task)
             try:
-                return logs.Recorder(path, self._clock.epoch_ns(), self._give_up)
+                return logs.Recorder(path, self._clock.epoch_ns(), partial(self._give_up, path))
             except logs.RecordingExists:
                 utc_ns += 1_000_000
 
-    def _give_up(self, cause: Exception) -> None:
-        path = Path(self.path)
+    def _give_up(self, path: Path, cause: Exception) -> None:
         full = isinstance(cause, OSError) and cause.errno == errno.ENOSPC
         self._failed(logs.DiskFull(path) if full else logs.RecordingIncomplete(path, 0, cause))

@@ -65,7 +65,8 @@ CHAIN = (
     + "    - bench_work\n    - BenchMark\n" * MARKS
 )
 
-# Reads a pseudo-terminal in a process of its own; tells what came when, once its input ends.
+# Reads a pseudo-terminal in a process of its own; asked for it, tells what came when since it was
+# asked last.
 LISTENER = """
 import json, os, pty, select, sys, time, tty
 master, slave = pty.openpty()
@@ -77,9 +78,11 @@ while True:
     if master in ready:
         data = os.read(master, 4096)
         came.append((time.monotonic(), data.decode()))
-    if sys.stdin in ready:
+    elif not sys.stdin.readline():
         break
-print(json.dumps(came), flush=True)
+    else:
+        print(json.dumps(came), flush=True)
+        came = []
 """
 
 _ended: list[float] = []
@@ -169,43 +172,38 @@ def next_skill_times() -> list[float]:
 
 def cancel_times(count: int) -> list[float]:
     """From a cancel to the hold frame at the other end, streaming at full rate [ms]."""
-    robot, rng, asked = quick_robot(), random.Random(1), list[tuple[float, float]]()
+    robot, rng, times = quick_robot(), random.Random(1), list[float]()
     silent = dataclasses.replace(robot.firmware, banner=b"")  # nobody answers on that line
     serial = dataclasses.replace(robot.serial, boot_wait=0.1)
     robot = dataclasses.replace(
         robot, firmware=dataclasses.replace(silent, boot_time=0.0), serial=serial
     )
-    command = [sys.executable, "-c", LISTENER]
-    pipe = subprocess.PIPE
+    command, pipe = [sys.executable, "-c", LISTENER], subprocess.PIPE
     with (
         subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as listener,
         tempfile.TemporaryDirectory() as folder,
     ):
         assert listener.stdout
-        ears, arm_clock = Ears(), RealClock()
+        assert listener.stdin
+        ears, clock = Ears(), RealClock()
         link = robot.link(listener.stdout.readline().strip())
-        with serving(robot, link, arm_clock, ears, Path(folder)) as arm:
+        with serving(robot, link, clock, ears, Path(folder)) as arm:
             for number in range(count):
+                ears.events.clear()
                 goal = arm.send(21 + number % 2).identity
                 ears.wait_for_frames(rng.randint(4, 12))
-                rest(arm_clock, rng.uniform(0.0, 0.02))
+                rest(clock, rng.uniform(0.0, 0.02))
                 begun = time.monotonic()
                 arm.cancel()
                 assert arm.result(goal).state is GoalState.CANCELED
-                rest(arm_clock, 0.02)
-                asked.append((begun, time.monotonic()))
-                ears.events.clear()
-        came, _ = listener.communicate("\n")
-    heard = [(at, data) for at, data in json.loads(came)]
-    return [_held(heard, *window) for window in asked]
-
-
-def _held(heard: Sequence[tuple[float, str]], begun: float, ended: float) -> float:
-    """How long after `begun` the hold came [ms], which is the last frame, and the one before it."""
-    came = [at for at, _ in heard if begun <= at <= ended]
-    frames = _frames("".join(data for at, data in heard if at <= ended))
-    assert frames[-1] == frames[-2], "the last frame is no hold"
-    return (came[-1] - begun) * 1000
+                listener.stdin.write("\n")
+                listener.stdin.flush()
+                heard = json.loads(listener.stdout.readline())
+                frames = _frames("".join(data for _, data in heard))
+                assert frames[-1] == frames[-2], "the last frame is no hold"
+                times.append((heard[-1][0] - begun) * 1000)
+        listener.stdin.close()
+    return times
 
 
 def _frames(data: str) -> list[str]:
