@@ -24,3 +24,19 @@ def test_a_task_and_its_functions() -> None:
         assert rehearsal.clock.now() > 3.0  # the boot alone takes two
         with pytest.raises(KeyError, match="Wait is no registered function"):
             rehearsal.replace("Wait", lambda: None)
+
+
+def test_the_operator_answers_by_heart(tmp_path: Path) -> None:
+    (tmp_path / "9_careful.yaml").write_text(
+        "task: 9\nname: careful\ndescription: Ask first.\ntree:\n  sequence:\n"
+        "    - Ask: {question: Free?, wanted: yes}\n"
+        "    - Ask: {question: Whose?, choices: [], answer: $name}\n"
+        "    - Say: {text: it is for, value: $name}\n"
+    )
+    with Rehearsal(trees=tmp_path) as rehearsal:
+        rehearsal.answers += ["y", "Ada"]
+        assert rehearsal.run(9).success
+        assert rehearsal.said("Say") == ["it is for Ada"]
+        outcome = rehearsal.run(9)
+    assert outcome.code == "task.unanswered"
+    assert "Free?: nobody answered within 60 s" in outcome.message

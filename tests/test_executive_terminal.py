@@ -2,6 +2,7 @@
 
 import os
 import pty
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -85,3 +86,18 @@ def test_what_was_typed_before_the_question_answers_nothing(
             os.write(master, answers.get(line, b""))
     assert "hello Ada" in heard
     assert process.returncode == 0
+
+
+def test_in_the_background_of_a_shell_it_neither_reads_nor_stops(
+    command: list[str], keyboard: tuple[int, int]
+) -> None:
+    job = f"set -m; {shlex.join(command)} & wait"
+    done = subprocess.run(
+        ["setsid", "--ctty", "--wait", "sh", "-c", job],
+        check=True,
+        stdin=keyboard[1],
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=60,
+    )
+    assert "nobody can answer: standard input has ended" in done.stdout

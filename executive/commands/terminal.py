@@ -51,8 +51,8 @@ class Terminal:
             self._put(following)
 
     def _put(self, question: Question) -> None:
-        if self._reader is None and sys.stdin and sys.stdin.isatty():
-            termios.tcflush(sys.stdin, termios.TCIFLUSH)  # that was typed before anything was asked
+        if self._reader is None:
+            _forget_typed()
         self._say(f"? {question}")
         if self._reader is None:
             self._reader = threading.Thread(target=self._read, name="operator", daemon=True)
@@ -102,3 +102,17 @@ class Terminal:
             if self._open or not by_hand:  # typed between questions: no answer
                 self._lines += [line.decode(errors="replace").strip() for line in lines]
         self._settle()
+
+
+def _forget_typed() -> None:
+    """Drop what was typed before anything was asked; it answers nothing."""
+    if sys.stdin and sys.stdin.isatty() and _in_front(sys.stdin.fileno()):
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
+
+
+def _in_front(handle: int) -> bool:
+    """Whether what is typed at a terminal is typed for this process, not for a shell."""
+    try:
+        return os.tcgetpgrp(handle) == os.getpgrp()
+    except OSError:
+        return True  # no shell shares a terminal that controls no session of ours

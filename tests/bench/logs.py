@@ -98,9 +98,7 @@ def _killed_run(folder: Path, after: float) -> int:
     robot = folder / "quick.toml"
     shipped = Path(__file__).parents[2] / "hardware"
     text = (shipped / "arduinobot.toml").read_text()
-    robot.write_text(
-        text.replace('"stock"', '"armtree"').replace("boot_wait_s = 2.0", "boot_wait_s = 1.0")
-    )
+    robot.write_text(text.replace("boot_wait_s = 2.0", "boot_wait_s = 1.05"))
     (folder / "arduinobot.urdf").write_bytes((shipped / "arduinobot.urdf").read_bytes())
     master, slave = pty.openpty()
     tty.setraw(slave)
