@@ -29,6 +29,7 @@ from .errors import (
 )
 from .events import ArmEvent, BytesReceived, CommandSent, Faulted, FrameSent, Observer, StateChanged
 from .frames import Codec, Frame, WireField, check_position
+from .interfaces import states
 from .joints import Joint, Mimic
 from .lifecycle import State
 from .link import Link
@@ -109,5 +110,6 @@ __all__ = [
     "load_robot",
     "played",
     "serial_ports",
+    "states",
     "virtual_board",
 ]
