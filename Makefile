@@ -5,6 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 READY := $(VENV)/.ready
 TOOLS := $(VENV)/.tools
+PEERS := $(VENV)/.peers
 
 INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
@@ -15,7 +16,7 @@ COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-h
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
 
-test: $(TOOLS)
+test: $(TOOLS) $(PEERS)
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/mypy
@@ -45,6 +46,11 @@ $(READY): .ci/lock.txt pyproject.toml
 
 $(TOOLS): $(READY) .ci/lock-dev.txt
 	$(INSTALL) --require-hashes -r .ci/lock-dev.txt
+	@touch $@
+
+# A client in JavaScript for the tests; where there is no npm, its test says that it is skipped.
+$(PEERS): tests/peers/package-lock.json
+	@command -v npm >/dev/null || exit 0; cd tests/peers && npm ci --silent --ignore-scripts --no-audit --no-fund
 	@touch $@
 
 # For maintainers, with uv: pin everything anew, all in one go, then in the two parts.

@@ -246,6 +246,33 @@ CODES = {
         "The server ended before the goal did",
         "see where the arm stands, then send the goal again",
     ),
+    "server.error": Code(13, "The server failed", "see its log"),
+    "server.unreachable": Code(
+        13, "No server answers", "`armtree serve` starts one; --server says where it is"
+    ),
+    "server.options": Code(13, "The server would be open to more than was said", "see the message"),
+    "server.address_in_use": Code(
+        13, "Another program listens at that address", "end it, or give --tcp-port"
+    ),
+    "goal.not_held": Code(
+        4, "A goal with a dead man's handle, and nobody holds it", "hold it, then send it"
+    ),
+    # Requests
+    "request": Code(13, "The server refused a request", "`/openapi.json` lists all there is"),
+    "request.malformed": Code(13, "A request cannot be understood", "see the message"),
+    "request.forbidden": Code(13, "A request from a foreign page or name", "see the message"),
+    "request.host": Code(
+        13, "Host is no name of this server", "ask it by its address, or serve --host NAME"
+    ),
+    "request.origin": Code(13, "A foreign page asks", "serve --origin URL lets it, if it shall"),
+    "request.token": Code(
+        13, "The token is missing or wrong", "the server printed it when it started"
+    ),
+    "request.too_many": Code(13, "Too many requests, or clients", "wait a moment"),
+    "request.too_large": Code(13, "A body is too large", "send less"),
+    "request.timeout": Code(13, "A body came too slowly", "send it in one go"),
+    "request.not_found": Code(13, "There is no such address", "`/openapi.json` lists them"),
+    "request.method": Code(13, "That method is not for this address", "`/openapi.json` lists them"),
 }
 
 

@@ -199,7 +199,10 @@ class Executive:
         if not (identity or stamp_ns or running):
             self._arm.stop()
         self._stop_for(running)
-        logger.info("Received a cancel: %s %s", answer.code.name, ", ".join(answer.goals))
+        for goal in map(self._goals.find, answer.goals):
+            logger.info("Received a cancel of the goal for task %d (%s)", goal.task, goal.identity)
+        if not answer.goals:
+            logger.info("Received a cancel of %s: %s", identity or "all goals", answer.code.name)
         return answer
 
     def result(self, identity: str, timeout: float | None = None) -> Outcome:

@@ -143,7 +143,8 @@ class Owner:
     def _build(self, attempt: _Attempt) -> None:
         """Judge a goal as far as that goes without the arm."""
         goal = attempt.goal
-        draft = self._library.draft(goal.task)
+        library = self._library.for_task(goal.task)
+        draft = library.draft(goal.task)
         attempt.task = draft[0]
         mailbox, breakpoints = goal.mailbox, Breakpoints(self._marked, goal.mailbox)
         context = dataclasses.replace(
@@ -155,7 +156,7 @@ class Owner:
         )
         namespace = f"run_{goal.identity}"
         arguments = located(goal.arguments)
-        attempt.tree = build(draft, self._library, context, namespace, arguments)
+        attempt.tree = build(draft, library, context, namespace, arguments)
         breakpoints.watch(attempt.tree)
 
     def _open(self, attempt: _Attempt) -> None:

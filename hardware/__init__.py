@@ -41,6 +41,7 @@ from .events import (
     StateChanged,
 )
 from .frames import Codec, Frame, WireField, check_position
+from .interfaces import states
 from .joints import Joint, Mimic
 from .lifecycle import State
 from .link import Link
@@ -126,5 +127,6 @@ __all__ = [
     "load_robot",
     "played",
     "serial_ports",
+    "states",
     "virtual_board",
 ]

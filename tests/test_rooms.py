@@ -13,7 +13,7 @@ from py_trees.ports import get_ports_registry
 import skills  # noqa: F401  registers the skills
 from executive.codes import CODES, INTERRUPTED_EXIT, USAGE_EXIT
 from executive.commands.cli import cli
-from executive.commands.view import EVENTS, UNITS
+from executive.events import EVENTS, UNITS
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("executive", "skills", "hardware", "trees", "logs")
@@ -23,9 +23,10 @@ PUBLIC = (*ROOMS, "skills.motion")
 @pytest.mark.parametrize("name", PUBLIC)
 def test_all_is_true_and_complete(name: str) -> None:
     room = importlib.import_module(name)
+    lazy = {name: getattr(room, name) for name in room.__all__}
     public = {
         key
-        for key, value in vars(room).items()
+        for key, value in {**lazy, **vars(room)}.items()
         if not key.startswith("_") and not hasattr(value, "__path__") and not _is_module(value)
     }
     assert sorted(room.__all__) == sorted(public)

@@ -1,6 +1,6 @@
 """The tasks that ship, their grammar, and the reading of task files."""
 
-from .document import Located, nested
+from .document import Located, nested, read_text
 from .errors import DuplicateTask, FileError, Mistake, Place, TreeError, UnknownTask
 from .grammar import (
     UNTYPED,
@@ -57,5 +57,6 @@ __all__ = [
     "fit",
     "nested",
     "parse_value",
+    "read_text",
     "words",
 ]

@@ -34,17 +34,20 @@ class Library:
 
     Args:
         folder: A user's own task files; None for only those that ship.
+        read: Reads a file's text.
 
     Attributes:
         shipped: Folder of the files that ship.
         folder: The user's, or None.
+        read: What reads a file.
 
     Raises:
         FileError: The folder is not there or cannot be read, or a file in it is named wrongly.
         DuplicateTask: Two files claim one number, and neither says that it replaces the other.
     """
 
-    def __init__(self, folder: Path | None = None) -> None:
+    def __init__(self, folder: Path | None = None, read: Callable[[Path], str] = read_text) -> None:
+        self.read = read
         self.shipped = Path(str(resources.files(__package__)))
         if folder is not None:
             if not folder.is_dir():
@@ -93,6 +96,10 @@ class Library:
         stem = there.stem.partition("_")[2] if _TASK.fullmatch(there.name) else there.stem
         return there.parent == self.shipped and says(path) == stem
 
+    def for_task(self, number: int) -> "Library":
+        """The library to read a task from, as one piece; this one, but a kind of it may choose."""
+        return self
+
     def numbers(self) -> list[int]:
         """The task numbers there are, ascending."""
         return sorted(self._tasks)
@@ -128,7 +135,7 @@ class Library:
             FileError: The file is wrong.
         """
         path = self.path(number)
-        return _as_named(parse_task(path, read_text(path)), number)
+        return _as_named(parse_task(path, self.read(path)), number)
 
     def head(self, number: int) -> TaskFile:
         """Read a task without its tree, for lists.
@@ -138,7 +145,7 @@ class Library:
             FileError: The file is wrong before its tree.
         """
         path = self.path(number)
-        return _as_named(parse_head(path, read_text(path)), number)
+        return _as_named(parse_head(path, self.read(path)), number)
 
     def draft(self, number: int) -> tuple[TaskFile, list[Mistake]]:
         """Read a task as far as it can be read, with every mistake in it.
@@ -148,7 +155,7 @@ class Library:
             FileError: The file is not YAML.
         """
         path = self.path(number)
-        task, mistakes = draft_task(path, read_text(path))
+        task, mistakes = draft_task(path, self.read(path))
         if not mistakes:
             _as_named(task, number)
         return task, mistakes
@@ -167,7 +174,7 @@ class Library:
             there = choices(name, self._subtrees)
             raise FileError([Mistake(asked, f"no subtree {name}; there are {there}")])
         path = self._subtrees[name]
-        subtree, mistakes = draft_subtree(path, read_text(path))
+        subtree, mistakes = draft_subtree(path, self.read(path))
         if subtree.name != name and not mistakes:
             message = f"the file is named {path.name} but says subtree {subtree.name}"
             raise FileError([Mistake(Place(path, 1, 1), message)])
@@ -199,7 +206,7 @@ class Library:
         Raises:
             FileError: It is wrong.
         """
-        return parse_poses(path, read_text(path))
+        return parse_poses(path, self.read(path))
 
 
 def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:

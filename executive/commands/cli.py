@@ -16,15 +16,20 @@ from executive.codes import INTERNAL, INTERRUPTED_EXIT, look_up
 from .log_commands import log
 from .options import (
     PATH,
+    keep_days_option,
+    keep_mb_option,
     port_option,
     pose_option,
     recordings_option,
     robot_option,
+    seed_option,
     skills_option,
     trees_option,
+    workers_option,
 )
 from .replay_commands import replay
-from .task_commands import COMMANDS
+from .server_commands import COMMANDS as SERVER_COMMANDS
+from .task_commands import COMMANDS as TASK_COMMANDS
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -36,8 +41,8 @@ def cli(verbose: bool, debug: bool) -> None:
 
     Exit codes: 0 done, 1 a bug of ours, 2 usage, 3 bad file, 4 goal refused, 5 planning failed,
     6 hardware fault, 7 canceled, 8 timed out, 9 port busy, 10 recording incomplete, 11 the task
-    failed by its own tree, 12 a replay differs, 13 the server ended, 130 left by Ctrl-C before a
-    goal had begun, or by a second one.
+    failed by its own tree, 12 a replay differs, 13 no server, or it ended, 130 left by Ctrl-C
+    before a goal had begun, or by a second one.
     """
     root = logging.getLogger()
     root.setLevel(logging.INFO)
@@ -60,24 +65,10 @@ def cli(verbose: bool, debug: bool) -> None:
     multiple=True,
     help="Value of a parameter of the task; may be given again.",
 )
-@click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning.")
-@click.option(
-    "--workers",
-    type=click.IntRange(1),
-    envvar="ARMTREE_WORKERS",
-    default=1,
-    show_default=True,
-    help="Planner processes.",
-)
-@click.option(
-    "--keep-days", type=float, envvar="ARMTREE_KEEP_DAYS", help="Delete older recordings."
-)
-@click.option(
-    "--keep-mb",
-    type=float,
-    envvar="ARMTREE_KEEP_MB",
-    help="Delete the oldest recordings beyond so many megabytes.",
-)
+@seed_option
+@workers_option
+@keep_days_option
+@keep_mb_option
 @pose_option
 @click.option("--json", is_flag=True, help="Print one JSON object per event.")
 def run(**options: Any) -> None:
@@ -139,7 +130,7 @@ cli.add_command(replay)
 cli.add_command(log)
 
 
-for command in COMMANDS:
+for command in (*TASK_COMMANDS, *SERVER_COMMANDS):
     cli.add_command(command)
 
 

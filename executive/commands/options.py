@@ -30,6 +30,26 @@ recordings_option = click.option(
     show_default=True,
     help="Folder for recordings.",
 )
+seed_option = click.option(
+    "--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning."
+)
+workers_option = click.option(
+    "--workers",
+    type=click.IntRange(1),
+    envvar="ARMTREE_WORKERS",
+    default=1,
+    show_default=True,
+    help="Planner processes.",
+)
+keep_days_option = click.option(
+    "--keep-days", type=float, envvar="ARMTREE_KEEP_DAYS", help="Delete older recordings."
+)
+keep_mb_option = click.option(
+    "--keep-mb",
+    type=float,
+    envvar="ARMTREE_KEEP_MB",
+    help="Delete the oldest recordings beyond so many megabytes.",
+)
 trees_option = click.option(
     "--trees",
     type=PATH,

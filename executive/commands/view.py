@@ -1,14 +1,14 @@
 """What a run shows, as a seam: a live picture, plain lines, or JSON."""
 
-import dataclasses
 import json
 import os
 import sys
 import threading
 from queue import SimpleQueue
-from typing import Any, Protocol, Self, TextIO
+from typing import Protocol, Self, TextIO
 
 import logs
+from executive.events import as_event, as_result
 from executive.goal import Outcome
 
 
@@ -86,46 +86,11 @@ class JsonView(_Lines):
         """An event as JSON. A result is printed when its recording is closed."""
         if isinstance(item, (str, logs.Result)):
             return ""
-        event = _result(item) if isinstance(item, Outcome) else _event(item)
+        if isinstance(item, Outcome):
+            event = {"event": "result", **as_result(item)}
+        else:
+            event = as_event(item)
         return json.dumps(event, allow_nan=False)
-
-
-def _result(outcome: Outcome) -> dict[str, Any]:
-    return {
-        "event": "result",
-        "task_number": outcome.task,
-        "state": outcome.state.name,
-        "success": outcome.success,
-        "code": outcome.code,
-        "message": outcome.message,
-        "frames": outcome.frames,
-        "duration_s": round(outcome.duration, 6),
-        "recording": outcome.recording,
-        "cause": dataclasses.asdict(outcome.cause) if outcome.cause else None,
-    }
-
-
-EVENTS: dict[type, str] = {
-    logs.Goal: "goal",
-    logs.Sent: "sent",
-    logs.Received: "received",
-    logs.Transition: "lifecycle",
-    logs.Feedback: "feedback",
-    logs.NodeStatus: "node",
-    logs.Plan: "plan",
-    logs.Schedule: "schedule",
-    logs.LogLine: "log",
-}
-
-UNITS = {"time": "time_s", "duration": "duration_s", "scheduled": "scheduled_s"}
-
-
-def _event(record: logs.Record) -> dict[str, Any]:
-    fields = {UNITS.get(key, key): value for key, value in dataclasses.asdict(record).items()}
-    for key, value in fields.items():
-        if isinstance(value, bytes):
-            fields[key] = value.decode("ascii", "backslashreplace")
-    return {"event": EVENTS[type(record)], **fields}
 
 
 class TextView(_Lines):

@@ -79,9 +79,12 @@ def execute(options: Options) -> list[Outcome]:
             outcome = Outcome(task, aborted, cause.code, cause.message, 0, 0.0, "", cause)
             view.report(outcome)
             return [outcome]
-        view.say(_port_line(robot, port))
+        view.say(port_line(robot, port))
         clock = RealClock()
-        _put_in_order(options, clock, view)
+        rule = Rule(options.keep_days, options.keep_mb)
+        for words in put_in_order(options.recordings, rule, clock):
+            view.say(words)
+            view.watch(logs.LogLine(clock.now(), logging.WARNING, "logs", words))
         with closing(Pool(robot, options.workers, clock)) as pool:
             executive = Executive(
                 robot,
@@ -104,18 +107,14 @@ def _show(view: View, event: Event) -> None:
         view.watch(event)
 
 
-def _put_in_order(options: Options, clock: RealClock, view: View) -> None:
-    """Mend what a crash left among the recordings, and make room by the rule; say both."""
-    folder, rule = options.recordings, Rule(options.keep_days, options.keep_mb)
+def put_in_order(folder: Path, rule: Rule, clock: RealClock) -> list[str]:
+    """Mend what a crash left among recordings, and make room by the rule; says both."""
     done = [
         made.in_words() if isinstance(made, logs.Summary) else f"not recovered: {made}"
         for made in logs.recover_all(folder)
     ]
     utc = clock.epoch_ns() / 1e9 + clock.now()
-    done += [f"{path}: deleted to make room" for path in prune(folder, rule, utc)]
-    for words in done:
-        view.say(words)
-        view.watch(logs.LogLine(clock.now(), logging.WARNING, "logs", words))
+    return done + [f"{path}: deleted to make room" for path in prune(folder, rule, utc)]
 
 
 def _drive(
@@ -174,7 +173,8 @@ def _to_errors(text: str) -> None:
     sys.stderr.flush()
 
 
-def _port_line(robot: Robot, port: str) -> str:
+def port_line(robot: Robot, port: str) -> str:
+    """Which port is used, in words."""
     if port == VIRTUAL:
         return (
             f"Port virtual: the virtual Arduino, firmware {robot.firmware.name}; nothing real moves"

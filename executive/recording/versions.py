@@ -3,6 +3,7 @@
 import hashlib
 import platform
 import sys
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -13,6 +14,7 @@ _PLANNING = ("numpy", "ompl", "pin", "coal", "toppra")
 _SCHEDULING = ("frames.py", "pace.py", "profiles.py", "schedule.py")
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions by name; of our own code, digests of the files that decide about plans and frames.
 

@@ -2,7 +2,8 @@
 
 `next_skill` and the idle server run on the virtual Arduino in real time; a cancel is timed at the
 bytes of a pseudo-terminal, by another process that reads them. Ten thousand cancels and a thousand
-goals run in simulated time, on the board in-process.
+goals run in simulated time, on the board in-process. `cancel_http` is the same cancel asked by a
+request, `rosbridge_result` an empty task asked as roslibpy does; both clients are in this process.
 """
 
 import dataclasses
@@ -16,7 +17,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,10 @@ from hardware import (
 from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
+from tests.network_doors import over_http, rosbridge_results, served
 from trees import Library
+
+Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]
 
 EMPTY = "task: 20\nname: empty\ndescription: Nothing.\ntree: Succeed\n"
 SWING = """\
@@ -170,7 +174,13 @@ def next_skill_times() -> list[float]:
     return [(b - a) * 1000 for a, b in zip(_ended, _began, strict=True)][MARKS:]
 
 
-def cancel_times(count: int) -> list[float]:
+@contextmanager
+def directly(arm: Executive, robot: Robot, folder: Path) -> Iterator[Callable[[], object]]:
+    """What cancels all goals, in this process."""
+    yield arm.cancel
+
+
+def cancel_times(count: int, way: Way = directly) -> list[float]:
     """From a cancel to the hold frame at the other end, streaming at full rate [ms]."""
     robot, rng, times = quick_robot(), random.Random(1), list[float]()
     silent = dataclasses.replace(robot.firmware, banner=b"")  # nobody answers on that line
@@ -187,14 +197,17 @@ def cancel_times(count: int) -> list[float]:
         assert listener.stdin
         ears, clock = Ears(), RealClock()
         link = robot.link(listener.stdout.readline().strip())
-        with serving(robot, link, clock, ears, Path(folder)) as arm:
+        with (
+            serving(robot, link, clock, ears, Path(folder)) as arm,
+            way(arm, robot, Path(folder)) as cancel,
+        ):
             for number in range(count):
                 ears.events.clear()
                 goal = arm.send(21 + number % 2).identity
                 ears.wait_for_frames(rng.randint(4, 12))
                 rest(clock, rng.uniform(0.0, 0.02))
                 begun = time.monotonic()
-                arm.cancel()
+                cancel()
                 assert arm.result(goal).state is GoalState.CANCELED
                 listener.stdin.write("\n")
                 listener.stdin.flush()
@@ -313,12 +326,28 @@ def idle_load(seconds: float) -> float:
     robot, clock = quick_robot(), RealClock()
     with tempfile.TemporaryDirectory() as folder:
         link = robot.link(VIRTUAL)
-        with serving(robot, link, clock, lambda _: None, Path(folder)) as arm:
+        with (
+            serving(robot, link, clock, lambda _: None, Path(folder)) as arm,
+            served(arm, robot, Path(folder)),
+        ):
             arm.result(arm.send(20).identity)
             rest(clock, 2.0)
             used = time.process_time()
             rest(clock, seconds)
             return 100 * (time.process_time() - used) / seconds
+
+
+def bridge_times(count: int) -> list[float]:
+    """From an empty task's goal to its result, asked by rosbridge [ms]."""
+    robot = quick_robot()
+    with tempfile.TemporaryDirectory() as folder:
+        link = robot.link(VIRTUAL)
+        with (
+            serving(robot, link, RealClock(), lambda _: None, Path(folder)) as arm,
+            served(arm, robot, Path(folder)) as server,
+        ):
+            rosbridge_results(server, 20, 3)
+            return rosbridge_results(server, 20, count)
 
 
 def percentile(samples: Sequence[float], percent: int) -> float:
@@ -328,12 +357,16 @@ def percentile(samples: Sequence[float], percent: int) -> float:
 def main(runs: int, file: Path | None, cancels: int) -> None:
     """Measure and show."""
     following, canceled = next_skill_times(), cancel_times(200)
+    asked, bridged = cancel_times(200, over_http), bridge_times(200)
     zombies, after_hold = leftovers(cancels)
     done, grown, threads, descriptors = soak(1000)
     rows = [
         Row("next_skill_p95_ms", "ms", [percentile(following, 95)]),
         Row("cancel_p50_ms", "ms", [percentile(canceled, 50)]),
         Row("cancel_p99_ms", "ms", [percentile(canceled, 99)]),
+        Row("cancel_http_p50_ms", "ms", [percentile(asked, 50)]),
+        Row("cancel_http_p99_ms", "ms", [percentile(asked, 99)]),
+        Row("rosbridge_result_p50_ms", "ms", [percentile(bridged, 50)]),
         Row("zombies", "1", [zombies]),
         Row("frames_after_hold", "1", [after_hold]),
         Row("goals_done", "1", [done]),

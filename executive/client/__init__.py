@@ -1,0 +1,18 @@
+"""Talking to a server from Python: `with Client() as arm: arm.run(1)`, or with `await`."""
+
+from .aio import AsyncClient
+from .asks import CancelResult, Status, Task
+from .errors import ClientError, GoalFailed, Refused, ServerUnreachable
+from .sync import Client
+
+__all__ = [
+    "AsyncClient",
+    "CancelResult",
+    "Client",
+    "ClientError",
+    "GoalFailed",
+    "Refused",
+    "ServerUnreachable",
+    "Status",
+    "Task",
+]

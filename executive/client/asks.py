@@ -1,0 +1,236 @@
+"""What can be asked of a server, without the asking: both clients send these."""
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+from urllib.parse import urlsplit
+
+from executive.events import to_goal, to_outcome
+from executive.goal import GoalStatus, Outcome
+from executive.goals import CancelCode
+from executive.server import access
+
+T = TypeVar("T")
+
+_OUR_NAMES = ("127.0.0.1", "localhost", "::1")
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """What a server is at.
+
+    Attributes:
+        arm: State of the hardware, such as `active`.
+        port: Of the board.
+        commanded: Where the arm was last commanded to, by joint [rad]; None while not active.
+        goal: The goal under way.
+        percentage: How far it is [%]; None while that cannot be said.
+        phase: What is going on, such as `planning`.
+        node: Name of the tree's node at work.
+        attempt: Which one it is, from 1.
+        waiting: Identities of those that wait for their turn.
+        policy: What becomes of a second goal.
+        paused: Whether the goal under way stands still.
+        breakpoints: Paths of the nodes that are paused before.
+        uptime: Since the server's start [s].
+    """
+
+    arm: str
+    port: str
+    commanded: Mapping[str, float] | None
+    goal: GoalStatus | None
+    percentage: int | None
+    phase: str
+    node: str
+    attempt: int
+    waiting: tuple[str, ...]
+    policy: str
+    paused: bool
+    breakpoints: tuple[str, ...]
+    uptime: float
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A task that a server has.
+
+    Attributes:
+        number: By which it is called.
+        name: Of it.
+        description: In a sentence.
+        source: `shipped`, or its file.
+        parameters: Their types by name.
+        wrong: What is wrong with its file; empty where nothing is.
+    """
+
+    number: int
+    name: str
+    description: str
+    source: str
+    parameters: Mapping[str, str]
+    wrong: str
+
+
+@dataclass(frozen=True, slots=True)
+class CancelResult:
+    """The answer to a cancel.
+
+    Attributes:
+        code: As ROS 2 has it.
+        goals: Identities of those that are being canceled by it.
+    """
+
+    code: CancelCode
+    goals: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Ask(Generic[T]):
+    """A request.
+
+    Attributes:
+        method: Of HTTP.
+        path: Of the address.
+        read: Makes the answer of the JSON that comes.
+        body: What to send; None for nothing.
+        query: Parameters.
+        patience: How long the answer may take beyond the usual [s]; None for as long as it takes.
+    """
+
+    method: str
+    path: str
+    read: Callable[[Any], T]
+    body: Mapping[str, Any] | None = None
+    query: Mapping[str, Any] = field(default_factory=dict)
+    patience: float | None = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where a server is, and what it wants to see.
+
+    Attributes:
+        url: Of it.
+        headers: Of every request.
+    """
+
+    url: str
+    headers: Mapping[str, str]
+
+
+def address(url: str | None, token: str | None) -> Address:
+    """The server that is meant.
+
+    Args:
+        url: Of it; else ARMTREE_SERVER, else this machine's.
+        token: Of it; else ARMTREE_TOKEN, else what it wrote for this user.
+    """
+    port = os.environ.get("ARMTREE_TCP_PORT", access.PORT)
+    url = (url or os.environ.get("ARMTREE_SERVER") or f"http://127.0.0.1:{port}").rstrip("/")
+    token = token or os.environ.get("ARMTREE_TOKEN") or _own_token(url)
+    return Address(url, {"authorization": f"Bearer {token}"} if token else {})
+
+
+def _own_token(url: str) -> str:
+    """The token of a server of this user on this machine; empty where there is none."""
+    parts = urlsplit(url)
+    known = access.read(parts.port) if parts.port and parts.hostname in _OUR_NAMES else None
+    return known.token if known else ""
+
+
+def send(task: int, arguments: Mapping[str, Any], goal_id: str, deadman: bool) -> Ask[str]:
+    """Send a goal; the answer is its identity."""
+    body: dict[str, Any] = {"task": task, "arguments": dict(arguments), "deadman": deadman}
+    if goal_id:
+        body["goal_id"] = goal_id
+    return Ask("POST", "/api/goals", lambda told: str(told["goal_id"]), body)
+
+
+def result(goal_id: str, timeout: float | None) -> Ask[Outcome]:
+    """Wait for the outcome of a goal [s]."""
+    query = {} if timeout is None else {"timeout": timeout}
+    return Ask("GET", f"/api/goals/{goal_id}/result", to_outcome, query=query, patience=timeout)
+
+
+def goal(goal_id: str) -> Ask[GoalStatus]:
+    """What a goal is at."""
+    return Ask("GET", f"/api/goals/{goal_id}", to_goal)
+
+
+def goals() -> Ask[tuple[GoalStatus, ...]]:
+    """All goals that are known."""
+    return Ask("GET", "/api/goals", lambda told: tuple(map(to_goal, told["goals"])))
+
+
+def cancel(goal_id: str, stamp_ns: int) -> Ask[CancelResult]:
+    """Cancel goals."""
+    body = {
+        **({"goal_id": goal_id} if goal_id else {}),
+        **({"stamp_ns": stamp_ns} if stamp_ns else {}),
+    }
+    return Ask("POST", "/api/cancel", _canceled, body)
+
+
+def stop() -> Ask[CancelResult]:
+    """Stop the arm."""
+    return Ask("POST", "/api/stop", _canceled, {})
+
+
+def change(goal_id: str, verb: str) -> Ask[GoalStatus]:
+    """Pause, resume or step a goal."""
+    return Ask("POST", f"/api/goals/{goal_id}/{verb}", to_goal, {})
+
+
+def break_at(node: str, on: bool) -> Ask[tuple[str, ...]]:
+    """Set or lift a breakpoint."""
+    body = {"node": node, "on": on}
+    return Ask("POST", "/api/breakpoints", lambda told: tuple(told["breakpoints"]), body)
+
+
+def arm(transition: str) -> Ask[str]:
+    """Take the arm through a transition; booting takes its time."""
+    return Ask("POST", f"/api/arm/{transition}", lambda told: str(told["arm"]), {}, patience=30.0)
+
+
+def status() -> Ask[Status]:
+    """What the server is at."""
+    return Ask("GET", "/api/status", _status)
+
+
+def tasks() -> Ask[tuple[Task, ...]]:
+    """The tasks there are."""
+    return Ask("GET", "/api/tasks", lambda told: tuple(map(_task, told["tasks"])))
+
+
+def _canceled(told: Any) -> CancelResult:
+    return CancelResult(CancelCode(told["return_code"]), tuple(told["goals"]))
+
+
+def _status(told: Any) -> Status:
+    return Status(
+        arm=told["arm"],
+        port=told["port"],
+        commanded=told["commanded"],
+        goal=told["goal"] and to_goal(told["goal"]),
+        percentage=told["percentage"],
+        phase=told["phase"],
+        node=told["node"],
+        attempt=told["attempt"],
+        waiting=tuple(told["waiting"]),
+        policy=told["policy"],
+        paused=told["paused"],
+        breakpoints=tuple(told["breakpoints"]),
+        uptime=told["uptime_s"],
+    )
+
+
+def _task(told: Any) -> Task:
+    return Task(
+        told["task"],
+        told["name"],
+        told["description"],
+        told["source"],
+        told["parameters"],
+        told["wrong"],
+    )

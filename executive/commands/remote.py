@@ -1,0 +1,163 @@
+"""What the commands that talk to a server do."""
+
+import dataclasses
+import json
+import logging
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
+
+import logs
+from executive.building.arguments import read_arguments
+from executive.client import Client, ClientError, Refused, Status
+from executive.codes import CLOSING
+from executive.events import as_goal
+from executive.executive import Event
+from executive.goal import GoalStatus, Outcome
+from executive.goals import CancelCode
+from hardware import RealClock
+
+from .interrupts import Interrupts
+from .view import View
+from .wiring import view_for
+
+logger = logging.getLogger(__name__)
+
+
+def send_and_wait(
+    client: Client, task: int, settings: Sequence[str], deadman: bool, as_json: bool, verbose: bool
+) -> Outcome:
+    """Run a task as `armtree run` does, on a server; Ctrl-C cancels it.
+
+    Args:
+        client: Of the server.
+        task: Number of the task.
+        settings: Values of its parameters, each as NAME=VALUE.
+        deadman: Whether it is canceled when this process dies.
+        as_json: Whether JSON is wanted.
+        verbose: Whether the log is shown, so that no live picture may be in its way.
+
+    Raises:
+        ClientError: The server cannot be reached, or refuses the goal.
+    """
+    arguments, goal_id = texts(settings, task), uuid.uuid4().hex
+    with Interrupts() as interrupts, view_for(as_json, verbose) as view:
+
+        def work() -> Outcome:
+            held = client.hold(goal_id) if deadman else nullcontext()
+            with client.events() as events, held:
+                client.send(task, arguments, goal_id, deadman)
+                interrupts.on_cancel(lambda: _aside(lambda: client.cancel(goal_id)))
+                return _show(events, goal_id, view)
+
+        return _beside(work, interrupts)
+
+
+def texts(settings: Sequence[str], task: int) -> dict[str, str]:
+    """Values of parameters as they were typed; the server reads them as `run` would.
+
+    Raises:
+        FileError: A setting is wrong.
+    """
+    read_arguments(settings, (task,))
+    return dict(setting.split("=", 1) for setting in settings)
+
+
+def watch(client: Client, as_json: bool, verbose: bool) -> None:
+    """Show whatever a server does, until Ctrl-C.
+
+    Raises:
+        ClientError: The server cannot be reached, or has ended.
+    """
+    with view_for(as_json, verbose) as view, client.events() as events:
+        for event in events:
+            if not isinstance(event, GoalStatus):
+                view.watch(event)
+            elif event.outcome:
+                view.report(event.outcome)
+    raise _ended()
+
+
+def _show(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
+    """Show one goal to its end."""
+    ours = False
+    for event in events:
+        if isinstance(event, GoalStatus):
+            if event.identity == goal_id and event.outcome:
+                view.report(event.outcome)
+                return event.outcome
+            continue
+        if isinstance(event, logs.Goal):
+            ours = event.goal_id == goal_id
+        if ours or isinstance(event, logs.Transition):
+            view.watch(event)
+    raise _ended()
+
+
+def _ended() -> Refused:
+    return Refused({"code": CLOSING, "message": "the server has ended, or dropped who is too slow"})
+
+
+def _aside(act: Callable[[], object]) -> None:
+    """Do it on a thread of its own; its failure shows where the events end."""
+
+    def tried() -> None:
+        try:
+            act()
+        except ClientError as error:
+            logger.warning("%s", error)
+
+    RealClock().spawn(tried, "aside")
+
+
+def _beside(work: Callable[[], Outcome], interrupts: Interrupts) -> Outcome:
+    """Work on a thread of its own; this one waits for signals."""
+    done: list[Outcome] = []
+    failed: list[Exception] = []
+
+    def worker() -> None:
+        try:
+            done.append(work())
+        except Exception as error:  # carried over to the thread that tells the user
+            failed.append(error)
+        finally:
+            interrupts.end()
+
+    thread = RealClock().spawn(worker, "worker")
+    interrupts.wait()
+    thread.join()
+    if failed:
+        raise failed[0]
+    return done[0]
+
+
+def status_lines(status: Status) -> Iterator[str]:
+    """What a server is at, for people."""
+    yield f"Arm       {status.arm}, port {status.port or 'none'}"
+    if status.commanded:
+        joints = ", ".join(f"{name} {q:.3f}" for name, q in status.commanded.items())
+        yield f"Commanded {joints} rad"
+    if status.goal:
+        far = "" if status.percentage is None else f", {status.percentage} %"
+        what = " ".join(filter(None, ("PAUSED" * status.paused, status.phase, status.node)))
+        yield f"Goal      task {status.goal.task}, {status.goal.state.name}{far}  {what}".rstrip()
+        yield f"          {status.goal.identity}"
+    else:
+        yield "Goal      none"
+    if status.waiting:
+        yield f"Waiting   {len(status.waiting)}"
+    yield f"Policy    {status.policy}"
+
+
+def status_json(status: Status) -> str:
+    """The same for programs."""
+    fields = dataclasses.asdict(status) | {"goal": status.goal and as_goal(status.goal)}
+    return json.dumps(fields | {"uptime_s": fields.pop("uptime")})
+
+
+CANCEL_WORDS = {
+    CancelCode.NONE: "there is nothing to cancel",
+    CancelCode.REJECTED: "the server will not cancel it",
+    CancelCode.UNKNOWN_GOAL_ID: "no such goal is known",
+    CancelCode.GOAL_TERMINATED: "that goal has ended, or is being canceled already",
+}

@@ -1,0 +1,250 @@
+"""`armtree serve`, and its clients."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from executive.codes import look_up
+
+from .options import (
+    keep_days_option,
+    keep_mb_option,
+    port_option,
+    pose_option,
+    recordings_option,
+    robot_option,
+    seed_option,
+    skills_option,
+    trees_option,
+    workers_option,
+)
+
+TCP_PORT = 8765
+
+
+@click.command()
+@port_option
+@robot_option
+@trees_option
+@skills_option
+@recordings_option
+@click.option("--activate", is_flag=True, help="Activate the arm at once; this moves it.")
+@click.option(
+    "--policy",
+    type=click.Choice(["reject", "queue", "preempt"]),
+    default="reject",
+    show_default=True,
+    help="What becomes of a goal while another one runs.",
+)
+@click.option(
+    "--bind",
+    "address",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to listen on.",
+)
+@click.option(
+    "--tcp-port",
+    type=click.IntRange(0, 65535),
+    envvar="ARMTREE_TCP_PORT",
+    default=TCP_PORT,
+    show_default=True,
+    help="0 for any that is free.",
+)
+@click.option("--host", "hosts", multiple=True, help="Another name of this server, for --expose.")
+@click.option("--origin", "origins", multiple=True, help="A page that may ask: http://name:port.")
+@click.option("--expose", is_flag=True, help="Let other machines in; all but a stop needs a token.")
+@click.option("--rosbridge", is_flag=True, help="Serve rosbridge clients too, without a token.")
+@pose_option
+@seed_option
+@workers_option
+@keep_days_option
+@keep_mb_option
+def serve(
+    port: str | None,
+    robot: Path | None,
+    trees: Path | None,
+    skills: Path | None,
+    recordings: Path,
+    activate: bool,
+    policy: str,
+    pose: str | None,
+    seed: int,
+    workers: int,
+    keep_days: float | None,
+    keep_mb: float | None,
+    **place: Any,
+) -> None:
+    """Take goals from other programs, until Ctrl-C. The arm is inactive at first."""
+    from executive.goals import Policy
+    from executive.server.server import Place
+    from logs.keeping import Rule
+
+    from .serving import ServeOptions
+    from .serving import serve as run
+
+    options = ServeOptions(
+        port=port,
+        robot=robot,
+        trees=trees,
+        recordings=recordings,
+        seed=seed,
+        workers=workers,
+        policy=Policy(policy),
+        activate=activate,
+        pose=pose,
+        keep=Rule(keep_days, keep_mb),
+        place=Place(port=place.pop("tcp_port"), **place),
+    )
+    run(options)
+
+
+server_option = click.option(
+    "--server",
+    envvar="ARMTREE_SERVER",
+    help="URL of the server; default: the one on this machine, on ARMTREE_TCP_PORT.",
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+
+
+def _verbose() -> bool:
+    return bool(click.get_current_context().find_root().params["verbose"])
+
+
+@click.command()
+@click.argument("number", metavar="N", type=click.IntRange(0, 2**31 - 1))
+@click.option("--wait", is_flag=True, help="Show the run until it ends; Ctrl-C cancels it.")
+@click.option(
+    "--deadman", is_flag=True, help="Cancel it if this command dies or stops answering; waits."
+)
+@click.option(
+    "--set",
+    "settings",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Value of a parameter of the task; may be given again.",
+)
+@json_option
+@server_option
+def send(
+    number: int,
+    wait: bool,
+    deadman: bool,
+    settings: tuple[str, ...],
+    as_json: bool,
+    server: str | None,
+) -> None:
+    """Have a server run task N. Prints the goal's id, or with --wait what `run` prints."""
+    from executive.client import Client
+
+    from .remote import send_and_wait, texts
+
+    with Client(server) as client:
+        if wait or deadman:
+            outcome = send_and_wait(client, number, settings, deadman, as_json, _verbose())
+            sys.exit(look_up(outcome.code).exit)
+        goal_id = client.send(number, texts(settings, number))
+    click.echo(json.dumps({"goal_id": goal_id}) if as_json else goal_id)
+
+
+@click.command()
+@click.argument("goal_id", metavar="[GOAL]", default="")
+@json_option
+@server_option
+def cancel(goal_id: str, as_json: bool, server: str | None) -> None:
+    """Cancel a goal of a server, by its id; without one stop the arm and cancel all."""
+    from executive.client import Client
+
+    from .remote import CANCEL_WORDS
+
+    with Client(server) as client:
+        answer = client.cancel(goal_id) if goal_id else client.stop()
+    if as_json:
+        click.echo(json.dumps({"return_code": answer.code.value, "goals": answer.goals}))
+    else:
+        click.echo(
+            "\n".join(f"canceling {goal}" for goal in answer.goals) or CANCEL_WORDS[answer.code]
+        )
+    sys.exit(look_up("goal").exit if answer.code.value else 0)
+
+
+@click.command()
+@json_option
+@server_option
+def status(as_json: bool, server: str | None) -> None:
+    """Say what a server, its arm and its goals are at."""
+    from executive.client import Client
+
+    from .remote import status_json, status_lines
+
+    with Client(server) as client:
+        found = client.status()
+    click.echo(status_json(found) if as_json else "\n".join(status_lines(found)))
+
+
+@click.command()
+@json_option
+@server_option
+def watch(as_json: bool, server: str | None) -> None:
+    """Show whatever a server does, until Ctrl-C; goals go on."""
+    from executive.client import Client
+
+    from .remote import watch as look_on
+
+    with Client(server) as client:
+        look_on(client, as_json, _verbose())
+
+
+@click.command()
+@click.argument(
+    "transition",
+    type=click.Choice(["configure", "activate", "deactivate", "cleanup", "shutdown"]),
+)
+@server_option
+def arm(transition: str, server: str | None) -> None:
+    """Take a server's arm through its lifecycle; activate opens the port, which moves the arm."""
+    from executive.client import Client
+
+    with Client(server) as client:
+        click.echo(client.arm(transition))
+
+
+def _change(verb: str, goal_id: str, server: str | None) -> None:
+    from executive.client import Client
+
+    with Client(server) as client:
+        running = client.status().goal
+        if not goal_id and running is None:
+            raise click.UsageError("no goal is under way")
+        goal = getattr(client, verb)(goal_id or (running and running.identity))
+    click.echo(f"task {goal.task} ({goal.identity})")
+
+
+@click.command()
+@click.argument("goal_id", metavar="[GOAL]", default="")
+@server_option
+def pause(goal_id: str, server: str | None) -> None:
+    """Stop a server's arm and keep the goal; without GOAL the one under way."""
+    _change("pause", goal_id, server)
+
+
+@click.command()
+@click.argument("goal_id", metavar="[GOAL]", default="")
+@server_option
+def resume(goal_id: str, server: str | None) -> None:
+    """Go on with a paused goal; without GOAL the one under way."""
+    _change("resume", goal_id, server)
+
+
+@click.command()
+@click.argument("goal_id", metavar="[GOAL]", default="")
+@server_option
+def step(goal_id: str, server: str | None) -> None:
+    """Go on with a paused goal up to the next skill; without GOAL the one under way."""
+    _change("step", goal_id, server)
+
+
+COMMANDS = (serve, send, cancel, pause, resume, step, status, watch, arm)

@@ -1,0 +1,170 @@
+"""Everything that `armtree serve` needs, put together."""
+
+import logging
+import logging.handlers
+import queue
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from executive.executive import Event, Executive
+from executive.goals import Policy
+from executive.live_library import LiveLibrary
+from executive.pose import standing
+from executive.server.server import Place, Server
+from hardware import HardwareError, RealClock, load_robot
+from logs import LogError
+from logs.keeping import Rule
+from skills.motion import Pool
+
+from .interrupts import Interrupts
+from .log_handler import LogHandler
+from .wiring import PLANNING_TIMEOUT, port_line, put_in_order
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class ServeOptions:
+    """What was asked for on the command line or in the environment.
+
+    Attributes:
+        port: Serial port; None to take the robot file's.
+        robot: Robot file; None for the shipped robot.
+        trees: Folder with more tasks.
+        recordings: Folder for recordings.
+        seed: For whatever draws at random.
+        workers: Planner processes.
+        policy: What becomes of a second goal.
+        activate: Whether to activate the arm at once.
+        pose: Where the arm stands, where its board is not reset; see `executive.pose`.
+        keep: Which recordings are kept.
+        place: Where to listen, and to whom.
+    """
+
+    port: str | None
+    robot: Path | None
+    trees: Path | None
+    recordings: Path
+    seed: int
+    workers: int
+    policy: Policy
+    activate: bool
+    pose: str | None
+    keep: Rule
+    place: Place
+
+
+def serve(options: ServeOptions) -> None:
+    """Serve until a signal comes; then stop the arm, end the goals and leave in order.
+
+    Raises:
+        HardwareError: The robot file is wrong.
+        TreeError: The folder of tasks is.
+        ServerError: It cannot listen as it was asked to.
+        LogError: A recording cannot be made, or could not be finished.
+    """
+    with Interrupts() as interrupts, _log():
+        robot, clock = load_robot(options.robot), RealClock()
+        library = LiveLibrary(options.trees, robot)
+        port = robot.serial.port if options.port is None else options.port
+        robot = standing(robot, port, options.pose, options.recordings)
+        for words in put_in_order(options.recordings, options.keep, clock):
+            logger.warning("%s", words)
+        with closing(Pool(robot, options.workers, clock)) as pool:
+            executive = Executive(
+                robot,
+                robot.link(port) if port else None,
+                library,
+                pool,
+                options.recordings,
+                clock,
+                options.seed,
+                PLANNING_TIMEOUT,
+                _nobody,
+                options.policy,
+            )
+            with Server(executive, library, robot, clock, options.place) as server:
+                logger.info("%s", port_line(robot, port))
+                _announce(server, options)  # the token is not for the recording
+                with _recorded(executive, clock):
+                    executive.start()
+                    with closing(executive):
+                        server.start()
+                        clock.spawn(lambda: _prepare(executive, options.activate), "prepare")
+                        interrupts.on_cancel(lambda: _leave(executive, interrupts))
+                        interrupts.wait()
+                        logger.info("Ending: the arm is stopped, goals are canceled")
+
+
+def _leave(executive: Executive, interrupts: Interrupts) -> None:
+    executive.cancel()
+    interrupts.end()
+
+
+def _prepare(executive: Executive, activate: bool) -> None:
+    """Configure the arm, and activate it where that is wanted."""
+    try:
+        executive.arm_to("configure")
+        if activate:
+            executive.arm_to("activate")
+    except (HardwareError, LogError) as error:
+        logger.error("%s", error)
+
+
+def _announce(server: Server, options: ServeOptions) -> None:
+    place = options.place
+    logger.info(
+        "Listening on %s; a second goal is handled by: %s", server.url, options.policy.value
+    )
+    logger.info("Token for whatever changes something: %s", server.token)
+    if place.expose:
+        logger.warning(
+            "EXPOSED: every machine that reaches %s port %d and knows the token can move this arm, "
+            "and any can stop it; nothing is encrypted",
+            place.address,
+            server.port,
+        )
+    if place.rosbridge:
+        logger.warning(
+            "ROSBRIDGE: any program on this machine can move the arm through "
+            "ws://%s, without a token",
+            server.url.removeprefix("http://"),
+        )
+    if not options.activate:
+        logger.info("The arm is not active, so goals fail; type: armtree arm activate")
+
+
+def _nobody(_: Event) -> None:
+    """Watches nothing; whoever wants to, subscribes."""
+
+
+@contextmanager
+def _recorded(executive: Executive, clock: RealClock) -> Iterator[None]:
+    """Have the log recorded too."""
+    handler = LogHandler(executive.tell, clock)
+    logging.getLogger().addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.getLogger().removeHandler(handler)
+
+
+@contextmanager
+def _log() -> Iterator[None]:
+    """Print the log from a thread of its own: a slow or closed pipe must hold nothing up."""
+    waiting: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
+    printing = logging.StreamHandler(sys.stderr)
+    printing.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
+    listener = logging.handlers.QueueListener(waiting, printing)
+    root, put = logging.getLogger(), logging.handlers.QueueHandler(waiting)
+    before = root.handlers[:]
+    root.handlers[:] = [put]
+    listener.start()
+    try:
+        yield
+    finally:
+        listener.stop()
+        root.handlers[:] = before

@@ -1,0 +1,75 @@
+"""Where a server is found by our own clients, and the token they show it."""
+
+import json
+import os
+import secrets
+import stat
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+PORT = 8765
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """How to reach a server, as it stands in a file that only its user can read.
+
+    Attributes:
+        url: Such as http://127.0.0.1:8765.
+        token: For whatever changes state.
+        pid: Of the server.
+    """
+
+    url: str
+    token: str
+    pid: int
+
+
+def new_token() -> str:
+    """A token that nobody guesses."""
+    return secrets.token_urlsafe(32)
+
+
+def file_of(port: int) -> Path:
+    """The file of the server on a port."""
+    return _folder() / f"server-{port}.json"
+
+
+def publish(port: int, access: Access) -> Path:
+    """Write the file anew, readable by its user alone.
+
+    Raises:
+        OSError: It cannot be written, or its folder is not ours alone.
+    """
+    folder, file = _folder(), file_of(port)
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    found = folder.stat()
+    if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
+        raise PermissionError(f"{folder} belongs to others too; chmod 700 it, or remove it")
+    handle, name = tempfile.mkstemp(dir=folder)  # made with mode 0600
+    with os.fdopen(handle, "w") as stream:
+        json.dump({"url": access.url, "token": access.token, "pid": access.pid}, stream)
+    os.replace(name, file)
+    return file
+
+
+def withdraw(port: int, access: Access) -> None:
+    """Remove the file, unless another server has written it since."""
+    if read(port) == access:
+        file_of(port).unlink(missing_ok=True)
+
+
+def read(port: int) -> Access | None:
+    """What the file of a server says; None where there is none of this user's."""
+    try:
+        with file_of(port).open() as stream:
+            ours = os.fstat(stream.fileno()).st_uid == os.getuid()
+            return Access(**json.load(stream)) if ours else None
+    except (OSError, ValueError, TypeError):
+        return None
+
+
+def _folder() -> Path:
+    own = os.environ.get("XDG_RUNTIME_DIR")
+    return Path(own, "armtree") if own else Path(tempfile.gettempdir(), f"armtree-{os.getuid()}")

@@ -1,0 +1,256 @@
+"""The answers: each operation of the table as a method, on top of the executive."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from json import dumps
+from typing import Any
+
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+
+from executive.errors import GoalError, ResultTimeout, UnknownGoal
+from executive.events import as_goal, as_result, as_status
+from executive.executive import Event, Executive
+from executive.goal import GoalStatus
+from executive.goals import CancelAnswer
+from executive.live_library import LiveLibrary
+
+from .errors import BadRequest, TooMuch, refusal, status_of
+from .hub import Hub
+from .metrics import Metrics
+from .openapi import document
+from .stops import Stops
+
+MOST_WATCHERS = 16
+HOLD_SECONDS = 1.0  # a hold of which nothing comes for so long has ended
+
+
+class NotHeld(GoalError):
+    """A goal with a dead man's handle, and nobody's hand on it."""
+
+    code = "goal.not_held"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"nobody holds goal {identity}; begin to hold it, then send it")
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """What was asked.
+
+    Attributes:
+        request: As Starlette has it.
+        given: The parameters in the address, as they are declared.
+        body: The JSON object that was sent; empty where none was.
+    """
+
+    request: Request
+    given: Mapping[str, Any]
+    body: Mapping[str, Any]
+
+
+class Api:
+    """The executive, as its clients on the network see it.
+
+    Args:
+        executive: Which.
+        stops: What cancels its goals.
+        library: The tasks there are.
+        hub: Where its events arrive.
+    """
+
+    def __init__(self, executive: Executive, stops: Stops, library: LiveLibrary, hub: Hub) -> None:
+        self._executive, self._stops = executive, stops
+        self._library, self._hub = library, hub
+        self._metrics = Metrics(executive.snapshot, lambda: len(hub.watchers))
+        self._document = document()
+        self._listing = asyncio.Lock()
+        self._ended: dict[str, asyncio.Event] = {}
+        self._held: dict[str, asyncio.Event] = {}
+        hub.listeners += [self._metrics.watch, self._wake]
+
+    async def health(self, _: Call) -> Response:
+        """Whether the server answers."""
+        return JSONResponse({"ok": True, "version": version("armtree")})
+
+    async def status(self, _: Call) -> Response:
+        """What the arm and the goals are at."""
+        return JSONResponse(as_status(self._executive.snapshot()))
+
+    async def tasks(self, _: Call) -> Response:
+        """The tasks there are."""
+        async with self._listing:
+            return JSONResponse({"tasks": await asyncio.to_thread(self._library.listed)})
+
+    async def goals(self, _: Call) -> Response:
+        """Every goal that is known."""
+        return JSONResponse({"goals": [as_goal(goal) for goal in self._executive.goals()]})
+
+    async def send(self, call: Call) -> Response:
+        """Accept a goal, or refuse it."""
+        body, identity = call.body, call.body.get("goal_id", "")
+        if body.get("deadman") and not await self._is_held(identity):
+            raise NotHeld(identity)
+        arguments = {name: _as_text(value) for name, value in body.get("arguments", {}).items()}
+        acceptance = await asyncio.to_thread(
+            self._executive.send, body["task"], arguments, identity
+        )
+        if not acceptance.accepted:
+            told = refusal(acceptance.code, acceptance.message)
+            return JSONResponse(told, status_of(acceptance.code))
+        made = {"goal_id": acceptance.identity, "stamp_ns": acceptance.stamp_ns}
+        return JSONResponse(made, 201)
+
+    async def goal(self, call: Call) -> Response:
+        """What a goal is at."""
+        return JSONResponse(as_goal(self._find(call.given["goal_id"])))
+
+    async def result(self, call: Call) -> Response:
+        """How a goal ended; waits for it as long as the client does."""
+        identity, seconds = call.given["goal_id"], call.given.get("timeout")
+        goal = self._find(identity)
+        if goal.outcome is None:
+            ended = self._ended.setdefault(identity, asyncio.Event())
+            if not await _before_leaving(call.request, ended.wait(), seconds):
+                raise ResultTimeout(identity, seconds or 0.0)
+            goal = self._find(identity)
+        assert goal.outcome
+        return JSONResponse({"goal_id": identity, **as_result(goal.outcome)})
+
+    async def hold(self, call: Call) -> Response:
+        """Keep a hand on a goal, until nothing more comes."""
+        identity = call.given["goal_id"]
+        held = self._held.setdefault(identity, asyncio.Event())
+        if held.is_set():
+            raise BadRequest(f"goal {identity} is held already")
+        held.set()
+        try:
+            await _to_the_end(call.request)
+        finally:
+            del self._held[identity]
+            answer = await asyncio.shield(self._stops.cancel(identity))
+        return JSONResponse({"goal_id": identity, "canceled": identity in answer.goals})
+
+    async def cancel_goal(self, call: Call) -> Response:
+        """Cancel a goal, and with a stamp all that were accepted until then."""
+        stamp_ns = call.body.get("stamp_ns", 0)
+        return _canceled(await self._stops.cancel(call.given["goal_id"], stamp_ns))
+
+    async def cancel(self, call: Call) -> Response:
+        """Cancel all goals, or those that are named."""
+        body = call.body
+        return _canceled(await self._stops.cancel(body.get("goal_id", ""), body.get("stamp_ns", 0)))
+
+    async def stop(self, _: Call) -> Response:
+        """Stop the arm, cancel all."""
+        return _canceled(await self._stops.cancel())
+
+    async def pause(self, call: Call) -> Response:
+        """Stop the arm and keep the goal."""
+        return await self._do(call, self._executive.pause)
+
+    async def resume(self, call: Call) -> Response:
+        """Go on with a goal."""
+        return await self._do(call, self._executive.resume)
+
+    async def step(self, call: Call) -> Response:
+        """Let one node begin."""
+        return await self._do(call, self._executive.step)
+
+    async def break_at(self, call: Call) -> Response:
+        """Have every goal pause before a node, or no longer."""
+        self._executive.break_at(call.body["node"], call.body.get("on", True))
+        return JSONResponse({"breakpoints": self._executive.snapshot().breakpoints})
+
+    async def arm(self, call: Call) -> Response:
+        """Take the arm through its lifecycle."""
+        state = await asyncio.to_thread(self._executive.arm_to, call.given["transition"])
+        return JSONResponse({"arm": state.value})
+
+    async def events(self, call: Call) -> Response:
+        """What happens, as it happens."""
+        if len(self._hub.watchers) >= MOST_WATCHERS:
+            raise TooMuch(f"{MOST_WATCHERS} watch already", "close one of them")
+        kinds = frozenset(filter(None, call.given.get("events", "").split(",")))
+        return StreamingResponse(self._watched(kinds), media_type="text/event-stream")
+
+    async def metrics(self, _: Call) -> Response:
+        """Figures for Prometheus."""
+        return Response(self._metrics.text(), media_type="text/plain; version=0.0.4")
+
+    async def openapi(self, _: Call) -> Response:
+        """The document."""
+        return JSONResponse(self._document)
+
+    async def _watched(self, kinds: frozenset[str]) -> AsyncIterator[bytes]:
+        watcher = self._hub.join(kinds)
+        try:
+            yield b": armtree\n\n"  # so that the client knows it is connected
+            while text := await watcher.take():
+                yield text
+        finally:
+            self._hub.watchers.discard(watcher)
+
+    async def _do(self, call: Call, act: Callable[[str], None]) -> Response:
+        identity = call.given["goal_id"]
+        await asyncio.to_thread(act, identity)
+        return JSONResponse(as_goal(self._find(identity)))
+
+    async def _is_held(self, identity: str) -> bool:
+        """Whether somebody holds a goal; the hand and the goal may come in either order."""
+        held = self._held.setdefault(identity, asyncio.Event())
+        try:
+            await asyncio.wait_for(held.wait(), HOLD_SECONDS)
+        except TimeoutError:
+            if self._held.get(identity) is held and not held.is_set():
+                del self._held[identity]
+        return held.is_set() and identity in self._held
+
+    def _find(self, identity: str) -> GoalStatus:
+        for goal in self._executive.goals():
+            if goal.identity == identity:
+                return goal
+        raise UnknownGoal(identity)
+
+    def _wake(self, event: Event) -> None:
+        if isinstance(event, GoalStatus) and event.outcome:
+            ended = self._ended.pop(event.identity, None)
+            if ended:
+                ended.set()
+
+
+def _as_text(value: Any) -> str:
+    """A value as it would stand in a file; JSON is YAML."""
+    return value if isinstance(value, str) else dumps(value)
+
+
+def _canceled(answer: CancelAnswer) -> Response:
+    return JSONResponse({"return_code": answer.code.value, "goals": list(answer.goals)})
+
+
+async def _to_the_end(request: Request) -> None:
+    """Read a body until it ends, its client leaves, or nothing comes for too long."""
+    chunks = aiter(request.stream())
+    try:
+        while True:
+            await asyncio.wait_for(anext(chunks), HOLD_SECONDS)
+    except (StopAsyncIteration, TimeoutError, ClientDisconnect):
+        return
+
+
+async def _before_leaving(request: Request, wanted: Any, seconds: float | None) -> bool:
+    """Wait for something; False where the time is up [s] or the client has gone."""
+    waiting, leaving = asyncio.ensure_future(wanted), asyncio.ensure_future(_left(request))
+    done, _ = await asyncio.wait(
+        (waiting, leaving), timeout=seconds, return_when=asyncio.FIRST_COMPLETED
+    )
+    for each in (waiting, leaving):
+        each.cancel()
+    return waiting in done
+
+
+async def _left(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass

@@ -1,0 +1,273 @@
+"""rosbridge clients: each connection's goals and topics, on top of the executive."""
+
+import asyncio
+import logging
+import uuid
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+import logs
+from executive.executive import Event, Executive
+from executive.goal import GoalStatus
+from hardware import Clock, Robot, states
+
+from . import rosbridge as ros
+from .bucket import Bucket
+from .hub import Hub
+from .stops import Stops
+
+logger = logging.getLogger(__name__)
+
+MOST_CLIENTS = 16
+MOST_UNSENT = 1000  # messages that a client may be behind
+RATE, BURST = 200.0, 1000.0  # messages a second, and at once
+_POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
+
+
+class Bridge:
+    """Serves rosbridge clients.
+
+    Args:
+        executive: Which.
+        stops: What cancels its goals.
+        hub: Where its events arrive.
+        robot: Whose joints.
+        clock: Whose time.
+    """
+
+    def __init__(
+        self, executive: Executive, stops: Stops, hub: Hub, robot: Robot, clock: Clock
+    ) -> None:
+        self.executive, self.stops = executive, stops
+        self.robot, self.clock = robot, clock
+        self._clients: set[_Client] = set()
+        self._joints: tuple[float, Mapping[str, float]] | None = None
+        hub.listeners.append(self._tell)
+
+    async def serve(self, websocket: WebSocket) -> None:
+        """Serve a connection until it ends. Its goals go on without it."""
+        if len(self._clients) >= MOST_CLIENTS:
+            await websocket.close(_TRY_LATER)
+            return
+        await websocket.accept()
+        client = _Client(self, websocket)
+        self._clients.add(client)
+        try:
+            await client.run()
+        finally:
+            self._clients.discard(client)
+
+    def now(self, topic: str) -> dict[str, Any] | None:
+        """What a topic says now; None where it says nothing."""
+        if topic == ros.STATUS:
+            goals = self.executive.goals()
+            return ros.status_array([(g.identity, g.stamp_ns, g.state.value) for g in goals])
+        if self._joints is None:
+            return None
+        time, positions = self._joints
+        return ros.joint_state(self.clock.epoch_ns() + round(time * 1e9), positions)
+
+    def _tell(self, event: Event) -> None:
+        match event:
+            case GoalStatus():
+                self._each(lambda client: client.goal_changed(event))
+                self._each(lambda client: client.published(ros.STATUS))
+            case logs.Feedback():
+                self._each(lambda client: client.progressed(event))
+            case logs.Sent() if event.joints:
+                self._stands(event.time, dict(zip(event.joints, event.positions, strict=True)))
+            case logs.Transition(goal="active"):
+                self._stands(event.time, self.executive.snapshot().commanded)
+
+    def _stands(self, time: float, commanded: Mapping[str, float] | None) -> None:
+        if commanded is None:
+            return
+        actuated = [commanded[joint.name] for joint in self.robot.actuated]
+        interfaces = states(self.robot, actuated)
+        self._joints = time, {name.partition("/")[0]: q for name, q in interfaces.items()}
+        self._each(lambda client: client.published(ros.JOINT_STATES))
+
+    def _each(self, act: Callable[["_Client"], None]) -> None:
+        for client in tuple(self._clients):
+            act(client)
+
+
+@dataclass(slots=True)
+class _Goal:
+    """A goal of a client.
+
+    Attributes:
+        theirs: What the client calls it.
+        feedback: Whether the client wants to hear of it.
+        percentage: What it heard last.
+    """
+
+    theirs: str
+    feedback: bool
+    percentage: int = -1
+
+
+@dataclass(slots=True)
+class _Subscription:
+    """A topic that a client hears of.
+
+    Attributes:
+        throttle: At most so often [s].
+        told: When it heard last [s].
+        later: When it will, where that was too short ago.
+    """
+
+    throttle: float
+    told: float = -1e9
+    later: asyncio.TimerHandle | None = None
+
+
+class _Client:
+    """One connection.
+
+    Args:
+        bridge: Whose.
+        websocket: The connection.
+    """
+
+    def __init__(self, bridge: Bridge, websocket: WebSocket) -> None:
+        self._bridge, self._websocket = bridge, websocket
+        self._loop = asyncio.get_running_loop()
+        self._goals: dict[str, _Goal] = {}  # by our identity
+        self._topics: dict[str, _Subscription] = {}
+        self._unsent: asyncio.Queue[str] = asyncio.Queue(MOST_UNSENT)
+        self._sent_away: asyncio.Future[str] = self._loop.create_future()
+        self._bucket = Bucket(RATE, BURST, bridge.clock.now)
+
+    async def run(self) -> None:
+        """Read and write until either ends, or the client is sent away."""
+        both = [self._loop.create_task(act()) for act in (self._receive, self._send)]
+        try:
+            ends: set[asyncio.Future[Any]] = {*both, self._sent_away}
+            done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+            for each in done - {self._sent_away}:
+                each.result()
+        except WebSocketDisconnect:
+            return
+        finally:
+            for each in both:
+                each.cancel()
+            for topic in self._topics.values():
+                _forget(topic)
+            self._topics.clear()
+            self._goals.clear()
+        await self._websocket.close(_POLICY_VIOLATION, self._sent_away.result())
+
+    def goal_changed(self, goal: GoalStatus) -> None:
+        """Tell of the end of a goal; once, and nothing of it after that."""
+        if goal.outcome and (ours := self._goals.pop(goal.identity, None)):
+            outcome = goal.outcome
+            self._put(ros.result(ours.theirs, outcome.state.value, outcome.success))
+
+    def progressed(self, feedback: logs.Feedback) -> None:
+        """Tell how far a goal is; planning has no number, so it is 0."""
+        ours = self._goals.get(feedback.goal_id)
+        percentage = feedback.percentage or 0
+        if ours and ours.feedback and percentage > ours.percentage:
+            ours.percentage = percentage
+            self._put(ros.feedback(ours.theirs, percentage))
+
+    def published(self, topic: str) -> None:
+        """Tell of a topic that has something new, now or when it may be told."""
+        subscription = self._topics.get(topic)
+        if subscription is None or subscription.later:
+            return
+        wait = subscription.told + subscription.throttle - self._loop.time()
+        if wait > 0:
+            subscription.later = self._loop.call_later(wait, self._publish, topic)
+        else:
+            self._publish(topic)
+
+    async def _receive(self) -> None:
+        while True:
+            text = await self._websocket.receive_text()
+            if not self._bucket.take():
+                self._send_away("too many messages")
+                return
+            try:
+                await self._obey(ros.parse(text))
+            except ros.BadGoal as error:
+                self._put(ros.refusal(error.identity or "", str(error)))
+            except ros.BadMessage as error:
+                self._put(ros.complaint(error))
+
+    async def _send(self) -> None:
+        while True:
+            await self._websocket.send_text(await self._unsent.get())
+
+    async def _obey(self, message: ros.Message) -> None:
+        match message:
+            case ros.SendGoal():
+                await self._begin(message)
+            case ros.CancelGoal():
+                await self._cancel(message)
+            case ros.CallService():
+                await self._serve(message)
+            case ros.Subscribe():
+                self._topics.setdefault(message.topic, _Subscription(message.throttle))
+                self._publish(message.topic)
+            case ros.Unsubscribe():
+                if topic := self._topics.pop(message.topic, None):
+                    _forget(topic)
+
+    async def _begin(self, message: ros.SendGoal) -> None:
+        theirs = message.identity
+        if any(goal.theirs == theirs for goal in self._goals.values()):
+            raise ros.BadMessage(f"there is a goal {theirs!r} already", theirs)
+        identity = uuid.uuid4().hex
+        self._goals[identity] = _Goal(theirs, message.feedback)
+        send = partial(self._bridge.executive.send, message.task, identity=identity)
+        acceptance = await self._loop.run_in_executor(None, send)
+        if not acceptance.accepted:
+            self._goals.pop(identity, None)
+            self._put(ros.refusal(theirs, f"{acceptance.message} [{acceptance.code}]"))
+
+    async def _cancel(self, message: ros.CancelGoal) -> None:
+        for identity, goal in self._goals.items():
+            if goal.theirs == message.identity:
+                await self._bridge.stops.cancel(identity, 0)
+                return
+        raise ros.BadMessage(f"no goal {message.identity!r} is under way", message.identity)
+
+    async def _serve(self, call: ros.CallService) -> None:
+        if call.service != ros.CANCEL_SERVICE:
+            words = f"no service {call.service}; there is {ros.CANCEL_SERVICE}"
+            self._put(ros.service_response(call, words, done=False))
+            return
+        identity, stamp_ns = ros.cancel_request(call.arguments)
+        answer = await self._bridge.stops.cancel(identity, stamp_ns)
+        stamps = {goal.identity: goal.stamp_ns for goal in self._bridge.executive.goals()}
+        canceling = [(each, stamps.get(each, 0)) for each in answer.goals]
+        response = ros.cancel_response(answer.code.value, canceling)
+        self._put(ros.service_response(call, response, done=True))
+
+    def _publish(self, topic: str) -> None:
+        subscription = self._topics[topic]
+        subscription.later, subscription.told = None, self._loop.time()
+        message = self._bridge.now(topic)
+        if message is not None:
+            self._put(ros.published(topic, message))
+
+    def _put(self, text: str) -> None:
+        try:
+            self._unsent.put_nowait(text)
+        except asyncio.QueueFull:  # it reads too slowly; the arm goes on
+            self._send_away("too slow")
+
+    def _send_away(self, why: str) -> None:
+        if not self._sent_away.done():
+            self._sent_away.set_result(why)
+
+
+def _forget(subscription: _Subscription) -> None:
+    if subscription.later:
+        subscription.later.cancel()

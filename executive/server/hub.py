@@ -1,0 +1,125 @@
+"""What happens, handed from the executive's threads to the network's one."""
+
+import asyncio
+import json
+from collections import deque
+from collections.abc import Callable
+
+import logs
+from executive.events import as_event, kind_of
+from executive.executive import Event
+
+MOST_WAITING = 4 * 1024 * 1024  # bytes of events that a watcher may be behind
+
+
+class Watcher:
+    """Somebody who watches, and keeps up or is dropped.
+
+    Args:
+        kinds: Of events that are wanted; empty for all.
+    """
+
+    def __init__(self, kinds: frozenset[str]) -> None:
+        self.kinds = kinds
+        self._waiting: deque[bytes] = deque()
+        self._bytes = 0
+        self._some = asyncio.Event()
+        self._ended = self.dropped = False
+
+    def put(self, text: bytes) -> None:
+        """One more event; drops the watcher where too much is waiting."""
+        self._bytes += len(text)
+        self.dropped = self.dropped or self._bytes > MOST_WAITING
+        if not self.dropped:
+            self._waiting.append(text)
+        self._some.set()
+
+    def end(self) -> None:
+        """There is nothing more."""
+        self._ended = True
+        self._some.set()
+
+    async def take(self) -> bytes:
+        """All that is waiting, as soon as there is something; empty at the end, or once dropped."""
+        if not self._ended:
+            await self._some.wait()
+            self._some.clear()
+        taken, self._bytes = b"".join(self._waiting), 0
+        self._waiting.clear()
+        return b"" if self.dropped else taken
+
+
+class Hub:
+    """Takes events from any thread and tells of them on the loop, in order.
+
+    Whoever joins late is first told what still holds: the goal under way, its nodes, its progress.
+
+    Args:
+        loop: On which everybody is told.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self._arrived: deque[Event] = deque()
+        self._called = False
+        self._holds: dict[str, Event] = {}
+        self.watchers: set[Watcher] = set()
+        self.listeners: list[Callable[[Event], None]] = []
+
+    def happened(self, event: Event) -> None:
+        """Take an event, from any thread."""
+        self._arrived.append(event)
+        if not self._called:
+            self._called = True
+            self._loop.call_soon_threadsafe(self._tell)
+
+    def join(self, kinds: frozenset[str]) -> Watcher:
+        """Begin to watch."""
+        watcher = Watcher(kinds)
+        for event in self._holds.values():
+            if not kinds or kind_of(event) in kinds:
+                watcher.put(_as_text(event))
+        self.watchers.add(watcher)
+        return watcher
+
+    def end(self) -> None:
+        """Tell what has arrived, and let the watchers go; on the loop."""
+        self._tell()
+        for watcher in self.watchers:
+            watcher.end()
+
+    def _tell(self) -> None:
+        self._called = False
+        while self._arrived:
+            event = self._arrived.popleft()
+            self._remember(event)
+            for listener in self.listeners:
+                listener(event)
+            self._show(event)
+
+    def _show(self, event: Event) -> None:
+        kind = kind_of(event)
+        wanting = [each for each in self.watchers if not each.kinds or kind in each.kinds]
+        if kind and wanting:
+            text = _as_text(event)
+            for watcher in wanting:
+                watcher.put(text)
+
+    def _remember(self, event: Event) -> None:
+        match event:
+            case logs.Goal():
+                self._holds = {
+                    key: held for key, held in self._holds.items() if key == "lifecycle"
+                } | {"goal": event}
+            case logs.Transition():
+                self._holds["lifecycle"] = event
+            case logs.NodeStatus():
+                self._holds[f"node {event.path}"] = event
+            case logs.Feedback():
+                self._holds["feedback"] = event
+
+
+def _as_text(event: Event) -> bytes:
+    fields = as_event(event)
+    text = json.dumps(fields, allow_nan=False, separators=(",", ":"))
+    return f"event: {fields['event']}\ndata: {text}\n\n".encode()

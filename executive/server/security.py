@@ -1,0 +1,107 @@
+"""Closed by default: who may ask at all, and what every answer says to browsers."""
+
+import hmac
+from collections.abc import Iterable
+from dataclasses import dataclass
+from ipaddress import ip_address
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import Message, Send
+
+from .errors import Forbidden, Unauthorized
+
+_FOR_BROWSERS = {
+    "cache-control": "no-store",
+    "content-security-policy": "default-src 'none'; frame-ancestors 'none'",
+    "cross-origin-resource-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """Who may ask.
+
+    Attributes:
+        hosts: What Host may say, in lower case.
+        origins: What Origin may say, where there is one.
+        token: For whatever changes state.
+        exposed: Whether others than this machine can connect; then reading needs the token too.
+    """
+
+    hosts: frozenset[str]
+    origins: frozenset[str]
+    token: str
+    exposed: bool
+
+    def check_source(self, headers: Headers) -> None:
+        """Refuse names that are not ours, as a rebound DNS name is, and foreign pages.
+
+        Raises:
+            Forbidden: The Host or the Origin is another one.
+        """
+        named = [host.lower() for host in headers.getlist("host")]
+        if len(named) != 1 or named[0] not in self.hosts:
+            raise Forbidden(
+                f"Host {', '.join(named) or 'missing'} is not this server",
+                f"ask {' or '.join(sorted(self.hosts))}; serve --host NAME adds one",
+                code="request.host",
+            )
+        origins = headers.getlist("origin")
+        if any(origin not in self.origins for origin in origins) or len(origins) > 1:
+            raise Forbidden(
+                f"pages of {', '.join(origins)} may not ask this server",
+                "serve --origin URL lets them",
+                code="request.origin",
+            )
+
+    def knows_token(self, headers: Headers) -> bool:
+        """Whether somebody shows the token."""
+        scheme, _, given = headers.get("authorization", "").partition(" ")
+        right = hmac.compare_digest(given.strip().encode(), self.token.encode())
+        return scheme.lower() == "bearer" and right
+
+    def check_token(self, headers: Headers) -> None:
+        """Refuse whoever does not show the token.
+
+        Raises:
+            Unauthorized: It is missing or wrong.
+        """
+        if not self.knows_token(headers):
+            given = headers.get("authorization")
+            raise Unauthorized(
+                "the token is wrong" if given else "this needs the server's token",
+                "send Authorization: Bearer TOKEN; the server printed it when it started",
+            )
+
+
+def names(addresses: Iterable[str], port: int) -> frozenset[str]:
+    """What Host may say for these names and addresses on a port."""
+    return frozenset(f"{_bracketed(name.lower())}:{port}" for name in addresses)
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only this machine can connect to an address.
+
+    Raises:
+        ValueError: It is no address.
+    """
+    return ip_address(address).is_loopback
+
+
+def _bracketed(name: str) -> str:
+    return f"[{name}]" if ":" in name else name
+
+
+def hardened(send: Send) -> Send:
+    """Have every answer tell browsers to keep to the strict side."""
+
+    async def send_hardened(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(scope=message)
+            for name, value in _FOR_BROWSERS.items():
+                headers.setdefault(name, value)
+        await send(message)
+
+    return send_hardened

@@ -1,0 +1,115 @@
+"""A real server on a loopback socket, with the board in this process, in real time."""
+
+import dataclasses
+import http.client
+import json
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from executive import Client
+from executive.executive import Executive
+from executive.goals import Policy
+from executive.live_library import LiveLibrary
+from executive.server.server import Place, Server
+from hardware import BoardLink, RealClock, Robot, virtual_board
+from skills.motion import Pool
+
+TASKS = {
+    "10_wait.yaml": "task: 10\nname: wait\ndescription: Wait.\ntree:\n  Wait: {duration: 1 h}\n",
+    "11_nothing.yaml": "task: 11\nname: nothing\ndescription: Do nothing.\ntree:\n  Succeed: {}\n",
+    "12_say.yaml": (
+        "task: 12\nname: say\ndescription: Say something.\n"
+        "parameters:\n  what: {type: text, default: well, description: what}\n"
+        "  often: {type: number, default: 1, min: 1, max: 3, description: how often}\n"
+        "tree:\n  Say: {text: $what, value: $often}\n"
+    ),
+    "13_fail.yaml": "task: 13\nname: fail\ndescription: Fail.\ntree:\n  Fail: {reason: so}\n",
+}
+
+
+class Served:
+    """An executive and its server, from start to stop."""
+
+    def __init__(self, robot: Robot, pool: Pool, folder: Path, clock: RealClock) -> None:
+        self.clock, self.folder = clock, folder
+        self.tasks = folder / "tasks"
+        self.tasks.mkdir(exist_ok=True)
+        for name, text in TASKS.items():
+            (self.tasks / name).write_text(text)
+        self.robot = dataclasses.replace(
+            robot, serial=dataclasses.replace(robot.serial, boot_wait=0.01)
+        )
+        self.link = BoardLink(virtual_board(self.robot), clock)
+        self.library = LiveLibrary(self.tasks, self.robot)
+        self._pool, self._ended = pool, False
+
+    def start(self, policy: Policy, active: bool, **place: Any) -> None:
+        """Serve on a port that is free."""
+        self.executive = Executive(
+            self.robot,
+            self.link,
+            self.library,
+            self._pool,
+            self.folder / "recordings",
+            self.clock,
+            1,
+            5.0,
+            lambda _: None,
+            policy,
+        )
+        where = Place(**{"port": 0, **place})
+        self.server = Server(self.executive, self.library, self.robot, self.clock, where)
+        self.executive.start()
+        self.server.start()
+        # A test that waits in vain fails, for then the server ends.
+        self._watchdog = threading.Timer(60.0, self._end)
+        self._watchdog.daemon = True
+        self._watchdog.start()
+        self.executive.arm_to("configure")
+        if active:
+            self.executive.arm_to("activate")
+
+    def stop(self) -> None:
+        """End as `armtree serve` does."""
+        self._watchdog.cancel()
+        self._watchdog.join()
+        if not self._ended:
+            self._end()
+
+    def _end(self) -> None:
+        self._ended = True
+        self.executive.close()
+        self.server.stop()
+
+    def client(self) -> Client:
+        """A client of our own, which finds the token by itself."""
+        return Client(self.server.url)
+
+    def ask(
+        self,
+        method: str,
+        path: str,
+        body: object = None,
+        headers: Mapping[str, str] | None = None,
+        token: bool = True,
+    ) -> tuple[int, Any]:
+        """A plain request; status and JSON of the answer."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10)
+        sent = {"authorization": f"Bearer {self.server.token}"} if token else {}
+        data = body if isinstance(body, bytes) or body is None else json.dumps(body).encode()
+        if data is not None:
+            sent["content-type"] = "application/json"
+        try:
+            connection.request(method, path, data, {**sent, **(headers or {})})
+            response = connection.getresponse()
+            text = response.read()
+        finally:
+            connection.close()
+        assert response.headers["x-content-type-options"] == "nosniff"
+        json_comes = response.headers["content-type"] == "application/json"
+        return response.status, json.loads(text) if json_comes and text else text
+
+
+Serve = Callable[..., Served]

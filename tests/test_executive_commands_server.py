@@ -1,0 +1,326 @@
+"""`armtree serve` and its clients, as processes."""
+
+import asyncio
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from executive import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
+from executive.commands.cli import main
+from tests.serving import TASKS, Serve, Served
+
+pytest_plugins = ["tests.server_fixtures"]
+
+ARMTREE = [sys.executable, "-P", "-m", "executive"]
+EVERYTHING_HEAVY = ("numpy", "pinocchio", "matplotlib", "starlette", "uvicorn", "httpx", "mcap")
+
+
+class Shell:
+    """A folder in which commands are typed, and the server that runs there."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.tasks = folder / "tasks"
+        self.tasks.mkdir()
+        for name, text in TASKS.items():
+            (self.tasks / name).write_text(text)
+        text = (Path(__file__).parents[1] / "hardware" / "arduinobot.toml").read_text()
+        urdf = Path(__file__).parents[1] / "hardware" / "arduinobot.urdf"
+        text = text.replace('"arduinobot.urdf"', json.dumps(str(urdf)))
+        self.robot = folder / "quick.toml"
+        self.robot.write_text(re.sub(r"boot_wait_s = .*", "boot_wait_s = 1.0", text))
+        self.environment = {
+            **{k: v for k, v in os.environ.items() if not k.startswith("ARMTREE")},
+            "XDG_RUNTIME_DIR": str(folder),
+        }
+        self.log: list[str] = []
+
+    def serve(self, *options: str) -> None:
+        """Start a server, and wait until its arm is as it shall be."""
+        command = [*ARMTREE, "serve", "--port", "virtual", "--tcp-port", "0", "--trees", "tasks"]
+        command += ["--robot", str(self.robot), *options]
+        self.server = self.begin(command)
+        self.read("Listening on")
+        port = re.search(r":(\d+);", self.log[-1])
+        assert port
+        self.environment["ARMTREE_TCP_PORT"] = port[1]
+        self.read("ready to take commands" if "--activate" in options else "not active")
+
+    def begin(self, command: list[str]) -> subprocess.Popen[str]:
+        """Start a process."""
+        return subprocess.Popen(
+            command,
+            cwd=self.folder,
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def read(self, words: str) -> str:
+        """Read the server's log until a line says this."""
+        assert self.server.stderr
+        for line in self.server.stderr:
+            self.log.append(line)
+            if words in line:
+                return line
+        raise AssertionError(f"{words!r} is not in {self.log}")
+
+    def type(self, *words: str) -> subprocess.CompletedProcess[str]:
+        """Type a command."""
+        return subprocess.run(
+            [*ARMTREE, *words],
+            cwd=self.folder,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+
+    def end(self, number: signal.Signals) -> int:
+        """Send the server a signal; its exit status."""
+        self.server.send_signal(number)
+        _, rest = self.server.communicate(timeout=30)
+        self.log += rest.splitlines(keepends=True)
+        return self.server.returncode
+
+
+@pytest.fixture
+def shell(tmp_path: Path) -> Iterator[Shell]:
+    made = Shell(tmp_path)
+    yield made
+    if hasattr(made, "server") and made.server.poll() is None:
+        assert made.end(signal.SIGTERM) == 0
+
+
+Typed = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def typed(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> tuple[Served, Typed]:
+    """A server, and commands that are typed to it without a process of their own."""
+    served = serve(active=False)
+    monkeypatch.setenv("ARMTREE_SERVER", served.server.url)
+
+    def type_in(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["armtree", *words])
+        status = 0
+        try:
+            main()
+        except SystemExit as left:
+            status = int(str(left.code))
+        return status, *capfd.readouterr()
+
+    return served, type_in
+
+
+def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
+    _, type_in = typed
+    assert "Arm       inactive, port board" in type_in("status")[1]
+    assert type_in("send", "1", "--wait")[0] == 6
+    assert type_in("arm", "activate")[1] == "active\n"
+    assert type_in("arm", "activate")[0] == 6
+    status, out, error = type_in("send", "1", "--wait")
+    assert (status, error) == (0, "")
+    assert re.search(r"Execute +success +\d+ of \d+ frames", out)
+    assert "task 1 SUCCEEDED" in out
+    told = type_in("send", "11", "--json", "--wait")[1]
+    events = [json.loads(line) for line in told.splitlines()]
+    assert events[-1]["event"] == "result"
+    assert {"goal", "node", "feedback"} <= {event["event"] for event in events}
+
+
+def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    assert type_in("pause")[0] == 2
+    goal = type_in("send", "10")[1].strip()
+    assert re.fullmatch("[0-9a-f]{32}", goal)
+    assert json.loads(type_in("status", "--json")[1])["goal"]["goal_id"] == goal
+    assert type_in("send", "11")[0] == 4
+    assert type_in("pause")[0] == 0
+    assert "PAUSED" in type_in("status")[1]
+    assert type_in("resume", goal)[0] == 0
+    assert type_in("step")[0] == 4
+    assert type_in("cancel", goal)[1] == f"canceling {goal}\n"
+    assert type_in("cancel", goal)[0] == 4
+    assert type_in("cancel")[1] == "there is nothing to cancel\n"
+    assert json.loads(type_in("cancel", "--json")[1]) == {"return_code": 0, "goals": []}
+
+
+def test_exit_statuses_are_those_of_run(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    for words, status in [
+        (("send", "99", "--wait"), 4),
+        (("send", "12", "--wait", "--set", "often=9"), 3),
+        (("send", "12", "--wait", "--set", "often"), 3),
+        (("send", "12", "--deadman", "--set", "what=hello"), 0),
+        (("send", "13", "--wait"), 11),
+        (("cancel", "x"), 13),
+        (("arm", "explode"), 2),
+    ]:
+        assert type_in(*words)[0] == status, words
+    served.stop()
+    status, _, error = type_in("status")
+    assert status == 13
+    assert "armtree serve" in error
+
+
+def test_what_a_server_may_not_be(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    for words, status, said in [
+        (("--tcp-port", str(served.server.port)), 13, "--tcp-port takes another one"),
+        (("--bind", "0.0.0.0"), 13, "add --expose"),
+        (("--bind", "here"), 13, "is no address"),
+        (("--trees", "nowhere"), 3, "nowhere"),
+        (("--policy", "both"), 2, "both"),
+    ]:
+        found, _, error = type_in("serve", "--port", "virtual", *words)
+        assert (found, said in error) == (status, True), error
+
+
+def test_a_changed_task_is_picked_up_and_a_wrong_one_is_not(
+    typed: tuple[Served, Typed], caplog: pytest.LogCaptureFixture
+) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    file = served.tasks / "12_say.yaml"
+    assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 3
+    file.write_text(file.read_text().replace("max: 3", "max: 9"))
+    assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 0
+    file.write_text("task: 12\nname: [")
+    assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 0
+    assert "Task 12 runs as it was" in caplog.text
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_signal_ends_a_motion_and_the_server(shell: Shell, number: signal.Signals) -> None:
+    shell.serve("--activate", "--policy", "queue", "--rosbridge")
+    waiting = shell.begin([*ARMTREE, "send", "1", "--wait", "--json"])
+    assert waiting.stdout
+    assert any('"event": "sent"' in line for line in waiting.stdout)
+    shell.type("send", "0")
+    assert shell.end(number) == 0
+    told = [json.loads(line) for line in waiting.communicate(timeout=30)[0].splitlines()]
+    assert (waiting.returncode, told[-1]["state"]) == (7, "CANCELED")
+    holds = [event for event in told if event["event"] == "sent" and event["hold"]]
+    assert len(holds) == 1
+    log = "".join(shell.log)
+    assert log.count("ended CANCELED") == 1  # the other one had not begun
+    goal = re.findall(r"Received a goal for task 1 \((\w+)\)", log)[0]
+    for said in (
+        f"Received a goal for task 1 ({goal})",
+        f"Executing the goal for task 1 ({goal})",
+        f"Received a cancel of the goal for task 1 ({goal})",
+        "WARNING ROSBRIDGE: any program on this machine",
+    ):
+        assert said in log
+    assert not list(shell.folder.glob("armtree/*"))
+
+
+def test_ctrl_c_in_a_client_cancels_its_goal(shell: Shell) -> None:
+    shell.serve("--activate")
+    waiting = shell.begin([*ARMTREE, "send", "1", "--wait", "--json"])
+    assert waiting.stdout
+    assert any('"event": "sent"' in line for line in waiting.stdout)
+    waiting.send_signal(signal.SIGINT)
+    told = waiting.communicate(timeout=30)[0].splitlines()
+    assert (waiting.returncode, json.loads(told[-1])["state"]) == (7, "CANCELED")
+
+
+@pytest.mark.parametrize(
+    ("deadman", "number"),
+    [(False, signal.SIGKILL), (True, signal.SIGKILL), (True, signal.SIGSTOP)],
+)
+def test_a_client_that_dies(shell: Shell, deadman: bool, number: signal.Signals) -> None:
+    shell.serve("--activate")
+    options = ["--deadman"] if deadman else ["--wait"]
+    waiting = shell.begin([*ARMTREE, "send", "10", "--json", *options])
+    shell.read("Executing the goal for task 10")
+    waiting.send_signal(number)
+    if deadman:
+        shell.read("ended CANCELED")
+    else:
+        assert "EXECUTING" in shell.type("status").stdout
+    waiting.kill()
+    waiting.communicate()
+
+
+def test_a_watcher_sees_what_others_do(shell: Shell) -> None:
+    shell.serve("--activate")
+    watching = shell.begin([*ARMTREE, "watch", "--json"])
+    assert watching.stdout
+    assert '"lifecycle"' in watching.stdout.readline()  # what holds comes first
+    shell.type("send", "11")
+    assert any('"event": "result"' in line for line in watching.stdout)
+    watching.send_signal(signal.SIGINT)
+    watching.communicate(timeout=30)
+    assert watching.returncode == 130
+
+
+def test_what_is_open_is_said_loudly(shell: Shell) -> None:
+    shell.serve("--expose")
+    assert "WARNING EXPOSED: every machine" in "".join(shell.log)
+
+
+@pytest.mark.parametrize("words", [(), ("serve",), ("send",), ("status",), ("arm",)])
+def test_help_loads_nothing_heavy(words: tuple[str, ...]) -> None:
+    program = (
+        "import sys; from executive.commands.cli import cli\n"
+        f"cli.main([*{words!r}, '--help'], standalone_mode=False)\n"
+        f"sys.exit(str(sorted(set({EVERYTHING_HEAVY!r}) & set(sys.modules))))"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert ran.stderr == "[]\n"
+
+
+def test_three_lines_of_python(serve: Serve) -> None:
+    served = serve()
+    with Client(served.server.url) as arm:
+        assert arm.run(11).success
+        assert arm.run(12, what="hello").success
+        with pytest.raises(GoalFailed, match="task 13 ABORTED") as failed:
+            arm.run(13)
+        assert failed.value.code == failed.value.outcome.code == "task.failed"
+        with pytest.raises(Refused) as refused:
+            arm.arm("activate")
+        assert refused.value.code == "hw.transition_refused"
+        assert [task.number for task in arm.tasks()][:3] == [0, 1, 2]
+        assert len(arm.goals()) == 3
+    with pytest.raises(Refused, match="the token is wrong"):
+        Client(served.server.url, "x").run(11)
+    served.stop()
+    with pytest.raises(ServerUnreachable, match="armtree serve"):
+        Client(served.server.url).status()
+
+
+def test_the_same_with_await(serve: Serve) -> None:
+    served = serve()
+
+    async def drive() -> None:
+        async with AsyncClient(served.server.url) as arm:
+            assert (await arm.run(11)).success
+            assert (await arm.run(11, deadman=True)).success
+            async with arm.events("status") as events:
+                goal = await arm.send(10)
+                assert (await arm.status()).goal == await arm.goal(goal)
+                assert (await arm.stop()).goals == (goal,)
+                states = [getattr(await anext(events), "state", None) for _ in range(4)]
+            assert [state.name for state in states if state][-1] == "CANCELED"
+            with pytest.raises(Refused):
+                await arm.pause(goal)
+
+    asyncio.run(drive())

@@ -1,0 +1,96 @@
+"""Task files that change while a server runs."""
+
+import logging
+import os
+from pathlib import Path
+
+import pytest
+
+from executive.live_library import LiveLibrary
+from hardware import Robot
+from trees import FileError, UnknownTask
+
+TASK = "task: 7\nname: say\ndescription: Say.\ntree:\n  Say: {text: %s}\n"
+
+
+class Files:
+    """A folder, and the library that looks at it."""
+
+    def __init__(self, folder: Path, robot: Robot) -> None:
+        self.path = folder / "7_say.yaml"
+        self.path.write_text(TASK % "one")
+        self.library = LiveLibrary(folder, robot)
+
+    def says(self) -> str:
+        """The text of the task, as a goal would get it now."""
+        library = self.library.for_task(7)
+        assert library.for_task(7) is library  # in the middle of a goal it stays as it is
+        task, mistakes = library.draft(7)
+        assert mistakes == []
+        return task.text.partition("text: ")[2].partition("}")[0]
+
+
+@pytest.fixture
+def files(tmp_path: Path, robot: Robot) -> Files:
+    return Files(tmp_path, robot)
+
+
+def test_a_change_shows_at_the_next_goal(files: Files) -> None:
+    assert files.says() == "one"
+    held = files.library.for_task(7)
+    files.path.write_text(TASK % "three")
+    assert held.draft(7)[0].text == TASK % "one"
+    assert files.says() == "three"
+
+
+def test_a_change_by_renaming_too(files: Files, tmp_path: Path) -> None:
+    assert files.says() == "one"
+    other = tmp_path / "new"
+    other.write_text(TASK % "two")
+    os.utime(other, ns=(files.path.stat().st_mtime_ns,) * 2)
+    other.replace(files.path)
+    assert files.says() == "two"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    ["task: 7\nname: [", TASK % "$unknown", "task: 8\n", "", "task: 7\nname: x\ntree: {}\n"],
+)
+def test_a_wrong_one_is_told_of_and_the_last_good_one_kept(
+    files: Files, caplog: pytest.LogCaptureFixture, wrong: str
+) -> None:
+    assert files.says() == "one"
+    files.path.write_text(wrong)
+    with caplog.at_level(logging.WARNING):
+        assert files.says() == "one"
+    assert "Task 7 runs as it was" in caplog.text
+    assert "7_say.yaml" in caplog.text
+    files.path.write_text(TASK % "two")
+    assert files.says() == "two"
+
+
+def test_so_are_a_subtree_and_poses_that_became_wrong(files: Files, tmp_path: Path) -> None:
+    files.path.write_text("task: 7\nname: go\ndescription: Go.\ntree:\n  subtree: mine\n")
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("subtree: mine\ndescription: Mine.\nports: {}\ntree:\n  Succeed: {}\n")
+    good = files.library.for_task(7)
+    mine.write_text("subtree: mine\ntree: 3\n")
+    assert files.library.for_task(7) is good
+    mine.unlink()
+    assert files.library.for_task(7) is good
+
+
+def test_one_that_never_was_right_is_refused(files: Files) -> None:
+    files.path.write_text("task: 7\nname: [")
+    with pytest.raises(FileError):
+        files.library.for_task(7)
+
+
+def test_one_that_is_gone_is_gone_and_a_new_one_is_there(files: Files, tmp_path: Path) -> None:
+    assert files.says() == "one"
+    files.path.rename(tmp_path / "8_say.yaml")
+    with pytest.raises(UnknownTask):
+        files.library.for_task(7)
+    (tmp_path / "8_say.yaml").write_text((TASK % "two").replace("task: 7", "task: 8"))
+    assert files.library.for_task(8).draft(8)[0].number == 8
+    assert 8 in {row["task"] for row in files.library.listed()}

@@ -1,0 +1,250 @@
+"""The API, asked over a real socket."""
+
+import json
+import threading
+from typing import Any
+
+import pytest
+
+import logs
+from executive.goal import GoalStatus
+from executive.goals import Policy
+from executive.server import api
+from executive.server.operations import OPERATIONS
+from hardware import State
+from tests.serving import Serve, Served
+
+pytest_plugins = ["tests.server_fixtures"]
+
+NOBODY = "0123456789abcdef" * 2
+
+
+def send(served: Served, task: int, **body: Any) -> str:
+    status, told = served.ask("POST", "/api/goals", {"task": task, **body})
+    assert status == 201, told
+    return str(told["goal_id"])
+
+
+def test_a_goal_from_its_start_to_its_result(serve: Serve) -> None:
+    served = serve()
+    goal = send(served, 11)
+    status, result = served.ask("GET", f"/api/goals/{goal}/result")
+    assert (status, result["state"], result["code"]) == (200, "SUCCEEDED", "ok")
+    assert result["goal_id"] == goal
+    # for late askers, and for whoever lists them
+    assert served.ask("GET", f"/api/goals/{goal}/result?timeout=0")[1] == result
+    assert served.ask("GET", f"/api/goals/{goal}")[1]["result"] == result
+    assert [each["goal_id"] for each in served.ask("GET", "/api/goals")[1]["goals"]] == [goal]
+
+
+def test_a_goal_that_moves_the_arm_says_how_far_it_is(serve: Serve) -> None:
+    served = serve()
+    goal = send(served, 1)
+    status, error = served.ask("GET", f"/api/goals/{goal}/result?timeout=0.5")
+    assert (status, error["code"]) == (409, "goal.result_timeout")
+    now = served.ask("GET", "/api/status")[1]
+    assert now["goal"]["goal_id"] == goal
+    assert (now["arm"], now["phase"]) == ("active", "executing")
+    assert 0 < now["percentage"] < 100
+    assert served.ask("POST", f"/api/goals/{goal}/cancel")[1] == {"return_code": 0, "goals": [goal]}
+    assert served.ask("GET", f"/api/goals/{goal}/result")[1]["state"] == "CANCELED"
+    assert served.ask("POST", f"/api/goals/{goal}/cancel")[1]["return_code"] == 3
+    assert served.ask("POST", f"/api/goals/{NOBODY}/cancel")[1]["return_code"] == 2
+    assert served.ask("POST", "/api/stop")[1] == {"return_code": 0, "goals": []}
+
+
+def test_cancel_by_time_and_all(serve: Serve) -> None:
+    served = serve(Policy.QUEUE)
+    goals = [send(served, 10) for _ in range(3)]
+    stamps = {g["goal_id"]: g["stamp_ns"] for g in served.ask("GET", "/api/goals")[1]["goals"]}
+    told = served.ask("POST", "/api/cancel", {"stamp_ns": stamps[goals[1]]})[1]
+    assert told == {"return_code": 0, "goals": goals[:2]}
+    assert served.ask("POST", "/api/cancel", {})[1] == {"return_code": 0, "goals": goals[2:]}
+
+
+def test_identities_of_the_clients_making(serve: Serve) -> None:
+    served = serve()
+    assert send(served, 11, goal_id=NOBODY) == NOBODY
+    status, error = served.ask("POST", "/api/goals", {"task": 11, "goal_id": NOBODY})
+    assert (status, error["code"]) == (409, "goal.duplicate")
+    for wrong in ("", "x", NOBODY.upper(), NOBODY + "0"):
+        assert served.ask("POST", "/api/goals", {"task": 11, "goal_id": wrong})[0] == 422
+
+
+def test_a_second_goal_is_refused_by_the_policy(serve: Serve) -> None:
+    served = serve()
+    send(served, 10)
+    status, error = served.ask("POST", "/api/goals", {"task": 11})
+    assert (status, error["code"]) == (409, "goal.busy")
+    assert set(error) == {"code", "message", "node", "joint", "value", "limit", "hint"}
+
+
+def test_arguments_are_checked_as_in_the_file(serve: Serve) -> None:
+    served = serve()
+
+    def result(**arguments: object) -> dict[str, Any]:
+        goal = send(served, 12, arguments=arguments)
+        found: dict[str, Any] = served.ask("GET", f"/api/goals/{goal}/result")[1]
+        return found
+
+    assert result(what="hello", often=2)["success"]
+    assert result(often="3")["success"]
+    assert result(often=4)["code"] == "file.task"
+    assert "4" in result(often=4)["message"]
+    assert result(other=1)["code"] == "file.task"
+    assert result(what=[1, {"a": None}])["code"] == "file.task"
+
+
+def test_a_failure_keeps_its_cause(serve: Serve) -> None:
+    served = serve(active=False)
+    goal = send(served, 1)
+    result = served.ask("GET", f"/api/goals/{goal}/result")[1]
+    assert (result["state"], result["code"]) == ("ABORTED", "hw.not_active")
+    assert result["cause"]["hint"]
+    goal = send(served, 99)
+    assert served.ask("GET", f"/api/goals/{goal}/result")[1]["code"] == "goal.unknown_task"
+
+
+def test_the_lifecycle(serve: Serve) -> None:
+    served = serve(active=False)
+    assert served.ask("POST", "/api/arm/activate")[1] == {"arm": "active"}
+    status, error = served.ask("POST", "/api/arm/activate")
+    assert (status, error["code"]) == (409, "hw.transition_refused")
+    for transition, state in [
+        ("deactivate", "inactive"),
+        ("cleanup", "unconfigured"),
+        ("configure", "inactive"),
+        ("shutdown", "finalized"),
+    ]:
+        assert served.ask("POST", f"/api/arm/{transition}")[1] == {"arm": state}
+    assert served.ask("POST", "/api/arm/explode")[0] == 422
+    assert served.executive.snapshot().arm is State.FINALIZED
+
+
+def test_pause_and_resume(serve: Serve) -> None:
+    served = serve()
+    goal = send(served, 1)
+    assert served.ask("POST", f"/api/goals/{goal}/pause")[0] == 200
+    assert served.ask("GET", "/api/status")[1]["paused"]
+    assert served.ask("POST", f"/api/goals/{goal}/resume")[0] == 200
+    status, error = served.ask("POST", f"/api/goals/{goal}/resume")
+    assert (status, error["code"]) == (409, "goal.not_paused")
+    assert served.ask("GET", f"/api/goals/{goal}/result")[1]["success"]
+    assert served.ask("POST", f"/api/goals/{NOBODY}/pause")[0] == 404
+
+
+def test_a_breakpoint_and_a_step(serve: Serve) -> None:
+    served = serve()
+    with served.client() as client, client.events("feedback") as events:
+        assert client.break_at("nothing") == ("nothing",)
+        goal = client.send(11)
+        assert any(event.phase == "paused" for event in events)  # type: ignore[union-attr]
+        assert client.status().paused
+        client.step(goal)
+        assert client.result(goal, 5.0).success
+        assert client.break_at("nothing", on=False) == ()
+
+
+def test_events_come_to_several_watchers_and_late_ones(serve: Serve) -> None:
+    served = serve()
+    with (
+        served.client() as client,
+        client.events() as everything,
+        client.events("goal", "status") as few,
+    ):
+        goal = send(served, 10)
+        assert next(e for e in few if getattr(e, "goal_id", "") == goal)
+        assert any(isinstance(next(everything), GoalStatus) for _ in range(5))
+        with client.events("node") as late:
+            assert isinstance(next(late), logs.NodeStatus)
+        served.ask("POST", "/api/stop")
+        states: list[str] = []
+        while states[-1:] != ["CANCELED"]:
+            event = next(few)
+            assert isinstance(event, GoalStatus)
+            states.append(event.state.name)
+        assert states[-2:] == ["CANCELING", "CANCELED"]
+
+
+def test_metrics_can_be_read_by_their_own_parser(serve: Serve) -> None:
+    from prometheus_client.parser import text_string_to_metric_families
+
+    served = serve()
+    goal = send(served, 1)
+    served.ask("GET", f"/api/goals/{goal}/result")
+    status, text = served.ask("GET", "/metrics")
+    assert status == 200
+    families = {f.name: f for f in text_string_to_metric_families(text.decode())}
+    states = {s.labels["state"]: s.value for s in families["armtree_arm_state"].samples}
+    assert states["active"] == 1
+    assert sum(states.values()) == 1
+    (ended,) = [s for s in families["armtree_goals"].samples if s.name.endswith("_total")]
+    assert (ended.labels, ended.value) == ({"state": "SUCCEEDED", "code": "ok"}, 1)
+    (frames,) = [s for s in families["armtree_frames"].samples if s.name.endswith("_total")]
+    assert frames.value == served.ask("GET", f"/api/goals/{goal}")[1]["result"]["frames"]
+    joints = {s.labels["joint"] for s in families["armtree_commanded_radians"].samples}
+    assert joints == {"joint_1", "joint_2", "joint_3", "joint_4"}
+
+
+def test_tasks_are_listed_with_what_is_wrong(serve: Serve) -> None:
+    served = serve()
+    (served.tasks / "20_wrong.yaml").write_text("task: 20\nname: [")
+    rows = {row["task"]: row for row in served.ask("GET", "/api/tasks")[1]["tasks"]}
+    assert rows[12]["parameters"] == {"what": "text", "often": "number"}
+    assert rows[0]["source"] == "shipped"
+    assert "20_wrong.yaml" in rows[20]["wrong"]
+
+
+def test_every_operation_is_answered_and_described(serve: Serve) -> None:
+    served = serve()
+    document = served.ask("GET", "/openapi.json")[1]
+    paths = {(path, verb) for path, verbs in document["paths"].items() for verb in verbs}
+    assert paths == {(each.path, each.method.lower()) for each in OPERATIONS}
+    assert document["openapi"] == "3.1.0"
+    assert json.dumps(document)
+
+
+def test_a_goal_with_a_handle_is_canceled_when_its_holder_lets_go(serve: Serve) -> None:
+    served = serve()
+    status, error = served.ask("POST", "/api/goals", {"task": 10, "deadman": True})
+    assert (status, error["code"]) == (409, "goal.not_held")
+    with served.client() as client:
+        with client.hold(NOBODY):
+            client.send(10, goal_id=NOBODY, deadman=True)
+            assert client.goal(NOBODY).state.name == "EXECUTING"
+        assert client.result(NOBODY, 5.0).state.name == "CANCELED"
+        assert client.run(11, deadman=True).success
+
+
+def test_a_client_that_goes_leaves_its_goal_running(serve: Serve) -> None:
+    served = serve()
+    with served.client() as client:
+        goal = client.send(10)
+    assert served.ask("GET", f"/api/goals/{goal}")[1]["state"] == "EXECUTING"
+
+
+def test_many_may_wait_for_one_result(serve: Serve) -> None:
+    served = serve()
+    goal = send(served, 10)
+    found: list[str] = []
+
+    def wait() -> None:
+        found.append(served.ask("GET", f"/api/goals/{goal}/result")[1]["state"])
+
+    waiting = [threading.Thread(target=wait) for _ in range(5)]
+    for each in waiting:
+        each.start()
+    served.ask("POST", "/api/stop")
+    for each in waiting:
+        each.join(10)
+    assert found == ["CANCELED"] * 5
+
+
+def test_those_who_wait_too_long_are_too_many(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(api, "MOST_WATCHERS", 1)
+    served = serve()
+    with served.client() as client, client.events():
+        status, error = served.ask("GET", "/api/events")
+        assert (status, error["code"]) == (429, "request.too_many")

@@ -1,0 +1,224 @@
+"""rosbridge clients written by others, for the original robot: unchanged, they work."""
+
+import base64
+import json
+import shutil
+import subprocess
+import sys
+from contextlib import AbstractContextManager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from executive.server import bridge
+from tests.serving import Serve, Served
+
+pytest_plugins = ["tests.server_fixtures"]
+
+PEERS = Path(__file__).parent / "peers"
+
+
+def without_node() -> str:
+    """Why roslib.js cannot be tried here; empty where it can."""
+    if not shutil.which("node"):
+        return "node is not installed"
+    asked = subprocess.run(["node", "--version"], capture_output=True, text=True, check=True)
+    if int(asked.stdout.removeprefix("v").partition(".")[0]) < 20:
+        return f"roslib.js needs node 20, and this is {asked.stdout.strip()}"
+    return "" if (PEERS / "node_modules" / "roslib").is_dir() else "roslib is not installed"
+
+
+NODE = ["node", "with_roslib.mjs"]
+CLIENTS = [
+    pytest.param([sys.executable, "with_roslibpy.py"], id="roslibpy"),
+    pytest.param(
+        NODE, id="roslib.js", marks=pytest.mark.skipif(without_node() != "", reason=without_node())
+    ),
+]
+
+
+@pytest.mark.parametrize("client", CLIENTS)
+def test_a_client_of_others(serve: Serve, client: list[str]) -> None:
+    served = serve(rosbridge=True)
+    command = [*client, str(served.server.port)]
+    ran = subprocess.run(
+        command, cwd=PEERS, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ran.returncode == 0, ran.stderr
+    told = json.loads(ran.stdout)
+    moved = told["moved"]
+    assert moved["end"] == {"kind": "result", "status": 4, "values": {"success": True}}
+    assert moved["feedback"] == sorted(set(moved["feedback"]))
+    assert moved["feedback"][0] == 0
+    assert moved["feedback"][-1] == 100
+    assert len(moved["feedback"]) > 10
+    assert told["busy"]["end"]["kind"] == "error"
+    assert "goal.busy" in told["busy"]["end"]["values"]
+    assert told["other"]["end"]["kind"] == "error"
+    for name, status in (("failed", 6), ("canceled", 5), ("stopped", 5)):
+        end = told[name]["end"]
+        if client is NODE:  # it calls everything but SUCCEEDED an error, and puts it in words
+            assert end["kind"] == "error"
+            assert '{"success":false}' in end["values"]
+        else:
+            assert end == {"kind": "result", "status": status, "values": {"success": False}}
+    assert told["many"] == [{"success": True}] * 50
+    joints = told["joints"]
+    assert joints["name"] == [joint.name for joint in served.robot.joints]
+    assert len(joints["position"]) == len(joints["name"])
+    assert joints["header"]["stamp"]["sec"] > 1_600_000_000
+    statuses = [each["status"] for each in told["status"]["status_list"]]
+    assert statuses == [4, 6, 5, 5] + [4] * 50
+    uuid = told["status"]["status_list"][0]["goal_info"]["goal_id"]["uuid"]
+    assert base64.b64decode(uuid).hex() == served.executive.goals()[0].identity
+
+
+def websocket(served: Served, **headers: str) -> AbstractContextManager[ClientConnection]:
+    url = f"ws://127.0.0.1:{served.server.port}/"
+    return connect(url, additional_headers=headers, compression=None, open_timeout=10)
+
+
+def say(connection: ClientConnection, **message: Any) -> None:
+    connection.send(json.dumps(message))
+
+
+def heard(connection: ClientConnection, operation: str) -> dict[str, Any]:
+    while True:
+        message: dict[str, Any] = json.loads(connection.recv(10))
+        if message["op"] == operation:
+            return message
+
+
+GOAL = {
+    "op": "send_action_goal",
+    "action": "/task_server",
+    "action_type": "arduinobot_msgs/action/ArduinobotTask",
+}
+
+
+def test_it_is_off_by_default(serve: Serve) -> None:
+    with pytest.raises(InvalidStatus), websocket(serve()):
+        pass
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1"])
+def test_a_foreign_page_is_refused(serve: Serve, origin: str) -> None:
+    served = serve(rosbridge=True, origins=("http://friend.example",))
+    with pytest.raises(InvalidStatus, match="403"), websocket(served, Origin=origin):
+        pass
+    for friend in ("http://friend.example", served.server.url):
+        with websocket(served, Origin=friend) as connection:
+            connection.send("?")
+            assert heard(connection, "status")
+
+
+def test_two_clients_may_call_their_goals_alike(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as one, websocket(served) as other:
+        for connection in (one, other):
+            say(connection, **GOAL, id="1", args={"task_number": 11})
+            result = heard(connection, "action_result")
+            assert (result["id"], result["values"]) == ("1", {"success": True})
+
+
+def test_one_may_not_while_the_first_runs(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        say(connection, **GOAL, id="1", args={"task_number": 10}, feedback=True)
+        heard(connection, "action_feedback")
+        say(connection, **GOAL, id="1", args={"task_number": 11})
+        assert "already" in heard(connection, "status")["msg"]  # no result: that is the first's
+        say(connection, op="cancel_action_goal", id="1", action="/task_server")
+        assert heard(connection, "action_result")["status"] == 5
+
+
+def test_no_feedback_unless_asked_for(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        say(connection, **GOAL, id="1", args={"task_number": 11})
+        assert json.loads(connection.recv(10))["op"] == "action_result"
+
+
+def test_a_goal_outlives_its_client(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        say(connection, **GOAL, id="1", args={"task_number": 10}, feedback=True)
+        heard(connection, "action_feedback")
+    (goal,) = served.executive.goals()
+    assert goal.state.name == "EXECUTING"
+
+
+def test_a_cancel_by_service_answers_as_ros_does(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        service = "/task_server/_action/cancel_goal"
+        say(connection, op="call_service", id="a", service=service, args={})
+        response = heard(connection, "service_response")
+        assert response["values"] == {"return_code": 0, "goals_canceling": []}
+        assert (response["id"], response["result"]) == ("a", True)
+        unknown = {"goal_info": {"goal_id": {"uuid": [1] * 16}}}
+        say(connection, op="call_service", id="b", service=service, args=unknown)
+        assert heard(connection, "service_response")["values"]["return_code"] == 2
+        say(connection, op="call_service", id="c", service="/rosapi/topics")
+        assert heard(connection, "service_response")["result"] is False
+
+
+def test_a_topic_is_throttled_but_its_last_message_comes(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        topic = "/task_server/_action/status"
+        say(connection, op="subscribe", topic=topic, throttle_rate=300)
+        assert heard(connection, "publish")["msg"] == {"status_list": []}
+        say(connection, **GOAL, id="1", args={"task_number": 11})
+        after = heard(connection, "publish")["msg"]["status_list"]
+        assert [each["status"] for each in after] == [4]  # 1 and 2 came too soon
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"op": "png"}', '{"op": "subscribe", "op": 1}'])
+def test_nonsense_is_answered_and_the_connection_goes_on(serve: Serve, text: str) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        connection.send(text)
+        assert heard(connection, "status")["level"] == "error"
+        say(connection, **GOAL, id="1", args={"task_number": 11})
+        assert heard(connection, "action_result")["values"] == {"success": True}
+
+
+def test_what_is_too_long_ends_the_connection(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        connection.send("x" * 65_537)
+        with pytest.raises(ConnectionClosed):
+            connection.recv(10)
+
+
+def test_too_many_messages_end_it(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bridge, "BURST", 10.0)
+    served = serve(rosbridge=True)
+    answers = 0
+    with websocket(served) as connection:
+        for _ in range(12):
+            connection.send("{}")
+        with suppress(ConnectionClosed):
+            while connection.recv(10):
+                answers += 1
+    assert connection.close_reason == "too many messages"
+    assert answers <= 10
+
+
+def test_who_reads_nothing_is_cut_off(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bridge, "MOST_UNSENT", 5)
+    served = serve(rosbridge=True)
+    with served.client() as client:
+        for _ in range(10):
+            client.run(11)
+        with websocket(served) as connection, suppress(ConnectionClosed):
+            for _ in range(900):  # each is answered with all there is to know of ten goals
+                say(connection, op="subscribe", topic="/task_server/_action/status")
+            while connection.recv(10):
+                pass
+        assert connection.close_reason == "too slow"
+        assert client.run(11).success

@@ -1,0 +1,42 @@
+"""The OpenAPI document against the server, by somebody else's reading of it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import executive.server as server
+from executive.server.operations import OPERATIONS
+from tests.serving import Serve
+
+pytest_plugins = ["tests.server_fixtures"]
+
+# These last as long as their client stays.
+STREAMS = ("/api/events", "/api/goals/{goal_id}/hold")
+
+
+def test_the_server_is_as_its_document_says(serve: Serve) -> None:
+    served = serve(active=False)
+    command = [
+        *(sys.executable, "-m", "schemathesis.cli", "run", f"{served.server.url}/openapi.json"),
+        *("--header", f"Authorization: Bearer {served.server.token}"),
+        *("--phases", "coverage,fuzzing", "--max-examples", "3", "--seed", "1", "--no-color"),
+        *("--generation-database", "none", "--request-timeout", "10"),
+        *(part for path in STREAMS for part in ("--exclude-path", path)),
+    ]
+    ran = subprocess.run(
+        command, capture_output=True, text=True, timeout=300, cwd=served.folder, check=False
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert "Tested: 16" in ran.stdout
+
+
+def test_a_path_tells_all_its_methods(serve: Serve) -> None:
+    served = serve()
+    assert served.ask("OPTIONS", "/api/goals")[0] == 405
+    assert served.ask("HEAD", "/api/health")[0] == 200
+
+
+def test_the_page_lists_every_operation() -> None:
+    page = (Path(server.__file__).parent / "README.md").read_text()
+    rows = [f"| `{each.method} {each.path}` | {each.summary} |" for each in OPERATIONS]
+    assert [row for row in rows if row not in page] == []

@@ -1,0 +1,153 @@
+"""The rosbridge codec: what clients for the original robot send, and what they must get."""
+
+import base64
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from executive.server import rosbridge as ros
+
+GOAL = {
+    "op": "send_action_goal",
+    "id": "send_action_goal:/task_server:1",
+    "action": "/task_server",
+    "action_type": "arduinobot_msgs/action/ArduinobotTask",
+    "args": {"task_number": 1},
+}
+
+
+def parsed(**fields: Any) -> ros.Message:
+    return ros.parse(json.dumps(fields))
+
+
+def test_a_goal() -> None:
+    assert parsed(**GOAL) == ros.SendGoal(str(GOAL["id"]), 1, feedback=False)
+    assert parsed(**GOAL, feedback=True) == ros.SendGoal(str(GOAL["id"]), 1, feedback=True)
+
+
+def test_both_spellings_of_the_type_and_of_the_name() -> None:
+    short = {**GOAL, "action_type": "arduinobot_msgs/ArduinobotTask", "action": "task_server"}
+    assert parsed(**short) == parsed(**GOAL)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        ({"action": "/other"}, "no action"),
+        ({"action_type": "arduinobot_msgs/action/Other"}, "is of type"),
+        ({"args": {}}, "task_number: N"),
+        ({"args": [1]}, "task_number: N"),
+        ({"args": {"task_number": 1, "speed": 2}}, "task_number: N"),
+        ({"args": {"task_number": True}}, "int32"),
+        ({"args": {"task_number": 1.0}}, "int32"),
+        ({"args": {"task_number": "1"}}, "int32"),
+        ({"args": {"task_number": 2**31}}, "int32"),
+        ({"feedback": 1}, "true or false"),
+        ({"compression": "png"}, "compression"),
+        ({"fragment_size": 100}, "fragments"),
+    ],
+)
+def test_a_goal_that_is_none_can_be_answered_by_its_id(wrong: dict[str, Any], why: str) -> None:
+    with pytest.raises(ros.BadGoal, match=why) as caught:
+        parsed(**{**GOAL, **wrong})
+    assert caught.value.identity == GOAL["id"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "1", "{}", '{"op": 1}', '{"op": ["a"]}', '{"op": "fragment"}', '{"op": "png"}',
+     '{"op": "cancel_action_goal", "action": "/task_server"}',
+     '{"op": "cancel_action_goal", "action": "/other", "id": "1"}',
+     '{"op": "subscribe", "topic": "/other"}', '{"op": "subscribe"}',
+     '{"op": "subscribe", "topic": "/joint_states", "type": "std_msgs/String"}',
+     '{"op": "subscribe", "topic": "/joint_states", "throttle_rate": -1}',
+     '{"op": "call_service", "service": "/x", "args": [1]}', '{"op": "call_service"}',
+     '{"op": "publish", "id": 7}', '{"op": "subscribe", "op": "publish"}'],
+)  # fmt: skip
+def test_anything_else_is_a_complaint(text: str) -> None:
+    with pytest.raises(ros.BadMessage) as caught:
+        ros.parse(text)
+    assert not isinstance(caught.value, ros.BadGoal)
+    assert json.loads(ros.complaint(caught.value))["op"] == "status"
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from([*GOAL, "service", "topic", "type", "throttle_rate", "feedback"]),
+        st.none() | st.integers() | st.text("a/", max_size=3) | st.booleans()
+        | st.lists(st.integers())
+        | st.sampled_from(["send_action_goal", "cancel_action_goal", "call_service", "subscribe",
+                           "unsubscribe", "/task_server", "/joint_states"])
+        | st.dictionaries(st.sampled_from(["task_number", "goal_info"]), st.integers()),
+    )
+)  # fmt: skip
+def test_no_message_raises_anything_else(message: dict[str, Any]) -> None:
+    try:
+        ros.parse(json.dumps(message))
+    except ros.BadMessage:
+        return
+
+
+def test_what_clients_say_on_the_way_is_let_be() -> None:
+    for operation in ("advertise", "unadvertise", "publish", "set_level"):
+        assert parsed(op=operation, topic="/x") is None
+
+
+def test_the_end_of_a_goal() -> None:
+    told = json.loads(ros.result("7", 6, success=False))
+    assert told == {
+        "op": "action_result",
+        "id": "7",
+        "action": "/task_server",
+        "values": {"success": False},
+        "status": 6,
+        "result": True,  # false would make roslibpy call it an error and lose the status
+    }
+
+
+def test_a_refusal() -> None:
+    told = json.loads(ros.refusal("7", "no task 9"))
+    assert (told["result"], told["status"], told["values"]) == (False, 0, "no task 9")
+
+
+def test_topics() -> None:
+    assert parsed(op="subscribe", topic="joint_states", type="sensor_msgs/JointState") == (
+        ros.Subscribe("/joint_states", 0.0)
+    )
+    throttled = parsed(op="subscribe", topic=ros.STATUS, throttle_rate=250)
+    assert throttled == ros.Subscribe(ros.STATUS, 0.25)
+    assert parsed(op="unsubscribe", topic="/joint_states") == ros.Unsubscribe("/joint_states")
+
+
+@given(st.binary(min_size=16, max_size=16), st.integers(0, 2**60), st.booleans())
+def test_a_cancel_by_service_names_goals_as_the_status_topic_does(
+    identity: bytes, stamp_ns: int, as_list: bool
+) -> None:
+    info = ros.status_array([(identity.hex(), stamp_ns, 2)])["status_list"][0]["goal_info"]
+    if as_list:
+        info["goal_id"]["uuid"] = list(base64.b64decode(info["goal_id"]["uuid"]))
+    wanted = identity.hex() if any(identity) else ""
+    assert ros.cancel_request({"goal_info": info}) == (wanted, stamp_ns)
+
+
+def test_an_empty_cancel_means_all() -> None:
+    assert ros.cancel_request({}) == ("", 0)  # what roslib.js sends for cancelAllGoals
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"goal_info": 1},
+        {"goal_info": {"goal_id": 3}},
+        {"goal_info": {"goal_id": {"uuid": "!"}}},
+        {"goal_info": {"goal_id": {"uuid": [1]}}},
+        {"goal_info": {"goal_id": {"uuid": [999] * 16}}},
+        {"goal_info": {"stamp": {"sec": "1"}}},
+    ],
+)
+def test_another_cancel_is_refused(arguments: dict[str, Any]) -> None:
+    with pytest.raises(ros.BadMessage):
+        ros.cancel_request(arguments)

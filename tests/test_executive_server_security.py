@@ -1,0 +1,95 @@
+"""Who may ask, judged without a socket; and how often."""
+
+import pytest
+from starlette.datastructures import Headers
+
+from executive.server.bucket import Bucket
+from executive.server.errors import RequestError
+from executive.server.security import Rules, is_loopback, names
+
+RULES = Rules(
+    names(("127.0.0.1", "localhost", "::1"), 8765),
+    frozenset({"http://127.0.0.1:8765"}),
+    "the-token",
+    exposed=False,
+)
+
+
+def headers(*lines: tuple[str, str]) -> Headers:
+    return Headers(raw=[(name.encode(), value.encode("latin-1")) for name, value in lines])
+
+
+def refused(*lines: tuple[str, str]) -> str:
+    try:
+        RULES.check_source(headers(*lines))
+    except RequestError as error:
+        return error.code
+    return ""
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1:8765", "localhost:8765", "LOCALHOST:8765", "[::1]:8765"]
+)
+def test_our_own_names_pass(host: str) -> None:
+    assert refused(("host", host)) == ""
+    assert refused(("host", host), ("origin", "http://127.0.0.1:8765")) == ""
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["", "127.0.0.1", "127.0.0.1:8766", "evil.example:8765", "localhost.:8765", " localhost:8765",
+     "127.0.0.1:8765.evil.example", "user@127.0.0.1:8765", "127.1:8765", "0.0.0.0:8765"],
+)  # fmt: skip
+def test_another_host_is_refused(host: str) -> None:
+    assert refused(("host", host)) == "request.host"
+
+
+def test_a_missing_or_doubled_host_is_refused() -> None:
+    assert refused() == "request.host"
+    assert refused(("host", "localhost:8765"), ("host", "localhost:8765")) == "request.host"
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["null", "http://evil.example", "http://127.0.0.1", "https://127.0.0.1:8765", "",
+     "http://127.0.0.1:8765/", "http://localhost:8765", "HTTP://127.0.0.1:8765"],
+)  # fmt: skip
+def test_another_origin_is_refused(origin: str) -> None:
+    assert refused(("host", "localhost:8765"), ("origin", origin)) == "request.origin"
+
+
+def test_two_origins_are_refused() -> None:
+    ours = ("origin", "http://127.0.0.1:8765")
+    assert refused(("host", "localhost:8765"), ours, ours) == "request.origin"
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["", "the-token", "Bearer", "Bearer ", "Bearer the-toke", "Bearer the-token2",
+     "Basic the-token", "Bearer thé-token"],
+)  # fmt: skip
+def test_a_wrong_token_is_refused(value: str) -> None:
+    with pytest.raises(RequestError, match="token") as caught:
+        RULES.check_token(headers(("authorization", value)))
+    assert caught.value.status == 401
+    assert "the-token" not in str(caught.value)
+
+
+def test_the_token_passes() -> None:
+    RULES.check_token(headers(("authorization", "Bearer the-token")))
+    RULES.check_token(headers(("authorization", "bearer the-token")))
+
+
+def test_what_is_loopback() -> None:
+    assert [is_loopback(a) for a in ("127.0.0.1", "127.8.8.8", "::1")] == [True] * 3
+    assert [is_loopback(a) for a in ("0.0.0.0", "::", "192.168.0.1")] == [False] * 3
+
+
+def test_a_bucket_lets_a_burst_pass_and_then_its_rate() -> None:
+    now = [0.0]
+    bucket = Bucket(rate=10.0, burst=3.0, now=lambda: now[0])
+    assert [bucket.take() for _ in range(4)] == [True, True, True, False]
+    now[0] = 0.1
+    assert [bucket.take() for _ in range(2)] == [True, False]
+    now[0] = 100.0
+    assert [bucket.take() for _ in range(4)] == [True, True, True, False]
