@@ -1,10 +1,11 @@
 """The JSON Schema of task files, made from the skills there are, so that editors help to write."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from trees import ANY, KINDS, LIST, MAX_NUMBER, TYPES, UNITS, Declaration
+from trees import ANY, KINDS, LIST, MAX_NUMBER, TYPES, UNITS, Declaration, Library, Place
 
 from .port_types import declarations, known_skills
 
@@ -18,12 +19,23 @@ _LINE = {"type": "string", "minLength": 1}
 _SHOWN = {"type": "string", "maxLength": 60, "description": "how the node is shown"}
 
 
-def schema(subtrees: Mapping[str, Mapping[str, Declaration]]) -> Schema:
-    """The schema of task files, subtree files and files of poses.
+def schema_text(library: Library) -> str:
+    """The schema of task files, subtree files and files of poses, as the text of a file.
 
     Args:
-        subtrees: The ports of every subtree, by name.
+        library: Whose subtrees it knows.
+
+    Raises:
+        FileError: A subtree is wrong.
     """
+    subtrees = {
+        name: library.subtree(name, Place(library.subtree_path(name), 1, 1))[0].ports
+        for name in library.subtrees()
+    }
+    return json.dumps(_schema(subtrees), indent=1) + "\n"
+
+
+def _schema(subtrees: Mapping[str, Mapping[str, Declaration]]) -> Schema:
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "armtree task, subtree or poses",

@@ -3,10 +3,8 @@
 import re
 from pathlib import Path
 
-from executive.building.schema import NAME
+from executive.building.schema import NAME, schema_text
 from trees import FileError, Library, Mistake, Place
-
-from .task_commands import schema_text
 
 _TEXT = """\
 # yaml-language-server: $schema={schema}

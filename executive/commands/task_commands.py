@@ -11,7 +11,7 @@ import click
 from .options import PATH, recordings_option, robot_option, skills_option, trees_option
 
 if TYPE_CHECKING:
-    from trees import Declaration, Library, Mistake
+    from trees import Declaration, Mistake
 
 
 @click.command()
@@ -121,6 +121,7 @@ def _findings(findings: Any) -> dict[str, Any]:
 @click.option("-o", "--output", type=PATH, help="File to write; default: standard output.")
 def schema(trees: Path | None, skills: Path | None, output: Path | None) -> None:
     """Print the JSON Schema of task files, for editors; it knows your skills and subtrees too."""
+    from executive.building.schema import schema_text
     from trees import Library
 
     text = schema_text(Library(trees))
@@ -129,18 +130,6 @@ def schema(trees: Path | None, skills: Path | None, output: Path | None) -> None
         click.echo(output)
     else:
         click.echo(text, nl=False)
-
-
-def schema_text(library: "Library") -> str:
-    """The schema as a file."""
-    from executive.building.schema import schema as make
-    from trees import Place
-
-    subtrees = {
-        name: library.subtree(name, Place(library.subtree_path(name), 1, 1))[0].ports
-        for name in library.subtrees()
-    }
-    return json.dumps(make(subtrees), indent=1) + "\n"
 
 
 @click.command()
