@@ -1,5 +1,6 @@
 """What tests of several rooms share: one simulated clock and one pool of planners per session."""
 
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -17,6 +18,9 @@ from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_
 from skills import Context, Skill, SkillEvent
 from skills.motion import Plan, Pool, Query, Request, Result
 from trees import Library
+
+# Under nohup a hang-up is ignored, by whatever the tests start, too; some tests want it to count.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 R = TypeVar("R")
 RigMaker = Callable[..., "Rig"]
