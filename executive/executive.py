@@ -198,7 +198,7 @@ class Executive:
         answer, running = self._goals.cancel(identity, stamp_ns)
         if not (identity or stamp_ns or running):
             self._arm.stop()
-        self._stop_for(running)
+        self._stop_for(running)  # before a word is said
         for goal in map(self._goals.find, answer.goals):
             logger.info("Received a cancel of the goal for task %d (%s)", goal.task, goal.identity)
         if not answer.goals:

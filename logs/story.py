@@ -55,8 +55,10 @@ class Overview:
 
     @property
     def outcome(self) -> str:
-        """The goal's last state, or that the end of the run is missing."""
-        return self.result.state if self.result else "NO END"
+        """The goal's last state, or that the end of the run is missing; `-` where there was none."""
+        if self.result:
+            return self.result.state
+        return "NO END" if self.goal else "-"
 
 
 def overview(path: Path) -> Overview:

@@ -45,7 +45,7 @@ def ls(folder: Path) -> None:
         marks = ("pinned" if pinned(path) else "", "" if found.complete else "UNFINISHED")
         task = f"{found.goal.task} {found.goal.name}" if found.goal else "-"
         spent = f"{found.result.duration:.2f} s" if found.result else "-"
-        row = f"{path.name:<32}{task:<12}{found.outcome:<11}{spent:>9}{found.frames:>6} frames"
+        row = f"{path.name:<34}{task:<12}{found.outcome:<11}{spent:>9}{found.frames:>6} frames"
         click.echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
 
 
