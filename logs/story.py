@@ -55,7 +55,7 @@ class Overview:
 
     @property
     def outcome(self) -> str:
-        """The goal's last state, or that the end of the run is missing; `-` where there was none."""
+        """The goal's last state, or that the end of the run is missing; `-` without a goal."""
         if self.result:
             return self.result.state
         return "NO END" if self.goal else "-"
