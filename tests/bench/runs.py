@@ -304,9 +304,7 @@ def _memory() -> float:
 
 def _threads() -> int:
     """Threads but those that still finish a recording."""
-    return sum(
-        thread.name not in ("recording", "recorder", "fsync") for thread in threading.enumerate()
-    )
+    return sum(thread.name != "recording" for thread in threading.enumerate())
 
 
 def _descriptors() -> int:
