@@ -259,6 +259,10 @@ CODES = {
     "goal.not_held": Code(
         4, "A goal with a dead man's handle, and nobody holds it", "hold it, then send it"
     ),
+    "goal.unknown_question": Code(
+        4, "There is no question of that name, or it is answered", "`armtree answer` lists them"
+    ),
+    "goal.bad_answer": Code(4, "An answer is none of the choices", "give one of the choices"),
     # Requests
     "request": Code(13, "The server refused a request", "`/openapi.json` lists all there is"),
     "request.malformed": Code(13, "A request cannot be understood", "see the message"),

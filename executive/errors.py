@@ -73,3 +73,21 @@ class ServerRestarted(GoalError):
             "the server ended before this goal did, and never goes on with one; see where the arm "
             "stands, then send the goal again"
         )
+
+
+class UnknownQuestion(GoalError):
+    """There is no question of that name, or it is answered."""
+
+    code = "goal.unknown_question"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"question {identity} is not known, or answered already")
+
+
+class BadAnswer(GoalError):
+    """An answer is none of the choices."""
+
+    code = "goal.bad_answer"
+
+    def __init__(self, words: str, question: str) -> None:
+        super().__init__(f"{words.strip() or 'nothing'} is no answer to: {question}")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import logs
 
-from .goal import Cause, GoalState, GoalStatus, Outcome
+from .goal import Cause, GoalState, GoalStatus, Outcome, QuestionStatus
 
 if TYPE_CHECKING:
     from .executive import Event, Snapshot
@@ -21,6 +21,7 @@ EVENTS: dict[type, str] = {
     logs.Plan: "plan",
     logs.Schedule: "schedule",
     logs.LogLine: "log",
+    QuestionStatus: "question",
 }
 STATUS = "status"
 

@@ -104,6 +104,25 @@ class GoalStatus:
     outcome: Outcome | None
 
 
+@dataclass(frozen=True, slots=True)
+class QuestionStatus:
+    """What is known of a question that a task puts.
+
+    Attributes:
+        time: When this was so [s].
+        question_id: 8 hexadecimal digits.
+        text: What is asked.
+        choices: The answers there are; empty where any words do.
+        open: Whether it waits for its answer.
+    """
+
+    time: float
+    question_id: str
+    text: str
+    choices: tuple[str, ...]
+    open: bool
+
+
 class Goal:
     """One goal for one task.
 

@@ -21,7 +21,7 @@ from .building.arguments import read_arguments
 from .building.plugins import load_skills
 from .building.port_types import known_skills
 from .executive import Event, Executive
-from .goal import GoalStatus, Outcome
+from .goal import GoalStatus, Outcome, QuestionStatus
 from .in_turn import InTurn
 
 _TIMEOUT = 5.0  # of a planner [s]
@@ -135,7 +135,7 @@ class Rehearsal:
         return outcome
 
     def _watch(self, event: Event) -> None:
-        if not isinstance(event, GoalStatus):
+        if not isinstance(event, GoalStatus | QuestionStatus):
             self.records.append(event)
 
     def said(self, name: str) -> list[str]:

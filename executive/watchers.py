@@ -7,11 +7,11 @@ from functools import partial
 
 import logs
 
-from .goal import GoalStatus
+from .goal import GoalStatus, QuestionStatus
 
 logger = logging.getLogger(__name__)
 
-Event = logs.Record | GoalStatus
+Event = logs.Record | GoalStatus | QuestionStatus
 Watcher = Callable[[Event], None]
 
 

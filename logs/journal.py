@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from io import BufferedWriter
 from typing import cast
@@ -63,7 +63,7 @@ class Journal:
         """
         time_ns = self._epoch_ns + round(record.time * 1e9)
         if isinstance(record, Description):
-            self._links = Links(record.urdf)
+            self._links = _links(record.urdf)
         messages = self._convert(record, time_ns)
         for channel, data in messages:
             sequence = channel.sequence & _SEQUENCE_BITS
@@ -153,3 +153,9 @@ def _library() -> str:
         return f"armtree {version('armtree')}"
     except PackageNotFoundError:
         return "armtree"
+
+
+@lru_cache(maxsize=1)
+def _links(urdf: str) -> Links:
+    """Parsed once, for a server's recordings are all of one robot."""
+    return Links(urdf)

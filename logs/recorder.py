@@ -5,7 +5,9 @@ import fcntl
 import logging
 import os
 import threading
+import time
 from collections.abc import Callable, Mapping
+from functools import cache, partial
 from io import BufferedWriter
 from pathlib import Path
 from queue import SimpleQueue
@@ -39,19 +41,21 @@ class _Note(NamedTuple):
     facts: Mapping[str, str]
 
 
-_Item = Record | _Attachment | _Note | threading.Event
+_Item = Record | _Attachment | _Note
+_Jobs = SimpleQueue[Callable[[], object]]
 
 
 class Recorder:
     """Records one run into one file, without ever keeping the run waiting.
 
-    `put`, `attach` and `note` are one queue put each, from any thread. While it runs the file is a
+    `put`, `attach` and `note` are one queue put each, from any thread. One thread writes all that
+    is recorded in this process, another brings it to the disk. While it runs the file is a
     locked journal, handed to the operating system after every record and brought to the disk within
     `FSYNC_S`; `close` makes the final recording of it.
     """
 
     def __init__(self, path: Path, epoch_ns: int, on_failure: Callable[[Exception], None]) -> None:
-        """Creates the file and starts the threads.
+        """Creates the file.
 
         Args:
             path: The new file; its folder exists.
@@ -66,29 +70,24 @@ class Recorder:
         self.path = path
         self._epoch_ns = epoch_ns
         self._on_failure = on_failure
-        self._queue: SimpleQueue[_Item | None] = SimpleQueue()
         self._sent = self._kept = 0
         self._lost = 0
         self._cause: Exception | None = None
         self._closed = False
         self._summary: Summary | None = None
+        self._journal: Journal | None = None
+        self._begun, self._ended = threading.Event(), threading.Event()
+        self._unsynced, self._syncing = False, threading.Lock()
         stream = _create(path)
         self._file = os.dup(stream.fileno())  # holds the lock until the recording is made
-        self._begun, self._ended = threading.Event(), threading.Event()
-        self._written = threading.Event()  # since the disk was last waited for
-        # Daemons: whoever leaves without close() leaves a journal, which recovery can read.
-        self._thread = threading.Thread(
-            target=self._run, args=(stream,), name="recorder", daemon=True
-        )
-        self._syncer = threading.Thread(target=self._sync, name="fsync", daemon=True)
-        self._thread.start()
-        self._syncer.start()
+        self._jobs, self._syncs = _thread("recorder"), _thread("fsync")
+        self._jobs.put(partial(self._begin, stream))
 
     def put(self, record: Record) -> None:
         """Records something; never blocks, never raises. Ignored after `close`."""
         if type(record) is Sent:
             self._sent += 1  # by the streamer alone
-        self._queue.put(record)
+        self._jobs.put(partial(self._take, record))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Adds a named file to the recording; never blocks, never raises.
@@ -98,11 +97,11 @@ class Recorder:
             media_type: Such as `application/yaml`.
             data: Its content.
         """
-        self._queue.put(_Attachment(name, media_type, data))
+        self._jobs.put(partial(self._take, _Attachment(name, media_type, data)))
 
     def note(self, name: str, facts: Mapping[str, str]) -> None:
         """Adds named facts, such as the versions of libraries; never blocks, never raises."""
-        self._queue.put(_Note(name, facts))
+        self._jobs.put(partial(self._take, _Note(name, facts)))
 
     def caught_up(self, timeout: float) -> bool:
         """Whether every frame that was put is on its way to the disk.
@@ -117,24 +116,24 @@ class Recorder:
         if begun and self._kept == self._sent:
             return True
         mark = threading.Event()
-        self._queue.put(mark)
+        self._jobs.put(mark.set)
         return mark.wait(timeout)
 
     def close(self) -> Summary:
-        """Writes what is queued, ends the threads, and makes the final recording.
+        """Writes what is queued, and makes the final recording.
 
         Raises:
             RecordingIncomplete: Something is missing from the file, or it stayed a journal.
         """
         if not self._closed:
             self._closed = True
-            self._queue.put(None)
-            self._thread.join()
-            self._ended.set()
-            self._written.set()
-            self._syncer.join()
+            self._jobs.put(self._ended.set)
+            self._ended.wait()
+            if self._journal is not None:
+                self._finish(self._journal)
             self._summary = self._compact()
-            os.close(self._file)
+            with self._syncing:
+                os.close(self._file)
         if self._cause is not None:
             raise RecordingIncomplete(self.path, self._lost, self._cause) from self._cause
         assert self._summary is not None
@@ -148,32 +147,27 @@ class Recorder:
         """Closes."""
         self.close()
 
-    def _run(self, stream: BufferedWriter) -> None:
-        journal = self._begin(stream)
-        self._begun.set()
-        while (item := self._queue.get()) is not None:
-            if isinstance(item, threading.Event):
-                item.set()
-                continue
-            if journal is None or not self._write(journal, item):
-                self._lost += 1
-            self._kept += type(item) is Sent
-            if journal is not None and journal.closed:
-                journal = None
-        if journal is not None:
-            self._end(journal)
-
-    def _begin(self, stream: BufferedWriter) -> "Journal | None":
+    def _begin(self, stream: BufferedWriter) -> None:
         try:
             from .journal import Journal  # here, for rosbags and mcap take 0.3 s to import
 
-            return Journal(stream, self._epoch_ns)
+            self._journal = Journal(stream, self._epoch_ns)
         except Exception as cause:
             stream.close()
             self._fail(cause)
-            return None
+        self._begun.set()
 
-    def _write(self, journal: "Journal", item: Record | _Attachment | _Note) -> bool:
+    def _take(self, item: _Item) -> None:
+        if self._ended.is_set():
+            return
+        journal = self._journal
+        if journal is None or not self._write(journal, item):
+            self._lost += 1
+        self._kept += type(item) is Sent
+        if journal is not None and journal.closed:
+            self._journal = None
+
+    def _write(self, journal: "Journal", item: _Item) -> bool:
         try:
             if isinstance(item, _Attachment):
                 journal.attach(*item)
@@ -184,25 +178,29 @@ class Recorder:
         except Exception as cause:
             self._fail(cause)
             return False
-        self._written.set()
+        if not self._unsynced:
+            self._unsynced = True
+            self._syncs.put(partial(self._sync, time.monotonic() + FSYNC_S))
         if journal.full:
             self._fail(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
         return True
 
-    def _end(self, journal: "Journal") -> None:
+    def _finish(self, journal: "Journal") -> None:
         try:
             journal.finish()
         except OSError as cause:
             self._fail(cause)
 
-    def _sync(self) -> None:
-        while self._written.wait() and not self._ended.wait(FSYNC_S):
-            self._written.clear()
+    def _sync(self, due: float) -> None:
+        self._ended.wait(due - time.monotonic())
+        with self._syncing:
+            if self._ended.is_set():
+                return
+            self._unsynced = False
             try:
                 os.fsync(self._file)
             except OSError as cause:
                 self._fail(cause)
-                return
 
     def _fail(self, cause: Exception) -> None:
         if self._cause is not None:
@@ -231,3 +229,17 @@ def _create(path: Path) -> BufferedWriter:
         raise RecordingExists(path) from cause
     except OSError as cause:
         raise RecordingNotCreated(path, cause) from cause
+
+
+@cache
+def _thread(name: str) -> _Jobs:
+    """What a thread does, in turn: one for all recorders, for to start one keeps a goal waiting."""
+    jobs = _Jobs()
+
+    def work() -> None:
+        while True:
+            jobs.get()()
+
+    # A daemon: whoever leaves without close() leaves a journal, which recovery can read.
+    threading.Thread(target=work, name=name, daemon=True).start()
+    return jobs

@@ -49,7 +49,7 @@ class Ask(Skill):
     def on_start(self) -> Status:
         """Put the question."""
         within = self.get_input("within")
-        self._until = self.context.clock.now() + within
+        self._until = self.context.now() + within
         choices = tuple(self.get_input("choices"))
         self._question = Question(self.get_input("question"), choices, self.context.wake)
         self.feedback_message = str(self._question)
@@ -64,7 +64,7 @@ class Ask(Skill):
             return self._take(question.answered)
         if question.unheard:
             raise Unanswered(f"{question.text}: {question.unheard}")
-        if self.context.clock.now() >= self._until:
+        if self.context.now() >= self._until:
             self.on_halt()
             within = self.get_input("within")
             raise Unanswered(f"{question.text}: nobody answered within {within:g} s")

@@ -11,7 +11,7 @@ from py_trees.blackboard import Blackboard
 import logs
 from executive.building.arguments import read_arguments
 from executive.executive import Event, Executive
-from executive.goal import GoalStatus, Outcome
+from executive.goal import GoalStatus, Outcome, QuestionStatus
 from executive.in_turn import InTurn
 from executive.rehearsal import SharedPool
 from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board
@@ -85,7 +85,7 @@ class Rig:
     def _watch(self, event: Event) -> None:
         if isinstance(event, GoalStatus):
             self.statuses.append(event)
-        else:
+        elif not isinstance(event, QuestionStatus):
             self.records.append(event)
             self.on_record(event)
 

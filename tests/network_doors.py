@@ -13,6 +13,7 @@ from websockets.sync.client import connect
 
 from executive.executive import Executive
 from executive.live_library import LiveLibrary
+from executive.questions import Questions
 from executive.server.server import Place, Server
 from hardware import RealClock, Robot
 
@@ -26,7 +27,8 @@ def served(arm: Executive, robot: Robot, folder: Path) -> Iterator[Server]:
     with tempfile.TemporaryDirectory() as runtime:
         os.environ["XDG_RUNTIME_DIR"] = runtime
         library = LiveLibrary(folder / "tasks", robot)
-        server = Server(arm, library, robot, clock, Place(port=0, rosbridge=True))
+        place, questions = Place(port=0, rosbridge=True), Questions(clock)
+        server = Server(arm, library, robot, clock, place, questions)
         server.start()
         yield server
         server.stop()

@@ -12,6 +12,7 @@ from executive import Client
 from executive.executive import Executive
 from executive.goals import Policy
 from executive.live_library import LiveLibrary
+from executive.questions import Questions
 from executive.server.server import Place, Server
 from hardware import BoardLink, RealClock, Robot, virtual_board
 from skills.motion import Pool
@@ -24,6 +25,9 @@ TASKS = {
         "parameters:\n  what: {type: text, default: well, description: what}\n"
         "  often: {type: number, default: 1, min: 1, max: 3, description: how often}\n"
         "tree:\n  Say: {text: $what, value: $often}\n"
+    ),
+    "14_ask.yaml": (
+        "task: 14\nname: ask\ndescription: Ask.\ntree:\n  Ask: {question: Free?, wanted: 'yes'}\n"
     ),
     "13_fail.yaml": "task: 13\nname: fail\ndescription: Fail.\ntree:\n  Fail: {reason: so}\n",
 }
@@ -47,6 +51,7 @@ class Served:
 
     def start(self, policy: Policy, active: bool, **place: Any) -> None:
         """Serve on a port that is free."""
+        questions = Questions(self.clock)
         self.executive = Executive(
             self.robot,
             self.link,
@@ -58,9 +63,10 @@ class Served:
             5.0,
             lambda _: None,
             policy,
+            operator=questions,
         )
         where = Place(**{"port": 0, **place})
-        self.server = Server(self.executive, self.library, self.robot, self.clock, where)
+        self.server = Server(self.executive, self.library, self.robot, self.clock, where, questions)
         self.executive.start()
         self.server.start()
         # A test that waits in vain fails, for then the server ends.

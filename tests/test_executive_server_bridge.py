@@ -13,7 +13,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from executive.server import bridge
+from executive.server import bridge, connections
 from tests.serving import Serve, Served
 
 pytest_plugins = ["tests.server_fixtures"]
@@ -102,6 +102,17 @@ GOAL = {
 def test_it_is_off_by_default(serve: Serve) -> None:
     with pytest.raises(InvalidStatus), websocket(serve()):
         pass
+
+
+def test_it_may_be_silent_for_longer_than_a_request_takes(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "HEAD_SECONDS", 0.1)
+    with websocket(serve(rosbridge=True)) as client:
+        with pytest.raises(TimeoutError):
+            client.recv(0.3)
+        say(client, **GOAL, id="a", args={"task_number": 11})
+        assert heard(client, "action_result")["values"] == {"success": True}
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1"])

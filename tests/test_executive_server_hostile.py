@@ -22,7 +22,7 @@ GOAL = "0123456789abcdef" * 2
 
 
 def path_of(template: str) -> str:
-    return template.format(goal_id=GOAL, transition="configure")
+    return template.format(goal_id=GOAL, transition="configure", question_id="01234567")
 
 
 @contextlib.contextmanager
@@ -81,7 +81,7 @@ def test_a_foreign_page_or_name_may_do_nothing(serve: Serve, headers: dict[str, 
     served = serve()
     goal = served.executive.send(10).identity
     for operation in OPERATIONS:
-        path = operation.path.format(goal_id=goal, transition="deactivate")
+        path = operation.path.format(goal_id=goal, transition="deactivate", question_id="01234567")
         status, error = served.ask(operation.method, path, headers=headers)
         assert (status, error["code"].partition(".")[0]) == (403, "request")
     assert served.executive.goals()[0].state.name == "EXECUTING"

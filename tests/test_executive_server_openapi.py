@@ -27,7 +27,7 @@ def test_the_server_is_as_its_document_says(serve: Serve) -> None:
         command, capture_output=True, text=True, timeout=300, cwd=served.folder, check=False
     )
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    assert "Tested: 16" in ran.stdout
+    assert "Tested: 18" in ran.stdout
 
 
 def test_a_path_tells_all_its_methods(serve: Serve) -> None:

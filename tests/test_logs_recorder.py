@@ -1,6 +1,8 @@
 """The recorder: never in the way, nothing lost in silence."""
 
+import errno
 import logging
+import os
 import resource
 import signal
 import subprocess
@@ -9,10 +11,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from queue import Queue
 
 import pytest
 
-import logs
+import logs.recorder
 from logs import (
     LogError,
     Recorder,
@@ -106,6 +109,61 @@ def test_many_threads_one_file(tmp_path: Path) -> None:
     for name in "0123":
         numbers = [int(item["message"]) for item in found if item["name"] == name]
         assert numbers == list(range(100))
+
+
+def test_all_recorders_share_two_threads_and_each_has_its_own_file(tmp_path: Path) -> None:
+    recorders = [Recorder(tmp_path / f"{i}.mcap", EPOCH_NS, fail) for i in range(5)]
+    for number in range(20):
+        for i, recorder in enumerate(recorders):
+            recorder.put(node(number / 10, f"{i}", "RUNNING", str(number)))
+    names = [thread.name for thread in threading.enumerate()]
+    assert (names.count("recorder"), names.count("fsync")) == (1, 1)
+    for i, recorder in enumerate(recorders):
+        recorder.close()
+        found = [message.fields() for message in read(recorder.path)]
+        assert {item["name"] for item in found} == {f"{i}"}
+        assert [int(item["message"]) for item in found] == list(range(20))
+
+
+class Disk:
+    """Notes what is brought to the disk; can refuse to."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, refuses: int = 0) -> None:
+        self.synced: Queue[int] = Queue()
+        self._real, self._refuses = os.fsync, refuses
+        monkeypatch.setattr(os, "fsync", self)
+        monkeypatch.setattr(logs.recorder, "FSYNC_S", 0.001)
+
+    def __call__(self, handle: int) -> None:
+        self.synced.put(os.fstat(handle).st_ino)
+        self._refuses -= 1
+        if self._refuses >= 0:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        self._real(handle)
+
+
+def test_what_was_written_is_soon_brought_to_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = Disk(monkeypatch)
+    with (
+        Recorder(tmp_path / "a.mcap", EPOCH_NS, fail) as first,
+        Recorder(tmp_path / "b.mcap", EPOCH_NS, fail) as second,
+    ):
+        for recorder in (first, second, first):
+            recorder.put(sent(1))
+            assert disk.synced.get(timeout=5) == recorder.path.stat().st_ino
+
+
+def test_a_disk_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Disk(monkeypatch, refuses=1)
+    failures: Queue[Exception] = Queue()
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, failures.put)
+    recorder.put(sent(1))
+    assert isinstance(failures.get(timeout=5), OSError)
+    with pytest.raises(RecordingIncomplete, match="Input/output error"):
+        recorder.close()
+    assert sum(1 for _ in read(recorder.path)) == 3
 
 
 def test_closing_twice_says_the_same_and_late_records_are_ignored(tmp_path: Path) -> None:

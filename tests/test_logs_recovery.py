@@ -101,8 +101,10 @@ def test_a_frame_that_is_not_recorded_yet_is_told(tmp_path: Path) -> None:
     with Recorder(tmp_path / "run.mcap", EPOCH_NS, fail) as recorder:
         assert recorder.caught_up(0.0)
         blocked = threading.Event()
-        recorder._queue.put(blocked)  # what comes behind it waits for the thread
+        recorder._jobs.put(blocked.wait)  # what comes behind it waits for the thread
         recorder.put(sent(1))
+        assert not recorder.caught_up(0.0)
+        blocked.set()
         assert recorder.caught_up(5.0)
 
 

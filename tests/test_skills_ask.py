@@ -1,6 +1,7 @@
 """Asking the operator."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from py_trees.common import Status
@@ -61,6 +62,20 @@ def test_nobody_answers_in_time(bench: Bench) -> None:
     assert isinstance(skill.failure, Unanswered)
     assert "nobody answered within 0 s" in str(skill.failure)
     assert desk.withdrawn == desk.asked
+
+
+def test_time_stands_still_while_the_run_is_paused(bench: Bench) -> None:
+    paused, now = 0.0, 0.0
+    skill = asking(bench, Desk())
+    clock = SimpleNamespace(now=lambda: now)
+    skill.context = replace(skill.context, clock=clock, paused=lambda: paused)
+    skill.tick_once()
+    now, paused = 9.0, 5.0
+    skill.tick_once()
+    assert skill.status is Status.RUNNING
+    now = 10.0
+    skill.tick_once()
+    assert isinstance(skill.failure, Unanswered)
 
 
 def test_nobody_is_there(bench: Bench) -> None:

@@ -1,7 +1,7 @@
 """Talking to a server from Python: `with Client() as arm: arm.run(1)`, or with `await`."""
 
 from .aio import AsyncClient
-from .asks import CancelResult, Status, Task
+from .asks import CancelResult, OpenQuestion, Status, Task
 from .errors import ClientError, GoalFailed, Refused, ServerUnreachable
 from .sync import Client
 
@@ -11,6 +11,7 @@ __all__ = [
     "Client",
     "ClientError",
     "GoalFailed",
+    "OpenQuestion",
     "Refused",
     "ServerUnreachable",
     "Status",

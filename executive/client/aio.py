@@ -11,7 +11,7 @@ from executive.events import to_event
 from executive.goal import GoalStatus, Outcome
 
 from . import asks
-from .asks import Ask, CancelResult, Status, Task
+from .asks import Ask, CancelResult, OpenQuestion, Status, Task
 from .errors import GoalFailed, ServerUnreachable
 from .replies import check, reached
 from .sync import BEAT, NOTHING, PATIENCE
@@ -111,6 +111,14 @@ class AsyncClient:
     async def break_at(self, node: str, on: bool = True) -> tuple[str, ...]:
         """Have every goal pause before a node, by its path, or no longer; returns all such."""
         return await self._do(asks.break_at(node, on))
+
+    async def questions(self) -> tuple[OpenQuestion, ...]:
+        """What tasks ask now."""
+        return await self._do(asks.questions())
+
+    async def answer(self, question_id: str, words: str) -> str:
+        """Answer a question; returns the answer that counts, which is the first."""
+        return await self._do(asks.answer(question_id, words))
 
     async def arm(self, transition: str) -> str:
         """Take the arm through a transition; activating moves it."""

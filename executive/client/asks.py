@@ -73,6 +73,25 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True)
+class OpenQuestion:
+    """What a task asks.
+
+    Attributes:
+        question_id: 8 hexadecimal digits.
+        text: What is asked.
+        choices: The answers there are; empty where any words do.
+    """
+
+    question_id: str
+    text: str
+    choices: tuple[str, ...]
+
+    def __str__(self) -> str:
+        choices = f" [{'/'.join(self.choices)}]" if self.choices else ""
+        return f"{self.question_id}  {self.text}{choices}"
+
+
+@dataclass(frozen=True, slots=True)
 class CancelResult:
     """The answer to a cancel.
 
@@ -188,6 +207,17 @@ def break_at(node: str, on: bool) -> Ask[tuple[str, ...]]:
     return Ask("POST", "/api/breakpoints", lambda told: tuple(told["breakpoints"]), body)
 
 
+def questions() -> Ask[tuple[OpenQuestion, ...]]:
+    """What tasks ask now."""
+    return Ask("GET", "/api/questions", lambda told: tuple(map(_question, told["questions"])))
+
+
+def answer(question_id: str, words: str) -> Ask[str]:
+    """Answer a question."""
+    path = f"/api/questions/{question_id}/answer"
+    return Ask("POST", path, lambda told: str(told["answer"]), {"answer": words})
+
+
 def arm(transition: str) -> Ask[str]:
     """Take the arm through a transition; booting takes its time."""
     return Ask("POST", f"/api/arm/{transition}", lambda told: str(told["arm"]), {}, patience=30.0)
@@ -201,6 +231,10 @@ def status() -> Ask[Status]:
 def tasks() -> Ask[tuple[Task, ...]]:
     """The tasks there are."""
     return Ask("GET", "/api/tasks", lambda told: tuple(map(_task, told["tasks"])))
+
+
+def _question(told: Any) -> OpenQuestion:
+    return OpenQuestion(told["question_id"], told["text"], tuple(told["choices"]))
 
 
 def _canceled(told: Any) -> CancelResult:

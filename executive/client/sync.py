@@ -12,7 +12,7 @@ from executive.events import to_event
 from executive.goal import GoalStatus, Outcome
 
 from . import asks
-from .asks import Ask, CancelResult, Status, Task
+from .asks import Ask, CancelResult, OpenQuestion, Status, Task
 from .errors import GoalFailed, ServerUnreachable
 from .replies import check, reached
 
@@ -131,6 +131,14 @@ class Client:
     def break_at(self, node: str, on: bool = True) -> tuple[str, ...]:
         """Have every goal pause before a node, by its path, or no longer; returns all such."""
         return self._do(asks.break_at(node, on))
+
+    def questions(self) -> tuple[OpenQuestion, ...]:
+        """What tasks ask now."""
+        return self._do(asks.questions())
+
+    def answer(self, question_id: str, words: str) -> str:
+        """Answer a question; returns the answer that counts, which is the first."""
+        return self._do(asks.answer(question_id, words))
 
     def arm(self, transition: str) -> str:
         """Take the arm through configure, activate, deactivate, cleanup or shutdown.

@@ -12,9 +12,9 @@ from rich.text import Text
 from rich.tree import Tree as Branch
 
 import logs
-from executive.goal import Outcome
+from executive.goal import Outcome, QuestionStatus
 
-from .view import in_words
+from .view import asked_in_words, in_words
 
 _HALTED = "HALTED"  # INVALID after RUNNING
 
@@ -52,8 +52,12 @@ class LiveView:
         """Print a line above the picture."""
         self._console.print(text, highlight=False, markup=False)
 
-    def watch(self, record: logs.Record) -> None:
+    def watch(self, record: logs.Record | QuestionStatus) -> None:
         """Note something that happened; the picture follows by itself."""
+        if isinstance(record, QuestionStatus):
+            if record.open:
+                self.say(asked_in_words(record))
+            return
         with self._lock:
             match record:
                 case logs.Goal():

@@ -3,9 +3,12 @@
 import dataclasses
 import json
 import logging
+import re
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
+
+import click
 
 import logs
 from executive.building.arguments import read_arguments
@@ -20,6 +23,9 @@ from hardware import RealClock
 from .interrupts import Interrupts
 from .view import View
 from .wiring import view_for
+
+# An id that is mistaken for words would answer another question.
+_QUESTION_ID = re.compile("[0-9a-f]{8}")
 
 logger = logging.getLogger(__name__)
 
@@ -76,6 +82,24 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
             elif event.outcome:
                 view.report(event.outcome)
     raise _ended()
+
+
+def reply(client: Client, words: Sequence[str]) -> str:
+    """Answer a question, the only one where no id is given; without words, list what is asked.
+
+    Raises:
+        UsageError: It is not clear which is meant.
+        ClientError: The server cannot be reached, or refuses the answer.
+    """
+    asked = client.questions()
+    if not words:
+        return "\n".join(map(str, asked)) or "nothing is asked"
+    if _QUESTION_ID.fullmatch(words[0]):
+        return client.answer(words[0], " ".join(words[1:]))
+    if len(asked) != 1:
+        there = "; ".join(map(str, asked))
+        raise click.UsageError(f"give an id: {there}" if there else "nothing is asked")
+    return client.answer(asked[0].question_id, " ".join(words))
 
 
 def _show(events: Iterator[Event], goal_id: str, view: View) -> Outcome:

@@ -247,4 +247,17 @@ def step(goal_id: str, server: str | None) -> None:
     _change("step", goal_id, server)
 
 
-COMMANDS = (serve, send, cancel, pause, resume, step, status, watch, arm)
+@click.command()
+@click.argument("words", nargs=-1, metavar="[ID] [WORDS]...")
+@server_option
+def answer(words: tuple[str, ...], server: str | None) -> None:
+    """Answer what a server's task asks; without ID the only question, without WORDS list all."""
+    from executive.client import Client
+
+    from .remote import reply
+
+    with Client(server) as client:
+        click.echo(reply(client, words))
+
+
+COMMANDS = (serve, send, cancel, answer, pause, resume, step, status, watch, arm)

@@ -13,6 +13,7 @@ from executive.executive import Event, Executive
 from executive.goals import Policy
 from executive.live_library import LiveLibrary
 from executive.pose import standing
+from executive.questions import Questions
 from executive.server.server import Place, Server
 from hardware import HardwareError, RealClock, load_robot
 from logs import LogError
@@ -73,6 +74,7 @@ def serve(options: ServeOptions) -> None:
         robot = standing(robot, port, options.pose, options.recordings)
         for words in put_in_order(options.recordings, options.keep, clock):
             logger.warning("%s", words)
+        questions = Questions(clock)
         with closing(Pool(robot, options.workers, clock)) as pool:
             executive = Executive(
                 robot,
@@ -85,8 +87,9 @@ def serve(options: ServeOptions) -> None:
                 PLANNING_TIMEOUT,
                 _nobody,
                 options.policy,
+                operator=questions,
             )
-            with Server(executive, library, robot, clock, options.place) as server:
+            with Server(executive, library, robot, clock, options.place, questions) as server:
                 logger.info("%s", port_line(robot, port))
                 _announce(server, options)  # the token is not for the recording
                 with _recorded(executive, clock):

@@ -9,7 +9,9 @@ from typing import Protocol, Self, TextIO
 
 import logs
 from executive.events import as_event, as_result
-from executive.goal import Outcome
+from executive.goal import Outcome, QuestionStatus
+
+_Item = logs.Record | QuestionStatus | Outcome | str
 
 
 class View(Protocol):
@@ -22,7 +24,7 @@ class View(Protocol):
     def say(self, text: str) -> None:
         """Show a line that is no event."""
 
-    def watch(self, record: logs.Record) -> None:
+    def watch(self, record: logs.Record | QuestionStatus) -> None:
         """Show something that happened."""
 
     def report(self, outcome: Outcome) -> None:
@@ -34,7 +36,7 @@ class _Lines:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
-        self._queue: SimpleQueue[logs.Record | Outcome | str | None] = SimpleQueue()
+        self._queue: SimpleQueue[_Item | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="view", daemon=True)
 
     def __enter__(self) -> Self:
@@ -49,7 +51,7 @@ class _Lines:
         """Show a line that is no event."""
         self._queue.put(text)
 
-    def watch(self, record: logs.Record) -> None:
+    def watch(self, record: logs.Record | QuestionStatus) -> None:
         """Show something that happened."""
         self._queue.put(record)
 
@@ -57,7 +59,7 @@ class _Lines:
         """Show how a goal ended."""
         self._queue.put(outcome)
 
-    def line(self, item: logs.Record | Outcome | str) -> str:
+    def line(self, item: _Item) -> str:
         """What to print for an item; empty for nothing."""
         raise NotImplementedError
 
@@ -82,7 +84,7 @@ class JsonView(_Lines):
     def __init__(self) -> None:
         super().__init__(sys.stdout)
 
-    def line(self, item: logs.Record | Outcome | str) -> str:
+    def line(self, item: _Item) -> str:
         """An event as JSON. A result is printed when its recording is closed."""
         if isinstance(item, (str, logs.Result)):
             return ""
@@ -99,18 +101,26 @@ class TextView(_Lines):
     def __init__(self) -> None:
         super().__init__(sys.stdout)
 
-    def line(self, item: logs.Record | Outcome | str) -> str:
+    def line(self, item: _Item) -> str:
         """A goal, a skill that has ended with something to say, or an outcome, in words."""
         match item:
             case str():
                 return item
             case Outcome():
                 return in_words(item)
+            case QuestionStatus(open=True):
+                return asked_in_words(item)
             case logs.Goal():
                 return f"task {item.task} {item.name}".rstrip()
             case logs.NodeStatus(status="SUCCESS" | "FAILURE") if item.message:
                 return f"  {item.name:<12} {item.status.lower()}  {item.message}"
         return ""
+
+
+def asked_in_words(asked: QuestionStatus) -> str:
+    """A question for people, and how to answer it."""
+    choices = f" [{'/'.join(asked.choices)}]" if asked.choices else ""
+    return f"? {asked.text}{choices}  (armtree answer {asked.question_id} WORDS)"
 
 
 def in_words(outcome: Outcome) -> str:

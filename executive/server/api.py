@@ -16,6 +16,7 @@ from executive.executive import Event, Executive
 from executive.goal import GoalStatus
 from executive.goals import CancelAnswer
 from executive.live_library import LiveLibrary
+from executive.questions import Questions
 
 from .errors import BadRequest, TooMuch, refusal, status_of
 from .hub import Hub
@@ -59,11 +60,19 @@ class Api:
         stops: What cancels its goals.
         library: The tasks there are.
         hub: Where its events arrive.
+        questions: What its tasks ask.
     """
 
-    def __init__(self, executive: Executive, stops: Stops, library: LiveLibrary, hub: Hub) -> None:
+    def __init__(
+        self,
+        executive: Executive,
+        stops: Stops,
+        library: LiveLibrary,
+        hub: Hub,
+        questions: Questions,
+    ) -> None:
         self._executive, self._stops = executive, stops
-        self._library, self._hub = library, hub
+        self._library, self._hub, self._questions = library, hub, questions
         self._metrics = Metrics(executive.snapshot, lambda: len(hub.watchers))
         self._document = document()
         self._listing = asyncio.Lock()
@@ -163,6 +172,20 @@ class Api:
         """Have every goal pause before a node, or no longer."""
         self._executive.break_at(call.body["node"], call.body.get("on", True))
         return JSONResponse({"breakpoints": self._executive.snapshot().breakpoints})
+
+    async def questions(self, _: Call) -> Response:
+        """What tasks ask now."""
+        waiting = [
+            {"question_id": each.question_id, "text": each.text, "choices": each.choices}
+            for each in self._questions.open()
+        ]
+        return JSONResponse({"questions": waiting})
+
+    async def answer(self, call: Call) -> Response:
+        """Answer a question."""
+        identity = call.given["question_id"]
+        counts = self._questions.answer(identity, call.body["answer"])
+        return JSONResponse({"question_id": identity, "answer": counts})
 
     async def arm(self, call: Call) -> Response:
         """Take the arm through its lifecycle."""

@@ -71,7 +71,8 @@ class HttpConnection(_Writing, H11Protocol):
     def data_received(self, data: bytes) -> None:
         """Something has come."""
         super().data_received(data)
-        self._watch()
+        if self.transport.get_protocol() is self:  # else a WebSocket has taken over
+            self._watch()
 
     def on_response_complete(self) -> None:
         """A request is answered."""

@@ -68,6 +68,7 @@ class TooMuch(RequestError):
 STATUS = {
     "goal": 422,
     "goal.unknown": 404,
+    "goal.unknown_question": 404,
     "goal.duplicate": 409,
     "goal.busy": 409,
     "goal.result_timeout": 409,

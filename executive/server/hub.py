@@ -8,6 +8,7 @@ from collections.abc import Callable
 import logs
 from executive.events import as_event, kind_of
 from executive.executive import Event
+from executive.goal import QuestionStatus
 
 MOST_WAITING = 4 * 1024 * 1024  # bytes of events that a watcher may be behind
 
@@ -117,6 +118,10 @@ class Hub:
                 self._holds[f"node {event.path}"] = event
             case logs.Feedback():
                 self._holds["feedback"] = event
+            case QuestionStatus(open=True):
+                self._holds[f"question {event.question_id}"] = event
+            case QuestionStatus():
+                self._holds.pop(f"question {event.question_id}", None)
 
 
 def _as_text(event: Event) -> bytes:

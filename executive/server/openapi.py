@@ -6,7 +6,7 @@ from typing import Any
 from executive.goal import GoalState
 from hardware import State
 
-from .operations import IDENTITY, OPERATIONS, Operation, Parameter
+from .operations import IDENTITY, OPERATIONS, QUESTION, Operation, Parameter
 
 _TEXT = {"type": "string"}
 _NUMBER = {"type": "number"}
@@ -100,6 +100,10 @@ SCHEMAS = {
         wrong=_TEXT,
     ),
     "Tasks": _object(tasks=_list(_ref("Task"))),
+    "Questions": _object(
+        questions=_list(_object(question_id=QUESTION, text=_TEXT, choices=_list(_TEXT)))
+    ),
+    "Answer": _object(question_id=QUESTION, answer=_TEXT),
     "Arm": _object(arm=_ARM),
     "OpenApi": {"type": "object"},
 }

@@ -36,6 +36,15 @@ WHICH = _object(
     stamp_ns={**_STAMP, "description": "All that were accepted at or before this [ns]."},
 )
 UP_TO = _object(stamp_ns=WHICH["properties"]["stamp_ns"])
+ANSWER = _object(
+    ("answer",),
+    answer={
+        "type": "string",
+        "maxLength": 1024,
+        "minLength": 1,
+        "description": "One of its choices, which may be abbreviated where it stays clear.",
+    },
+)
 BREAKPOINT = _object(
     ("node",),
     node={
@@ -64,6 +73,8 @@ class Parameter:
 
 
 _GOAL = Parameter("goal_id", IDENTITY, "path")
+QUESTION = {"type": "string", "pattern": "^[0-9a-f]{8}$", "maxLength": 8, "minLength": 8}
+_QUESTION = Parameter("question_id", QUESTION, "path")
 _TIMEOUT = Parameter(
     "timeout",
     {"type": "number", "minimum": 0, "maximum": 3600, "description": "How long to wait [s]."},
@@ -198,6 +209,16 @@ OPERATIONS = (
         "Have every goal pause before a node begins, or no longer.",
         "Breakpoints",
         BREAKPOINT,
+    ),
+    Operation("GET", "/api/questions", "questions", "What tasks ask now.", "Questions"),
+    Operation(
+        "POST",
+        "/api/questions/{question_id}/answer",
+        "answer",
+        "Answer a question; the first answer counts.",
+        "Answer",
+        ANSWER,
+        (_QUESTION,),
     ),
     Operation(
         "POST",

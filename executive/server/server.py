@@ -12,6 +12,7 @@ import uvicorn
 
 from executive.executive import Executive
 from executive.live_library import LiveLibrary
+from executive.questions import Questions, nobody
 from hardware import Clock, Robot
 
 from . import access
@@ -102,6 +103,7 @@ class Server:
         robot: Whose arm.
         clock: Whose time.
         place: Where it listens, and to whom.
+        questions: The operator of the executive.
 
     Attributes:
         url: Where it is.
@@ -113,13 +115,20 @@ class Server:
     """
 
     def __init__(
-        self, executive: Executive, library: LiveLibrary, robot: Robot, clock: Clock, place: Place
+        self,
+        executive: Executive,
+        library: LiveLibrary,
+        robot: Robot,
+        clock: Clock,
+        place: Place,
+        questions: Questions,
     ) -> None:
         _check(place)
         self._socket = _listen(place.address, place.port)
         self.port: int = self._socket.getsockname()[1]
         self._executive, self._library = executive, library
         self._robot, self._clock, self._place = robot, clock, place
+        self._questions = questions
         own = next(iter(names((place.address,), self.port)))
         self.url, self.token = f"http://{own}", access.new_token()
         self._access = access.Access(self.url, self.token, os.getpid())
@@ -146,8 +155,9 @@ class Server:
     def start(self) -> None:
         """Begin to answer."""
         self._end_events = self._executive.subscribe(self._hub.happened)
+        self._questions.watch = self._hub.happened
         self._stops = stops = Stops(self._executive)
-        api = Api(self._executive, stops, self._library, self._hub)
+        api = Api(self._executive, stops, self._library, self._hub, self._questions)
         bridge = Bridge(self._executive, stops, self._hub, self._robot, self._clock)
         app = App(api, self._rules(), self._clock, bridge.serve if self._place.rosbridge else None)
         self._server = _Uvicorn(_config(app))
@@ -158,6 +168,7 @@ class Server:
         """Answer no more, also where it never did; whoever waits or watches is let go."""
         if self._thread:
             self._end_events()
+            self._questions.watch = nobody
             self._loop.call_soon_threadsafe(self._hub.end)
             self._loop.call_soon_threadsafe(self._server.end)
             self._thread.join()

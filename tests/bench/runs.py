@@ -31,6 +31,7 @@ import logs
 from executive.executive import Event, Executive
 from executive.goal import GoalState
 from executive.goals import Policy
+from executive.live_library import LiveLibrary
 from executive.run import Run
 from hardware import (
     FIRMWARES,
@@ -48,7 +49,6 @@ from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
 from tests.network_doors import over_http, rosbridge_results, served
-from trees import Library
 
 Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]
 
@@ -145,9 +145,10 @@ def serving(
     (tasks / "21_swing21.yaml").write_text(SWING.format(number=21, angle=1.4))
     (tasks / "22_swing22.yaml").write_text(SWING.format(number=22, angle=-1.4))
     (tasks / "23_chain.yaml").write_text(CHAIN)
+    library = LiveLibrary(tasks, robot)
     with closing(Pool(robot, 1, clock)) as pool:
         made = Executive(
-            robot, link, Library(tasks), pool, folder, clock, 1, 5.0, ears, policy=Policy.QUEUE
+            robot, link, library, pool, folder, clock, 1, 5.0, ears, policy=Policy.QUEUE
         )
         made.start()
         made.arm_to("configure")
@@ -303,9 +304,7 @@ def _memory() -> float:
 
 def _threads() -> int:
     """Threads but those that still finish a recording."""
-    return sum(
-        thread.name not in ("recording", "recorder", "fsync") for thread in threading.enumerate()
-    )
+    return sum(thread.name != "recording" for thread in threading.enumerate())
 
 
 def _descriptors() -> int:
