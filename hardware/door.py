@@ -108,6 +108,10 @@ class Door:
         """Shut the door for good; a write that is under way ends first, and is told."""
         with self._lock:
             self._closed = True
+        self.tell()
+
+    def tell(self) -> None:
+        """See that all that was written is told, also where another thread is at it."""
         self._outbox.deliver(PATIENCE)
 
     def write(self, positions: Sequence[float], claim: Claim, scheduled: float) -> bool:

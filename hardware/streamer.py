@@ -204,6 +204,7 @@ class Streamer:
 
     def _drop(self, state: PlaybackState, error: HardwareError | None = None) -> None:
         """End what is played, whoever plays it, and wake the thread."""
+        self._door.tell()  # the end of a motion is told after the last of its frames
         with self._signal:
             playback, self._playback = self._playback, None
             if playback:
@@ -236,6 +237,7 @@ class Streamer:
     def _end(
         self, playback: Playback, state: PlaybackState, error: HardwareError | None = None
     ) -> None:
+        self._door.tell()
         with self._signal:
             self._door.give_up(playback.claim)
             playback.end(state, error)

@@ -12,6 +12,7 @@ from hardware import (
     Arm,
     ArmEvent,
     FrameSent,
+    Playback,
     PlaybackState,
     PortLost,
     StaleGeneration,
@@ -173,6 +174,34 @@ def test_who_is_told_may_want_a_lock_whose_owner_stops_the_arm(
     owner.join(5)
     assert not owner.is_alive()
     arm.shutdown()
+
+
+def test_the_hold_is_told_before_the_end_of_its_motion() -> None:
+    rig, told, ended = Rig(), list[str](), threading.Event()
+
+    def observe(event: ArmEvent) -> None:
+        if not isinstance(event, FrameSent):
+            return
+        if event.scheduled is None:
+            told.append("hold")
+        elif not stopper.ident:
+            stopper.start()
+            ended.wait(0.1)  # as long as this takes, the hold must wait, and so must the end
+
+    def changed() -> None:
+        if playback and playback[0].state is not PlaybackState.PLAYING and not ended.is_set():
+            told.append("end")
+            ended.set()
+
+    arm = Arm(ROBOT, rig.link, rig.clock, observe)
+    stopper, playback = threading.Thread(target=arm.stop), list[Playback]()
+    arm.configure()
+    arm.activate()
+    playback.append(arm.play(motion(HOME, PICK, 4.0), changed, "test", arm.generation))
+    assert ended.wait(5)
+    stopper.join(5)
+    arm.shutdown()
+    assert told == ["hold", "end"]
 
 
 def test_stops_at_any_instant_leave_one_hold_and_lose_nothing() -> None:
