@@ -37,7 +37,7 @@ def test_an_arm_that_is_not_active_does_nothing(server: RigMaker) -> None:
     outcome = run(arm, 1)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.not_active")
     assert outcome.cause
-    assert outcome.cause.hint == "configure and activate it"
+    assert outcome.cause.hint == "activate it: armtree arm activate"
     assert arm.opened == 0
 
 
