@@ -210,7 +210,7 @@ class Arm:
         self._cancel()
         self._hold(self.robot.brake)
 
-    def fault(self, cause: Exception) -> None:
+    def fault(self, cause: BaseException) -> None:
         """Take the arm out of *active*, for this error; coming back is a person's act.
 
         The first fault of an activation counts; those that follow from it are not told again.
@@ -312,8 +312,8 @@ class Arm:
         logger.info("Starting the arm on port %s: it %s", port, self.robot.firmware.on_reset)
         self._connection = connection = self._connect(self._link)
         try:
-            connection.open()
             self._lookout = Lookout(port, self._clock, self._tell)
+            connection.open()
             self._boot(connection)
         except Exception as error:  # a driver may raise what it likes
             self._refusal = ours(error)

@@ -41,7 +41,7 @@ class Connection:
         clock: Clock,
         observe: Observer,
         active: Callable[[], bool],
-        fault: Callable[[Exception], None],
+        fault: Callable[[BaseException], None],
         heard: Callable[[], None],
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
@@ -116,7 +116,7 @@ class Connection:
                 if self.streamer:
                     self.streamer.heard()
                 self._heard()
-        except Exception as error:  # a driver may raise what it likes
+        except BaseException as error:  # a driver may raise what it likes
             self._fault(error)
 
 

@@ -31,7 +31,7 @@ class Dialogue:
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._banner = robot, robot.firmware.banner
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # a signal's handler may stop the arm
         self._unfinished = b""
         self._taken = self._sum = 0
         # Of each frame that it has not acknowledged: when it went out, and its sum after it.

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 from .clock import Clock
 from .dialogue import Dialogue
-from .errors import BadPosition, NotActive, TooFast
+from .errors import BadPosition, DriverFailed, LinkError, NotActive, TooFast
 from .events import PATIENCE, CommandSent, FrameSent, Observer, Outbox
 from .frames import Frame, check_position
 from .interfaces import Claim, Claims, command_interfaces
@@ -153,7 +153,8 @@ class Door:
         """
         with self._lock:
             self._claims.end()
-            if self._hold_due:
+            due, self._hold_due = self._hold_due, False  # a signal's handler may come in between
+            if due:
                 self._check_active()
                 self._send(self._holds, self._commanded, None)
         self._outbox.deliver()
@@ -191,6 +192,8 @@ class Door:
     def _put(self, data: bytes) -> None:
         try:
             self._link.write(data)
-        except BaseException:
+        except BaseException as error:
             self._closed = True  # what the board got is unknown, so nothing may follow
-            raise
+            if isinstance(error, LinkError) or not isinstance(error, Exception):
+                raise
+            raise DriverFailed(error) from error  # also one of ours that only a guard may raise

@@ -220,7 +220,7 @@ class DriverFailed(HardwareError):
 
     code = "hw.driver"
 
-    def __init__(self, cause: Exception) -> None:
+    def __init__(self, cause: BaseException) -> None:
         self.__cause__ = cause
         super().__init__(
             f"The driver failed: {cause!r}. What the board got last is unknown. Mend the driver, "
@@ -228,7 +228,7 @@ class DriverFailed(HardwareError):
         )
 
 
-def ours(error: Exception) -> HardwareError:
+def ours(error: BaseException) -> HardwareError:
     """An error of ours, whatever came out of a driver."""
     return error if isinstance(error, HardwareError) else DriverFailed(error)
 

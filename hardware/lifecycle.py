@@ -115,13 +115,12 @@ class Lifecycle:
         Raises:
             TransitionRefused: Not legal now, or another transition is under way.
         """
+        if self.state in _PRIMARY:
+            self._check(label)  # what is illegal must not be in the way of an error
         if not self._changing.acquire(blocking=False):
             raise TransitionRefused(f"cannot {label} now: {self.state.value} is under way")
         try:
-            if label not in self.legal():
-                raise TransitionRefused(
-                    f"cannot {label} while {self.state.value}; legal: {', '.join(self.legal())}"
-                )
+            self._check(label)
             self._fire(label)
             while self.state not in _PRIMARY:
                 self._fire(self._call().value)
@@ -132,6 +131,12 @@ class Lifecycle:
     def legal(self) -> list[str]:
         """The requests that the present state allows."""
         return [label for label, start, _ in REQUESTS if start is self.state]
+
+    def _check(self, label: str) -> None:
+        if label not in self.legal():
+            raise TransitionRefused(
+                f"cannot {label} while {self.state.value}; legal: {', '.join(self.legal())}"
+            )
 
     def _call(self) -> Result:
         callback = self._callbacks.get(self.state, lambda: Result.SUCCESS)

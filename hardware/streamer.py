@@ -103,7 +103,7 @@ class Streamer:
         dialogue: Dialogue,
         clock: Clock,
         period: float,
-        fault: Callable[[Exception], None],
+        fault: Callable[[BaseException], None],
     ) -> None:
         self._door, self._dialogue, self._clock = door, dialogue, clock
         self._period, self._fault = period, fault
@@ -218,8 +218,8 @@ class Streamer:
             while playback := self._next():
                 self._play_to_its_end(playback)
         except NotActive:
-            return  # who took the arm out of *active* closes this streamer and says why
-        except Exception as error:  # a driver may raise what it likes
+            self.close()  # who took the arm out of *active* says why
+        except BaseException as error:  # a driver may raise what it likes
             self._fault(error)
 
     def _play_to_its_end(self, playback: Playback) -> None:

@@ -18,10 +18,12 @@ from hardware import (
     BoardLink,
     DriverFailed,
     HardwareError,
+    NotActive,
     PlaybackState,
     PortBusy,
     PortLost,
     PortStalled,
+    StaleGeneration,
     State,
     StateChanged,
     TransitionRefused,
@@ -279,6 +281,24 @@ def test_what_a_driver_raises_ends_the_motion_with_its_cause_named(
         assert isinstance(fault, DriverFailed)
         assert (fault.code, fault.__cause__) == ("hw.driver", error)
         assert f"The driver failed: {error!r}" in str(fault)
+
+
+@pytest.mark.parametrize("error", [NotActive("theirs"), StaleGeneration("theirs"), SystemExit(3)])
+def test_not_even_errors_of_ours_out_of_a_driver_leave_a_motion_without_end(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    rig.start()
+
+    def fail(data: bytes) -> None:
+        raise error
+
+    monkeypatch.setattr(rig.link, "write", fail)
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+    rig.wait(1.0)
+    settled(rig, State.UNCONFIGURED)
+    assert playback.state is PlaybackState.FAILED
+    assert isinstance(playback.error, DriverFailed)
+    assert playback.error.__cause__ is error
 
 
 @pytest.mark.parametrize("act", [Arm.stop, Arm.deactivate, Arm.shutdown])

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from hardware import (
     FIRMWARES,
     ArmEvent,
+    DriverFailed,
     FrameSent,
     NotActive,
     PortLost,
@@ -75,11 +76,12 @@ def test_after_a_failed_write_nothing_follows() -> None:
     with pytest.raises(PortLost):
         rig.write(degrees(2))
     rig.link.open()  # as if it came back
+    with pytest.raises(NotActive):
+        rig.door.hold()
     for _ in range(2):
         with pytest.raises(NotActive):
             rig.write(degrees(3))
-        with pytest.raises(NotActive):
-            rig.door.hold()
+        rig.door.hold()  # the hold that was due is given up
     assert rig.sent == ["b091,s090,e090,g000,"]
     assert rig.door.commanded == degrees(1)
 
@@ -93,6 +95,22 @@ def test_a_failed_hold_is_not_repeated() -> None:
     rig.link.open()
     rig.door.hold()
     assert len(rig.sent) == 1
+
+
+def test_a_hold_within_a_hold_writes_one_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a signal's handler stops an arm that is being stopped."""
+    rig = Rig()
+    rig.write(degrees(1))
+    check = rig.door._check_active
+
+    def interrupted() -> None:
+        monkeypatch.setattr(rig.door, "_check_active", check)
+        rig.door.hold()
+        check()
+
+    monkeypatch.setattr(rig.door, "_check_active", interrupted)
+    rig.door.hold()
+    assert rig.sent == ["b091,s090,e090,g000,"] * 2
 
 
 def test_a_closed_door_stays_closed() -> None:
@@ -173,20 +191,22 @@ def test_slow_writes_overrun_no_board(frames: list[tuple[int, float, float]]) ->
     assert rig.link.board.state(rig.clock.now()).lost == 0
 
 
+@pytest.mark.parametrize("error", [OSError("not ours"), NotActive("not by us"), SystemExit()])
 @pytest.mark.parametrize("act", [Rig.write, lambda rig, _: rig.door.greet()])
 def test_after_whatever_a_driver_raises_nothing_follows(
-    act: Callable[[Rig, tuple[float, ...]], object],
+    act: Callable[[Rig, tuple[float, ...]], object], error: BaseException
 ) -> None:
     rig = Rig(FIRMWARES["armtree"])
     rig.dialogue.hear(rig.link.read())
     rig.write(degrees(1))
 
     def fail() -> None:
-        raise OSError("a driver that is not ours")
+        raise error
 
     rig.link.meanwhile = fail
-    with pytest.raises(OSError, match="not ours"):
+    with pytest.raises((DriverFailed, SystemExit)) as raised:
         act(rig, degrees(2))
+    assert error in (raised.value, raised.value.__cause__)
     with pytest.raises(NotActive):
         rig.door.hold()
 

@@ -177,6 +177,26 @@ def test_callbacks_see_the_transition_state() -> None:
     assert not machine.lifecycle.changing
 
 
+def test_an_illegal_request_is_not_in_the_way_of_an_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    machine = Machine("active")
+    lifecycle = machine.lifecycle
+    legal = lifecycle.legal
+    error = threading.Thread(target=lifecycle.request, args=("raise_error",))
+
+    def meanwhile() -> list[str]:
+        monkeypatch.setattr(lifecycle, "legal", legal)
+        error.start()
+        error.join(5)
+        return legal()
+
+    monkeypatch.setattr(lifecycle, "legal", meanwhile)
+    with pytest.raises(TransitionRefused):
+        lifecycle.request("activate")
+    assert lifecycle.state is State.UNCONFIGURED
+
+
 def test_a_second_caller_is_refused_at_once() -> None:
     machine = Machine("unconfigured")
     entered, leave = threading.Event(), threading.Event()
