@@ -17,12 +17,14 @@ EXAMPLES = SHIPPED / "examples"
 HEAD = "task: 3\nname: x\ndescription: y\n"
 MOVE = "{subtree: move_joints, with: {joints: upright}}"
 SAY = "Say: {text: a}"
+GO = "{sequence: [{SetStart: {start: $s}}, {subtree: go, with: {start: $s, "
 
 
 def found(robot: Robot, folder: Path, text: str) -> list[str]:
     """The mistakes in a task file, each `line:column message`."""
     (folder / "3_x.yaml").write_text(text)
     mistakes = check(robot, None, [folder / "3_x.yaml"]).mistakes
+    assert {m.place.path for m in mistakes} <= {folder / "3_x.yaml"}
     return [f"{m.place.line}:{m.place.column} {m.message}" for m in mistakes]
 
 
@@ -103,8 +105,26 @@ WRONG = [
         "{sequence: [{Set: {value: 1, key: $a}}, {Say: {text: $a}}]}",
         "Say.text: $a is a number, not a text",
     ),
-    ("{subtree: move_joints, with: {joints: {joint_1: 200 deg}}}", "joint_1"),
+    ("{subtree: move_joints, with: {joints: {joint_1: 200 deg}}}", "4:46 Target: joint_1"),
     ("{subtree: move_joints, with: {joints: {joint_9: 1}}}", "joint_9 is no joint of the robot"),
+    ("{subtree: move_joints, with: {joints: {joint1: 1}}}", "did you mean joint_1?"),
+    ("{subtree: move_relative, with: {by: {jiont_2: 1}}}", "did you mean joint_2?"),
+    ("{subtree: move_relative, with: {by: {joint_1: .nan}}}", "4:44 Shift: joint_1 by nan rad"),
+    ("{subtree: move_relative, with: {by: {joint_1: -100}}}", "further than its limits are apart"),
+    (
+        "{subtree: reach, with: {arm: upright, gripper: {joint4: 0}}}",
+        "4:55 CheckBounds: joint4 is no joint of the gripper",
+    ),
+    (f"{GO}goal: upright}}}}]}}", "4:82 PlanArm: the goal lacks joint_4; it must name joint_1, j"),
+    (
+        f"{GO}goal: {{joint_1: 9, joint_2: 0, joint_3: 0, joint_4: 0}}}}}}]}}",
+        "4:83 PlanArm: joint_1",
+    ),
+    (
+        "{sequence: [{SetStart: {start: $s}}, {PlanArm: {start: $s, goal: {joint_1: 0, joint_2: 0,"
+        " joint_3: 0, joint_4: 0}, via: [{joint_1: 0, joint_2: 0, joint_3: 7}], plan: $p}}]}",
+        "PlanArm: joint_3 = 7.0 rad",
+    ),
     ("{subtree: move_joints, with: {joints: {joint_1: 80 dge}}}", "did you mean deg?"),
     ("{subtree: move_joints, with: {joints: upwright}}", "no pose upwright; there are"),
     ("{subtree: move_joints, with: {joints: upwright}}", "did you mean upright?"),
@@ -149,6 +169,18 @@ PARAMETERS = [
 def test_wrong_parameters(robot: Robot, tmp_path: Path, text: str, words: str) -> None:
     mistakes = found(robot, tmp_path, tree("{Wait: {duration: $a}}", f"parameters: {text}\n"))
     assert any(words in mistake for mistake in mistakes), mistakes
+
+
+def test_one_joint_misspelt_in_several_files_is_told_in_each(robot: Robot, tmp_path: Path) -> None:
+    for number in (3, 4, 5):
+        text = tree("{subtree: move_joints, with: {joints: {joint1: 0}}}")
+        (tmp_path / f"{number}_x.yaml").write_text(text.replace("task: 3", f"task: {number}"))
+    mistakes = check(robot, tmp_path).mistakes
+    assert [m.place.path.name for m in mistakes] == ["3_x.yaml", "4_x.yaml", "5_x.yaml"]
+
+
+def test_a_mistake_that_two_skills_see_is_told_once(robot: Robot, tmp_path: Path) -> None:
+    assert len(found(robot, tmp_path, tree(f"{GO}goal: upright}}}}]}}"))) == 1
 
 
 def test_all_kinds_of_mistakes_of_a_file_at_once(robot: Robot, tmp_path: Path) -> None:

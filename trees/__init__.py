@@ -22,7 +22,7 @@ from .nodes import (
     TreeNode,
     Value,
 )
-from .values import ANY, LIST, TYPES, UNITS, Declaration, choices, fit, words
+from .values import ANY, LIST, TYPES, UNITS, Declaration, choices, fit, meant, words
 
 __all__ = [
     "ANY",
@@ -55,6 +55,7 @@ __all__ = [
     "Value",
     "choices",
     "fit",
+    "meant",
     "nested",
     "parse_value",
     "read_text",

@@ -54,6 +54,7 @@ class Leaf:
         namespace: Of its keys.
         keys: Full names of keys, by port.
         inputs: Values that are spelled out, by port.
+        written: The same as they are written.
     """
 
     skill: Skill
@@ -61,6 +62,7 @@ class Leaf:
     namespace: str
     keys: Mapping[str, str]
     inputs: Mapping[str, Any]
+    written: Mapping[str, Located]
 
 
 class Assembly:
@@ -264,7 +266,8 @@ class Assembly:
         skill: Skill = kind(shown or spec.skill, self._context)
         inputs, types = self._inputs(spec, kind, wired)
         self._outputs(spec, kind, wired, types)
-        self.leaves.append(Leaf(skill, spec.place, scope.namespace, keys, inputs))
+        written = {p: v for p, v in wired.items() if isinstance(v, Located) and p in inputs}
+        self.leaves.append(Leaf(skill, spec.place, scope.namespace, keys, inputs, written))
         return skill
 
     def _forgive(self, values: Iterable[Value], scope: Scope) -> None:
