@@ -171,6 +171,41 @@ def test_wrong_parameters(robot: Robot, tmp_path: Path, text: str, words: str) -
     assert any(words in mistake for mistake in mistakes), mistakes
 
 
+UNKNOWN = [
+    ("integer", "{repeat: Succeed, times: $a}"),
+    ("integer", "{retry: CheckHardware, attempts: $a}"),
+    ("duration", "{timeout: {Wait: {duration: 5}}, after: $a}"),
+    ("{type: duration, min: 1}", "{Wait: {duration: $a}}"),
+    ("length", "{AddBox: {body: b, position: [0, 0, $a], size: [$a, $a, 1]}}"),
+    ("{type: text, choices: [all, any]}", "{parallel: [Succeed], policy: $a}"),
+    ("text", "{Ask: {question: a, wanted: $a}}"),
+    ("angle", "{subtree: move_joints, with: {joints: {joint_1: $a}}}"),
+    ("positions", "{sequence: [{SetStart: {start: $s}}, {PlanArm: {start: $s, goal: {joint_1: 0,"
+     " joint_2: 0, joint_3: 0, joint_4: 0}, via: [$a], plan: $p}}]}"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "text"), UNKNOWN)
+def test_a_parameter_without_a_default_stands_anywhere(
+    robot: Robot, tmp_path: Path, kind: str, text: str
+) -> None:
+    assert found(robot, tmp_path, tree(text, f"parameters: {{a: {kind}}}\n")) == []
+    (tmp_path / "within.yaml").write_text(
+        f"subtree: within\ndescription: x\nports: {{a: {kind}}}\ntree: {text}\n"
+    )
+    assert not check(robot, None, [tmp_path / "within.yaml"]).mistakes
+    text = tree("{subtree: within, with: {a: $b}}", f"parameters: {{b: {kind}}}\n")
+    assert found(robot, tmp_path, text) == []
+
+
+@pytest.mark.parametrize(("_", "text"), UNKNOWN)
+def test_a_parameter_of_another_type_stands_nowhere(
+    robot: Robot, tmp_path: Path, _: str, text: str
+) -> None:
+    (mistake, *_more) = found(robot, tmp_path, tree(text, "parameters: {a: boolean}\n"))
+    assert "$a is true or false, not" in mistake
+
+
 def test_one_joint_misspelt_in_several_files_is_told_in_each(robot: Robot, tmp_path: Path) -> None:
     for number in (3, 4, 5):
         text = tree("{subtree: move_joints, with: {joints: {joint1: 0}}}")

@@ -1,6 +1,5 @@
 """Putting a tree together from its files, node by node, and noting every mistake on the way."""
 
-import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,6 @@ from skills import Context, Port, Skill
 from trees import (
     ANY,
     KINDS,
-    LIST,
     UNTYPED,
     ControlNode,
     Declaration,
@@ -24,6 +22,7 @@ from trees import (
     Mistakes,
     Place,
     SkillNode,
+    StandIn,
     SubtreeFile,
     SubtreeNode,
     TaskFile,
@@ -63,6 +62,11 @@ class Leaf:
     keys: Mapping[str, str]
     inputs: Mapping[str, Any]
     written: Mapping[str, Located]
+
+    @property
+    def known(self) -> Mapping[str, Any]:
+        """The inputs of which the whole value is known before the task is called."""
+        return {port: value for port, value in self.inputs.items() if not _stands_in(value)}
 
 
 class Assembly:
@@ -113,8 +117,10 @@ class Assembly:
         self.wrong = self.mistakes.add
         self.files[task.path.name] = task.text
         self._sources.load_poses(self.mistakes)
-        given = self._arguments(task, arguments, namespace)
-        root = self.node(task.tree, Scope(namespace, given), task.name)
+        given = self._arguments(task, arguments)
+        unknown = {name: p for name, p in task.parameters.items() if name not in given}
+        stand_ins = self._stand_ins(unknown, namespace) if arguments is None else {}
+        root = self.node(task.tree, Scope(namespace, given, stand_ins=stand_ins), task.name)
         self._finish(root)
         return root
 
@@ -123,27 +129,26 @@ class Assembly:
         self.mistakes, self.wrong = known, known.add
         self._sources.load_poses(self.mistakes)
         inputs = {name: port for name, port in file.ports.items() if not port.output}
-        self.keys.written |= {
-            f"{namespace}/{name}": port.type or ANY for name, port in inputs.items()
-        }
-        stand_ins = {
-            name: _stand_in(port, file.tree.place)
-            for name, port in inputs.items()
-            if not port.type.startswith(("positions", LIST))
-        }
+        stand_ins = self._stand_ins(inputs, namespace)
         root = self.node(file.tree, Scope(namespace, {}, (file.name,), stand_ins), file.name)
         self._finish(root)
         return root
 
+    def _stand_ins(self, declared: Mapping[str, Declaration], namespace: str) -> dict[str, StandIn]:
+        """What stands for values that nobody has given yet, by the full name of their keys."""
+        kinds = {name: port.type or ANY for name, port in declared.items()}
+        self.keys.written |= {f"{namespace}/{name}": kind for name, kind in kinds.items()}
+        return {f"{namespace}/{name}": StandIn(name, kind) for name, kind in kinds.items()}
+
     def _finish(self, root: Behaviour) -> None:
         if not self.mistakes.found:
             shortest: dict[Behaviour, float] = {
-                leaf.skill: type(leaf.skill).shortest(leaf.inputs) for leaf in self.leaves
+                leaf.skill: type(leaf.skill).shortest(leaf.known) for leaf in self.leaves
             }
             check_flow(root, shortest, self._places, self.mistakes)
 
     def _arguments(
-        self, task: TaskFile, arguments: Mapping[str, Located] | None, namespace: str
+        self, task: TaskFile, arguments: Mapping[str, Located] | None
     ) -> dict[str, Value]:
         for name, value in (arguments or {}).items():
             if name not in task.parameters:
@@ -157,11 +162,7 @@ class Assembly:
             taken = self._given(name, declared, known.get(name))
             if taken is not None:
                 given[name] = taken
-            elif arguments is None and declared.type.startswith(("positions", LIST)):
-                self.keys.written[f"{namespace}/{name}"] = declared.type
-            elif arguments is None:
-                given[name] = _stand_in(declared, task.tree.place)
-            else:
+            elif arguments is not None:
                 place = task.tree.place
                 at = Place(place.path, 1, 1, "parameters", place.lines)
                 self.wrong(at, f"the parameter {name} must be given, with --set {name}=VALUE")
@@ -208,7 +209,8 @@ class Assembly:
             self._check_names(spec.values, source.declared, f"{source.what} of {what}")
             ports = self._ports(spec, source, scope, what)
             if ports is not None:
-                inner = Scope(f"{scope.namespace}/{source.name}_{self._nodes}", ports, way)
+                namespace = f"{scope.namespace}/{source.name}_{self._nodes}"
+                inner = Scope(namespace, ports, way, scope.stand_ins)
                 node = self.node(source.tree, inner, shown or source.name)
                 self._check_written(spec, source, ports, what)
                 return node
@@ -338,20 +340,11 @@ class Assembly:
                 self.wrong(given[port].label, f"{port} is no {what}; there are {there}")
 
 
-def _stand_in(declared: Declaration, place: Place) -> Located:
-    """A value for a parameter that is given only when the task is called."""
-    value: bool | str | float
-    match declared.type:
-        case "boolean":
-            value = False
-        case "text":
-            value = declared.choices[0] if declared.choices else "text"
-        case kind:
-            least = -math.inf if declared.least is None else declared.least
-            most = math.inf if declared.most is None else declared.most
-            number = min(max(0.0, least), most)
-            value = int(number) if kind == "integer" else number
-    return Located(place, value, place)
+def _stands_in(value: Any) -> bool:
+    """Whether a value, or one within it, is not known yet."""
+    if isinstance(value, Mapping):
+        return any(map(_stands_in, value.values()))
+    return any(map(_stands_in, value)) if isinstance(value, list) else isinstance(value, StandIn)
 
 
 def _type_of(value: object) -> str:

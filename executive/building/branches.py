@@ -1,5 +1,6 @@
 """The nodes that hold others: made from their specs, with what is known of keys on every branch."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -8,12 +9,15 @@ from py_trees.composites import Selector, Sequence
 from py_trees.decorators import FailureIsSuccess, Inverter
 
 from skills import Context, Skill
-from trees import KINDS, ControlNode, Declaration, Key, SkillNode, TreeNode, choices
+from trees import KINDS, ControlNode, Declaration, Key, Located, SkillNode, TreeNode, choices
 
 from .control import Guard, ReactiveSelector, ReactiveSequence, Repeat, Retry, Timeout, WaitFor
 from .join import Join, Race
 from .keys import Keys
 from .scope import Scope
+
+# Options that are given only when the task is called, as what ends and hurries nothing.
+_UNKNOWN: Mapping[str, Any] = {"times": 1, "attempts": 1, "after": math.inf}
 
 if TYPE_CHECKING:
     from .assembly import Assembly
@@ -43,6 +47,10 @@ class Branches:
 
     def _option(self, spec: ControlNode, option: str, declared: Declaration, scope: Scope) -> Any:
         value = self._assembly.resolve(spec.options.get(option), scope)
+        if isinstance(value, Key) and value.name in scope.stand_ins:
+            stand_in = Located(value.place, scope.stand_ins[value.name], value.label)
+            self._assembly.fit(stand_in, declared, f"{spec.kind}: {option}")
+            return _UNKNOWN.get(option, declared.default)
         if isinstance(value, Key):
             self._assembly.wrong(value.place, f"{spec.kind}: {option} must be known before the run")
             return declared.default

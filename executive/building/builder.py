@@ -80,7 +80,7 @@ def build(
         raise FileError(assembly.mistakes.found)
     for leaf in assembly.leaves:
         try:
-            type(leaf.skill).judge(context.robot, leaf.inputs)
+            type(leaf.skill).judge(context.robot, leaf.known)
         except SkillError as error:
             place = _place(leaf, error)
             at = f"{place.path.name}:{place.line}:{place.column}"
@@ -98,7 +98,7 @@ def refusals(leaves: list[Leaf], robot: Robot) -> list[Mistake]:
     refused: dict[tuple[Place, str], Mistake] = {}
     for leaf in leaves:
         try:
-            type(leaf.skill).judge(robot, leaf.inputs)
+            type(leaf.skill).judge(robot, leaf.known)
         except (SkillError, MotionError) as error:
             place, why = _place(leaf, error), f"{error}{_meant(error, robot)}"
             # What several skills refuse alike is told once.
@@ -135,7 +135,7 @@ def poses(leaves: list[Leaf], robot: Robot) -> list[tuple[Place, tuple[float, ..
     return [
         (_target(leaf), pose)
         for leaf in leaves
-        for pose in type(leaf.skill).poses(robot, leaf.inputs)
+        for pose in type(leaf.skill).poses(robot, leaf.known)
     ]
 
 

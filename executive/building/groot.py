@@ -3,6 +3,7 @@
 It shows the tree; there are no nodes of these names in C++ that would move an arm.
 """
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
 
@@ -90,7 +91,9 @@ def _control(kind: str, node: Behaviour | None) -> tuple[str, dict[str, str]]:
         case Repeat():
             return "Repeat", {"num_cycles": str(node.times or -1)}
         case Timeout():
-            return "Timeout", {"msec": str(round(node.after * 1000))}
+            # Without an end where that is given only when the task is called.
+            msec = round(node.after * 1000) if math.isfinite(node.after) else 0
+            return "Timeout", {"msec": str(msec)}
         case Guard() if not node.pause:
             return "ReactiveSequence", {}
     counts: Callable[[int, int], dict[str, str]] = lambda success, failure: {  # noqa: E731

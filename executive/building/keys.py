@@ -5,7 +5,7 @@ What is known at a node is what every way to it has written.
 
 from dataclasses import dataclass, field
 
-from trees import ANY, Key, Mistakes, words
+from trees import Key, Mistakes, type_fits, words
 
 
 @dataclass
@@ -40,7 +40,7 @@ class Keys:
         self.unread.pop(key.name, None)
         if not written:
             mistakes.add(key.place, f"nothing has written ${name} when {what} reads it")
-        elif written != ANY and wanted not in (written, ANY, "") and not _fits(written, wanted):
+        elif not type_fits(written, wanted):
             mistakes.add(key.place, f"{what}: ${name} is {words(written)}, not {words(wanted)}")
         return written
 
@@ -82,8 +82,3 @@ def _same(first: dict[str, Key], second: dict[str, Key]) -> set[str]:
 def short(key: Key) -> str:
     """A key as the file calls it."""
     return key.name.rpartition("/")[2]
-
-
-def _fits(written: str, wanted: str) -> bool:
-    """A bare number measures anything, and anything is a number."""
-    return wanted == "number" and written in ("angle", "duration", "length")
