@@ -40,17 +40,19 @@ RIGHT = [
     "{repeat: {Compare: {left: 1, is: '<', right: 2}}}",
     "{selector: [{Fail: {reason: a}}, {Say: {text: b}}]}",
     "{force_success: {Fail: {reason: a}}}",
+    "{guard: Succeed, while: {selector: [CheckHardware, {inverter: CheckHardware}]}}",
+    "{sequence: [{selector: [{sequence: [{Set: {value: 1, key: $a}}, {Say: {text: a, value: $a}},"
+    " CheckHardware]}, {sequence: [{Set: {value: b, key: $a}}, {Say: {text: $a}}]}]}, Succeed]}",
     "{inverter: CheckHardware}",
     "{guard: Succeed, while: {inverter: CheckHardware}}",
     "{sequence: [{Set: {value: 1, key: $a}}, {Compare: {left: $a, is: '<', right: 2}}]}",
-    "{selector: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}], name: w}",
     "{subtree: move_joints, with: {joints: {joint_1: -80 deg, joint_3: -0.1 rad}}}",
     "{task: 1}",
     "{Say: {text: $$5}}",
 ]
 
 
-@pytest.mark.parametrize("text", [line for line in RIGHT if "name: w" not in line])
+@pytest.mark.parametrize("text", RIGHT)
 def test_right(robot: Robot, tmp_path: Path, text: str) -> None:
     assert found(robot, tmp_path, tree(text)) == []
 
@@ -79,6 +81,19 @@ WRONG = [
     ("{sequence: [Succeed], memory: off}", "'off' is not true or false"),
     ("{guard: Succeed}", "guard needs while: the condition"),
     ("{guard: Succeed, while: {Wait: {duration: 1}}}", "Wait acts, and cannot be a condition"),
+    (
+        "{guard: Succeed, while: {selector: [CheckHardware, {retry: CheckHardware, attempts: 2}]}}",
+        "4:58 retry may take time, and while asks for an answer at once",
+    ),
+    (
+        "{guard: Succeed, while: {guard: CheckHardware, while: CheckHardware, otherwise: pause}}",
+        "guard may take time",
+    ),
+    (
+        "{sequence: [{selector: [{sequence: [{Set: {value: 1, key: $a}}, CheckHardware]},"
+        " {Set: {value: b, key: $a}}]}, {Compare: {left: $a, is: '<', right: 2}}]}",
+        "Compare.left: $a is a number or a text, by the way that was taken before",
+    ),
     ("{wait_for: SetStart}", "SetStart acts, and cannot be a condition"),
     ("{inverter: [Succeed]}", "a node is one of"),
     ("{timeout: CheckHardware, after: $x}", "timeout: after must be known before the run"),

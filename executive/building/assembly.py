@@ -79,6 +79,7 @@ class Assembly:
     Attributes:
         mistakes: What is wrong.
         leaves: The skills, in the order of the file.
+        places: Where the nodes stand.
         controls: What the nodes above them are: a key of `KINDS`, and the values of its options.
         files: What was read, by name.
     """
@@ -89,7 +90,7 @@ class Assembly:
         self._branches = Branches(self, context)
         self.known = known_skills()
         self.keys = Keys()
-        self._places: dict[Behaviour, Place] = {}
+        self.places: dict[Behaviour, Place] = {}
         self._nodes = 0
         self.mistakes = Mistakes()
         self.leaves: list[Leaf] = []
@@ -145,7 +146,7 @@ class Assembly:
             shortest: dict[Behaviour, float] = {
                 leaf.skill: type(leaf.skill).shortest(leaf.known) for leaf in self.leaves
             }
-            check_flow(root, shortest, self._places, self.mistakes)
+            check_flow(root, shortest, self.places, self.mistakes)
 
     def _arguments(
         self, task: TaskFile, arguments: Mapping[str, Located] | None
@@ -192,7 +193,7 @@ class Assembly:
             if isinstance(spec, ControlNode)
             else self._skill(spec, scope, shown)
         )
-        self._places[node] = spec.place
+        self.places[node] = spec.place
         return node
 
     # Files

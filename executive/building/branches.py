@@ -92,6 +92,14 @@ class Branches:
     ) -> Behaviour:
         child, condition = (*spec.children, *[SkillNode(spec.place, "", {})] * 2)[:2]
         asked = self._condition(condition, scope)
+        for below in asked.iterate():
+            pauses = isinstance(below, Guard) and below.pause
+            if pauses or isinstance(below, Retry | Repeat | WaitFor):
+                self._assembly.wrong(
+                    self._assembly.places[below],
+                    f"{below.name} may take time, and while asks for an answer at once; the guard "
+                    "asks again by itself",
+                )
         children = [self._assembly.node(child, scope), asked]
         pause = options["otherwise"] == "pause"
         return Guard(shown, children, self._context, pause, options["every"] or 0.1)
