@@ -39,6 +39,7 @@ RIGHT = [
     "{parallel: [{repeat: {Say: {text: a}}}, {Wait: {duration: 1 min}}], policy: any}",
     "{repeat: {Compare: {left: 1, is: '<', right: 2}}}",
     "{selector: [{Fail: {reason: a}}, {Say: {text: b}}]}",
+    "{sequence: [CheckHardware, {Wait: {duration: 1}}], memory: false}",
     "{force_success: {Fail: {reason: a}}}",
     "{guard: Succeed, while: {selector: [CheckHardware, {inverter: CheckHardware}]}}",
     "{sequence: [{selector: [{sequence: [{Set: {value: 1, key: $a}}, {Say: {text: a, value: $a}},"
@@ -63,6 +64,15 @@ WRONG = [
     (f"{{repeat: {{{SAY}}}}}", "never ends: nothing in it can fail"),
     ("{parallel: [{repeat: Succeed}, {repeat: Succeed}], policy: any}", "no node of it can succ"),
     (f"{{retry: {{{SAY}}}, attempts: 2}}", "has nothing to retry"),
+    ("{repeat: {Fail: {reason: a}}}", "has nothing to repeat"),
+    (
+        "{sequence: [CheckHardware, {Wait: {duration: 1}}, Succeed], memory: false}",
+        "4:34 Wait acts, and without memory would begin anew",
+    ),
+    (
+        f"{{selector: [{MOVE}, Succeed], memory: false}}",
+        "4:19 SetStart acts, and without memory would begin anew",
+    ),
     (
         "{timeout: {Wait: {duration: 3}}, after: 2 s}",
         "always fails after 2 s; what it holds takes 3",

@@ -63,6 +63,7 @@ class Branches:
     ) -> Behaviour:
         children = [self._assembly.node(child, scope) for child in spec.children]
         if options["memory"] is False:
+            self._check_asked(spec, children)
             return ReactiveSequence(shown, children, self._context)
         return Sequence(shown, memory=True, children=children)
 
@@ -72,6 +73,7 @@ class Branches:
         children, ways = self._apart(spec, scope)
         self._assembly.keys.join(ways)
         if options["memory"] is False:
+            self._check_asked(spec, children)
             return ReactiveSelector(shown, children, self._context)
         return Selector(shown, memory=True, children=children)
 
@@ -129,15 +131,21 @@ class Branches:
 
     def _condition(self, spec: TreeNode, scope: Scope) -> Behaviour:
         node = self._assembly.node(spec, scope)
-        for below in node.iterate():
-            if isinstance(below, Skill) and not below.condition:
-                there = [name for name, kind in self._assembly.known.items() if kind.condition]
-                self._assembly.wrong(
-                    spec.place,
-                    f"{below.name} acts, and cannot be a condition; there are "
-                    f"{choices(below.name, there)}",
-                )
+        there = [name for name, kind in self._assembly.known.items() if kind.condition]
+        for name in _acting(node):
+            why = f"{name} acts, and cannot be a condition; there are {choices(name, there)}"
+            self._assembly.wrong(spec.place, why)
         return node
+
+    def _check_asked(self, spec: ControlNode, children: list[Behaviour]) -> None:
+        """See that what is done again and again, as long as a later node runs, only asks."""
+        for child, node in zip(spec.children[:-1], children, strict=False):
+            for name in _acting(node):
+                self._assembly.wrong(
+                    child.place,
+                    f"{name} acts, and without memory would begin anew for ever while a later node "
+                    "runs; only conditions may stand before the last node",
+                )
 
     def _apart(self, spec: ControlNode, scope: Scope) -> tuple[list[Behaviour], list[Keys]]:
         """Children of which none knows what another writes."""
@@ -150,6 +158,12 @@ class Branches:
         for way in ways:  # what one of them has read is read
             before.unread = {n: key for n, key in before.unread.items() if n in way.unread}
         return children, ways or [before]
+
+
+def _acting(node: Behaviour) -> list[str]:
+    """The skills that do more than ask."""
+    skills = (below for below in node.iterate() if isinstance(below, Skill))
+    return [skill.name for skill in skills if not skill.condition]
 
 
 def _moves(node: Behaviour) -> bool:
