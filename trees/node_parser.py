@@ -158,7 +158,9 @@ class NodeParser:
 
     def _wiring(self, value: Located, what: str) -> dict[str, Value]:
         if not isinstance(value.value, dict):
-            self._wrong(value.place, f"{what} must be a mapping, not {value}")
+            self._wrong(
+                value.place, f"{what} must be a mapping such as {{name: {value}}}, not {value}"
+            )
             return {}
         return {port: self.wired(item) for port, item in value.value.items()}
 
