@@ -11,7 +11,7 @@ import click
 from .options import PATH, recordings_option, robot_option, skills_option, trees_option
 
 if TYPE_CHECKING:
-    from trees import Declaration, Mistake
+    from trees import Declaration
 
 
 @click.command()
@@ -25,7 +25,7 @@ def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
     from .outcomes import last_outcomes
 
     library = Library(trees)
-    mistakes: list[Mistake] = []
+    mistakes = list(library.mistakes)
     outcomes = last_outcomes(recordings)
     for number in library.numbers():
         try:
