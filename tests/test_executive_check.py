@@ -82,7 +82,7 @@ WRONG = [
     ("{Wait: {duration: 2 days}}", "no unit days; there are h, min, ms, s"),
     ("{Wait: {duration: .nan}}", "is not finite"),
     ("{Wait: {duration: 1:30}}", "'1:30' is not a duration in s, ms, min or h"),
-    ("{Wait: {duration: true}}", "True is not a duration"),
+    ("{Wait: {duration: true}}", "true is not a duration"),
     ("{Say: hi}", "the ports of Say must be a mapping, not 'hi'; say which, as in {port: 'hi'}"),
     ("{retry: CheckHardware, attempts: 0}", "retry: attempts: 0 is less than 1"),
     ("{retry: CheckHardware, attempts: 1e3}", "1000.0 is not a whole number"),

@@ -75,8 +75,18 @@ class Located:
         return self.value
 
     def __str__(self) -> str:
-        text = repr(self.plain())
+        text = _written(self.plain())
         return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _written(plain: Any) -> str:
+    """A value about as YAML writes it."""
+    if isinstance(plain, dict):
+        return "{" + ", ".join(f"{key}: {_written(item)}" for key, item in plain.items()) + "}"
+    if isinstance(plain, list):
+        return "[" + ", ".join(map(_written, plain)) + "]"
+    words = {None: "null", True: "true", False: "false"}
+    return words[plain] if plain is None or isinstance(plain, bool) else repr(plain)
 
 
 def read_text(path: Path) -> str:

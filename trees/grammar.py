@@ -273,7 +273,7 @@ class _Parser:
             return {name: Declaration(UNTYPED) for name in self._names(value, key)}
         if not isinstance(value.value, dict):
             what = "a mapping of names to types" + (", or a list of names" if needed else "")
-            self._wrong(value.place, f"{key}: {value.value} is not {what}")
+            self._wrong(value.place, f"{key}: {value} is not {what}")
             return {}
         declared = {}
         for name, item in value.value.items():

@@ -92,7 +92,9 @@ def check(
         click.echo(json.dumps(_findings(findings)))
     elif findings.mistakes:
         click.echo("\n".join(map(str, findings.mistakes)), err=True)
-        click.echo(f"{len(findings.mistakes)} mistakes in {len(findings.files)} files", err=True)
+        count = len(findings.mistakes)
+        told = "1 mistake" if count == 1 else f"{count} mistakes"
+        click.echo(f"{told} in {len(findings.files)} files", err=True)
     else:
         click.echo(f"{len(findings.files)} files are right")
     if findings.mistakes:
