@@ -187,7 +187,8 @@ PARAMETERS = [
     ("{a: {default: 1}}", "a needs a type"),
     ("{a: {type: number, defalt: 1}}", "did you mean default?"),
     ("{b: number}", "nothing in the tree uses $b"),
-    ("[a]", "is not a mapping of names to types"),
+    ("[a]", "['a'] is not a mapping of names to types"),
+    ("{a: {type: text, choices: [x, x]}}", "choices: 'x' is given twice"),
 ]
 
 
@@ -366,3 +367,51 @@ def test_a_pose_that_the_robot_cannot_take(
     (mistake,) = check(robot, tmp_path, [tmp_path / "poses.yaml"]).mistakes
     assert (mistake.place.line, mistake.place.column) == (3, 3)
     assert words in mistake.message
+
+
+OWN_FILES = [
+    ("poses.yaml", "poses: [a]\n", "1:8 poses: ['a'] is not a mapping of names"),
+    ("poses.yaml", "poses:\n", "1:1 poses: null is not a mapping of names"),
+    ("poses.yaml", "poses: {x: {}}\n", "1:12 pose x names no joint"),
+    (
+        "poses.yaml",
+        "poses: {opne: {joint_4: 0}}\nreplaces: [opne]\n",
+        "2:1 replaces: no pose opne ships; there are closed, folded, open, right, upright; "
+        "did you mean open?",
+    ),
+    ("3_x.YAML", HEAD, "the name of a file of tasks ends in .yaml"),
+    ("look.yml", HEAD, "the name of a file of tasks ends in .yaml"),
+    (
+        "look.yaml",
+        "subtree: look\ndescription: x\nports: {a: {type: text, output: true}}\n"
+        "tree: {Set: {value: 1, key: $a}}\n",
+        "4:7 subtree look: a is a text, but written is a number",
+    ),
+    (
+        "look.yaml",
+        "subtree: look\ndescription: x\nports: {a: {type: text, output: true}}\n"
+        "tree: {selector: [CheckHardware, {Set: {value: b, key: $a}}]}\n",
+        "4:7 subtree look does not write a on every way through it",
+    ),
+    (
+        "look.yaml",
+        "subtree: look\ndescription: x\nports: {a: {type: text, output: true, default: b}}\n"
+        "tree: {Set: {value: b, key: $a}}\n",
+        "3:39 ports: a is written, and takes no default",
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "words"), OWN_FILES)
+def test_wrong_files_of_other_kinds(
+    robot: Robot, tmp_path: Path, name: str, text: str, words: str
+) -> None:
+    (tmp_path / name).write_text(text)
+    mistakes = check(robot, tmp_path).mistakes
+    assert any(words in f"{m.place.line}:{m.place.column} {m.message}" for m in mistakes), mistakes
+
+
+def test_a_task_within_braces_is_listed_too(robot: Robot, tmp_path: Path) -> None:
+    text = "{task: 3, name: x, description: y,\ntree: Succeed}\n"
+    assert found(robot, tmp_path, text) == []
+    assert Library(tmp_path).head(3).name == "x"

@@ -69,9 +69,11 @@ class Library:
                     self.mistakes += error.mistakes
 
     def _add(self, folder: Path, name: str) -> None:
-        if not name.endswith((".yaml", ".yml")):
+        if not name.lower().endswith((".yaml", ".yml")):
             return
         path = folder / name
+        if not name.endswith(".yaml") and not _ALMOST_TASK.fullmatch(name):
+            raise _misnamed(path, "is not read: the name of a file of tasks ends in .yaml")
         if named := _TASK.fullmatch(name):
             self._add_task(int(named[1]), path)
         elif _ALMOST_TASK.fullmatch(name):
@@ -242,6 +244,12 @@ def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:
         Mistake(file.labels[name].label, f"pose {name} ships; to replace it, add it to replaces")
         for name in file.poses
         if name in shipped and name not in file.replaces
+    ]
+    place = _top(file.path, file.text, "replaces")
+    mistakes += [
+        Mistake(place, f"replaces: no pose {name} ships; there are {choices(name, shipped)}")
+        for name in file.replaces
+        if name not in shipped
     ]
     if mistakes:
         raise FileError(mistakes)

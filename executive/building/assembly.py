@@ -29,6 +29,8 @@ from trees import (
     TreeNode,
     Value,
     choices,
+    type_fits,
+    words,
 )
 
 from .branches import Branches
@@ -132,6 +134,10 @@ class Assembly:
         inputs = {name: port for name, port in file.ports.items() if not port.output}
         stand_ins = self._stand_ins(inputs, namespace)
         root = self.node(file.tree, Scope(namespace, {}, (file.name,), stand_ins), file.name)
+        for name, port in file.ports.items():
+            if port.output:
+                key = f"{namespace}/{name}"
+                self._check_output(file.tree.place, f"subtree {file.name}", name, port, key)
         self._finish(root)
         return root
 
@@ -173,7 +179,8 @@ class Assembly:
         """What a parameter or port is given, else its default, checked; None for nothing."""
         if isinstance(declared.default, Located):
             self.fit(declared.default, declared, f"the default of {name}")
-            value = declared.default if value is None else value
+            if value is None:
+                return declared.default
         if isinstance(value, Located) and declared.type != UNTYPED:
             self.fit(value, declared, name)
         return value
@@ -245,8 +252,17 @@ class Assembly:
     ) -> None:
         for name, declared in source.declared.items():
             key = ports[name]
-            if declared.output and isinstance(key, Key) and key.name not in self.keys.written:
-                self.wrong(spec.place, f"{what} does not write {name} on every way through it")
+            if declared.output and isinstance(key, Key):
+                self._check_output(spec.place, what, name, declared, key.name)
+
+    def _check_output(
+        self, place: Place, what: str, name: str, declared: Declaration, key: str
+    ) -> None:
+        written = self.keys.written.get(key)
+        if written is None:
+            self.wrong(place, f"{what} does not write {name} on every way through it")
+        elif not type_fits(written, declared.type):
+            self.wrong(place, f"{what}: {name} is {declared}, but written is {words(written)}")
 
     # Skills
 
