@@ -407,8 +407,8 @@ def test_wrong_files_of_other_kinds(
     robot: Robot, tmp_path: Path, name: str, text: str, words: str
 ) -> None:
     (tmp_path / name).write_text(text)
-    mistakes = check(robot, tmp_path).mistakes
-    assert any(words in f"{m.place.line}:{m.place.column} {m.message}" for m in mistakes), mistakes
+    (mistake,) = check(robot, tmp_path).mistakes
+    assert words in f"{mistake.place.line}:{mistake.place.column} {mistake.message}"
 
 
 def test_a_task_within_braces_is_listed_too(robot: Robot, tmp_path: Path) -> None:
