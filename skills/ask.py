@@ -44,7 +44,9 @@ class Ask(Skill):
         """Refuse a wanted answer that cannot be given."""
         wanted, there = inputs.get("wanted", ""), inputs.get("choices", _CHOICES)
         if wanted and there and wanted not in there:
-            raise BadQuestion(f"{wanted} is wanted, but the choices are {', '.join(there)}")
+            raise BadQuestion(f"{wanted} is wanted, but the choices are {', '.join(there)}").at(
+                "wanted"
+            )
 
     def on_start(self) -> Status:
         """Put the question."""

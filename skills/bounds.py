@@ -1,7 +1,7 @@
 """Whether a target may be commanded at all."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from py_trees.common import Status
@@ -54,39 +54,91 @@ def _joined(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> Positio
     return Positions((joint.name, joined[joint.name]) for joint in robot.actuated)
 
 
-def check_targets(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> None:
+def check_targets(
+    robot: Robot,
+    targets: Mapping[str, Mapping[str, float]],
+    port: tuple[str | int, ...] | None = None,
+) -> None:
     """Check a target per group.
 
     Args:
         robot: Whose limits count.
         targets: Group name to joint name to position [rad]; a mimic joint may be left out.
+        port: The way to where all of them are written; None for each at the port of its group.
 
     Raises:
         BadTarget: An unknown or missing joint, or a mimic joint that contradicts its leader.
         OutOfBounds: Names every joint that is out, its value and its limits.
     """
-    wrong, out = list[str](), list[BadPosition]()
+    wrong, out = list[tuple[tuple[str | int, ...], str]](), list[BadPosition]()
+    ways = {group: (group,) if port is None else port for group in targets}
+    first: tuple[str | int, ...] = ()
     for group, target in targets.items():
-        wrong += _wrong_names(robot, group, target)
-        out += [error for name, q in target.items() if (error := _outside(robot, name, q))]
+        wrong += [((*ways[group], name), why) for name, why in _wrong_names(robot, group, target)]
+        outside = [error for name, q in target.items() if (error := _outside(robot, name, q))]
+        if outside and not out:
+            first = (*ways[group], outside[0].joint)
+        out += outside
     if out:
-        raise OutOfBounds(out)
+        raise OutOfBounds(out).at(*first)
     if wrong:
-        raise BadTarget("; ".join(wrong))
+        raise BadTarget("; ".join(why for _, why in wrong)).at(*wrong[0][0])
 
 
-def _wrong_names(robot: Robot, group: str, target: Mapping[str, float]) -> list[str]:
+def check_whole(robot: Robot, port: str, given: Mapping[str, float]) -> None:
+    """Check that a configuration names every joint that is moved.
+
+    Args:
+        robot: Whose joints.
+        port: Where it is written.
+        given: Joint name to position [rad].
+
+    Raises:
+        BadTarget: A joint is missing.
+    """
+    names = [joint.name for joint in robot.actuated]
+    if missing := [name for name in names if name not in given]:
+        raise BadTarget(
+            f"the {port} lacks {', '.join(missing)}; it must name {', '.join(names)}"
+        ).at(port)
+
+
+def by_group(robot: Robot, joints: Mapping[str, float], port: str) -> dict[str, dict[str, float]]:
+    """Positions of joints, apart by the groups of the robot.
+
+    Raises:
+        BadTarget: A name is no joint's.
+    """
+    known = [name for group in robot.groups.values() for name in group]
+    if unknown := [name for name in joints if name not in known]:
+        there = ", ".join(joint.name for joint in robot.joints)
+        raise BadTarget(f"{', '.join(unknown)} is no joint of the robot; it has {there}").at(
+            port, unknown[0]
+        )
+    return {
+        group: {name: joints[name] for name in names if name in joints}
+        for group, names in robot.groups.items()
+    }
+
+
+def _wrong_names(
+    robot: Robot, group: str, target: Mapping[str, float]
+) -> Iterator[tuple[str, str]]:
+    """Joints that are wrong, and why."""
     if group not in robot.groups:
-        return [f"the robot has no group {group}; it has {', '.join(robot.groups)}"]
+        yield group, f"the robot has no group {group}; it has {', '.join(robot.groups)}"
+        return
     joints = {name: robot.joint(name) for name in robot.groups[group]}
-    own = [name for name, joint in joints.items() if joint.mimic is None]
     there = f"the {group} has {', '.join(joints)}"
-    unknown = [
-        f"{name} is no joint of the {group}; {there}" for name in target if name not in joints
-    ]
-    missing = [f"{name} is missing; {there}" for name in own if name not in target]
-    apart = [reason for joint in joints.values() if (reason := _contradicts(joint, target))]
-    return unknown + missing + apart
+    for name in target:
+        if name not in joints:
+            yield name, f"{name} is no joint of the {group}; {there}"
+    for name, joint in joints.items():
+        if joint.mimic is None and name not in target:
+            yield name, f"{name} is missing; {there}"
+    for name, joint in joints.items():
+        if reason := _contradicts(joint, target):
+            yield name, reason
 
 
 def _contradicts(joint: Joint, target: Mapping[str, float]) -> str:

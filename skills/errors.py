@@ -14,14 +14,26 @@ SkillError
 """
 
 from collections.abc import Sequence
+from typing import Self
 
 from hardware import BadPosition
 
 
 class SkillError(Exception):
-    """Root of what skills raise; a failed skill keeps its `code` and message."""
+    """Root of what skills raise; a failed skill keeps its `code` and message.
+
+    Attributes:
+        way: To the value that is wrong: its port, then names and numbers within; empty where it
+            is none that a task can spell out.
+    """
 
     code = "skill.error"
+    way: tuple[str | int, ...] = ()
+
+    def at(self, *way: str | int) -> Self:
+        """The same, with the way to the value that is wrong."""
+        self.way = way
+        return self
 
 
 class OutOfBounds(SkillError):

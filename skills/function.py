@@ -74,7 +74,11 @@ def condition(function: Function) -> Function:
 def _register(function: Callable[..., Any], base: type[Skill]) -> None:
     hints = get_type_hints(function)
     inputs, given = {}, {}
+    if inspect.iscoroutinefunction(function):
+        raise TypeError(f"{function.__name__} is async; a skill is a plain function, on a thread")
     for name, parameter in inspect.signature(function).parameters.items():
+        if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
+            raise TypeError(f"{function.__name__}: {parameter} is no port; name each parameter")
         if name not in hints:
             raise TypeError(f"{function.__name__}: {name} needs an annotation, such as float")
         if hints[name] in (Context, Cancel):

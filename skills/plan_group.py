@@ -9,7 +9,7 @@ from py_trees.ports import PortInformation
 from hardware import Robot
 
 from .base import Planned
-from .bounds import check_targets
+from .bounds import by_group, check_targets, check_whole
 from .motion import (
     GoalInCollision,
     MotionError,
@@ -43,16 +43,20 @@ class _PlanGroup(Asking, register=False):
 
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the via points that are spelled out."""
-        for point in inputs.get("via", []):
-            check_targets(robot, {cls.group: point})
+        """Check what is spelled out."""
+        for port in ("start", "goal"):
+            if port in inputs:
+                check_whole(robot, port, inputs[port])
+                check_targets(robot, by_group(robot, inputs[port], port), (port,))
+        for number, point in enumerate(inputs.get("via", [])):
+            check_targets(robot, {cls.group: point}, ("via", number))
 
     def on_start(self) -> Status:
         """Hand the query to a worker."""
         robot, leaders = self.context.robot, self.context.robot.leaders(self.group)
         start, goal, via = (self.get_input(port) for port in ("start", "goal", "via"))
-        for point in via:
-            check_targets(robot, {self.group: point})
+        check_whole(robot, "start", start)
+        self.judge(robot, {"goal": goal, "via": via})
         arrived = {name for group in self.moved_before for name in robot.groups[group]}
         self._query = Query(
             group=self.group,

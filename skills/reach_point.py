@@ -8,6 +8,7 @@ from py_trees.ports import PortInformation
 
 from hardware import Robot
 
+from .bounds import check_whole
 from .errors import BadTarget
 from .motion import MotionError, Reached, Result, ToolQuery
 from .pending import Asking
@@ -61,7 +62,9 @@ class ReachPoint(Asking):
 
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the group that is spelled out."""
+        """Check the group and the start that are spelled out."""
+        if "start" in inputs:
+            check_whole(robot, "start", inputs["start"])
         if "group" in inputs:
             _leaders(robot, inputs["group"])
 
@@ -69,6 +72,7 @@ class ReachPoint(Asking):
         """Hand the question to a worker."""
         given = {port: self.get_input(port) for port in self.INPUT_PORTS}
         start, robot = given["start"], self.context.robot
+        check_whole(robot, "start", start)
         self._names = _leaders(robot, given["group"])
         return self.ask(
             ToolQuery(
@@ -100,5 +104,7 @@ class ReachPoint(Asking):
 def _leaders(robot: Robot, group: str) -> list[str]:
     """Names of the joints of a group that move of their own."""
     if group not in robot.groups:
-        raise BadTarget(f"the robot has no group {group}; it has {', '.join(robot.groups)}")
+        raise BadTarget(f"the robot has no group {group}; it has {', '.join(robot.groups)}").at(
+            "group"
+        )
     return [joint.name for joint in robot.leaders(group)]

@@ -1,16 +1,17 @@
 """Targets of some joints, completed to targets of all of them."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from py_trees.common import Status
 from py_trees.ports import PortInformation
 
-from hardware import Robot
+from hardware import BadPosition, Robot
 
 from .base import Skill
-from .bounds import check_targets
-from .errors import BadTarget
+from .bounds import by_group, check_targets, check_whole
+from .errors import BadTarget, OutOfBounds
 from .positions import Positions
 
 _OUTPUTS: dict[str, PortInformation] = {
@@ -30,14 +31,18 @@ class Target(Skill):
 
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the targets that are spelled out."""
+        """Check what is spelled out."""
+        if "start" in inputs:
+            check_whole(robot, "start", inputs["start"])
         if "joints" in inputs:
-            zero = Positions((joint.name, joint.boot) for joint in robot.actuated)
-            check_targets(robot, _by_group(robot, zero, inputs["joints"]))
+            boot = Positions((joint.name, joint.boot) for joint in robot.actuated)
+            check_targets(robot, _completed(robot, boot, inputs["joints"], "joints"), ("joints",))
 
     def on_start(self) -> Status:
         """Complete it, and check."""
-        goal = _checked(self.context.robot, self.get_input("start"), self.get_input("joints"))
+        robot, start, joints = self.context.robot, self.get_input("start"), self.get_input("joints")
+        check_whole(robot, "start", start)
+        goal = _checked(robot, start, joints, "joints")
         self._set_output("goal", goal)
         return Status.SUCCESS
 
@@ -53,42 +58,52 @@ class Shift(Skill):
 
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the joints' names."""
-        _check_names(robot, inputs.get("by", {}))
+        """Check the joints' names, and that none moves further than it can."""
+        if "start" in inputs:
+            check_whole(robot, "start", inputs["start"])
+        _check_distances(robot, inputs.get("by", {}))
 
     def on_start(self) -> Status:
         """Add, and check."""
         robot, start, by = self.context.robot, self.get_input("start"), self.get_input("by")
-        _check_names(robot, by)
+        _check_distances(robot, by)
+        check_whole(robot, "start", start)
         joints = Positions((name, start[name] + distance) for name, distance in by.items())
-        self._set_output("goal", _checked(robot, start, joints))
+        self._set_output("goal", _checked(robot, start, joints, "by"))
         return Status.SUCCESS
 
 
-def _checked(robot: Robot, start: Positions, joints: Positions) -> Positions:
-    targets = _by_group(robot, start, joints)
-    check_targets(robot, targets)
+def _checked(robot: Robot, start: Positions, joints: Positions, port: str) -> Positions:
+    targets = _completed(robot, start, joints, port)
+    check_targets(robot, targets, (port,))
     joined = {name: q for target in targets.values() for name, q in target.items()}
     return Positions((joint.name, joined[joint.name]) for joint in robot.actuated)
 
 
-def _by_group(robot: Robot, start: Positions, joints: Positions) -> dict[str, Positions]:
+def _completed(
+    robot: Robot, start: Positions, joints: Positions, port: str
+) -> dict[str, dict[str, float]]:
     """Targets of every group, with the start where none is given."""
-    known = {name for group in robot.groups.values() for name in group}
-    if unknown := [name for name in joints if name not in known]:
-        there = ", ".join(joint.name for joint in robot.joints)
-        raise BadTarget(f"{', '.join(unknown)} is no joint of the robot; it has {there}")
+    targets = by_group(robot, joints, port)
     return {
-        group: Positions(
-            (name, joints[name] if name in joints else start[name])
-            for name in names
-            if name in joints or robot.joint(name).mimic is None
-        )
-        for group, names in robot.groups.items()
+        group: {joint.name: start[joint.name] for joint in robot.leaders(group)} | target
+        for group, target in targets.items()
     }
 
 
-def _check_names(robot: Robot, by: Mapping[str, float]) -> None:
-    own = [joint.name for joint in robot.actuated]
-    if unknown := [name for name in by if name not in own]:
-        raise BadTarget(f"{', '.join(unknown)} is no joint that turns; there are {', '.join(own)}")
+def _check_distances(robot: Robot, by: Mapping[str, float]) -> None:
+    joints = {joint.name: joint for joint in robot.actuated}
+    if unknown := [name for name in by if name not in joints]:
+        there = ", ".join(joints)
+        raise BadTarget(f"{', '.join(unknown)} is no joint that turns; there are {there}").at(
+            "by", unknown[0]
+        )
+    far = []
+    for name, distance in by.items():
+        span = joints[name].upper - joints[name].lower
+        if not abs(distance) <= span:  # not a number, too
+            why = f"{name} by {distance:g} rad is further than its limits are apart, {span:g} rad"
+            limit = math.copysign(span, distance) if math.isfinite(distance) else None
+            far.append(BadPosition(why, name, distance, limit))
+    if far:
+        raise OutOfBounds(far).at("by", far[0].joint)

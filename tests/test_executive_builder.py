@@ -92,7 +92,7 @@ WRONG = [
         [START, PLAN.replace("$goal", "{joint_1: true}")],
         7,
         48,
-        "True is not an angle in rad or deg",
+        "true is not an angle in rad or deg",
     ),
     ([START, PLAN.replace("$goal", "{joint_1: $x}")], 7, 48, "$x has no value before the run"),
     ([START, PLAN.replace("$goal", "{joint_1: 1_0}")], 7, 48, "'1_0' is not an angle"),

@@ -51,7 +51,7 @@ tree:
             gripper: {joint_4: 0}
         after: 60 s
       while: CheckHardware
-    - selector: [{Fail: {reason: meant}}, {inverter: {Fail: {reason: meant}}}]
+    - selector: [{inverter: CheckHardware}, {inverter: {Fail: {reason: meant}}}]
       memory: false
     - Succeed
 """

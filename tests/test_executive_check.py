@@ -17,12 +17,14 @@ EXAMPLES = SHIPPED / "examples"
 HEAD = "task: 3\nname: x\ndescription: y\n"
 MOVE = "{subtree: move_joints, with: {joints: upright}}"
 SAY = "Say: {text: a}"
+GO = "{sequence: [{SetStart: {start: $s}}, {subtree: go, with: {start: $s, "
 
 
 def found(robot: Robot, folder: Path, text: str) -> list[str]:
     """The mistakes in a task file, each `line:column message`."""
     (folder / "3_x.yaml").write_text(text)
     mistakes = check(robot, None, [folder / "3_x.yaml"]).mistakes
+    assert {m.place.path for m in mistakes} <= {folder / "3_x.yaml"}
     return [f"{m.place.line}:{m.place.column} {m.message}" for m in mistakes]
 
 
@@ -37,18 +39,21 @@ RIGHT = [
     "{parallel: [{repeat: {Say: {text: a}}}, {Wait: {duration: 1 min}}], policy: any}",
     "{repeat: {Compare: {left: 1, is: '<', right: 2}}}",
     "{selector: [{Fail: {reason: a}}, {Say: {text: b}}]}",
+    "{sequence: [CheckHardware, {Wait: {duration: 1}}], memory: false}",
     "{force_success: {Fail: {reason: a}}}",
+    "{guard: Succeed, while: {selector: [CheckHardware, {inverter: CheckHardware}]}}",
+    "{sequence: [{selector: [{sequence: [{Set: {value: 1, key: $a}}, {Say: {text: a, value: $a}},"
+    " CheckHardware]}, {sequence: [{Set: {value: b, key: $a}}, {Say: {text: $a}}]}]}, Succeed]}",
     "{inverter: CheckHardware}",
     "{guard: Succeed, while: {inverter: CheckHardware}}",
     "{sequence: [{Set: {value: 1, key: $a}}, {Compare: {left: $a, is: '<', right: 2}}]}",
-    "{selector: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}], name: w}",
     "{subtree: move_joints, with: {joints: {joint_1: -80 deg, joint_3: -0.1 rad}}}",
     "{task: 1}",
     "{Say: {text: $$5}}",
 ]
 
 
-@pytest.mark.parametrize("text", [line for line in RIGHT if "name: w" not in line])
+@pytest.mark.parametrize("text", RIGHT)
 def test_right(robot: Robot, tmp_path: Path, text: str) -> None:
     assert found(robot, tmp_path, tree(text)) == []
 
@@ -59,6 +64,15 @@ WRONG = [
     (f"{{repeat: {{{SAY}}}}}", "never ends: nothing in it can fail"),
     ("{parallel: [{repeat: Succeed}, {repeat: Succeed}], policy: any}", "no node of it can succ"),
     (f"{{retry: {{{SAY}}}, attempts: 2}}", "has nothing to retry"),
+    ("{repeat: {Fail: {reason: a}}}", "has nothing to repeat"),
+    (
+        "{sequence: [CheckHardware, {Wait: {duration: 1}}, Succeed], memory: false}",
+        "4:34 Wait acts, and without memory would begin anew",
+    ),
+    (
+        f"{{selector: [{MOVE}, Succeed], memory: false}}",
+        "4:19 SetStart acts, and without memory would begin anew",
+    ),
     (
         "{timeout: {Wait: {duration: 3}}, after: 2 s}",
         "always fails after 2 s; what it holds takes 3",
@@ -68,7 +82,8 @@ WRONG = [
     ("{Wait: {duration: 2 days}}", "no unit days; there are h, min, ms, s"),
     ("{Wait: {duration: .nan}}", "is not finite"),
     ("{Wait: {duration: 1:30}}", "'1:30' is not a duration in s, ms, min or h"),
-    ("{Wait: {duration: true}}", "True is not a duration"),
+    ("{Wait: {duration: true}}", "true is not a duration"),
+    ("{Say: hi}", "the ports of Say must be a mapping, not 'hi'; say which, as in {port: 'hi'}"),
     ("{retry: CheckHardware, attempts: 0}", "retry: attempts: 0 is less than 1"),
     ("{retry: CheckHardware, attempts: 1e3}", "1000.0 is not a whole number"),
     ("{retry: CheckHardware}", "retry needs attempts: how often at most"),
@@ -77,6 +92,19 @@ WRONG = [
     ("{sequence: [Succeed], memory: off}", "'off' is not true or false"),
     ("{guard: Succeed}", "guard needs while: the condition"),
     ("{guard: Succeed, while: {Wait: {duration: 1}}}", "Wait acts, and cannot be a condition"),
+    (
+        "{guard: Succeed, while: {selector: [CheckHardware, {retry: CheckHardware, attempts: 2}]}}",
+        "4:58 retry may take time, and while asks for an answer at once",
+    ),
+    (
+        "{guard: Succeed, while: {guard: CheckHardware, while: CheckHardware, otherwise: pause}}",
+        "guard may take time",
+    ),
+    (
+        "{sequence: [{selector: [{sequence: [{Set: {value: 1, key: $a}}, CheckHardware]},"
+        " {Set: {value: b, key: $a}}]}, {Compare: {left: $a, is: '<', right: 2}}]}",
+        "Compare.left: $a is a number or a text, by the way that was taken before",
+    ),
     ("{wait_for: SetStart}", "SetStart acts, and cannot be a condition"),
     ("{inverter: [Succeed]}", "a node is one of"),
     ("{timeout: CheckHardware, after: $x}", "timeout: after must be known before the run"),
@@ -103,8 +131,26 @@ WRONG = [
         "{sequence: [{Set: {value: 1, key: $a}}, {Say: {text: $a}}]}",
         "Say.text: $a is a number, not a text",
     ),
-    ("{subtree: move_joints, with: {joints: {joint_1: 200 deg}}}", "joint_1"),
+    ("{subtree: move_joints, with: {joints: {joint_1: 200 deg}}}", "4:46 Target: joint_1"),
     ("{subtree: move_joints, with: {joints: {joint_9: 1}}}", "joint_9 is no joint of the robot"),
+    ("{subtree: move_joints, with: {joints: {joint1: 1}}}", "did you mean joint_1?"),
+    ("{subtree: move_relative, with: {by: {jiont_2: 1}}}", "did you mean joint_2?"),
+    ("{subtree: move_relative, with: {by: {joint_1: .nan}}}", "4:44 Shift: joint_1 by nan rad"),
+    ("{subtree: move_relative, with: {by: {joint_1: -100}}}", "further than its limits are apart"),
+    (
+        "{subtree: reach, with: {arm: upright, gripper: {joint4: 0}}}",
+        "4:55 CheckBounds: joint4 is no joint of the gripper",
+    ),
+    (f"{GO}goal: upright}}}}]}}", "4:82 PlanArm: the goal lacks joint_4; it must name joint_1, j"),
+    (
+        f"{GO}goal: {{joint_1: 9, joint_2: 0, joint_3: 0, joint_4: 0}}}}}}]}}",
+        "4:83 PlanArm: joint_1",
+    ),
+    (
+        "{sequence: [{SetStart: {start: $s}}, {PlanArm: {start: $s, goal: {joint_1: 0, joint_2: 0,"
+        " joint_3: 0, joint_4: 0}, via: [{joint_1: 0, joint_2: 0, joint_3: 7}], plan: $p}}]}",
+        "PlanArm: joint_3 = 7.0 rad",
+    ),
     ("{subtree: move_joints, with: {joints: {joint_1: 80 dge}}}", "did you mean deg?"),
     ("{subtree: move_joints, with: {joints: upwright}}", "no pose upwright; there are"),
     ("{subtree: move_joints, with: {joints: upwright}}", "did you mean upright?"),
@@ -141,7 +187,8 @@ PARAMETERS = [
     ("{a: {default: 1}}", "a needs a type"),
     ("{a: {type: number, defalt: 1}}", "did you mean default?"),
     ("{b: number}", "nothing in the tree uses $b"),
-    ("[a]", "is not a mapping of names to types"),
+    ("[a]", "['a'] is not a mapping of names to types"),
+    ("{a: {type: text, choices: [x, x]}}", "choices: 'x' is given twice"),
 ]
 
 
@@ -149,6 +196,18 @@ PARAMETERS = [
 def test_wrong_parameters(robot: Robot, tmp_path: Path, text: str, words: str) -> None:
     mistakes = found(robot, tmp_path, tree("{Wait: {duration: $a}}", f"parameters: {text}\n"))
     assert any(words in mistake for mistake in mistakes), mistakes
+
+
+def test_one_joint_misspelt_in_several_files_is_told_in_each(robot: Robot, tmp_path: Path) -> None:
+    for number in (3, 4, 5):
+        text = tree("{subtree: move_joints, with: {joints: {joint1: 0}}}")
+        (tmp_path / f"{number}_x.yaml").write_text(text.replace("task: 3", f"task: {number}"))
+    mistakes = check(robot, tmp_path).mistakes
+    assert [m.place.path.name for m in mistakes] == ["3_x.yaml", "4_x.yaml", "5_x.yaml"]
+
+
+def test_a_mistake_that_two_skills_see_is_told_once(robot: Robot, tmp_path: Path) -> None:
+    assert len(found(robot, tmp_path, tree(f"{GO}goal: upright}}}}]}}"))) == 1
 
 
 def test_all_kinds_of_mistakes_of_a_file_at_once(robot: Robot, tmp_path: Path) -> None:

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from executive.building.plugins import load_skills
+from executive.building.port_types import known_skills
+
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 PROJECT = """\
 [build-system]
@@ -82,3 +85,19 @@ def test_its_skills_are_in_the_schema_and_in_tasks(installed: Path, tmp_path: Pa
     folders = ["--trees", str(tmp_path), "--recordings", str(tmp_path / "recordings")]
     done = armtree(installed, "run", "9", "--port", "virtual", *folders)
     assert "cups 8" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        ("async def wipe() -> None: ...", "wipe is async; a skill is a plain function"),
+        ("def wipe(*places: int) -> None: ...", "*places: int is no port; name each parameter"),
+        ("def sequence() -> None: ...", "sequence: the grammar has that name already; rename it"),
+        ("def name() -> None: ...", "name: the grammar has that name already"),
+    ],
+)
+def test_functions_that_no_task_could_call(tmp_path: Path, function: str, words: str) -> None:
+    (tmp_path / "own.py").write_text(f"from skills import skill\n\n@skill\n{function}\n")
+    (wrong,) = load_skills(tmp_path)
+    assert words in wrong
+    assert not {"wipe", "sequence", "name"} & set(known_skills())

@@ -1,5 +1,8 @@
 """The test kit, used as a person would who tests a task of their own."""
 
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -40,3 +43,20 @@ def test_the_operator_answers_by_heart(tmp_path: Path) -> None:
         outcome = rehearsal.run(9)
     assert outcome.code == "task.unanswered"
     assert "Free?: nobody answered within 60 s" in outcome.message
+
+
+def test_the_class_of_the_page_and_its_test(tmp_path: Path) -> None:
+    page = (EXAMPLES.parent / "README.md").read_text()
+    blocks = re.findall(r"```python\n# ([\w/.]+)[^\n]*\n(.*?)```", page, re.DOTALL)
+    for name, text in blocks:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    (tmp_path / "trees").mkdir()
+    (tmp_path / "trees" / "3_water.yaml").write_text(
+        "task: 3\nname: water\ndescription: Water.\nparameters: {litres: number}\ntree:\n"
+        "  sequence:\n    - Pump: {litres: $litres, spent: $t}\n"
+        "    - Say: {text: 'pumped for [s]', value: $t}\n    - Wait: {duration: $t}\n"
+    )
+    pytest_ = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_pump.py"]
+    done = subprocess.run(pytest_, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "1 passed" in done.stdout, done.stdout

@@ -148,6 +148,27 @@ def _tasks(recordings: Path, *options: str) -> str:
     return armtree("tasks", "--recordings", str(recordings), *options).output
 
 
+def test_groot_tells_keys_from_values(tmp_path: Path) -> None:
+    (tmp_path / "3_x.yaml").write_text(
+        "task: 3\nname: x\ndescription: d\ntree:\n  sequence:\n"
+        "    - SetStart: {start: $s}\n"
+        "    - Target: {start: $s, joints: {joint_1: -1.4, joint_2: 0.5}, goal: $g}\n"
+        "    - Say: {text: $$5}\n"
+        "    - retry: CheckHardware\n      attempts: 3\n      backoff: 2 s\n"
+        "    - wait_for: CheckHardware\n      every: 0.5\n"
+    )
+    shown = armtree("show", "3", "--trees", str(tmp_path), "--format", "groot").output
+    root = ET.fromstring(shown)
+    target, said = root.find(".//Target"), root.find(".//Say")
+    assert target is not None
+    assert said is not None
+    assert target.attrib["start"] == "{s}"
+    assert target.attrib["joints"] == "joint_1:-1.4;joint_2:0.5"
+    assert said.attrib["text"] == "$5"
+    told = [node.attrib["_description"] for node in root.iter("RetryUntilSuccessful")]
+    assert told == ["after 2 s, which doubles each time", "asked every 0.5 s"]
+
+
 @pytest.mark.parametrize("number", [0, 3, 4, 5, 6, 7, 8])
 def test_what_groot_is_given(number: int) -> None:
     root = ET.fromstring(armtree("show", str(number), *OWN, "--format", "groot").output)

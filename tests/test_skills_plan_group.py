@@ -3,7 +3,7 @@
 import pytest
 from py_trees.common import Status
 
-from skills import PlanArm, PlanGripper, Planned, Positions
+from skills import BadTarget, PlanArm, PlanGripper, Planned, Positions
 from skills.motion import (
     GoalInCollision,
     NoPath,
@@ -37,6 +37,17 @@ def test_what_the_arm_is_asked(bench: Bench, skill: PlanArm) -> None:
 def test_the_gripper_begins_where_the_arm_ends(bench: Bench) -> None:
     bench.skill(PlanGripper, start=START, goal=GOAL).tick_once()
     assert bench.desk.jobs[0].request == Query("gripper", (0.3, 0.0, 0.0, 0.0), (-0.2,), 1, 5.0)
+
+
+@pytest.mark.parametrize("port", ["start", "goal"])
+def test_a_configuration_that_lacks_a_joint(bench: Bench, port: str) -> None:
+    given = {"start": START, "goal": GOAL, port: Positions(joint_1=0.0)}
+    with pytest.raises(BadTarget, match=f"the {port} lacks joint_2, joint_3, joint_4") as caught:
+        PlanArm.judge(bench.robot, given)
+    assert caught.value.way == (port,)
+    skill = bench.skill(PlanArm, **given)
+    skill.tick_once()
+    assert str(skill.failure) == str(caught.value)
 
 
 def test_it_waits_for_the_answer(bench: Bench, skill: PlanArm, plans: Plans) -> None:

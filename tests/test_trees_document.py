@@ -91,7 +91,7 @@ WRONG = [
     ("a: 1\n1: 2\n", 2, 1, "the key 1 is not a text"),
     ("? [a]\n: 1\n", 1, 3, "the key ['a'] is not a text"),
     ("? {a: 1}\n: 1\n", 1, 3, "is not a text"),
-    ("~: 1\n", 1, 1, "the key None is not a text"),
+    ("~: 1\n", 1, 1, "the key null is not a text"),
     ("a: &x 1\nb: *x\n", 2, 4, "aliases"),
     ("a: &x [1]\nb: *x\n", 2, 4, "aliases"),
     ("a: &a\n  b: *a\n", 2, 6, "aliases"),

@@ -9,6 +9,7 @@ import trees
 from trees import DuplicateTask, FileError, Library, Place, UnknownTask
 
 TASK = "task: {number}\nname: x\ndescription: y\ntree: Succeed\n"
+SUBTREE = "subtree: reach\ndescription: y\nports: {}\ntree: Succeed\n"
 
 
 def write(folder: Path, name: str, text: str) -> Path:
@@ -43,20 +44,33 @@ def test_an_unknown_number() -> None:
 
 def test_two_files_with_one_number(tmp_path: Path) -> None:
     with pytest.raises(
-        DuplicateTask, match=r"task 1 is in two files, .*1_pick.yaml and .*01_x.yaml"
+        DuplicateTask,
+        match=r"01_x.yaml:1:1: task 1 is in two files, .*1_pick.yaml and .*01_x.yaml: "
+        "rename this one, or write into it replaces: pick\n    task: 1\n",
     ):
-        Library(write(tmp_path, "01_x.yaml", TASK.format(number=1)))
+        Library(write(tmp_path, "01_x.yaml", TASK.format(number=1))).task(1)
+
+
+def test_a_number_claimed_twice_costs_no_other(tmp_path: Path) -> None:
+    write(tmp_path, "3_a.yaml", TASK.format(number=3))
+    write(tmp_path, "3_b.yaml", "name: [")
+    library = Library(write(tmp_path, "4_c.yaml", TASK.format(number=4)))
+    assert library.task(4).number == 4
+    assert library.numbers() == [0, 1, 2, 3, 4]
+    with pytest.raises(DuplicateTask, match=r"3_a.yaml and .*3_b.yaml: rename one of them"):
+        library.head(3)
+    assert [m.place.path.name for m in library.mistakes] == ["3_b.yaml"]
 
 
 def test_two_files_with_one_subtree(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"reach.yaml:1:1: subtree reach is in .* already"):
-        Library(write(tmp_path, "reach.yaml", "subtree: reach\n"))
+        Library(write(tmp_path, "reach.yaml", SUBTREE)).subtree("reach", Place(Path(), 0, 0))
 
 
 @pytest.mark.parametrize("name", ["3.yaml", "3-wave.yaml", "3_wave.yml", "3wave.yaml"])
 def test_a_task_file_that_is_almost_named_like_one(tmp_path: Path, name: str) -> None:
     with pytest.raises(FileError, match=r"named like 3_wave\.yaml"):
-        Library(write(tmp_path, name, TASK.format(number=3)))
+        Library(write(tmp_path, name, TASK.format(number=3))).task(3)
 
 
 def test_other_files_are_left_alone(tmp_path: Path) -> None:

@@ -85,7 +85,7 @@ def test_slips(shop: Shop, file: Path) -> None:  # noqa: F811
         slip = changed(text, row, rng)
         path.write_text(slip)
         mistakes = check(shop.context.robot, shop.folder, [path]).mistakes
-        assert all(mistake.place.line for mistake in mistakes), slip
+        assert all(m.place.line and m.place.path == path for m in mistakes), slip
         if mistakes:
             continue
         after, new = said(path, slip)

@@ -1,6 +1,6 @@
 """The tasks that ship, their grammar, and the reading of task files."""
 
-from .document import Located, nested, read_text
+from .document import Located, StandIn, nested, read_text
 from .errors import DuplicateTask, FileError, Mistake, Place, TreeError, UnknownTask
 from .grammar import (
     UNTYPED,
@@ -22,7 +22,7 @@ from .nodes import (
     TreeNode,
     Value,
 )
-from .values import ANY, LIST, TYPES, UNITS, Declaration, choices, fit, words
+from .values import ANY, LIST, TYPES, UNITS, Declaration, choices, fit, meant, type_fits, words
 
 __all__ = [
     "ANY",
@@ -46,6 +46,7 @@ __all__ = [
     "Place",
     "PosesFile",
     "SkillNode",
+    "StandIn",
     "SubtreeFile",
     "SubtreeNode",
     "TaskFile",
@@ -55,8 +56,10 @@ __all__ = [
     "Value",
     "choices",
     "fit",
+    "meant",
     "nested",
     "parse_value",
     "read_text",
+    "type_fits",
     "words",
 ]

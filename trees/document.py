@@ -35,6 +35,24 @@ Scalar = str | int | float | bool | None
 
 
 @dataclass(frozen=True, slots=True)
+class StandIn:
+    """A value that is given only when a task is called; until then its type is all that is known.
+
+    Attributes:
+        name: Of the parameter or port.
+        type: Of its value.
+    """
+
+    name: str
+    type: str
+
+    def __str__(self) -> str:
+        return f"${self.name}"
+
+    __repr__ = __str__
+
+
+@dataclass(frozen=True, slots=True)
 class Located:
     """A value and where it stands.
 
@@ -45,7 +63,7 @@ class Located:
     """
 
     place: Place
-    value: "Scalar | list[Located] | dict[str, Located]"
+    value: "Scalar | StandIn | list[Located] | dict[str, Located]"
     label: Place
 
     def plain(self) -> Any:
@@ -57,8 +75,18 @@ class Located:
         return self.value
 
     def __str__(self) -> str:
-        text = repr(self.plain())
+        text = _written(self.plain())
         return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _written(plain: Any) -> str:
+    """A value about as YAML writes it."""
+    if isinstance(plain, dict):
+        return "{" + ", ".join(f"{key}: {_written(item)}" for key, item in plain.items()) + "}"
+    if isinstance(plain, list):
+        return "[" + ", ".join(map(_written, plain)) + "]"
+    words = {None: "null", True: "true", False: "false"}
+    return words[plain] if plain is None or isinstance(plain, bool) else repr(plain)
 
 
 def read_text(path: Path) -> str:

@@ -1,9 +1,9 @@
 """What can be wrong with task files.
 
 TreeError
-├── FileError       a file is wrong; every mistake in it with its line
-├── DuplicateTask   two files claim one number
-└── UnknownTask     no file has that number
+├── FileError           a file is wrong; every mistake in it with its line
+│   └── DuplicateTask   two files claim one number
+└── UnknownTask         no file has that number
 """
 
 from collections.abc import Iterable, Sequence
@@ -87,18 +87,26 @@ def _order(mistake: Mistake) -> tuple[str, int, int, str]:
     return str(place.path), place.line, place.column, mistake.message
 
 
-class DuplicateTask(TreeError):
+class DuplicateTask(FileError):
     """Two files claim one number.
 
-    Attributes:
-        path: The second.
+    Args:
+        number: Which.
+        first: The file that claims it, too.
+        second: Where the second one does.
+        replaces: The name by which the second may take the place of the first; empty for none.
     """
 
     code = "file.duplicate_task"
 
-    def __init__(self, number: int, first: Path, second: Path) -> None:
-        self.path = second
-        super().__init__(f"task {number} is in two files, {first} and {second}: rename one of them")
+    def __init__(self, number: int, first: Path, second: Place, replaces: str) -> None:
+        what = f"task {number} is in two files, {first} and {second.path}"
+        what += (
+            f": rename this one, or write into it replaces: {replaces}"
+            if replaces
+            else (": rename one of them")
+        )
+        super().__init__([Mistake(second, what)])
 
 
 class UnknownTask(TreeError):

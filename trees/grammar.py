@@ -134,8 +134,9 @@ def parse_head(path: Path, text: str) -> TaskFile:
         FileError: With every mistake in what was read.
     """
     head, _, tree = text.partition("\ntree:")
-    if re.search(r"^[^\s#]", tree, re.MULTILINE) or not tree:
-        return parse_task(path, text)  # something follows the tree
+    follows = re.search(r"^[^\s#]", tree, re.MULTILINE) or not tree
+    if follows or re.search(r"^\s*\{", head, re.MULTILINE):  # or the tree is within braces
+        return parse_task(path, text)
     parser = _Parser(path, head, _TASK_KEYS)
     task = TaskFile(
         path=path,
@@ -187,11 +188,16 @@ def parse_poses(path: Path, text: str) -> PosesFile:
         FileError: With every mistake in it.
     """
     parser = _Parser(path, text, _POSES_KEYS)
-    labels = nested(parser.get("poses") or parser.root)
+    given = parser.get("poses")
+    labels = nested(given) if given else {}
     wanted, wrong = Declaration("positions"), parser.mistakes.add
+    if given and not isinstance(given.value, dict):
+        wrong(given.place, f"poses: {given} is not a mapping of names to joint values")
     poses = {name: fit(value, wanted, {}, wrong) for name, value in labels.items()}
     for name, value in labels.items():
         parser.nodes.name(Located(value.label, name, value.label), "a pose")
+        if value.value == {}:
+            wrong(value.place, f"pose {name} names no joint")
     replaced = parser.get("replaces", needed=False)
     names = replaced.value if replaced and isinstance(replaced.value, list) else []
     if replaced and not names:
@@ -273,7 +279,7 @@ class _Parser:
             return {name: Declaration(UNTYPED) for name in self._names(value, key)}
         if not isinstance(value.value, dict):
             what = "a mapping of names to types" + (", or a list of names" if needed else "")
-            self._wrong(value.place, f"{key}: {value.value} is not {what}")
+            self._wrong(value.place, f"{key}: {value} is not {what}")
             return {}
         declared = {}
         for name, item in value.value.items():
@@ -313,6 +319,8 @@ class _Parser:
             self._wrong(value.place, f"{what} needs a type: {', '.join(TYPES)}")
             return Declaration(UNTYPED)
         kind = self._type(keys["type"], what, "output" in known)
+        if "default" in keys and self._flag(keys.get("output")):
+            self._wrong(keys["default"].label, f"{what} is written, and takes no default")
         return Declaration(
             kind,
             default=keys.get("default"),
@@ -350,6 +358,9 @@ class _Parser:
             or any(not isinstance(item.value, str) for item in items)
         ):
             self._wrong(value.label, "choices are a list of texts, for the type text")
+        for number, item in enumerate(items):
+            if item.value in [other.value for other in items[:number]]:
+                self._wrong(item.place, f"choices: {item} is given twice")
         return tuple(str(item.value) for item in items)
 
     def _flag(self, value: Located | None) -> bool:

@@ -40,10 +40,11 @@ class Library:
         shipped: Folder of the files that ship.
         folder: The user's, or None.
         read: What reads a file.
+        mistakes: Files that are named wrongly, or claim what another one has already. They cost
+            only what they claim.
 
     Raises:
-        FileError: The folder is not there or cannot be read, or a file in it is named wrongly.
-        DuplicateTask: Two files claim one number, and neither says that it replaces the other.
+        FileError: The folder is not there or cannot be read.
     """
 
     def __init__(self, folder: Path | None = None, read: Callable[[Path], str] = read_text) -> None:
@@ -58,14 +59,21 @@ class Library:
         self._tasks: dict[int, Path] = {}
         self._subtrees: dict[str, Path] = {}
         self._poses: list[Path] = []
+        self._claimed: dict[int | str, FileError] = {}  # by two files
+        self.mistakes: list[Mistake] = []
         for each in filter(None, (self.shipped, folder)):
             for name in _files(each):
-                self._add(each, name)
+                try:
+                    self._add(each, name)
+                except FileError as error:
+                    self.mistakes += error.mistakes
 
     def _add(self, folder: Path, name: str) -> None:
-        if not name.endswith((".yaml", ".yml")):
+        if not name.lower().endswith((".yaml", ".yml")):
             return
         path = folder / name
+        if not name.endswith(".yaml") and not _ALMOST_TASK.fullmatch(name):
+            raise _misnamed(path, "is not read: the name of a file of tasks ends in .yaml")
         if named := _TASK.fullmatch(name):
             self._add_task(int(named[1]), path)
         elif _ALMOST_TASK.fullmatch(name):
@@ -76,25 +84,39 @@ class Library:
             self._add_subtree(path.stem, path)
 
     def _add_task(self, number: int, path: Path) -> None:
-        there = self._tasks.get(number)
-        if there and not self._replaces(there, path, _task_replaces):
-            raise DuplicateTask(number, there, path)
+        there = self._tasks.setdefault(number, path)
+        if there is path:
+            return
+        stem = there.stem.partition("_")[2] if there.parent == self.shipped else ""
+        if not self._replaces(number, path, stem, _task_replaces):
+            place = _top(path, _text(path), "task")
+            self._claimed[number] = DuplicateTask(number, there, place, stem)
+            raise self._claimed[number]
         self._tasks[number] = path
 
     def _add_subtree(self, name: str, path: Path) -> None:
-        there = self._subtrees.get(name)
-        if there and not self._replaces(there, path, _subtree_replaces):
-            raise _misnamed(
-                path,
+        there = self._subtrees.setdefault(name, path)
+        if there is path:
+            return
+        if not self._replaces(name, path, name, _subtree_replaces):
+            message = (
                 f"subtree {name} is in {there} already; rename this one, or write into it "
-                f"replaces: {name}",
+                f"replaces: {name}"
             )
+            place = _top(path, _text(path), "subtree")
+            self._claimed[name] = FileError([Mistake(place, message)])
+            raise self._claimed[name]
         self._subtrees[name] = path
 
-    def _replaces(self, there: Path, path: Path, says: Callable[[Path], str]) -> bool:
+    def _replaces(
+        self, claimed: int | str, path: Path, stem: str, says: Callable[[Path], str]
+    ) -> bool:
         """Whether a user's file says that it takes the place of a shipped one."""
-        stem = there.stem.partition("_")[2] if _TASK.fullmatch(there.name) else there.stem
-        return there.parent == self.shipped and says(path) == stem
+        try:
+            return bool(stem) and says(path) == stem
+        except FileError as error:
+            self._claimed[claimed] = error
+            raise
 
     def for_task(self, number: int) -> "Library":
         """The library to read a task from, as one piece; this one, but a kind of it may choose."""
@@ -122,8 +144,14 @@ class Library:
 
         Raises:
             UnknownTask: No file has that number.
+            FileError: Two files have, or one that is named wrongly may have been meant.
         """
+        if number in self._claimed:
+            raise self._claimed[number]
         if number not in self._tasks:
+            called = re.compile(rf"0*{number}(?![0-9])")
+            if meant := [m for m in self.mistakes if called.match(m.place.path.name)]:
+                raise FileError(meant)
             raise UnknownTask(number, self.numbers())
         return self._tasks[number]
 
@@ -173,11 +201,13 @@ class Library:
         if name not in self._subtrees:
             there = choices(name, self._subtrees)
             raise FileError([Mistake(asked, f"no subtree {name}; there are {there}")])
+        if name in self._claimed:
+            raise self._claimed[name]
         path = self._subtrees[name]
         subtree, mistakes = draft_subtree(path, self.read(path))
         if subtree.name != name and not mistakes:
             message = f"the file is named {path.name} but says subtree {subtree.name}"
-            raise FileError([Mistake(Place(path, 1, 1), message)])
+            raise FileError([Mistake(_top(path, subtree.text, "subtree"), message)])
         return subtree, mistakes
 
     def poses(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, str]]:
@@ -215,6 +245,12 @@ def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:
         for name in file.poses
         if name in shipped and name not in file.replaces
     ]
+    place = _top(file.path, file.text, "replaces")
+    mistakes += [
+        Mistake(place, f"replaces: no pose {name} ships; there are {choices(name, shipped)}")
+        for name in file.replaces
+        if name not in shipped
+    ]
     if mistakes:
         raise FileError(mistakes)
 
@@ -222,8 +258,23 @@ def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:
 def _as_named(task: TaskFile, number: int) -> TaskFile:
     if task.number != number:
         message = f"the file is named for task {number} but says task {task.number}"
-        raise FileError([Mistake(Place(task.path, 1, 1), message)])
+        raise FileError([Mistake(_top(task.path, task.text, "task"), message)])
     return task
+
+
+def _text(path: Path) -> str:
+    """What is in a file, as far as that can be shown."""
+    try:
+        return read_text(path)
+    except FileError:
+        return ""
+
+
+def _top(path: Path, text: str, key: str) -> Place:
+    """Where a file says what it is."""
+    lines = text.splitlines()
+    line = next((n for n, each in enumerate(lines, 1) if each.startswith(f"{key}:")), 1)
+    return Place(path, line, 1, key, lines)
 
 
 def _task_replaces(path: Path) -> str:

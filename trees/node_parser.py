@@ -158,7 +158,9 @@ class NodeParser:
 
     def _wiring(self, value: Located, what: str) -> dict[str, Value]:
         if not isinstance(value.value, dict):
-            self._wrong(value.place, f"{what} must be a mapping, not {value}")
+            named = value.value is not None and not isinstance(value.value, list)
+            form = f"; say which, as in {{port: {value}}}" if named else ""
+            self._wrong(value.place, f"{what} must be a mapping, not {value}{form}")
             return {}
         return {port: self.wired(item) for port, item in value.value.items()}
 

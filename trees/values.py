@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
 
-from .document import Located
+from .document import Located, StandIn
 from .errors import Place
 
 # What the types with a unit are measured in; the first of each is what a bare number means.
@@ -106,8 +106,10 @@ def fit(
 
     Returns:
         A float in the type's first unit, an int, a bool, a str, a dict of floats, or a list of any
-        of these; None where it is wrong.
+        of these; None where it is wrong. What is not known yet is its StandIn.
     """
+    if isinstance(value.value, StandIn):
+        return _stands(value, value.value, wanted.type, wrong)
     if wanted.type.startswith(LIST):
         return _items(value, wanted, poses, wrong)
     if wanted.type == "positions":
@@ -148,8 +150,31 @@ def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
     return None
 
 
-def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> float | None:
+def _stands(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> StandIn | None:
+    if type_fits(stand_in.type, kind):
+        return stand_in
+    wrong(value.place, f"{stand_in} is {words(stand_in.type)}, not {words(kind)}")
+    return None
+
+
+def type_fits(given: str, wanted: str) -> bool:
+    """Whether a value of one type may stand where another is wanted.
+
+    A bare number measures anything, and anything measured is a number.
+    """
+    if given == wanted or "" in (given, wanted) or ANY in (given, wanted):
+        return True
+    if given.startswith(LIST) and wanted.startswith(LIST):
+        return type_fits(given.removeprefix(LIST), wanted.removeprefix(LIST))
+    if wanted == "number":
+        return given == "integer" or given in UNITS
+    return wanted in UNITS and given in ("number", "integer")
+
+
+def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> float | StandIn | None:
     plain = value.value
+    if isinstance(plain, StandIn):
+        return _stands(value, plain, kind, wrong)
     if type(plain) in (int, float):
         number = float(plain)  # type: ignore[arg-type]
     elif isinstance(plain, str) and kind in UNITS and (found := _QUANTITY.fullmatch(plain)):
@@ -171,7 +196,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
 
 def _positions(
     value: Located, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
-) -> dict[str, float] | None:
+) -> dict[str, float | StandIn] | None:
     if isinstance(value.value, str):
         if value.value in poses:
             return dict(poses[value.value])

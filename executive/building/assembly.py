@@ -1,6 +1,5 @@
 """Putting a tree together from its files, node by node, and noting every mistake on the way."""
 
-import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,6 @@ from skills import Context, Port, Skill
 from trees import (
     ANY,
     KINDS,
-    LIST,
     UNTYPED,
     ControlNode,
     Declaration,
@@ -24,12 +22,15 @@ from trees import (
     Mistakes,
     Place,
     SkillNode,
+    StandIn,
     SubtreeFile,
     SubtreeNode,
     TaskFile,
     TreeNode,
     Value,
     choices,
+    type_fits,
+    words,
 )
 
 from .branches import Branches
@@ -54,6 +55,7 @@ class Leaf:
         namespace: Of its keys.
         keys: Full names of keys, by port.
         inputs: Values that are spelled out, by port.
+        written: The same as they are written.
     """
 
     skill: Skill
@@ -61,6 +63,12 @@ class Leaf:
     namespace: str
     keys: Mapping[str, str]
     inputs: Mapping[str, Any]
+    written: Mapping[str, Located]
+
+    @property
+    def known(self) -> Mapping[str, Any]:
+        """The inputs of which the whole value is known before the task is called."""
+        return {port: value for port, value in self.inputs.items() if not _stands_in(value)}
 
 
 class Assembly:
@@ -73,6 +81,7 @@ class Assembly:
     Attributes:
         mistakes: What is wrong.
         leaves: The skills, in the order of the file.
+        places: Where the nodes stand.
         controls: What the nodes above them are: a key of `KINDS`, and the values of its options.
         files: What was read, by name.
     """
@@ -83,7 +92,7 @@ class Assembly:
         self._branches = Branches(self, context)
         self.known = known_skills()
         self.keys = Keys()
-        self._places: dict[Behaviour, Place] = {}
+        self.places: dict[Behaviour, Place] = {}
         self._nodes = 0
         self.mistakes = Mistakes()
         self.leaves: list[Leaf] = []
@@ -111,8 +120,10 @@ class Assembly:
         self.wrong = self.mistakes.add
         self.files[task.path.name] = task.text
         self._sources.load_poses(self.mistakes)
-        given = self._arguments(task, arguments, namespace)
-        root = self.node(task.tree, Scope(namespace, given), task.name)
+        given = self._arguments(task, arguments)
+        unknown = {name: p for name, p in task.parameters.items() if name not in given}
+        stand_ins = self._stand_ins(unknown, namespace) if arguments is None else {}
+        root = self.node(task.tree, Scope(namespace, given, stand_ins=stand_ins), task.name)
         self._finish(root)
         return root
 
@@ -121,27 +132,30 @@ class Assembly:
         self.mistakes, self.wrong = known, known.add
         self._sources.load_poses(self.mistakes)
         inputs = {name: port for name, port in file.ports.items() if not port.output}
-        self.keys.written |= {
-            f"{namespace}/{name}": port.type or ANY for name, port in inputs.items()
-        }
-        stand_ins = {
-            name: _stand_in(port, file.tree.place)
-            for name, port in inputs.items()
-            if not port.type.startswith(("positions", LIST))
-        }
+        stand_ins = self._stand_ins(inputs, namespace)
         root = self.node(file.tree, Scope(namespace, {}, (file.name,), stand_ins), file.name)
+        for name, port in file.ports.items():
+            if port.output:
+                key = f"{namespace}/{name}"
+                self._check_output(file.tree.place, f"subtree {file.name}", name, port, key)
         self._finish(root)
         return root
+
+    def _stand_ins(self, declared: Mapping[str, Declaration], namespace: str) -> dict[str, StandIn]:
+        """What stands for values that nobody has given yet, by the full name of their keys."""
+        kinds = {name: port.type or ANY for name, port in declared.items()}
+        self.keys.written |= {f"{namespace}/{name}": kind for name, kind in kinds.items()}
+        return {f"{namespace}/{name}": StandIn(name, kind) for name, kind in kinds.items()}
 
     def _finish(self, root: Behaviour) -> None:
         if not self.mistakes.found:
             shortest: dict[Behaviour, float] = {
-                leaf.skill: type(leaf.skill).shortest(leaf.inputs) for leaf in self.leaves
+                leaf.skill: type(leaf.skill).shortest(leaf.known) for leaf in self.leaves
             }
-            check_flow(root, shortest, self._places, self.mistakes)
+            check_flow(root, shortest, self.places, self.mistakes)
 
     def _arguments(
-        self, task: TaskFile, arguments: Mapping[str, Located] | None, namespace: str
+        self, task: TaskFile, arguments: Mapping[str, Located] | None
     ) -> dict[str, Value]:
         for name, value in (arguments or {}).items():
             if name not in task.parameters:
@@ -155,11 +169,7 @@ class Assembly:
             taken = self._given(name, declared, known.get(name))
             if taken is not None:
                 given[name] = taken
-            elif arguments is None and declared.type.startswith(("positions", LIST)):
-                self.keys.written[f"{namespace}/{name}"] = declared.type
-            elif arguments is None:
-                given[name] = _stand_in(declared, task.tree.place)
-            else:
+            elif arguments is not None:
                 place = task.tree.place
                 at = Place(place.path, 1, 1, "parameters", place.lines)
                 self.wrong(at, f"the parameter {name} must be given, with --set {name}=VALUE")
@@ -169,7 +179,8 @@ class Assembly:
         """What a parameter or port is given, else its default, checked; None for nothing."""
         if isinstance(declared.default, Located):
             self.fit(declared.default, declared, f"the default of {name}")
-            value = declared.default if value is None else value
+            if value is None:
+                return declared.default
         if isinstance(value, Located) and declared.type != UNTYPED:
             self.fit(value, declared, name)
         return value
@@ -189,7 +200,7 @@ class Assembly:
             if isinstance(spec, ControlNode)
             else self._skill(spec, scope, shown)
         )
-        self._places[node] = spec.place
+        self.places[node] = spec.place
         return node
 
     # Files
@@ -206,7 +217,8 @@ class Assembly:
             self._check_names(spec.values, source.declared, f"{source.what} of {what}")
             ports = self._ports(spec, source, scope, what)
             if ports is not None:
-                inner = Scope(f"{scope.namespace}/{source.name}_{self._nodes}", ports, way)
+                namespace = f"{scope.namespace}/{source.name}_{self._nodes}"
+                inner = Scope(namespace, ports, way, scope.stand_ins)
                 node = self.node(source.tree, inner, shown or source.name)
                 self._check_written(spec, source, ports, what)
                 return node
@@ -240,8 +252,17 @@ class Assembly:
     ) -> None:
         for name, declared in source.declared.items():
             key = ports[name]
-            if declared.output and isinstance(key, Key) and key.name not in self.keys.written:
-                self.wrong(spec.place, f"{what} does not write {name} on every way through it")
+            if declared.output and isinstance(key, Key):
+                self._check_output(spec.place, what, name, declared, key.name)
+
+    def _check_output(
+        self, place: Place, what: str, name: str, declared: Declaration, key: str
+    ) -> None:
+        written = self.keys.written.get(key)
+        if written is None:
+            self.wrong(place, f"{what} does not write {name} on every way through it")
+        elif not type_fits(written, declared.type):
+            self.wrong(place, f"{what}: {name} is {declared}, but written is {words(written)}")
 
     # Skills
 
@@ -264,7 +285,8 @@ class Assembly:
         skill: Skill = kind(shown or spec.skill, self._context)
         inputs, types = self._inputs(spec, kind, wired)
         self._outputs(spec, kind, wired, types)
-        self.leaves.append(Leaf(skill, spec.place, scope.namespace, keys, inputs))
+        written = {p: v for p, v in wired.items() if isinstance(v, Located) and p in inputs}
+        self.leaves.append(Leaf(skill, spec.place, scope.namespace, keys, inputs, written))
         return skill
 
     def _forgive(self, values: Iterable[Value], scope: Scope) -> None:
@@ -335,20 +357,11 @@ class Assembly:
                 self.wrong(given[port].label, f"{port} is no {what}; there are {there}")
 
 
-def _stand_in(declared: Declaration, place: Place) -> Located:
-    """A value for a parameter that is given only when the task is called."""
-    value: bool | str | float
-    match declared.type:
-        case "boolean":
-            value = False
-        case "text":
-            value = declared.choices[0] if declared.choices else "text"
-        case kind:
-            least = -math.inf if declared.least is None else declared.least
-            most = math.inf if declared.most is None else declared.most
-            number = min(max(0.0, least), most)
-            value = int(number) if kind == "integer" else number
-    return Located(place, value, place)
+def _stands_in(value: Any) -> bool:
+    """Whether a value, or one within it, is not known yet."""
+    if isinstance(value, Mapping):
+        return any(map(_stands_in, value.values()))
+    return any(map(_stands_in, value)) if isinstance(value, list) else isinstance(value, StandIn)
 
 
 def _type_of(value: object) -> str:

@@ -1,5 +1,6 @@
 """The nodes that hold others: made from their specs, with what is known of keys on every branch."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -8,12 +9,15 @@ from py_trees.composites import Selector, Sequence
 from py_trees.decorators import FailureIsSuccess, Inverter
 
 from skills import Context, Skill
-from trees import KINDS, ControlNode, Declaration, Key, SkillNode, TreeNode, choices
+from trees import KINDS, ControlNode, Declaration, Key, Located, SkillNode, TreeNode, choices
 
 from .control import Guard, ReactiveSelector, ReactiveSequence, Repeat, Retry, Timeout, WaitFor
 from .join import Join, Race
 from .keys import Keys
 from .scope import Scope
+
+# Options that are given only when the task is called, as what ends and hurries nothing.
+_UNKNOWN: Mapping[str, Any] = {"times": 1, "attempts": 1, "after": math.inf}
 
 if TYPE_CHECKING:
     from .assembly import Assembly
@@ -43,6 +47,10 @@ class Branches:
 
     def _option(self, spec: ControlNode, option: str, declared: Declaration, scope: Scope) -> Any:
         value = self._assembly.resolve(spec.options.get(option), scope)
+        if isinstance(value, Key) and value.name in scope.stand_ins:
+            stand_in = Located(value.place, scope.stand_ins[value.name], value.label)
+            self._assembly.fit(stand_in, declared, f"{spec.kind}: {option}")
+            return _UNKNOWN.get(option, declared.default)
         if isinstance(value, Key):
             self._assembly.wrong(value.place, f"{spec.kind}: {option} must be known before the run")
             return declared.default
@@ -55,6 +63,7 @@ class Branches:
     ) -> Behaviour:
         children = [self._assembly.node(child, scope) for child in spec.children]
         if options["memory"] is False:
+            self._check_asked(spec, children)
             return ReactiveSequence(shown, children, self._context)
         return Sequence(shown, memory=True, children=children)
 
@@ -64,6 +73,7 @@ class Branches:
         children, ways = self._apart(spec, scope)
         self._assembly.keys.join(ways)
         if options["memory"] is False:
+            self._check_asked(spec, children)
             return ReactiveSelector(shown, children, self._context)
         return Selector(shown, memory=True, children=children)
 
@@ -84,6 +94,14 @@ class Branches:
     ) -> Behaviour:
         child, condition = (*spec.children, *[SkillNode(spec.place, "", {})] * 2)[:2]
         asked = self._condition(condition, scope)
+        for below in asked.iterate():
+            pauses = isinstance(below, Guard) and below.pause
+            if pauses or isinstance(below, Retry | Repeat | WaitFor):
+                self._assembly.wrong(
+                    self._assembly.places[below],
+                    f"{below.name} may take time, and while asks for an answer at once; the guard "
+                    "asks again by itself",
+                )
         children = [self._assembly.node(child, scope), asked]
         pause = options["otherwise"] == "pause"
         return Guard(shown, children, self._context, pause, options["every"] or 0.1)
@@ -113,15 +131,21 @@ class Branches:
 
     def _condition(self, spec: TreeNode, scope: Scope) -> Behaviour:
         node = self._assembly.node(spec, scope)
-        for below in node.iterate():
-            if isinstance(below, Skill) and not below.condition:
-                there = [name for name, kind in self._assembly.known.items() if kind.condition]
-                self._assembly.wrong(
-                    spec.place,
-                    f"{below.name} acts, and cannot be a condition; there are "
-                    f"{choices(below.name, there)}",
-                )
+        there = [name for name, kind in self._assembly.known.items() if kind.condition]
+        for name in _acting(node):
+            why = f"{name} acts, and cannot be a condition; there are {choices(name, there)}"
+            self._assembly.wrong(spec.place, why)
         return node
+
+    def _check_asked(self, spec: ControlNode, children: list[Behaviour]) -> None:
+        """See that what is done again and again, as long as a later node runs, only asks."""
+        for child, node in zip(spec.children[:-1], children, strict=False):
+            for name in _acting(node):
+                self._assembly.wrong(
+                    child.place,
+                    f"{name} acts, and without memory would begin anew for ever while a later node "
+                    "runs; only conditions may stand before the last node",
+                )
 
     def _apart(self, spec: ControlNode, scope: Scope) -> tuple[list[Behaviour], list[Keys]]:
         """Children of which none knows what another writes."""
@@ -134,6 +158,12 @@ class Branches:
         for way in ways:  # what one of them has read is read
             before.unread = {n: key for n, key in before.unread.items() if n in way.unread}
         return children, ways or [before]
+
+
+def _acting(node: Behaviour) -> list[str]:
+    """The skills that do more than ask."""
+    skills = (below for below in node.iterate() if isinstance(below, Skill))
+    return [skill.name for skill in skills if not skill.condition]
 
 
 def _moves(node: Behaviour) -> bool:

@@ -9,9 +9,9 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Access, Status
 
 from hardware import Robot
-from skills import Context, Skill, SkillError
+from skills import Context, Positions, Skill, SkillError
 from skills.motion import MotionError
-from trees import FileError, Library, Located, Mistake, Place, TaskFile
+from trees import FileError, Library, Located, Mistake, Place, TaskFile, meant
 
 from .arguments import FILE, as_text
 from .assembly import Assembly, Leaf
@@ -79,7 +79,13 @@ def build(
     if assembly.mistakes.found:
         raise FileError(assembly.mistakes.found)
     for leaf in assembly.leaves:
-        type(leaf.skill).judge(context.robot, leaf.inputs)
+        try:
+            type(leaf.skill).judge(context.robot, leaf.known)
+        except SkillError as error:
+            place = _place(leaf, error)
+            at = f"{place.path.name}:{place.line}:{place.column}"
+            error.args = (f"{error}{_meant(error, context.robot)} ({at})",)
+            raise
     for leaf in assembly.leaves:
         _wire(leaf)
     assembly.files[RESOLVED] = resolved(root, assembly, f"/{namespace}")
@@ -89,20 +95,58 @@ def build(
 
 def refusals(leaves: list[Leaf], robot: Robot) -> list[Mistake]:
     """What skills refuse of what a task spells out, each at its place."""
-    refused = []
+    refused: dict[tuple[Place, str], Mistake] = {}
     for leaf in leaves:
         try:
-            type(leaf.skill).judge(robot, leaf.inputs)
+            type(leaf.skill).judge(robot, leaf.known)
         except (SkillError, MotionError) as error:
-            refused.append(Mistake(leaf.place, f"{leaf.skill.name}: {error}"))
-    return refused
+            place, why = _place(leaf, error), f"{error}{_meant(error, robot)}"
+            # What several skills refuse alike is told once.
+            refused.setdefault((place, why), Mistake(place, f"{leaf.skill.name}: {why}"))
+    return list(refused.values())
+
+
+def _place(leaf: Leaf, error: SkillError | MotionError) -> Place:
+    """Where the value stands that a skill refuses, as near as is known."""
+    port, *within = error.way if isinstance(error, SkillError) and error.way else ("",)
+    value = leaf.written.get(str(port))
+    if value is None:
+        return leaf.place
+    place = value.place
+    for step in within:
+        if isinstance(value.value, dict) and step in value.value:
+            value = value.value[str(step)]
+            place = value.label
+        elif isinstance(value.value, list) and isinstance(step, int):
+            value = value.value[step]
+            place = value.place
+    return place
+
+
+def _meant(error: SkillError | MotionError, robot: Robot) -> str:
+    """Which joint was probably meant, where one is named that is not there."""
+    joints = [joint.name for joint in robot.joints]
+    last = error.way[-1] if isinstance(error, SkillError) and error.way else ""
+    return meant(last, joints) if isinstance(last, str) and last not in joints else ""
 
 
 def poses(leaves: list[Leaf], robot: Robot) -> list[tuple[Place, tuple[float, ...]]]:
     """Where a task spells out that the arm goes: values of the actuated joints [rad]."""
     return [
-        (leaf.place, pose) for leaf in leaves for pose in type(leaf.skill).poses(robot, leaf.inputs)
+        (_target(leaf), pose)
+        for leaf in leaves
+        for pose in type(leaf.skill).poses(robot, leaf.known)
     ]
+
+
+def _target(leaf: Leaf) -> Place:
+    """Where the first of its joint positions is written."""
+    targets = (
+        value.place
+        for port, value in leaf.written.items()
+        if isinstance(leaf.inputs[port], Positions)
+    )
+    return next(targets, leaf.place)
 
 
 def _wire(leaf: Leaf) -> None:

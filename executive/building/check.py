@@ -1,7 +1,7 @@
 """`armtree check`: everything that can be found wrong with task files before anything moves."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import SimpleQueue
@@ -50,6 +50,11 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     except TreeError as error:
         findings.mistakes = _mistakes(error)
         return findings
+    for library in {id(library): library for _, library, _ in jobs}.values():
+        named = {path.resolve() for path in files}
+        findings.mistakes += [
+            m for m in library.mistakes if not files or m.place.path.resolve() in named
+        ]
     for path, library, name in jobs:
         findings.files.append(path)
         checker = _Checker(library, context, places)
@@ -104,6 +109,9 @@ def _jobs(
                 path.resolve(): (library, name)
                 for path, library, name in _all(Library(file.parent))
             }
+        library = next(iter(libraries[parent].values()))[0]  # poses ship, so there is one
+        if told := [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]:
+            raise FileError(told)
         if file.resolve() not in libraries[parent]:
             wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"
             raise FileError([Mistake(Place(file, 1, 1), wrong)])
@@ -116,7 +124,8 @@ def _all(library: Library) -> Iterator[tuple[Path, Library, int | str | None]]:
     for name in library.subtrees():
         yield library.subtree_path(name), library, name
     for number in library.numbers():
-        yield library.path(number), library, number
+        with suppress(FileError):  # two files have it, which is among the library's mistakes
+            yield library.path(number), library, number
 
 
 class _Checker:

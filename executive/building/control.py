@@ -103,7 +103,7 @@ class Retry(_Loop):
         self, name: str, child: Behaviour, context: Context, attempts: int, backoff: float
     ) -> None:
         super().__init__(name, child, context)
-        self.attempts, self._backoff = attempts, backoff
+        self.attempts, self.backoff = attempts, backoff
 
     def update(self) -> Status:
         """Judge the attempt."""
@@ -113,7 +113,7 @@ class Retry(_Loop):
         self.feedback_message = f"{self.rounds} of {self.attempts} attempts failed"
         if self.rounds == self.attempts:
             return Status.FAILURE
-        return self.again(self._backoff * 2.0 ** min(self.rounds - 1, 30))
+        return self.again(self.backoff * 2.0 ** min(self.rounds - 1, 30))
 
 
 class Repeat(_Loop):
@@ -151,12 +151,12 @@ class WaitFor(_Loop):
 
     def __init__(self, name: str, child: Behaviour, context: Context, every: float) -> None:
         super().__init__(name, child, context)
-        self._every = every
+        self.every = every
 
     def update(self) -> Status:
         """Judge the answer."""
         if self.decorated.status is Status.FAILURE:
-            return self.again(self._every)
+            return self.again(self.every)
         return self.decorated.status
 
 
@@ -209,7 +209,7 @@ class Guard(Composite):
         self, name: str, children: list[Behaviour], context: Context, pause: bool, every: float
     ) -> None:
         super().__init__(name, children)
-        self._context, self.pause, self._every = context, pause, every
+        self._context, self.pause, self.every = context, pause, every
 
     def tick(self) -> Iterator[Behaviour]:
         """Ask, then do."""
@@ -233,7 +233,7 @@ class Guard(Composite):
             self.stop(status)
             return
         self.status = Status.RUNNING
-        self._context.wake_at(self._context.now() + self._every)
+        self._context.wake_at(self._context.now() + self.every)
 
 
 def busy(node: Behaviour) -> bool:

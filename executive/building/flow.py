@@ -144,6 +144,8 @@ class _Judge:
         return fate
 
     def _repeat(self, node: Repeat, fate: Fate, ended: bool) -> Fate:
+        if not fate.succeeds:
+            self._wrong(node, "has nothing to repeat: what it holds never succeeds")
         if node.times is not None:
             return Fate(fate.succeeds, fate.fails, fate.shortest * node.times)
         if not fate.fails and not ended:

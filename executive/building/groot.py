@@ -3,6 +3,7 @@
 It shows the tree; there are no nodes of these names in C++ that would move an arm.
 """
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
 
@@ -10,7 +11,7 @@ from py_trees.behaviour import Behaviour
 
 from skills import Skill
 
-from .control import Guard, Repeat, Retry, Timeout
+from .control import Guard, Repeat, Retry, Timeout, WaitFor
 from .outline import Entry
 
 FORMAT = "4"
@@ -49,11 +50,14 @@ def _model(models: ET.Element, kind: type[Skill]) -> None:
 def _add(parent: ET.Element, entry: Entry) -> None:
     node, shown = entry.node, {"name": entry.name}
     if isinstance(node, Skill):
-        ports = {_port(port): _value(text) for port, text in entry.ports.items()}
+        ports = {
+            _port(port): _key(text) if port in entry.keys else _literal(text)
+            for port, text in entry.ports.items()
+        }
         ET.SubElement(parent, type(node).__name__, shown | ports)
         return
     tag, attributes = _control(entry.kind, node)
-    element = ET.SubElement(parent, tag, shown | attributes)
+    element = ET.SubElement(parent, tag, shown | attributes | _timing(node))
     children = entry.children[::-1] if isinstance(node, Guard) else entry.children
     if isinstance(node, Guard) and node.pause:
         # A sequence that is tried again for ever waits where a guard would.
@@ -67,8 +71,25 @@ def _port(name: str) -> str:
     return f"{name}_" if name == "name" else name
 
 
-def _value(text: str) -> str:
-    return "{" + text[1:].replace("/", "_") + "}" if text.startswith("$") else text
+def _key(text: str) -> str:
+    return "{" + text[1:].replace("/", "_") + "}"
+
+
+def _literal(text: str) -> str:
+    """A value; not in braces, between which BehaviorTree.CPP takes it for a key."""
+    if text.startswith("{") and text.endswith("}"):
+        return text[1:-1].replace(": ", ":").replace(", ", ";")
+    return text
+
+
+def _timing(node: Behaviour | None) -> dict[str, str]:
+    """What its nodes have no port for, as a description, which they all may have."""
+    match node:
+        case Retry() if node.backoff:
+            return {"_description": f"after {node.backoff:g} s, which doubles each time"}
+        case WaitFor() | Guard():
+            return {"_description": f"asked every {node.every:g} s"}
+    return {}
 
 
 _CONTROLS: Mapping[str, str] = {
@@ -90,7 +111,9 @@ def _control(kind: str, node: Behaviour | None) -> tuple[str, dict[str, str]]:
         case Repeat():
             return "Repeat", {"num_cycles": str(node.times or -1)}
         case Timeout():
-            return "Timeout", {"msec": str(round(node.after * 1000))}
+            # Without an end where that is given only when the task is called.
+            msec = round(node.after * 1000) if math.isfinite(node.after) else 0
+            return "Timeout", {"msec": str(msec)}
         case Guard() if not node.pause:
             return "ReactiveSequence", {}
     counts: Callable[[int, int], dict[str, str]] = lambda success, failure: {  # noqa: E731

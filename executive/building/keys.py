@@ -5,7 +5,9 @@ What is known at a node is what every way to it has written.
 
 from dataclasses import dataclass, field
 
-from trees import ANY, Key, Mistakes, words
+from trees import Key, Mistakes, type_fits, words
+
+_OR = " | "  # between the types of a key that has one or another
 
 
 @dataclass
@@ -40,7 +42,10 @@ class Keys:
         self.unread.pop(key.name, None)
         if not written:
             mistakes.add(key.place, f"nothing has written ${name} when {what} reads it")
-        elif written != ANY and wanted not in (written, ANY, "") and not _fits(written, wanted):
+        elif _OR in written:
+            kinds = " or ".join(map(words, written.split(_OR)))
+            mistakes.add(key.place, f"{what}: ${name} is {kinds}, by the way that was taken before")
+        elif not type_fits(written, wanted):
             mistakes.add(key.place, f"{what}: ${name} is {words(written)}, not {words(wanted)}")
         return written
 
@@ -57,7 +62,11 @@ class Keys:
     def join(self, ways: list["Keys"]) -> None:
         """Go on after one of several ways, nobody knows which."""
         certain = set.intersection(*(set(way.written) for way in ways))
-        self.written = {name: ways[0].written[name] for name in ways[0].written if name in certain}
+        self.written = {
+            name: _either([way.written[name] for way in ways])
+            for name in ways[0].written
+            if name in certain
+        }
         self.unread = {}
 
     def gather(self, ways: list["Keys"], mistakes: Mistakes) -> None:
@@ -75,6 +84,12 @@ class Keys:
             self.written |= way.written
 
 
+def _either(kinds: list[str]) -> str:
+    """The type of a key that has one of several."""
+    one = next((kind for kind in kinds if all(type_fits(other, kind) for other in kinds)), "")
+    return one or _OR.join(sorted({kind for each in kinds for kind in each.split(_OR)}))
+
+
 def _same(first: dict[str, Key], second: dict[str, Key]) -> set[str]:
     return {name for name in first if first[name] is second.get(name)}
 
@@ -82,8 +97,3 @@ def _same(first: dict[str, Key], second: dict[str, Key]) -> set[str]:
 def short(key: Key) -> str:
     """A key as the file calls it."""
     return key.name.rpartition("/")[2]
-
-
-def _fits(written: str, wanted: str) -> bool:
-    """A bare number measures anything, and anything is a number."""
-    return wanted == "number" and written in ("angle", "duration", "length")

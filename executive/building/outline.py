@@ -41,6 +41,7 @@ class Entry:
         children: What it holds.
         ports: What its ports are wired to: values as text, keys with a $.
         outputs: Which of these it writes.
+        keys: Which of these are wired to keys.
         node: Which; None where it is known from a recording only.
         state: After a run, what became of it; a key of `drawings.LOOKS`. Else empty.
         note: After a run, when, and what it said.
@@ -51,6 +52,7 @@ class Entry:
     children: "tuple[Entry, ...]"
     ports: Mapping[str, str] = field(default_factory=dict)
     outputs: frozenset[str] = frozenset()
+    keys: frozenset[str] = frozenset()
     node: Behaviour | None = None
     state: str = ""
     note: str = ""
@@ -92,7 +94,8 @@ def _entry(node: Behaviour, leaves: Mapping[Behaviour, Leaf], namespace: str) ->
     ports = {port: _text(value) for port, value in leaf.inputs.items()}
     ports |= {port: f"${key.removeprefix(namespace)}" for port, key in leaf.keys.items()}
     outputs = frozenset(node.output_ports()) & set(ports)
-    return Entry(node.name, type(node).__name__, (), ports, outputs, node)
+    keys = frozenset(leaf.keys)
+    return Entry(node.name, type(node).__name__, (), ports, outputs, keys, node)
 
 
 def _text(value: object) -> str:

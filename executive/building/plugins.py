@@ -10,7 +10,9 @@ from pathlib import Path
 from py_trees.ports import get_ports_registry, register_ports_class
 
 import skills  # noqa: F401  whose names are taken
+from trees import KINDS
 
+RESERVED = (*KINDS, "subtree", "task", "name", "with")  # what stands beside a skill's name
 GROUP = "armtree.skills"
 
 _loaded: dict[str, str] = {}  # what is wrong with every plugin that was loaded; empty for nothing
@@ -68,9 +70,10 @@ def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
             load()
     except (Exception, SystemExit) as error:  # somebody else's code: whatever it raises
         return f"{source}{_line(error, source)}: {type(error).__name__}: {error}"
-    taken = [
-        name for name, kind in get_ports_registry().items() if before.get(name, kind) is not kind
-    ]
+    after = get_ports_registry()
+    taken = [name for name, kind in after.items() if before.get(name, kind) is not kind]
+    if reserved := [name for name in after if name not in before and name in RESERVED]:
+        return f"{source}: {', '.join(reserved)}: the grammar has that name already; rename it"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for name in taken:

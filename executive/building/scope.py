@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from trees import Key, Located, Place, Value
+from trees import Key, Located, Place, StandIn, Value
 
 
 @dataclass(frozen=True)
@@ -14,13 +14,13 @@ class Scope:
         namespace: Of its own keys.
         ports: What it was given.
         within: The files around it, and itself.
-        stand_ins: Where nobody gave it anything, what stands for a port within a mapping or a list.
+        stand_ins: Keys of which the value is given only when a task is called, by full name.
     """
 
     namespace: str
     ports: Mapping[str, Value] = field(default_factory=dict)
     within: tuple[str, ...] = ()
-    stand_ins: Mapping[str, Located] = field(default_factory=dict)
+    stand_ins: Mapping[str, StandIn] = field(default_factory=dict)
 
 
 def resolve(value: Value, scope: Scope, wrong: Callable[[Place, str], None]) -> Value:
@@ -55,7 +55,10 @@ def _without_names(
         return Located(value.place, rows, value.label)
     if not inside or not isinstance(inner, str) or not inner.startswith("$"):
         return value
-    given = scope.ports.get(inner[1:], scope.stand_ins.get(inner[1:]))
+    given = scope.ports.get(inner[1:])
+    key = given.name if isinstance(given, Key) else f"{scope.namespace}/{inner[1:]}"
+    if key in scope.stand_ins:
+        return Located(value.place, scope.stand_ins[key], value.label)
     if isinstance(given, Located):
         return Located(given.place, given.value, value.label)
     wrong(

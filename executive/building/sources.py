@@ -25,6 +25,16 @@ class Source:
     what: str
 
 
+class _AnyPose(dict[str, Mapping[str, float]]):
+    """Poses of a file that is wrong: any name may be one of them, so that none is blamed."""
+
+    def __contains__(self, name: object) -> bool:
+        return True
+
+    def __missing__(self, name: str) -> Mapping[str, float]:
+        return {}
+
+
 class Sources:
     """Reads files.
 
@@ -48,6 +58,7 @@ class Sources:
         try:
             self.poses, self._pose_files = self._library.poses()
         except FileError as error:
+            self.poses = _AnyPose()
             _tell(error, mistakes)
 
     def use_poses(self) -> None:

@@ -20,7 +20,7 @@ from hardware import (
 )
 from logs import LogError, check_space
 from skills.motion import MotionError, Pool, Result, Verify
-from trees import Library, TreeError
+from trees import FileError, Library, TreeError
 
 
 def examine(
@@ -71,6 +71,8 @@ def _tasks(trees: Path | None) -> Check:
         library = Library(trees)
         for number in library.numbers():
             library.task(number)
+        if library.mistakes:
+            raise FileError(library.mistakes)
     except TreeError as error:
         return Check("tasks", False, str(error), "mend that file", error.code)
     return Check("tasks", True, f"{', '.join(map(str, library.numbers()))} can be read")

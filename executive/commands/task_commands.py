@@ -11,7 +11,7 @@ import click
 from .options import PATH, recordings_option, robot_option, skills_option, trees_option
 
 if TYPE_CHECKING:
-    from trees import Declaration, Mistake
+    from trees import Declaration
 
 
 @click.command()
@@ -25,7 +25,7 @@ def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
     from .outcomes import last_outcomes
 
     library = Library(trees)
-    mistakes: list[Mistake] = []
+    mistakes = list(library.mistakes)
     outcomes = last_outcomes(recordings)
     for number in library.numbers():
         try:
@@ -92,7 +92,9 @@ def check(
         click.echo(json.dumps(_findings(findings)))
     elif findings.mistakes:
         click.echo("\n".join(map(str, findings.mistakes)), err=True)
-        click.echo(f"{len(findings.mistakes)} mistakes in {len(findings.files)} files", err=True)
+        count = len(findings.mistakes)
+        told = "1 mistake" if count == 1 else f"{count} mistakes"
+        click.echo(f"{told} in {len(findings.files)} files", err=True)
     else:
         click.echo(f"{len(findings.files)} files are right")
     if findings.mistakes:
