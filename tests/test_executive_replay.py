@@ -86,7 +86,15 @@ def test_frames_that_mean_something_else_on_this_arm_are_refused(
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["--verify", "--watch"], ["--on", "virtual", "--speed", "2"], ["--speed", "0"]],
+    [
+        [],
+        ["--verify", "--watch"],
+        ["--on", "virtual", "--speed", "2"],
+        ["--watch", "--speed", "0"],
+        ["--watch", "--speed", "nan"],
+        ["--watch", "--at", "nan"],
+        ["--watch", "--at", "-1"],
+    ],
 )
 def test_wrong_usage_is_2(tmp_path: Path, picked: Path, arguments: list[str]) -> None:
     assert finish(tmp_path, "replay", str(picked), *arguments)[0] == 2
@@ -180,6 +188,19 @@ def test_pinned_recordings_outlive_the_rule(tmp_path: Path, picked: Path) -> Non
     assert finish(tmp_path, "log", "pin", "--off", str(picked))[0] == 0
     assert "deleted" in finish(tmp_path, "log", "prune", folder, "--days", "1")[1]
     assert not picked.exists()
+
+
+@pytest.mark.parametrize("value", ["-1", "nan", "inf"])
+def test_a_rule_that_makes_no_sense_deletes_nothing(
+    tmp_path: Path, picked: Path, value: str
+) -> None:
+    os.utime(picked, (0, 0))
+    folder = str(picked.parent)
+    for option in ("--days", "--mb"):
+        assert finish(tmp_path, "log", "prune", folder, option, value)[0] == 2
+        status = finish(tmp_path, "run", "0", "--recordings", folder, f"--keep-{option[2:]}", value)
+        assert status[0] == 2
+    assert picked.exists()
 
 
 class Slow:

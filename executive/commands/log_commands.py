@@ -8,7 +8,7 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
-from .options import PATH
+from .options import AT_LEAST_0, PATH
 
 if TYPE_CHECKING:
     from logs.story import Overview
@@ -173,8 +173,8 @@ def pin(recordings: tuple[Path, ...], off: bool) -> None:
 
 @log.command()
 @_FOLDER
-@click.option("--days", type=click.FloatRange(0), help="Delete what is older.")
-@click.option("--mb", type=click.FloatRange(0), help="Delete the oldest beyond so many megabytes.")
+@click.option("--days", type=AT_LEAST_0, help="Delete what is older.")
+@click.option("--mb", type=AT_LEAST_0, help="Delete the oldest beyond so many megabytes.")
 def prune(folder: Path, days: float | None, mb: float | None) -> None:
     """Delete old recordings, never a pinned or an unfinished one."""
     from hardware import RealClock

@@ -10,7 +10,7 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
-from .options import PATH
+from .options import ABOVE_0, AT_LEAST_0, PATH
 
 
 @click.command()
@@ -18,8 +18,8 @@ from .options import PATH
 @click.option("--verify", is_flag=True, help="Compile and plan it again; folders may be given too.")
 @click.option("--watch", is_flag=True, help="Show it as it was shown, without an arm.")
 @click.option("--on", "port", metavar="PORT", help="Send its frames again: a port, or virtual.")
-@click.option("--speed", type=click.FloatRange(0, min_open=True), default=1.0, show_default=True)
-@click.option("--at", type=float, metavar="SECONDS", help="With --watch: show this moment only.")
+@click.option("--speed", type=ABOVE_0, default=1.0, show_default=True)
+@click.option("--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show this moment only.")
 @click.option(
     "--jobs", type=click.IntRange(1), help="With --verify: processes; default: all cores."
 )
