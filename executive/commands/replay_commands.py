@@ -19,7 +19,9 @@ from .options import ABOVE_0, AT_LEAST_0, PATH
 @click.option("--watch", is_flag=True, help="Show it as it was shown, without an arm.")
 @click.option("--on", "port", metavar="PORT", help="Send its frames again: a port, or virtual.")
 @click.option("--speed", type=ABOVE_0, default=1.0, show_default=True)
-@click.option("--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show this moment only.")
+@click.option(
+    "--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show this moment only."
+)
 @click.option(
     "--jobs", type=click.IntRange(1), help="With --verify: processes; default: all cores."
 )

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
+from executive.building.resolved import RESOLVED
 from executive.recording.evidence import robot_of
 from hardware import HardwareError, Robot
 from logs import (
@@ -26,6 +27,7 @@ from logs import (
     Schedule,
     Sent,
 )
+from logs.compaction import RECOVERED
 from skills.motion import ModelUnusable
 from skills.motion.planner import Planner
 
@@ -108,11 +110,25 @@ def _leave_ctrl_c() -> None:
 
 def _frames(recording: Recording, robot: Robot, story: Sequence[Record]) -> Verdict:
     question = "plan -> frames"
-    if words := frames_difference(robot, story):
+    if words := _goal_difference(recording, story) or frames_difference(robot, story):
         return Verdict(question, False, words, source(recording, robot, story, ("frames",)))
     schedules = sum(isinstance(record, Schedule) for record in story)
     frames = sum(isinstance(record, Sent) for record in story)
     return Verdict(question, True, f"{_many(frames, 'frame')} of {_many(schedules, 'schedule')}")
+
+
+def _goal_difference(recording: Recording, story: Sequence[Record]) -> str:
+    """What is wrong with the goal; only a server's own recording has none, and nothing of a run."""
+    goals = [record for record in story if isinstance(record, Goal)]
+    if not recording.messages:
+        return "nothing is recorded"
+    ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in story)
+    if ran and not goals and RECOVERED not in recording.notes:
+        return "no goal is recorded"
+    for result in (record for record in story if isinstance(record, Result)):
+        if (result.goal_id, result.task) not in {(goal.goal_id, goal.task) for goal in goals}:
+            return f"the result is of task {result.task}, of which no goal is recorded"
+    return ""
 
 
 def _plans(recording: Recording, robot: Robot, story: Sequence[Record]) -> Verdict:
