@@ -4,17 +4,21 @@ import json
 import os
 import signal
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import logs
 from executive.commands import watching
+from executive.commands.sending import NotReplayable, _setpoints
 from executive.commands.watching import Player
 from executive.recording.recorded_link import RecordedLink, RecordingBehind
-from hardware import SimulatedClock
+from hardware import SimulatedClock, load_robot
+from logs.ros_types import ros_types
 from tests.conftest import RigMaker
 from tests.test_end_to_end import events, finish, sent_frames, start
 from tests.test_end_to_end import robot as quick
+from tests.test_executive_proof import altered
 
 __all__ = ["quick"]
 
@@ -82,6 +86,38 @@ def test_frames_that_mean_something_else_on_this_arm_are_refused(
     assert status == 4
     assert "is another frame on this arm" in events(out)[-1]["message"]
     assert not [event for event in events(out) if event["event"] == "sent"]
+
+
+def faster(recording: Path, topic: str, field: str) -> Path:
+    """A copy where the times of a topic are a twentieth."""
+    types = ros_types()
+    channels = {}
+
+    def change(record: Any) -> None:
+        kind = type(record).__name__
+        if kind == "Channel":
+            channels[record.id] = record.topic
+        elif kind == "Message" and channels[record.channel_id] == topic:
+            text = types.decode("std_msgs/msg/String", record.data)
+            told = json.loads(text.data)
+            if isinstance(told[field], list):
+                told[field] = [time / 20 for time in told[field]]
+            elif told[field]:
+                told[field] /= 20
+            text.data = json.dumps(told)
+            record.data = types.encode(text)
+
+    return altered(recording, change).rename(recording.with_suffix(f".{field}.mcap"))
+
+
+def test_a_replay_goes_by_the_schedule_and_refuses_what_is_too_fast(picked: Path) -> None:
+    robot = load_robot().path
+    times = [setpoint.time for setpoint in _setpoints(picked, robot)]
+    assert len(times) == 31
+    late = faster(picked, "/serial/timing", "time")
+    assert [setpoint.time for setpoint in _setpoints(late, robot)] == times
+    with pytest.raises(NotReplayable, match=r"turns joint_1 by .* its limit is 1 rad/s"):
+        _setpoints(faster(picked, "/schedule", "times"), robot)
 
 
 @pytest.mark.parametrize(
