@@ -39,7 +39,7 @@ def ls(folder: Path) -> None:
     for path in paths:
         try:
             found = overview(path)
-        except LogError as error:
+        except (LogError, OSError) as error:
             click.echo(f"{path.name}  unreadable: {error}")
             continue
         marks = ("pinned" if pinned(path) else "", "" if found.complete else "UNFINISHED")

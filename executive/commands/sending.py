@@ -148,6 +148,8 @@ def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
             _check_speed(robot, before, setpoint, due - passed, path)
             setpoints.append(setpoint)
             before, passed = frame.positions, due
+    if not setpoints:
+        raise NotReplayable(f"{path}: no frame was sent; give a run that moved the arm")
     return tuple(setpoints)
 
 

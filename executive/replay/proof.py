@@ -22,6 +22,7 @@ from logs import (
     Plan,
     Record,
     Recording,
+    RecordingError,
     RecordingTruncated,
     Result,
     Schedule,
@@ -85,6 +86,8 @@ def prove(path: Path) -> Proof:
         verdicts = _frames(recording, robot, story), _plans(recording, robot, story)
     except (LogError, HardwareError, ModelUnusable) as error:
         return Proof(path, (), str(error), error.code, 0.0)
+    except OSError as error:
+        return Proof(path, (), str(error), RecordingError.code, 0.0)
     motion = sum(record.duration for record in story if isinstance(record, Schedule))
     if recording.complete:
         return Proof(path, verdicts, "", "", motion)
