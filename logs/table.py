@@ -1,10 +1,12 @@
 """A topic of a recording as a table: columns of NumPy arrays, or CSV."""
 
 import csv
+import warnings
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .errors import RecordingTruncated
 from .reader import Message, read
 from .recording import Recording
 from .records import Sent
@@ -18,6 +20,8 @@ _PLAIN = (bool, int, float, str)
 def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
     """The messages of a topic, a column per field, as `pandas.DataFrame` takes it.
 
+    Of a recording that is not complete what is valid is given, with a warning.
+
     Joint states have a column per joint [rad]. Fields that are not plain are left out.
 
     Args:
@@ -29,11 +33,15 @@ def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
 
     Raises:
         RecordingError: The recording cannot be read.
-        RecordingTruncated: It is not complete.
     """
     import numpy as np
 
-    rows = [{"time_ns": m.time_ns, **_row(m)} for m in read(Path(path), {topic})]
+    rows = []
+    try:
+        for message in read(Path(path), {topic}):
+            rows.append({"time_ns": message.time_ns, **_row(message)})
+    except RecordingTruncated as error:
+        warnings.warn(str(error), stacklevel=2)
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: np.array([row.get(name) for row in rows]) for name in names}
 

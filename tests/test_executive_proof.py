@@ -1,5 +1,8 @@
 """Recordings verified: runs that end in any way hold, and a change is found with its source."""
 
+import multiprocessing
+import re
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -265,6 +268,17 @@ def test_many_are_verified_in_their_order(rig: RigMaker, tmp_path: Path) -> None
     assert [proof.path for proof in proofs] == paths
     assert [proof.holds for proof in proofs] == [True, False, True, True]
     assert proofs[1].code == "log.unreadable"
+
+
+def test_ctrl_c_does_not_reach_the_processes_that_verify(rig: RigMaker) -> None:
+    path = picked(rig())
+    proofs = prove_all([path], 1)
+    assert next(proofs).holds
+    (worker,) = multiprocessing.active_children()
+    status = Path(f"/proc/{worker.pid}/status").read_text()
+    blocked = int(re.findall(r"SigBlk:\s+(\w+)", status)[0], 16)
+    assert blocked & 1 << signal.SIGINT - 1
+    assert list(proofs) == []
 
 
 AROUND = """task: 7

@@ -18,7 +18,7 @@ from logs.ros_types import ros_types
 from tests.conftest import RigMaker
 from tests.test_end_to_end import events, finish, sent_frames, start
 from tests.test_end_to_end import robot as quick
-from tests.test_executive_proof import altered
+from tests.test_executive_proof import altered, replace
 
 __all__ = ["quick"]
 
@@ -46,6 +46,32 @@ def test_verify_of_what_is_no_recording_is_3(tmp_path: Path, picked: Path) -> No
     assert status == 3
     assert "is not an MCAP file" in out
     assert "1 of 2 recordings hold" in out
+
+
+def test_the_worst_of_many_is_the_exit_status(tmp_path: Path, picked: Path) -> None:
+    whole = picked.read_bytes()
+    folder = picked.parent
+    (folder / "a.mcap").write_text("no recording")
+    (folder / "b.mcap").write_bytes(whole[:-100])
+    assert finish(tmp_path, "replay", str(folder), "--verify")[0] == 10
+    altered(picked, replace("Message", b"b089,", b"b088,")).rename(folder / "z.mcap")
+    assert finish(tmp_path, "replay", str(folder), "--verify")[0] == 12
+
+
+def test_what_is_read_in_part_is_told(tmp_path: Path, picked: Path) -> None:
+    picked.write_bytes(picked.read_bytes()[:-100])
+    path, folder = str(picked), str(picked.parent)
+    for command in (
+        ["show", path],
+        ["export", path, "-o", folder],
+        ["plot", path],
+        ["diff", path, path],
+    ):
+        status, out, err = finish(tmp_path, "log", *command)
+        assert (status, bool(out)) == (10, True)
+        assert "cut off or damaged" in err
+    with pytest.warns(UserWarning, match="cut off or damaged"):
+        assert len(logs.table(picked, "/joint_states")["joint_1"]) == 31
 
 
 def test_the_same_frames_are_sent_again_as_a_run_of_its_own(

@@ -94,6 +94,7 @@ def show(recording: Path, everything: bool) -> None:
 
     for time, words in story(recording, everything):
         click.echo(f"{time:+10.3f}  {words}")
+    sys.exit(_lacking(recording))
 
 
 @log.command()
@@ -105,6 +106,7 @@ def export(recording: Path, output: Path) -> None:
 
     for path in write(recording, output):
         click.echo(path)
+    sys.exit(_lacking(recording))
 
 
 @log.command()
@@ -124,7 +126,8 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
 
         draw_over(both, output)
         click.echo(output)
-    sys.exit(look_up(DIFFERS).exit if both.first else 0)
+    partial = _lacking(one, other)
+    sys.exit(look_up(DIFFERS).exit if both.first else partial)
 
 
 @log.command()
@@ -140,6 +143,18 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
         target = output or recording.with_suffix(".png")
         draw(recording, target)
         click.echo(target)
+    sys.exit(_lacking(*recordings))
+
+
+def _lacking(*recordings: Path) -> int:
+    """Tell which recordings were read in part only; gives the exit status that says so."""
+    from logs import Recording
+    from logs.recovery import lacking
+
+    told = [words for recording in recordings if (words := lacking(Recording(recording)))]
+    for words in told:
+        click.echo(words, err=True)
+    return look_up("log.truncated").exit if told else 0
 
 
 @log.command()

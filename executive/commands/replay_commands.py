@@ -59,11 +59,12 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
     from executive.replay.proof_words import in_json, in_words
 
     paths = [path for each in given for path in files_of(each)]
-    worst = done = 0
+    worst = done = 0  # the highest status counts: differs, then incomplete, then unreadable
     for proof in prove_all(paths, jobs or os.cpu_count() or 1):
         click.echo(in_json(proof) if as_json else in_words(proof))
-        code = proof.code or ("" if proof.holds else DIFFERS)
-        worst = worst or (look_up(code).exit if code else 0)
+        same = all(verdict.holds for verdict in proof.verdicts)
+        code = proof.code if same else DIFFERS
+        worst = max(worst, look_up(code).exit if code else 0)
         done += proof.holds
     if not as_json and len(paths) > 1:
         click.echo(f"{done} of {len(paths)} recordings hold")

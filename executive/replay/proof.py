@@ -99,16 +99,20 @@ def prove_all(paths: Sequence[Path], jobs: int) -> Iterator[Proof]:
     """Judge recordings in processes of their own; the proofs come in the order of the paths."""
     # As the planners of a run: with one thread a sum is always added up in the same order.
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    pool = ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn"), _leave_ctrl_c)
+    pool = ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn"))
     try:
-        yield from pool.map(prove, paths)
+        yield from _without_ctrl_c(pool, paths)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _leave_ctrl_c() -> None:
-    """Ctrl-C is the parent's to handle."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterator[Proof]:
+    """Begin, in processes that Ctrl-C never reaches: what is blocked stays so in a child."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return pool.map(prove, paths)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _frames(recording: Recording, robot: Robot, story: Sequence[Record]) -> Verdict:
