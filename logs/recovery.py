@@ -75,11 +75,22 @@ def lacking(recording: Recording) -> str:
     """Why a recording does not tell all there is, with the path; nothing where it does."""
     if recording.complete:
         return ""
+    if being_written(recording.path):
+        return str(RecordingInUse(recording.path))
+    return str(RecordingTruncated(recording.path, recording.messages))
+
+
+def being_written(path: Path) -> bool:
+    """Whether somebody writes a recording now.
+
+    Raises:
+        RecordingError: There is no such file.
+    """
     try:
-        with locked(recording.path):
-            return str(RecordingTruncated(recording.path, recording.messages))
-    except RecordingInUse as error:
-        return str(error)
+        with locked(path):
+            return False
+    except RecordingInUse:
+        return True
 
 
 def complete(path: Path, every_byte: bool) -> bool:

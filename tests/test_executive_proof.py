@@ -160,7 +160,8 @@ def lacking(path: Path, *topics: str, after: int = 0) -> Path:
     copy, count = path.with_suffix(".lacking.mcap"), 0
     channels = {}
     with path.open("rb") as source, copy.open("wb") as target:
-        records = []
+        records: list[Any] = []
+        record: Any
         for record in StreamReader(source).records:
             kind = type(record).__name__
             if kind == "Channel":

@@ -2,11 +2,13 @@
 
 import json
 import os
+import shutil
 import signal
 from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.reader import make_reader
 
 import logs
 from executive.commands import watching
@@ -14,13 +16,17 @@ from executive.commands.sending import NotReplayable, _setpoints
 from executive.commands.watching import Player
 from executive.recording.recorded_link import RecordedLink, RecordingBehind
 from hardware import SimulatedClock, load_robot
+from logs.compaction import locked
 from logs.ros_types import ros_types
+from logs.story import overview, story
 from tests.conftest import RigMaker
 from tests.test_end_to_end import events, finish, sent_frames, start
 from tests.test_end_to_end import robot as quick
 from tests.test_executive_proof import altered, replace
 
 __all__ = ["quick"]
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture
@@ -220,6 +226,56 @@ def test_three_lines_to_a_table(picked: Path) -> None:
     assert list(joints) == ["time_ns", "joint_1", "joint_2", "joint_3", "joint_4"]
     assert joints["joint_1"][-1] == pytest.approx(-1.4, abs=0.01)
     assert (joints["time_ns"][1:] > joints["time_ns"][:-1]).all()
+
+
+def test_every_topic_is_a_table() -> None:
+    path = ROOT / "trees" / "examples" / "recordings" / "7_measure.mcap"
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary
+    assert summary.statistics
+    for number, count in summary.statistics.channel_message_counts.items():
+        columns = logs.table(path, summary.channels[number].topic)
+        assert len(columns["time_ns"]) == count
+    assert list(logs.table(path, "/rosout"))[-3:] == ["file", "function", "line"]
+    assert logs.table(path, "/lifecycle")["goal_state.label"][-1] == "finalized"
+    assert logs.table(path, "/robot_description")["data"][0].startswith("<?xml")
+    assert logs.table(path, "/diagnostics") == {}  # no frame was late
+    with pytest.raises(logs.RecordingError, match=r"no topic /joint_state; .* /joint_states"):
+        logs.table(path, "/joint_state")
+
+
+def test_the_story_tells_late_frames_and_no_node_that_never_ran(picked: Path) -> None:
+    told = [words for _, words in story(picked, everything=False)]
+    assert not [words for words in told if "INVALID" in words or "late" in words]
+    types = ros_types()
+
+    def change(record: Any) -> None:
+        if type(record).__name__ == "Message" and b'"scheduled"' in record.data:
+            text = types.decode("std_msgs/msg/String", record.data)
+            timing = json.loads(text.data)
+            if timing["scheduled"]:
+                text.data = json.dumps({**timing, "scheduled": timing["time"] - 0.025})
+            record.data = types.encode(text)
+
+    path = altered(picked, change)
+    told = [words for _, words in story(path, everything=False)]
+    assert "frame 31 left 25.0 ms late" in told
+    assert overview(path).late == {25.0: 31}
+
+
+def test_a_recording_that_is_being_written_is_not_called_damaged(
+    tmp_path: Path, picked: Path
+) -> None:
+    path = tmp_path / ("live" * 12 + ".mcap")
+    shutil.copy(picked, path)
+    path.write_bytes(path.read_bytes()[:-100])
+    with locked(path):
+        assert "being written" in finish(tmp_path, "log", "info", str(path))[1]
+        assert "being written" in finish(tmp_path, "log", "ls", str(tmp_path))[1]
+        assert "being written" in finish(tmp_path, "log", "show", str(path))[2]
+    assert "cut off or damaged" in finish(tmp_path, "log", "info", str(path))[1]
+    assert "UNFINISHED" in finish(tmp_path, "log", "ls", str(tmp_path))[1]
 
 
 def test_a_killed_run_is_mended_by_the_next_and_by_hand(tmp_path: Path, quick: Path) -> None:

@@ -11,6 +11,8 @@ from executive.codes import DIFFERS, look_up
 from .options import AT_LEAST_0, PATH
 
 if TYPE_CHECKING:
+    from collections import Counter
+
     from logs.story import Overview
 
 _FOLDER = click.argument(
@@ -36,16 +38,20 @@ def ls(folder: Path) -> None:
     paths = sorted(folder.glob("*.mcap"))
     if not paths:
         click.echo(f"{folder}: there are no recordings here", err=True)
+    width = max((len(path.name) for path in paths), default=0) + 2
     for path in paths:
         try:
             found = overview(path)
         except (LogError, OSError) as error:
             click.echo(f"{path.name}  unreadable: {error}")
             continue
-        marks = ("pinned" if pinned(path) else "", "" if found.complete else "UNFINISHED")
+        end = "" if found.complete else "being written" if found.written else "UNFINISHED"
+        marks = ("pinned" if pinned(path) else "", end)
         task = f"{found.goal.task} {found.goal.name}" if found.goal else "-"
         spent = f"{found.result.duration:.2f} s" if found.result else "-"
-        row = f"{path.name:<34}{task:<12}{found.outcome:<11}{spent:>9}{found.frames:>6} frames"
+        row = (
+            f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{found.frames:>6} frames"
+        )
         click.echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
 
 
@@ -63,6 +69,7 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
     from logs.compaction import RECOVERED
 
     end = "complete" if found.complete else "cut off or damaged: armtree log recover"
+    end = "being written" if found.written else end
     facts = [("file", f"{found.path}, {found.bytes} bytes, {found.messages} messages, {end}")]
     if torn := found.notes.get(RECOVERED, {}).get("torn_bytes"):
         bytes_ = f" {torn} bytes of it were torn" if torn != "0" else ""
@@ -75,14 +82,23 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
         facts.append(("duration", f"{result.duration:.3f} s"))
     facts.append(("frames", f"{found.frames}, {found.holds} of them holds"))
     if late := found.late:
-        middle = late[len(late) // 2] * 1e3
-        facts.append(("lateness", f"{middle:.2f} ms median, {late[-1] * 1e3:.2f} ms at most"))
+        middle = _median(late)
+        facts.append(("lateness", f"{middle:.2f} ms median, {max(late):.2f} ms at most"))
     for group, spent in found.planning.items():
         facts.append(("planning", f"{group} {spent:.1f} ms"))
     facts.append(("attached", ", ".join(found.files) or "nothing"))
     versions = found.notes.get("versions", {})
     facts.append(("versions", ", ".join(f"{name} {is_}" for name, is_ in versions.items())))
     return facts
+
+
+def _median(counted: "Counter[float]") -> float:
+    passed = 0
+    for value in sorted(counted):
+        passed += counted[value]
+        if 2 * passed >= counted.total():
+            break
+    return value
 
 
 @log.command()
