@@ -106,6 +106,8 @@ def export(path: Path, folder: Path) -> tuple[Path, Path]:
                 positions.writerow(["time_s", *(f"{name}_rad" for name in frame.joints)])
             positions.writerow([f"{frame.time - zero:.9f}", *map(repr, frame.positions)])
             lines.writerow(_line(frame, zero))
+        if zero is None:
+            positions.writerow(["time_s"])
     return joints, frames
 
 

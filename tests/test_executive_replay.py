@@ -17,12 +17,14 @@ from executive.commands.watching import Player
 from executive.recording.recorded_link import RecordedLink, RecordingBehind
 from hardware import SimulatedClock, load_robot
 from logs.compaction import locked
+from logs.comparison import compare
 from logs.ros_types import ros_types
 from logs.story import overview, story
+from logs.table import export
 from tests.conftest import RigMaker
 from tests.test_end_to_end import events, finish, sent_frames, start
 from tests.test_end_to_end import robot as quick
-from tests.test_executive_proof import altered, replace
+from tests.test_executive_proof import altered, lacking, replace
 
 __all__ = ["quick"]
 
@@ -226,6 +228,20 @@ def test_three_lines_to_a_table(picked: Path) -> None:
     assert list(joints) == ["time_ns", "joint_1", "joint_2", "joint_3", "joint_4"]
     assert joints["joint_1"][-1] == pytest.approx(-1.4, abs=0.01)
     assert (joints["time_ns"][1:] > joints["time_ns"][:-1]).all()
+
+
+def test_runs_are_compared_while_both_moved(picked: Path) -> None:
+    short = lacking(picked, "/serial", "/joint_states", after=3 * 10)
+    both = compare(picked, short)
+    assert both.first.startswith("frame 11: ")
+    assert both.joints["joint_1"] == (0.0, 0.0)
+
+
+def test_a_run_without_frames_is_a_table_with_a_head(tmp_path: Path, rig: RigMaker) -> None:
+    (outcome,) = rig().run(99)
+    joints, frames = export(Path(outcome.recording), tmp_path)
+    assert joints.read_text().split() == ["time_s"]
+    assert frames.read_text().startswith("time_s,")
 
 
 def test_every_topic_is_a_table() -> None:
