@@ -237,7 +237,7 @@ CODES = {
     ),
     "log.in_use": Code(10, "A recording is still being written", "wait until that has ended"),
     "log.unreadable": Code(3, "A file cannot be read as a recording", "give another file"),
-    "log.truncated": Code(3, "The end of a recording is missing", "`armtree log recover`"),
+    "log.truncated": Code(10, "The end of a recording is missing", "`armtree log recover`"),
     "replay": Code(12, "A replay is not what was recorded", "see where it differs"),
     DIFFERS: Code(12, "A replay is not what was recorded", "see where it differs"),
     # The server

@@ -2,8 +2,10 @@
 
 import fcntl
 import os
+import shutil
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,14 +73,14 @@ def rewrite(journal: Path) -> Summary:
         messages = _write(records, new)
         torn = records.torn
         _check(new, messages)
-        if torn:
-            journal.rename(damaged_of(journal))
+        damaged = _keep(journal) if torn else None
+        shutil.copystat(journal, new)  # a pin is a mode, and an age a time
         os.replace(new, journal)
     finally:
         new.unlink(missing_ok=True)
     _sync_folder(journal.parent)
     size = journal.stat().st_size
-    return Summary(journal, messages, size, records.intact, torn)
+    return Summary(journal, messages, size, records.intact, torn, damaged)
 
 
 def part_of(recording: Path) -> Path:
@@ -86,9 +88,14 @@ def part_of(recording: Path) -> Path:
     return recording.with_name(recording.name + ".part")
 
 
-def damaged_of(recording: Path) -> Path:
-    """Where a damaged recording is kept that was replaced by what is valid in it."""
-    return recording.with_name(recording.name + ".damaged")
+def _keep(recording: Path) -> Path:
+    """Gives a damaged recording one more name, under which it stays when it is replaced."""
+    for number in count(1):
+        kept = recording.with_name(f"{recording.name}.damaged{'' if number == 1 else number}")
+        with suppress(FileExistsError):
+            os.link(recording, kept)
+            break
+    return kept
 
 
 def _write(records: Salvage, new: Path) -> int:

@@ -45,7 +45,7 @@ class Comparison:
     Attributes:
         runs: Both.
         first: The first frame that differs, as words; empty where all are the same.
-        joints: By joint, the largest distance [rad] and when [s].
+        joints: By joint, the largest distance while both moved [rad] and when [s].
     """
 
     runs: tuple[Run, Run]
@@ -61,9 +61,10 @@ def compare(one: Path, other: Path) -> Comparison:
     """
     a, b = run_of(one), run_of(other)
     common = [joint for joint in a.joints if joint in b.joints]
-    times = sorted({*a.times, *b.times})
+    until = min(a.times[-1], b.times[-1]) if a.times and b.times else 0.0
+    times = sorted(time for time in {*a.times, *b.times} if time <= until)
     joints = {}
-    for joint in common if a.times and b.times else ():
+    for joint in common if times else ():
         apart = [(abs(a.at(joint, t) - b.at(joint, t)), -t) for t in times]
         distance, time = max(apart)
         joints[joint] = distance, -time

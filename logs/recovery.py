@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from .compaction import UNFINISHED, compact, locked, part_of
-from .errors import LogError, RecordingInUse
+from .errors import LogError, RecordingInUse, RecordingTruncated
 from .recording import Recording
 from .records import Goal, Result
 from .salvage import Salvage
@@ -69,6 +69,28 @@ def cut_off(folder: Path, since: float) -> Iterator[Recording]:
             continue  # in use, or no recording of ours
         if kinds == {Goal}:
             yield recording
+
+
+def lacking(recording: Recording) -> str:
+    """Why a recording does not tell all there is, with the path; nothing where it does."""
+    if recording.complete:
+        return ""
+    if being_written(recording.path):
+        return str(RecordingInUse(recording.path))
+    return str(RecordingTruncated(recording.path, recording.messages))
+
+
+def being_written(path: Path) -> bool:
+    """Whether somebody writes a recording now.
+
+    Raises:
+        RecordingError: There is no such file.
+    """
+    try:
+        with locked(path):
+            return False
+    except RecordingInUse:
+        return True
 
 
 def complete(path: Path, every_byte: bool) -> bool:

@@ -92,6 +92,8 @@ def _attached_whole(record: Any, stream: BinaryIO) -> bool:
 def _summary_is_whole(footer: Any, stream: BinaryIO) -> bool:
     """Whether the summary is what was written; the reader for streams does not look at it."""
     wanted: int = footer.summary_crc
+    if footer.summary_start > stream.seek(0, os.SEEK_END):
+        return False
     left = stream.seek(0, os.SEEK_END) - len(_MAGIC) - _CRC_BYTES - footer.summary_start
     stream.seek(footer.summary_start)
     found = 0

@@ -1,9 +1,11 @@
 """A recording told: in figures, and as a story."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from .conversions import LATE
 from .recording import Recording
 from .records import (
     Description,
@@ -19,6 +21,7 @@ from .records import (
     Sent,
     Transition,
 )
+from .recovery import being_written
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,11 +33,12 @@ class Overview:
         bytes: Its size [bytes].
         messages: How many messages it holds.
         complete: Whether it has its end and no damage.
+        written: Whether it is still being written.
         goal: None where none was recorded.
         result: None where none was recorded.
         frames: How many frames left, holds included.
         holds: How many of them were holds.
-        late: Lateness of every frame that was due [s], ascending.
+        late: How many frames left how late, to the hundredth [ms].
         planning: What planning each group took, last plan [ms].
         notes: Named facts, such as the versions of libraries.
         files: Names of what is attached.
@@ -44,11 +48,12 @@ class Overview:
     bytes: int
     messages: int
     complete: bool
+    written: bool
     goal: Goal | None
     result: Result | None
     frames: int
     holds: int
-    late: tuple[float, ...]
+    late: Counter[float]
     planning: dict[str, float]
     notes: dict[str, dict[str, str]]
     files: tuple[str, ...]
@@ -70,7 +75,8 @@ def overview(path: Path) -> Overview:
     recording = Recording(path)
     goal: Goal | None = None
     result: Result | None = None
-    late, frames, holds, planning = [], 0, 0, {}
+    late: Counter[float] = Counter()
+    frames, holds, planning = 0, 0, {}
     for record in recording.records(Goal, Result, Sent, Plan):
         match record:
             case Goal():
@@ -83,17 +89,18 @@ def overview(path: Path) -> Overview:
                 frames += bool(record.joints)
                 holds += record.hold
                 if record.scheduled is not None:
-                    late.append(record.time - record.scheduled)
+                    late[round((record.time - record.scheduled) * 1e3, 2)] += 1
     return Overview(
         path,
         path.stat().st_size,
         recording.messages,
         recording.complete,
+        not recording.complete and being_written(path),
         goal,
         result,
         frames,
         holds,
-        tuple(sorted(late)),
+        late,
         planning,
         recording.notes,
         tuple(recording.files),
@@ -112,10 +119,21 @@ def story(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
     """
     recording = Recording(path)
     first = next(recording.records(Goal), None) or next(recording.records(), None)
+    frames, begun = 0, set()
     for record in recording.records():
+        assert first
+        time = record.time - first.time
+        if isinstance(record, Sent) and record.joints:
+            frames += 1
+            late = 0.0 if record.scheduled is None else record.time - record.scheduled
+            if late > LATE and not everything:
+                yield time, f"frame {frames} left {late * 1e3:.1f} ms late"
+        if isinstance(record, NodeStatus) and record.path not in begun:
+            if record.status == "INVALID":  # as every node is before it begins
+                continue
+            begun.add(record.path)
         if everything or not isinstance(record, Sent | Received | Feedback):
-            assert first
-            yield record.time - first.time, in_words(record)
+            yield time, in_words(record)
 
 
 def in_words(record: Record) -> str:  # noqa: C901, a table of words

@@ -14,6 +14,7 @@ class Summary:
         bytes: Its size [bytes].
         whole: Whether what it was made of had its end and no damage.
         torn: How much at the end of that could not be kept [bytes].
+        damaged: Where that is kept as it was; None where all of it could be kept.
     """
 
     path: Path
@@ -21,13 +22,14 @@ class Summary:
     bytes: int
     whole: bool
     torn: int
+    damaged: Path | None = None
 
     def in_words(self) -> str:
         """What was recovered, for people."""
         if self.whole:
             return f"{self.path}: {self.messages} messages, nothing was lost"
         recovered = f"{self.path}: recovered {self.messages} messages"
-        if self.torn:
-            kept = f"as it was, it is kept as {self.path.name}.damaged"
+        if self.damaged:
+            kept = f"as it was, it is kept as {self.damaged.name}"
             return f"{recovered}; {self.torn} bytes behind them are torn or damaged, {kept}"
         return f"{recovered}; the end of the run is missing"

@@ -1,10 +1,14 @@
 """A topic of a recording as a table: columns of NumPy arrays, or CSV."""
 
 import csv
-from dataclasses import fields
+import warnings
+from collections.abc import Iterator
+from dataclasses import MISSING, fields, is_dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .errors import RecordingError, RecordingTruncated
 from .reader import Message, read
 from .recording import Recording
 from .records import Sent
@@ -18,7 +22,10 @@ _PLAIN = (bool, int, float, str)
 def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
     """The messages of a topic, a column per field, as `pandas.DataFrame` takes it.
 
-    Joint states have a column per joint [rad]. Fields that are not plain are left out.
+    Of a recording that is not complete what is valid is given, with a warning.
+
+    Joint states have a column per joint [rad], nested fields one each, such as `transition.label`.
+    Arrays are left out.
 
     Args:
         path: The recording.
@@ -28,12 +35,24 @@ def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
         Arrays of one length, `time_ns` (UTC since 1970) first.
 
     Raises:
-        RecordingError: The recording cannot be read.
-        RecordingTruncated: It is not complete.
+        RecordingError: The recording cannot be read, or has no such topic.
     """
     import numpy as np
 
-    rows = [{"time_ns": m.time_ns, **_row(m)} for m in read(Path(path), {topic})]
+    from .topics import TOPICS
+
+    rows, seen = [], set()
+    try:
+        for message in read(Path(path)):
+            seen.add(message.topic)
+            if message.topic == topic:
+                rows.append({"time_ns": message.time_ns, **_row(message)})
+    except RecordingTruncated as error:
+        warnings.warn(str(error), stacklevel=2)
+    known = seen | {each.name for each in TOPICS if each.fixed}
+    if topic not in known:
+        near = get_close_matches(topic, sorted(known), 1, 0.0)[0]
+        raise RecordingError(Path(path), f"has no topic {topic}; the nearest is {near}")
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: np.array([row.get(name) for row in rows]) for name in names}
 
@@ -42,11 +61,22 @@ def _row(message: Message) -> dict[str, Any]:
     data = message.data
     if message.type == "sensor_msgs/msg/JointState":
         return dict(zip(data.name, data.position.tolist(), strict=True))
-    if message.type == "std_msgs/msg/String":
+    if message.type == "std_msgs/msg/String" and data.data.startswith("{"):
         values = message.fields()
-    else:
-        values = {field.name: getattr(data, field.name) for field in fields(data)}
-    return {name: value for name, value in values.items() if isinstance(value, _PLAIN)}
+        return {name: value for name, value in values.items() if isinstance(value, _PLAIN)}
+    return dict(_flat(data, ""))
+
+
+def _flat(data: Any, above: str) -> Iterator[tuple[str, Any]]:
+    """The plain fields of a message and of those nested in it."""
+    for field in fields(data):
+        value = getattr(data, field.name)
+        if field.default is not MISSING:
+            continue  # a constant of its type, or the type's name
+        if is_dataclass(value):
+            yield from _flat(value, f"{above}{field.name}.")
+        elif isinstance(value, _PLAIN):
+            yield above + field.name, value
 
 
 def export(path: Path, folder: Path) -> tuple[Path, Path]:
@@ -76,6 +106,8 @@ def export(path: Path, folder: Path) -> tuple[Path, Path]:
                 positions.writerow(["time_s", *(f"{name}_rad" for name in frame.joints)])
             positions.writerow([f"{frame.time - zero:.9f}", *map(repr, frame.positions)])
             lines.writerow(_line(frame, zero))
+        if zero is None:
+            positions.writerow(["time_s"])
     return joints, frames
 
 

@@ -1,5 +1,8 @@
 """Recordings verified: runs that end in any way hold, and a change is found with its source."""
 
+import multiprocessing
+import re
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +16,7 @@ from executive.replay.proof import Proof, prove, prove_all
 from executive.replay.proof_words import in_words
 from logs import Recording
 from logs.compaction import _Copy
+from logs.ros_types import ros_types
 from tests.conftest import Rig, RigMaker
 from tests.test_executive_executive import reach
 
@@ -95,6 +99,14 @@ def test_a_run_that_was_refused_or_found_no_plan_holds(rig: RigMaker, tmp_path: 
         ("Attachment", b'"joint_1": -1.4', b'"joint_1": -1.3', [True, False], "task: it sends"),
         ("Message", b'"goal":[-1.4', b'"goal":[-1.3', [True, False], "task: it sends"),
         ("Message", b'"velocity_limits":[1.0', b'"velocity_limits":[1.1', [True, False], "limits"),
+        ("Message", b'"task":1', b'"task":2', [False, True], "of which no goal is recorded"),
+        ("Message", b'"scheduled":6', b'"scheduled":7', [False, True], "was due"),
+        ("Message", b'"firmware":"stock', b'"firmware":"stuck', [False, True], "schedule of firm"),
+        ("Message", b'"rate_hz":10.0', b'"rate_hz":50.0', [False, True], "schedule of rate_hz"),
+        ("Message", b'"delays_s":[0.0', b'"delays_s":[0.1', [False, True], "delays_s"),
+        ("Message", b'"slowed_s":0.0', b'"slowed_s":0.5', [False, True], "slowed_s"),
+        ("Message", b'"start":{"joint_1":0.0', b'"start":{"joint_1":0.1', [True, False], ""),
+        ("Message", b'"frames":31', b'"frames":30', [False, True], "tells of 30 frames, 31"),
     ],
 )
 def test_every_change_is_found_with_its_source(
@@ -143,6 +155,88 @@ def test_a_frame_that_is_missing(rig: RigMaker) -> None:
     assert "none was sent" in in_words(proof)
 
 
+def lacking(path: Path, *topics: str, after: int = 0) -> Path:
+    """A whole and valid copy that lacks all messages of some topics but the first few."""
+    copy, count = path.with_suffix(".lacking.mcap"), 0
+    channels = {}
+    with path.open("rb") as source, copy.open("wb") as target:
+        records: list[Any] = []
+        record: Any
+        for record in StreamReader(source).records:
+            kind = type(record).__name__
+            if kind == "Channel":
+                channels[record.id] = record.topic
+            elif kind == "Message" and channels[record.channel_id].startswith(topics):
+                count += 1
+                if count > after:
+                    continue
+            records.append(record)
+        writer = Writer(target, enable_data_crcs=True)
+        _Copy(writer).all(records)  # type: ignore[arg-type]
+        writer.finish()  # type: ignore[no-untyped-call]
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("topic", "held", "words"),
+    [
+        ("/", [False, True], "nothing is recorded"),
+        ("/goal", [False, True], "no goal is recorded"),
+        ("/plan/arm", [True, False], "a schedule moves the arm, for which no motion is recorded"),
+        ("/schedule", [False, True], "was sent without a schedule"),
+    ],
+)
+def test_what_is_missing_is_a_difference(
+    rig: RigMaker, topic: str, held: list[bool], words: str
+) -> None:
+    proof = prove(lacking(picked(rig()), topic))
+    assert verdicts(proof) == held, in_words(proof)
+    assert words in in_words(proof)
+
+
+def test_a_motion_that_is_said_to_have_been_found_too_late(rig: RigMaker) -> None:
+    types = ros_types()
+
+    def change(record: Any) -> None:
+        if type(record).__name__ == "Message" and b'"waypoints"' in record.data:
+            text = types.decode("std_msgs/msg/String", record.data)
+            text.data = text.data.replace('"code":""', '"code":"plan.timeout"')
+            record.data = types.encode(text)
+
+    proof = prove(altered(picked(rig()), change))
+    assert verdicts(proof) == [True, False]
+    assert "for which no motion is recorded" in in_words(proof)
+
+
+def test_a_branch_that_failed_later_does_not_excuse_frames_that_are_missing(
+    rig: RigMaker, tmp_path: Path
+) -> None:
+    tasks = tmp_path / "tasks"
+    tasks.mkdir()
+    (tasks / "7_later.yaml").write_text(LATER)
+    (outcome,) = rig(tasks).run(7)
+    assert outcome.success, outcome.message
+    path = Path(outcome.recording)
+    assert prove(path).holds
+    proof = prove(lacking(path, "/serial", "/joint_states", after=3 * 4))
+    assert verdicts(proof) == [False, True]
+    assert "frame 5" in in_words(proof)
+    assert "none was sent" in in_words(proof)
+
+
+LATER = """task: 7
+name: later
+description: Move, then fail and recover.
+tree:
+  selector:
+    - sequence:
+        - subtree: reach
+          with: {arm: {joint_1: -0.5, joint_2: 0, joint_3: 0}, gripper: {joint_4: 0}}
+        - Fail: {reason: the thing is not there}
+    - Succeed
+"""
+
+
 def test_new_versions_are_told_apart(rig: RigMaker) -> None:
     def change(record: Any) -> None:
         if type(record).__name__ == "Metadata" and record.name == "versions":
@@ -175,6 +269,17 @@ def test_many_are_verified_in_their_order(rig: RigMaker, tmp_path: Path) -> None
     assert [proof.path for proof in proofs] == paths
     assert [proof.holds for proof in proofs] == [True, False, True, True]
     assert proofs[1].code == "log.unreadable"
+
+
+def test_ctrl_c_does_not_reach_the_processes_that_verify(rig: RigMaker) -> None:
+    path = picked(rig())
+    proofs = prove_all([path], 1)
+    assert next(proofs).holds
+    (worker,) = multiprocessing.active_children()
+    status = Path(f"/proc/{worker.pid}/status").read_text()
+    blocked = int(re.findall(r"SigBlk:\s+(\w+)", status)[0], 16)
+    assert blocked & 1 << signal.SIGINT - 1
+    assert list(proofs) == []
 
 
 AROUND = """task: 7

@@ -2,21 +2,33 @@
 
 import json
 import os
+import shutil
 import signal
 from pathlib import Path
+from typing import Any
 
 import pytest
+from mcap.reader import make_reader
 
 import logs
 from executive.commands import watching
+from executive.commands.sending import NotReplayable, _setpoints
 from executive.commands.watching import Player
 from executive.recording.recorded_link import RecordedLink, RecordingBehind
-from hardware import SimulatedClock
+from hardware import SimulatedClock, load_robot
+from logs.compaction import locked
+from logs.comparison import compare
+from logs.ros_types import ros_types
+from logs.story import overview, story
+from logs.table import export
 from tests.conftest import RigMaker
 from tests.test_end_to_end import events, finish, sent_frames, start
 from tests.test_end_to_end import robot as quick
+from tests.test_executive_proof import altered, lacking, replace
 
 __all__ = ["quick"]
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture
@@ -42,6 +54,32 @@ def test_verify_of_what_is_no_recording_is_3(tmp_path: Path, picked: Path) -> No
     assert status == 3
     assert "is not an MCAP file" in out
     assert "1 of 2 recordings hold" in out
+
+
+def test_the_worst_of_many_is_the_exit_status(tmp_path: Path, picked: Path) -> None:
+    whole = picked.read_bytes()
+    folder = picked.parent
+    (folder / "a.mcap").write_text("no recording")
+    (folder / "b.mcap").write_bytes(whole[:-100])
+    assert finish(tmp_path, "replay", str(folder), "--verify")[0] == 10
+    altered(picked, replace("Message", b"b089,", b"b088,")).rename(folder / "z.mcap")
+    assert finish(tmp_path, "replay", str(folder), "--verify")[0] == 12
+
+
+def test_what_is_read_in_part_is_told(tmp_path: Path, picked: Path) -> None:
+    picked.write_bytes(picked.read_bytes()[:-100])
+    path, folder = str(picked), str(picked.parent)
+    for command in (
+        ["show", path],
+        ["export", path, "-o", folder],
+        ["plot", path],
+        ["diff", path, path],
+    ):
+        status, out, err = finish(tmp_path, "log", *command)
+        assert (status, bool(out)) == (10, True)
+        assert "cut off or damaged" in err
+    with pytest.warns(UserWarning, match="cut off or damaged"):
+        assert len(logs.table(picked, "/joint_states")["joint_1"]) == 31
 
 
 def test_the_same_frames_are_sent_again_as_a_run_of_its_own(
@@ -84,9 +122,49 @@ def test_frames_that_mean_something_else_on_this_arm_are_refused(
     assert not [event for event in events(out) if event["event"] == "sent"]
 
 
+def faster(recording: Path, topic: str, field: str) -> Path:
+    """A copy where the times of a topic are a twentieth."""
+    types = ros_types()
+    channels = {}
+
+    def change(record: Any) -> None:
+        kind = type(record).__name__
+        if kind == "Channel":
+            channels[record.id] = record.topic
+        elif kind == "Message" and channels[record.channel_id] == topic:
+            text = types.decode("std_msgs/msg/String", record.data)
+            told = json.loads(text.data)
+            if isinstance(told[field], list):
+                told[field] = [time / 20 for time in told[field]]
+            elif told[field]:
+                told[field] /= 20
+            text.data = json.dumps(told)
+            record.data = types.encode(text)
+
+    return altered(recording, change).rename(recording.with_suffix(f".{field}.mcap"))
+
+
+def test_a_replay_goes_by_the_schedule_and_refuses_what_is_too_fast(picked: Path) -> None:
+    robot = load_robot().path
+    times = [setpoint.time for setpoint in _setpoints(picked, robot)]
+    assert len(times) == 31
+    late = faster(picked, "/serial/timing", "time")
+    assert [setpoint.time for setpoint in _setpoints(late, robot)] == times
+    with pytest.raises(NotReplayable, match=r"turns joint_1 by .* its limit is 1 rad/s"):
+        _setpoints(faster(picked, "/schedule", "times"), robot)
+
+
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["--verify", "--watch"], ["--on", "virtual", "--speed", "2"], ["--speed", "0"]],
+    [
+        [],
+        ["--verify", "--watch"],
+        ["--on", "virtual", "--speed", "2"],
+        ["--watch", "--speed", "0"],
+        ["--watch", "--speed", "nan"],
+        ["--watch", "--at", "nan"],
+        ["--watch", "--at", "-1"],
+    ],
 )
 def test_wrong_usage_is_2(tmp_path: Path, picked: Path, arguments: list[str]) -> None:
     assert finish(tmp_path, "replay", str(picked), *arguments)[0] == 2
@@ -152,6 +230,70 @@ def test_three_lines_to_a_table(picked: Path) -> None:
     assert (joints["time_ns"][1:] > joints["time_ns"][:-1]).all()
 
 
+def test_runs_are_compared_while_both_moved(picked: Path) -> None:
+    short = lacking(picked, "/serial", "/joint_states", after=3 * 10)
+    both = compare(picked, short)
+    assert both.first.startswith("frame 11: ")
+    assert both.joints["joint_1"] == (0.0, 0.0)
+
+
+def test_a_run_without_frames_is_a_table_with_a_head(tmp_path: Path, rig: RigMaker) -> None:
+    (outcome,) = rig().run(99)
+    joints, frames = export(Path(outcome.recording), tmp_path)
+    assert joints.read_text().split() == ["time_s"]
+    assert frames.read_text().startswith("time_s,")
+
+
+def test_every_topic_is_a_table() -> None:
+    path = ROOT / "trees" / "examples" / "recordings" / "7_measure.mcap"
+    with path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary
+    assert summary.statistics
+    for number, count in summary.statistics.channel_message_counts.items():
+        columns = logs.table(path, summary.channels[number].topic)
+        assert len(columns["time_ns"]) == count
+    assert list(logs.table(path, "/rosout"))[-3:] == ["file", "function", "line"]
+    assert logs.table(path, "/lifecycle")["goal_state.label"][-1] == "finalized"
+    assert logs.table(path, "/robot_description")["data"][0].startswith("<?xml")
+    assert logs.table(path, "/diagnostics") == {}  # no frame was late
+    with pytest.raises(logs.RecordingError, match=r"no topic /joint_state; .* /joint_states"):
+        logs.table(path, "/joint_state")
+
+
+def test_the_story_tells_late_frames_and_no_node_that_never_ran(picked: Path) -> None:
+    told = [words for _, words in story(picked, everything=False)]
+    assert not [words for words in told if "INVALID" in words or "late" in words]
+    types = ros_types()
+
+    def change(record: Any) -> None:
+        if type(record).__name__ == "Message" and b'"scheduled"' in record.data:
+            text = types.decode("std_msgs/msg/String", record.data)
+            timing = json.loads(text.data)
+            if timing["scheduled"]:
+                text.data = json.dumps({**timing, "scheduled": timing["time"] - 0.025})
+            record.data = types.encode(text)
+
+    path = altered(picked, change)
+    told = [words for _, words in story(path, everything=False)]
+    assert "frame 31 left 25.0 ms late" in told
+    assert overview(path).late == {25.0: 31}
+
+
+def test_a_recording_that_is_being_written_is_not_called_damaged(
+    tmp_path: Path, picked: Path
+) -> None:
+    path = tmp_path / ("live" * 12 + ".mcap")
+    shutil.copy(picked, path)
+    path.write_bytes(path.read_bytes()[:-100])
+    with locked(path):
+        assert "being written" in finish(tmp_path, "log", "info", str(path))[1]
+        assert "being written" in finish(tmp_path, "log", "ls", str(tmp_path))[1]
+        assert "being written" in finish(tmp_path, "log", "show", str(path))[2]
+    assert "cut off or damaged" in finish(tmp_path, "log", "info", str(path))[1]
+    assert "UNFINISHED" in finish(tmp_path, "log", "ls", str(tmp_path))[1]
+
+
 def test_a_killed_run_is_mended_by_the_next_and_by_hand(tmp_path: Path, quick: Path) -> None:
     for mend in (["run", "0", "--robot", str(quick)], ["log", "recover"]):
         with start(tmp_path, "run", "1", "--robot", str(quick), "--json") as process:
@@ -180,6 +322,19 @@ def test_pinned_recordings_outlive_the_rule(tmp_path: Path, picked: Path) -> Non
     assert finish(tmp_path, "log", "pin", "--off", str(picked))[0] == 0
     assert "deleted" in finish(tmp_path, "log", "prune", folder, "--days", "1")[1]
     assert not picked.exists()
+
+
+@pytest.mark.parametrize("value", ["-1", "nan", "inf"])
+def test_a_rule_that_makes_no_sense_deletes_nothing(
+    tmp_path: Path, picked: Path, value: str
+) -> None:
+    os.utime(picked, (0, 0))
+    folder = str(picked.parent)
+    for option in ("--days", "--mb"):
+        assert finish(tmp_path, "log", "prune", folder, option, value)[0] == 2
+        status = finish(tmp_path, "run", "0", "--recordings", folder, f"--keep-{option[2:]}", value)
+        assert status[0] == 2
+    assert picked.exists()
 
 
 class Slow:

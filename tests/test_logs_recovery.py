@@ -11,8 +11,9 @@ from mcap.reader import make_reader
 
 import logs
 from logs import DiskFull, Recorder, RecordingInUse, compact, recover, recover_all
-from logs.compaction import RECOVERED, damaged_of
+from logs.compaction import RECOVERED
 from logs.keeping import Rule, pin, pinned, prune
+from logs.recovery import complete
 from logs.tail import Tail
 from tests.test_logs_compaction import run_journal
 from tests.test_logs_recorder import sent
@@ -20,6 +21,7 @@ from tests.test_logs_run import EPOCH_NS, RUNS, fail, record
 
 NOW = 2_000_000_000.0
 DAY = 86400.0
+FOOTER_BYTES = 37  # opcode, length, two offsets, checksum, magic
 
 
 def test_a_journal_that_was_cut_is_recovered_and_the_loss_counted(tmp_path: Path) -> None:
@@ -31,11 +33,35 @@ def test_a_journal_that_was_cut_is_recovered_and_the_loss_counted(tmp_path: Path
     assert made is not None
     assert (made.whole, made.torn) == (False, 6)
     assert "6 bytes behind them are torn" in made.in_words()
-    assert damaged_of(path).read_bytes() == torn
+    assert made.damaged is not None
+    assert made.damaged.name == "run.mcap.damaged"
+    assert made.damaged.read_bytes() == torn
     assert logs.Recording(path).notes[RECOVERED] == {"torn_bytes": "6"}
     with path.open("rb") as stream:
         assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages())
     assert recover(path) is None
+
+
+def test_recovery_keeps_the_pin_the_age_and_what_was_kept_before(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run_journal(path, finish=False)
+    whole, kept = path.read_bytes(), []
+    for torn in (b"\x05\x99one", b"\x05\x99two"):
+        path.unlink()
+        path.write_bytes(whole + torn)
+        os.utime(path, (0, 0))
+        pin(path, True)
+        made = recover(path)
+        assert made is not None
+        assert made.damaged is not None
+        kept.append(made.damaged.read_bytes())
+        assert pinned(path)
+        assert path.stat().st_mtime == 0
+    assert kept == [whole + b"\x05\x99one", whole + b"\x05\x99two"]
+    assert [file.name for file in sorted(tmp_path.glob("*.damaged*"))] == [
+        "run.mcap.damaged",
+        "run.mcap.damaged2",
+    ]
 
 
 def test_a_closed_journal_that_was_never_compacted_is_too(tmp_path: Path) -> None:
@@ -69,6 +95,18 @@ def test_a_damaged_attachment_is_found_and_dropped(tmp_path: Path) -> None:
         assert made is not None
         assert made.torn > 0
         assert "task.yaml" not in logs.Recording(path).files
+
+
+def test_every_flip_in_the_footer_is_damage(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    whole = path.read_bytes()
+    for place in range(len(whole) - FOOTER_BYTES, len(whole)):
+        for bit in range(8):
+            data = bytearray(whole)
+            data[place] ^= 1 << bit
+            path.write_bytes(data)
+            assert not complete(path, every_byte=True), (place - len(whole), bit)
 
 
 def test_stray_parts_go_and_other_files_stay(tmp_path: Path) -> None:

@@ -8,9 +8,11 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
-from .options import PATH
+from .options import AT_LEAST_0, PATH
 
 if TYPE_CHECKING:
+    from collections import Counter
+
     from logs.story import Overview
 
 _FOLDER = click.argument(
@@ -36,16 +38,20 @@ def ls(folder: Path) -> None:
     paths = sorted(folder.glob("*.mcap"))
     if not paths:
         click.echo(f"{folder}: there are no recordings here", err=True)
+    width = max((len(path.name) for path in paths), default=0) + 2
     for path in paths:
         try:
             found = overview(path)
-        except LogError as error:
+        except (LogError, OSError) as error:
             click.echo(f"{path.name}  unreadable: {error}")
             continue
-        marks = ("pinned" if pinned(path) else "", "" if found.complete else "UNFINISHED")
+        end = "" if found.complete else "being written" if found.written else "UNFINISHED"
+        marks = ("pinned" if pinned(path) else "", end)
         task = f"{found.goal.task} {found.goal.name}" if found.goal else "-"
         spent = f"{found.result.duration:.2f} s" if found.result else "-"
-        row = f"{path.name:<34}{task:<12}{found.outcome:<11}{spent:>9}{found.frames:>6} frames"
+        row = (
+            f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{found.frames:>6} frames"
+        )
         click.echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
 
 
@@ -63,6 +69,7 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
     from logs.compaction import RECOVERED
 
     end = "complete" if found.complete else "cut off or damaged: armtree log recover"
+    end = "being written" if found.written else end
     facts = [("file", f"{found.path}, {found.bytes} bytes, {found.messages} messages, {end}")]
     if torn := found.notes.get(RECOVERED, {}).get("torn_bytes"):
         bytes_ = f" {torn} bytes of it were torn" if torn != "0" else ""
@@ -75,14 +82,23 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
         facts.append(("duration", f"{result.duration:.3f} s"))
     facts.append(("frames", f"{found.frames}, {found.holds} of them holds"))
     if late := found.late:
-        middle = late[len(late) // 2] * 1e3
-        facts.append(("lateness", f"{middle:.2f} ms median, {late[-1] * 1e3:.2f} ms at most"))
+        middle = _median(late)
+        facts.append(("lateness", f"{middle:.2f} ms median, {max(late):.2f} ms at most"))
     for group, spent in found.planning.items():
         facts.append(("planning", f"{group} {spent:.1f} ms"))
     facts.append(("attached", ", ".join(found.files) or "nothing"))
     versions = found.notes.get("versions", {})
     facts.append(("versions", ", ".join(f"{name} {is_}" for name, is_ in versions.items())))
     return facts
+
+
+def _median(counted: "Counter[float]") -> float:
+    passed = 0
+    for value in sorted(counted):
+        passed += counted[value]
+        if 2 * passed >= counted.total():
+            break
+    return value
 
 
 @log.command()
@@ -94,6 +110,7 @@ def show(recording: Path, everything: bool) -> None:
 
     for time, words in story(recording, everything):
         click.echo(f"{time:+10.3f}  {words}")
+    sys.exit(_lacking(recording))
 
 
 @log.command()
@@ -105,6 +122,7 @@ def export(recording: Path, output: Path) -> None:
 
     for path in write(recording, output):
         click.echo(path)
+    sys.exit(_lacking(recording))
 
 
 @log.command()
@@ -124,7 +142,8 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
 
         draw_over(both, output)
         click.echo(output)
-    sys.exit(look_up(DIFFERS).exit if both.first else 0)
+    partial = _lacking(one, other)
+    sys.exit(look_up(DIFFERS).exit if both.first else partial)
 
 
 @log.command()
@@ -140,6 +159,18 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
         target = output or recording.with_suffix(".png")
         draw(recording, target)
         click.echo(target)
+    sys.exit(_lacking(*recordings))
+
+
+def _lacking(*recordings: Path) -> int:
+    """Tell which recordings were read in part only; gives the exit status that says so."""
+    from logs import Recording
+    from logs.recovery import lacking
+
+    told = [words for recording in recordings if (words := lacking(Recording(recording)))]
+    for words in told:
+        click.echo(words, err=True)
+    return look_up("log.truncated").exit if told else 0
 
 
 @log.command()
@@ -173,8 +204,8 @@ def pin(recordings: tuple[Path, ...], off: bool) -> None:
 
 @log.command()
 @_FOLDER
-@click.option("--days", type=click.FloatRange(0), help="Delete what is older.")
-@click.option("--mb", type=click.FloatRange(0), help="Delete the oldest beyond so many megabytes.")
+@click.option("--days", type=AT_LEAST_0, help="Delete what is older.")
+@click.option("--mb", type=AT_LEAST_0, help="Delete the oldest beyond so many megabytes.")
 def prune(folder: Path, days: float | None, mb: float | None) -> None:
     """Delete old recordings, never a pinned or an unfinished one."""
     from hardware import RealClock

@@ -1,11 +1,30 @@
 """Options that several commands have."""
 
+import math
 from pathlib import Path
+from typing import Any
 
 import click
 
 PATH = click.Path(path_type=Path)
 OWN_TREES = Path("trees")
+
+
+class Finite(click.FloatRange):
+    """A number in a range, never NaN or infinite: no comparison would refuse a NaN."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The number; anything else is a wrong usage."""
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is no finite number", param, ctx)
+        return number
+
+
+AT_LEAST_0 = Finite(0)
+ABOVE_0 = Finite(0, min_open=True)
 
 
 def _own_trees() -> Path | None:
@@ -42,11 +61,11 @@ workers_option = click.option(
     help="Planner processes.",
 )
 keep_days_option = click.option(
-    "--keep-days", type=float, envvar="ARMTREE_KEEP_DAYS", help="Delete older recordings."
+    "--keep-days", type=AT_LEAST_0, envvar="ARMTREE_KEEP_DAYS", help="Delete older recordings."
 )
 keep_mb_option = click.option(
     "--keep-mb",
-    type=float,
+    type=AT_LEAST_0,
     envvar="ARMTREE_KEEP_MB",
     help="Delete the oldest recordings beyond so many megabytes.",
 )

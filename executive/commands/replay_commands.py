@@ -10,7 +10,7 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
-from .options import PATH
+from .options import ABOVE_0, AT_LEAST_0, PATH
 
 
 @click.command()
@@ -18,8 +18,10 @@ from .options import PATH
 @click.option("--verify", is_flag=True, help="Compile and plan it again; folders may be given too.")
 @click.option("--watch", is_flag=True, help="Show it as it was shown, without an arm.")
 @click.option("--on", "port", metavar="PORT", help="Send its frames again: a port, or virtual.")
-@click.option("--speed", type=click.FloatRange(0, min_open=True), default=1.0, show_default=True)
-@click.option("--at", type=float, metavar="SECONDS", help="With --watch: show this moment only.")
+@click.option("--speed", type=ABOVE_0, default=1.0, show_default=True)
+@click.option(
+    "--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show this moment only."
+)
 @click.option(
     "--jobs", type=click.IntRange(1), help="With --verify: processes; default: all cores."
 )
@@ -57,11 +59,12 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
     from executive.replay.proof_words import in_json, in_words
 
     paths = [path for each in given for path in files_of(each)]
-    worst = done = 0
+    worst = done = 0  # the highest status counts: differs, then incomplete, then unreadable
     for proof in prove_all(paths, jobs or os.cpu_count() or 1):
         click.echo(in_json(proof) if as_json else in_words(proof))
-        code = proof.code or ("" if proof.holds else DIFFERS)
-        worst = worst or (look_up(code).exit if code else 0)
+        same = all(verdict.holds for verdict in proof.verdicts)
+        code = proof.code if same else DIFFERS
+        worst = max(worst, look_up(code).exit if code else 0)
         done += proof.holds
     if not as_json and len(paths) > 1:
         click.echo(f"{done} of {len(paths)} recordings hold")

@@ -1,7 +1,7 @@
 """The first difference between what was recorded and what is made anew."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import takewhile, zip_longest
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise, takewhile, zip_longest
 
 from executive.recording.meshes import world_of
 from hardware import HardwareError, Robot, compile_schedule
@@ -11,6 +11,9 @@ from skills.merged import Merged
 from skills.motion import MotionError, Query, Rest
 from skills.motion import Plan as Planned
 from skills.motion.planner import Planner
+
+# Clocks that have run for months are read to less than this [s].
+_TOLERANCE = 1e-6
 
 # It can only fail a plan, never change one; a busy machine must not.
 _TIMEOUT = 120.0  # [s]
@@ -27,33 +30,60 @@ def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
         robot: As it was recorded.
         story: What was recorded, in its order.
     """
-    killed = not any(isinstance(record, Result) for record in story)
     begins = [i for i, record in enumerate(story) if isinstance(record, Schedule)]
     parts = [story[: begins[0]] if begins else story]
     parts += [story[i:j] for i, j in zip_longest(begins, begins[1:])]
     held: bytes | None = None
-    for number, part in enumerate(parts):
+    for number, (part, cut) in enumerate(zip(parts, _cuts(parts), strict=True)):
         sent = [record for record in part if isinstance(record, Sent) and record.joints]
         schedule = part[0] if part and isinstance(part[0], Schedule) else None
         words = _positions_difference(robot, sent) or _holds_difference(sent, held)
         if not words and schedule:
             words = _compiled_difference(robot, schedule)
-            words = words or _sent_difference(schedule, sent, _cut(part) or killed)
+            words = words or _sent_difference(schedule, sent, cut)
+            words = words or _timing_difference(schedule, sent, cut)
         elif not words and (moved := [each for each in sent if not each.hold]):
             words = f"{_text(moved[0])} was sent without a schedule"
         if words:
             return f"motion {number}: {words}"
         held = sent[-1].data if sent else held
+    return _counted_difference(story)
+
+
+def _counted_difference(story: Sequence[Record]) -> str:
+    sent = 0
+    for record in story:
+        if isinstance(record, Sent) and record.joints:
+            sent += 1
+        elif isinstance(record, Result) and record.frames != sent:
+            return f"the result tells of {record.frames} frames, {sent} are recorded"
     return ""
 
 
-def _cut(part: Sequence[Record]) -> bool:
-    """Whether a motion was cut off, and the recording says so."""
-    for record in part:
-        match record:
-            case Sent(hold=True) | NodeStatus(status="FAILURE") | Result(success=False):
-                return True
-    return False
+def _cuts(parts: Sequence[Sequence[Record]]) -> Iterator[bool]:
+    """Whether each motion was cut off, and the recording says so.
+
+    It does where there is a hold, or where the node that sent the schedule ended otherwise than
+    well, or not at all. That node is a leaf that runs when the schedule is made, or that is told
+    to run with the first change told after it: the changes of one tick bear one time.
+    """
+    changes = [record for part in parts for record in part if isinstance(record, NodeStatus)]
+    inner = {change.path.rpartition("/")[0] for change in changes}
+    running: set[str] = set()
+    for part in parts:
+        told = [r for r in part if isinstance(r, NodeStatus) and r.path not in inner]
+        first = min((r.time for r in part if isinstance(r, NodeStatus)), default=None)
+        senders, failed = set(running), False
+        for change in told:
+            if change.status == "RUNNING":
+                running.add(change.path)
+                senders |= {change.path} if change.time == first else set()
+                continue
+            failed |= change.status != "SUCCESS" and change.path in senders
+            running.discard(change.path)
+            senders.discard(change.path)
+        held = any(isinstance(record, Sent) and record.hold for record in part)
+        yield held or failed or bool(senders) or not told
 
 
 def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
@@ -78,6 +108,13 @@ def _holds_difference(sent: Iterable[Sent], last: bytes | None) -> str:
 
 
 def _compiled_difference(robot: Robot, recorded: Schedule) -> str:
+    firmware = robot.firmware
+    for name, then, now in (
+        ("firmware", recorded.firmware, firmware.name),
+        ("rate_hz", recorded.rate_hz, firmware.rate),
+    ):
+        if then != now:
+            return f"a schedule of {name} {then} is recorded, the robot has {now}"
     if not recorded.groups:
         return ""  # frames that were replayed, not planned
     rows = dict(zip(recorded.sample_times, recorded.samples, strict=True))
@@ -101,6 +138,11 @@ def _schedules_difference(recorded: Schedule, compiled: Compiled) -> str:
     for number, (a, b) in enumerate(zip_longest(then, now), 1):
         if a != b:
             return f"frame {number}: {_at(a)} is recorded as due, {_at(b)} is compiled"
+    delays = tuple(setpoint.delay for setpoint in compiled.setpoints)
+    if recorded.delays_s != delays:
+        return "the recorded delays_s are not those that are compiled"
+    if recorded.slowed_s != compiled.slowed:
+        return f"slowed_s of {recorded.slowed_s} s is recorded, {compiled.slowed} s is compiled"
     return ""
 
 
@@ -118,6 +160,27 @@ def _sent_difference(schedule: Schedule, sent: Sequence[Sent], cut: bool) -> str
             return ""
         if due != left:
             return f"frame {number}: {due or 'none'} was due, {left or 'none'} was sent"
+    return ""
+
+
+def _timing_difference(schedule: Schedule, sent: Sequence[Sent], cut: bool) -> str:
+    moving = [frame for frame in sent if not frame.hold]
+    for number, (due, frame) in enumerate(zip(schedule.times, moving, strict=False), 1):
+        first, scheduled = moving[0].scheduled, frame.scheduled
+        if first is None or scheduled is None:
+            return f"frame {number}: {_text(frame)} is recorded without the time it was due"
+        passed = due - schedule.times[0]
+        late = scheduled - first - passed
+        if late < -_TOLERANCE or (late > _TOLERANCE and not cut):  # a stop may brake
+            return (
+                f"frame {number}: {_text(frame)} was due {passed:.6f} s after the first, "
+                f"recorded is {scheduled - first:.6f} s"
+            )
+        if frame.time < scheduled - _TOLERANCE:
+            return f"frame {number}: {_text(frame)} was sent before it was due"
+    for number, (one, other) in enumerate(pairwise(sent), 2):
+        if other.time < one.time:
+            return f"frame {number}: {_text(other)} was sent before the frame before it"
     return ""
 
 
@@ -145,13 +208,15 @@ def plans_difference(
             number += 1
             words = _plan_difference(record, _plan(planner, robot, record, files), made)
             words = words and f"plan {number} ({record.group}): {words}"
-        elif isinstance(record, Schedule) and record.groups and set(record.groups) <= set(made):
+        elif isinstance(record, Schedule) and record.groups:
             if before and record.resumed is not None:
                 made |= _left(planner, robot, record, before, record.resumed)
-            start = [record.start[joint.name] for joint in robot.actuated]
+            if lacking := [group for group in record.groups if group not in made]:
+                return f"a schedule moves the {lacking[0]}, for which no motion is recorded"
+            start = tuple(record.start[joint.name] for joint in robot.actuated)
             plans = [made[group] for group in record.groups]
             before = Merged(robot, start, plans, record.together)
-            words = _merged_difference(robot, record, before)
+            words = _merged_difference(robot, record, before, start)
         if words:
             return words
     return ""
@@ -182,6 +247,7 @@ def _plan(
 def _plan_difference(
     recorded: Plan, answer: Planned | MotionError | None, made: dict[str, Planned]
 ) -> str:
+    made.pop(recorded.group, None)
     if answer is None:
         return ""
     if isinstance(answer, MotionError):
@@ -204,7 +270,11 @@ def _left(
     return {plan.group: plan for plan in plans}
 
 
-def _merged_difference(robot: Robot, recorded: Schedule, merged: Merged) -> str:
+def _merged_difference(
+    robot: Robot, recorded: Schedule, merged: Merged, start: tuple[float, ...]
+) -> str:
+    if not merged.begins_at(start):
+        return f"a motion from {start} rad is recorded, the plans begin elsewhere"
     if merged.duration != recorded.duration:
         return (
             f"a motion of {recorded.duration!r} s is recorded, the plans take {merged.duration!r}"

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
+from executive.building.resolved import RESOLVED
 from executive.recording.evidence import robot_of
 from hardware import HardwareError, Robot
 from logs import (
@@ -21,11 +22,13 @@ from logs import (
     Plan,
     Record,
     Recording,
+    RecordingError,
     RecordingTruncated,
     Result,
     Schedule,
     Sent,
 )
+from logs.compaction import RECOVERED
 from skills.motion import ModelUnusable
 from skills.motion.planner import Planner
 
@@ -83,6 +86,8 @@ def prove(path: Path) -> Proof:
         verdicts = _frames(recording, robot, story), _plans(recording, robot, story)
     except (LogError, HardwareError, ModelUnusable) as error:
         return Proof(path, (), str(error), error.code, 0.0)
+    except OSError as error:
+        return Proof(path, (), str(error), RecordingError.code, 0.0)
     motion = sum(record.duration for record in story if isinstance(record, Schedule))
     if recording.complete:
         return Proof(path, verdicts, "", "", motion)
@@ -94,25 +99,43 @@ def prove_all(paths: Sequence[Path], jobs: int) -> Iterator[Proof]:
     """Judge recordings in processes of their own; the proofs come in the order of the paths."""
     # As the planners of a run: with one thread a sum is always added up in the same order.
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    pool = ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn"), _leave_ctrl_c)
+    pool = ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn"))
     try:
-        yield from pool.map(prove, paths)
+        yield from _without_ctrl_c(pool, paths)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _leave_ctrl_c() -> None:
-    """Ctrl-C is the parent's to handle."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterator[Proof]:
+    """Begin, in processes that Ctrl-C never reaches: what is blocked stays so in a child."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return pool.map(prove, paths)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _frames(recording: Recording, robot: Robot, story: Sequence[Record]) -> Verdict:
     question = "plan -> frames"
-    if words := frames_difference(robot, story):
+    if words := _goal_difference(recording, story) or frames_difference(robot, story):
         return Verdict(question, False, words, source(recording, robot, story, ("frames",)))
     schedules = sum(isinstance(record, Schedule) for record in story)
     frames = sum(isinstance(record, Sent) for record in story)
     return Verdict(question, True, f"{_many(frames, 'frame')} of {_many(schedules, 'schedule')}")
+
+
+def _goal_difference(recording: Recording, story: Sequence[Record]) -> str:
+    """What is wrong with the goal; only a server's own recording has none, and nothing of a run."""
+    goals = [record for record in story if isinstance(record, Goal)]
+    if not recording.messages:
+        return "nothing is recorded"
+    ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in story)
+    if ran and not goals and RECOVERED not in recording.notes:
+        return "no goal is recorded"
+    for result in (record for record in story if isinstance(record, Result)):
+        if (result.goal_id, result.task) not in {(goal.goal_id, goal.task) for goal in goals}:
+            return f"the result is of task {result.task}, of which no goal is recorded"
+    return ""
 
 
 def _plans(recording: Recording, robot: Robot, story: Sequence[Record]) -> Verdict:
