@@ -122,6 +122,9 @@ def _killed_run(folder: Path, after: float) -> int:
     return heard.count(b"b")
 
 
+_FOOTER_BYTES = 37  # and the magic behind it
+
+
 class Damage(NamedTuple):
     """A file of which the end was cut off, or one bit flipped."""
 
@@ -156,7 +159,8 @@ def truncations(every: int, flips: int) -> int:
     damages = [Damage("journal", cut) for cut in range(0, size, every)]
     for name, data in files.items():
         bits = (rng.randrange(8 * len(data)) for _ in range(flips))
-        damages += [Damage(name, len(data), bit) for bit in bits]
+        footer = range(8 * (len(data) - _FOOTER_BYTES), 8 * len(data))
+        damages += [Damage(name, len(data), bit) for bit in (*bits, *footer)]
     with spawn.Pool(initializer=_take, initargs=(files,)) as pool:
         failures = [text for text in pool.imap_unordered(_failure, damages, 200) if text]
     for text in failures:
