@@ -5,7 +5,7 @@ It shows the tree; there are no nodes of these names in C++ that would move an a
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from py_trees.behaviour import Behaviour
 
@@ -116,12 +116,12 @@ def _control(kind: str, node: Behaviour | None) -> tuple[str, dict[str, str]]:
             return "Timeout", {"msec": str(msec)}
         case Guard() if not node.pause:
             return "ReactiveSequence", {}
-    counts: Callable[[int, int], dict[str, str]] = lambda success, failure: {  # noqa: E731
-        "success_count": str(success),
-        "failure_count": str(failure),
-    }
     if kind == "parallel":
-        return "Parallel", counts(-1, 1)
+        return "Parallel", _counts(-1, 1)
     if kind == "parallel, any":
-        return "Parallel", counts(1, -1)
+        return "Parallel", _counts(1, -1)
     return "RetryUntilSuccessful", {"num_attempts": "-1"}  # wait for, and a guard that pauses
+
+
+def _counts(success: int, failure: int) -> dict[str, str]:
+    return {"success_count": str(success), "failure_count": str(failure)}
