@@ -12,7 +12,6 @@ from .connection import Connection
 from .door import Door
 from .errors import (
     ActivationStopped,
-    FrameLost,
     HardwareError,
     NotActive,
     PortLost,
@@ -121,7 +120,8 @@ class Arm:
             TransitionRefused: Not legal now.
         """
         self._request("activate", State.ACTIVE)
-        self._greet()
+        if connection := self._connection:
+            connection.greet()
         if self._failure:  # in the very moment of becoming active, when it could not be raised
             with contextlib.suppress(TransitionRefused):
                 self._transition("raise_error")
@@ -208,7 +208,9 @@ class Arm:
         shorten that.
         """
         self._cancel()
-        self._hold(self.robot.brake)
+        connection = self._connection
+        if self.state is State.ACTIVE and connection:
+            connection.hold(self.robot.brake)
 
     def fault(self, cause: BaseException) -> None:
         """Take the arm out of *active*, for this error; coming back is a person's act.
@@ -230,24 +232,10 @@ class Arm:
         with contextlib.suppress(TransitionRefused):  # outside active it changes no state
             self._transition("raise_error")
 
-    def _hold(self, brake: float = 0.0) -> None:
-        streamer = self._streamer
-        if self.state is State.ACTIVE and streamer:
-            try:
-                streamer.stop(brake)
-            except Exception as error:  # a driver may raise what it likes
-                self.fault(error)
-
     def _come_to_rest(self) -> None:
-        """Hold what moves, and wait until the board has answered."""
-        streamer = self._streamer
-        if self.state is State.ACTIVE and streamer:
-            if streamer.playing:
-                self._hold()
-            try:
-                streamer.settle()
-            except FrameLost as error:
-                self.fault(error)
+        connection = self._connection
+        if self.state is State.ACTIVE and connection:
+            connection.come_to_rest()
 
     def _notify(self) -> None:
         """Wake who waits for the board's boot, or for the end of a transition."""
@@ -346,16 +334,6 @@ class Arm:
         if self._failure or not self._canceled:
             return self._failure
         return ActivationStopped("the arm was stopped while its board booted")
-
-    def _greet(self) -> None:
-        connection = self._connection
-        try:
-            if connection and connection.door:
-                connection.door.greet()
-        except NotActive:
-            return  # a fault came first
-        except Exception as error:  # a driver may raise what it likes
-            self.fault(error)
 
     def _deactivate(self) -> Result:
         self._look_out_no_longer()

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from .clock import Clock
 from .dialogue import Dialogue
 from .door import Door
-from .errors import BoardSilent, HardwareError, PoseOutside
+from .errors import BoardSilent, FrameLost, HardwareError, NotActive, PoseOutside
 from .events import PATIENCE, BytesReceived, Observer
 from .link import Link
 from .robot import Robot
@@ -77,6 +77,39 @@ class Connection:
         )
         period = 1 / robot.firmware.rate
         self.streamer = Streamer(self.door, dialogue, self._clock, period, self._fault)
+
+    def greet(self) -> None:
+        """Ask a board that has booted to acknowledge frames, if it can."""
+        try:
+            if self.door:
+                self.door.greet()
+        except NotActive:
+            return  # a fault came first
+        except Exception as error:  # a driver may raise what it likes
+            self._fault(error)
+
+    def hold(self, brake: float = 0.0) -> None:
+        """Drop what is left of a motion and hold.
+
+        Args:
+            brake: How long to slow down before [s].
+        """
+        try:
+            if self.streamer:
+                self.streamer.stop(brake)
+        except Exception as error:  # a driver may raise what it likes
+            self._fault(error)
+
+    def come_to_rest(self) -> None:
+        """Hold what moves, and wait until the board has answered."""
+        if not self.streamer:
+            return
+        if self.streamer.playing:
+            self.hold()
+        try:
+            self.streamer.settle()
+        except FrameLost as error:
+            self._fault(error)
 
     def close(self, error: HardwareError | None = None) -> None:
         """Close the port and wait for the threads that used it.
