@@ -1,0 +1,119 @@
+"""Drivers that are not ours: whatever they do, it is a fault and has an end. In simulated time."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from hardware import (
+    Arm,
+    BoardLink,
+    DriverFailed,
+    NotActive,
+    PlaybackState,
+    PortLost,
+    StaleGeneration,
+    State,
+    TransitionRefused,
+)
+from tests.hardware_rigs import HOME, PICK, Rig, motion, settled
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with Rig.alone() as rig:
+        yield rig
+
+
+class Foreign(BoardLink):
+    """A link whose author knows none of our errors."""
+
+    error: Exception
+
+    def write(self, data: bytes) -> None:
+        try:
+            super().write(data)
+        except PortLost:
+            raise self.error from None
+
+    def read(self) -> bytes:
+        try:
+            return super().read()
+        except PortLost:
+            raise self.error from None
+
+
+@pytest.mark.parametrize("deaf", [True, False])
+@pytest.mark.parametrize("error", [OSError(5, "I/O"), ValueError("bad"), AssertionError()])
+def test_what_a_driver_raises_ends_the_motion_with_its_cause_named(
+    deaf: bool, error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether the thread that listens sees it, or the one that writes."""
+    monkeypatch.setattr("tests.hardware_rigs.BoardLink", Foreign)
+    with Rig.alone() as rig:
+        assert isinstance(rig.link, Foreign)
+        rig.link.error = error
+        if deaf:
+            monkeypatch.setattr(rig.link, "read", lambda: b"")
+        rig.start()
+        playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+        rig.wait(1.0)
+        rig.link.unplug()
+        settled(rig, State.UNCONFIGURED)
+        (fault,) = rig.faults
+        assert playback.state is PlaybackState.FAILED
+        assert fault is playback.error
+        assert isinstance(fault, DriverFailed)
+        assert (fault.code, fault.__cause__) == ("hw.driver", error)
+        assert f"The driver failed: {error!r}" in str(fault)
+
+
+@pytest.mark.parametrize("error", [NotActive("theirs"), StaleGeneration("theirs"), SystemExit(3)])
+def test_not_even_errors_of_ours_out_of_a_driver_leave_a_motion_without_end(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    rig.start()
+
+    def fail(data: bytes) -> None:
+        raise error
+
+    monkeypatch.setattr(rig.link, "write", fail)
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+    rig.wait(1.0)
+    settled(rig, State.UNCONFIGURED)
+    assert playback.state is PlaybackState.FAILED
+    assert isinstance(playback.error, DriverFailed)
+    assert playback.error.__cause__ is error
+
+
+@pytest.mark.parametrize("act", [Arm.stop, Arm.deactivate, Arm.shutdown])
+def test_a_hold_at_which_the_driver_fails_is_a_fault(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, act: Callable[[Arm], None]
+) -> None:
+    rig.start()
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+    rig.wait(1.0)
+
+    def fail(data: bytes) -> None:
+        raise OSError(5, "I/O")
+
+    monkeypatch.setattr(rig.link, "write", fail)
+    with contextlib.suppress(TransitionRefused):  # the fault was first
+        act(rig.arm)
+    assert [type(fault) for fault in rig.faults] == [DriverFailed]
+    assert isinstance(playback.error, DriverFailed)
+
+
+def test_a_driver_that_fails_to_open_leaves_the_arm_inactive(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
+        raise OSError(5, "I/O")
+
+    rig.arm.configure()
+    with monkeypatch.context() as patch:
+        patch.setattr(rig.link, "open", fail)
+        with pytest.raises(DriverFailed, match=r"The driver failed: OSError\(5, 'I/O'\)"):
+            rig.arm.activate()
+    assert rig.arm.state is State.INACTIVE
+    rig.arm.activate()
