@@ -354,14 +354,16 @@ class Arm:
         return Result.SUCCESS
 
     def _close(self, error: HardwareError | None = None) -> None:
-        connection, self._connection = self._connection, None
-        if connection:
+        if connection := self._connection:
             connection.close(error)
+            self._connection = None
 
     def _changed(self, label: str, start: State, goal: State) -> None:
         if goal is State.INACTIVE:  # a stop from now on is one of the next activation
             with self._signal:
                 self._canceled = False
+        elif goal is State.FINALIZED:
+            self._close(self._failure)  # two Ctrl-C may have kept everybody from it
         self._tell(StateChanged(self._clock.now(), label, start, goal))
 
     def _tell(self, event: ArmEvent) -> None:

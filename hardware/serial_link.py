@@ -94,12 +94,11 @@ class SerialLink:
             PortLost: Closing failed; the port is given up all the same.
         """
         port, self._serial = self._serial, None
-        if port is None:
-            return
         try:
-            port.cancel_read()
-            with self._reading, self._writing:  # pyserial breaks when it is closed under them
-                port.close()
+            if port is not None:
+                port.cancel_read()
+                with self._reading, self._writing:  # pyserial breaks when it is closed under them
+                    port.close()
         except _LOST as error:
             raise PortLost(self.port, "Something went wrong while closing") from error
         finally:

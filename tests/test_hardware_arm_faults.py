@@ -24,6 +24,7 @@ from hardware import (
     StateChanged,
     TransitionRefused,
 )
+from hardware.connection import Connection
 from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 
 
@@ -102,6 +103,30 @@ def test_a_port_lost_during_the_boot_is_not_active(rig: Rig) -> None:
     assert rig.arm.state is State.UNCONFIGURED
     assert rig.clock.now() == 1.0
     assert [type(error) for error in rig.faults] == [PortLost]
+
+
+@pytest.mark.parametrize(("times", "ended"), [(1, State.UNCONFIGURED), (2, State.FINALIZED)])
+def test_an_interrupt_while_the_board_boots_closes_the_port_and_is_raised(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, times: int, ended: State
+) -> None:
+    """At Ctrl-C, and at one more while the first is seen to."""
+    rig.arm.configure()
+    interrupts, close = iter(range(times)), rig.link.close
+
+    def interrupt(*_: Connection) -> None:
+        for _interrupt in interrupts:
+            raise KeyboardInterrupt
+        close()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Connection, "start", interrupt)
+        patch.setattr(rig.link, "close", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            rig.arm.activate()
+        assert rig.arm.state is ended
+        assert rig.link.read() == b""  # closed
+    rig.arm.stop()
+    assert rig.arm.state is ended
 
 
 class LostWhenActive(Rig):
@@ -255,6 +280,7 @@ def test_an_arm_that_is_gone_leaves_nothing_behind() -> None:
 
 def test_an_arm_that_nobody_shut_down_is_shut_down_at_the_exit() -> None:
     program = """
+from hardware.connection import Connection
 from tests.hardware_rigs import Rig
 from hardware import StateChanged
 rig = Rig()

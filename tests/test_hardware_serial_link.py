@@ -142,6 +142,21 @@ def test_the_lock_is_given_up_when_the_port_does_not_open(tmp_path: Path) -> Non
     lock.release()
 
 
+def test_the_lock_is_given_up_when_opening_is_interrupted(
+    line: Pty, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    link = SerialLink(line.port, BAUD)
+    with monkeypatch.context() as patch:
+        patch.setattr("hardware.serial_link.serial.Serial", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            link.open()
+    link.close()
+    assert PortLock(line.port).owner() is None
+
+
 def test_what_is_written_arrives_and_what_arrives_is_read(line: Pty) -> None:
     link = SerialLink(line.port, BAUD)
     link.open()
