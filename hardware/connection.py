@@ -46,7 +46,8 @@ class Connection:
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
         self._observe, self._active = observe, active
-        self._fault, self._heard = fault, heard
+        self._report, self._heard = fault, heard
+        self._closed = False
         self._listener: threading.Thread | None = None
         self.dialogue = Dialogue(robot)
         self.door: Door | None = None
@@ -120,6 +121,7 @@ class Connection:
         if self.streamer:
             self.streamer.close(error)
             _join(self.streamer.thread)
+        self._closed = True
         try:
             self._link.close()
         except Exception as failure:  # a driver may raise what it likes
@@ -141,9 +143,17 @@ class Connection:
         return pose
 
     def _listen(self) -> None:
-        """Read what the board says until the link is closed or lost."""
+        """Read what the board says until the link is closed or lost.
+
+        An observer may have kept this thread for so long that the port is the next one's by now.
+        """
         try:
-            while data := self._link.read():
+            while not self._closed:
+                data = self._link.read()
+                if self._closed:
+                    return
+                if not data:
+                    raise EOFError(f"its read ended while the port {self._link.port} was open")
                 self._observe(BytesReceived(self._clock.now(), data))
                 self.dialogue.hear(data)
                 if self.streamer:
@@ -151,6 +161,11 @@ class Connection:
                 self._heard()
         except BaseException as error:  # a driver may raise what it likes
             self._fault(error)
+
+    def _fault(self, error: BaseException) -> None:
+        """Report what failed; nobody wants to know of a connection that has ended."""
+        if not self._closed:
+            self._report(error)
 
 
 def _join(thread: threading.Thread) -> None:

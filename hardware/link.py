@@ -28,7 +28,7 @@ class Link(Protocol):
         """
 
     def read(self) -> bytes:
-        """Wait for bytes; empty once the link is closed.
+        """Wait for bytes; empty once the link is closed, and only then.
 
         Raises:
             PortLost: It went away.
