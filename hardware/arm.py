@@ -30,8 +30,9 @@ from .streamer import Playback, Streamer
 
 logger = logging.getLogger(__name__)
 
-# Who shuts down waits this long for a transition of another thread; closing a port takes less.
-_SETTLE = 1.0  # [s]
+# Who shuts down waits this long for a transition of another thread. Closing a port takes less, even
+# where a driver's write does not return.
+_SETTLE = 3.0  # [s]
 
 _arms: "weakref.WeakSet[Arm]" = weakref.WeakSet()  # to shut down when the interpreter exits
 
@@ -194,6 +195,7 @@ class Arm:
             NotActive: The arm is not active.
             InterfaceClaimed: Another motion is being played; stop it first.
             StaleGeneration: There was a stop, or another motion, since then.
+            PortStalled: A write does not return.
         """
         streamer = self._streamer
         if self.state is not State.ACTIVE or streamer is None:

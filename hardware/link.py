@@ -20,7 +20,10 @@ class Link(Protocol):
         """
 
     def write(self, data: bytes) -> None:
-        """Send bytes.
+        """Send bytes; return within 0.3 s, or raise.
+
+        Whoever waits for a write that takes longer than 0.5 s takes the port for stuck and closes
+        it. But who stops the arm writes the hold frame itself, and waits for that.
 
         Raises:
             PortLost: It went away.
@@ -35,7 +38,7 @@ class Link(Protocol):
         """
 
     def close(self) -> None:
-        """Close the port and give it up; `read` returns. Harmless when closed.
+        """Close the port and give it up; `read` and `write` return. Harmless when closed.
 
         Raises:
             PortLost: Closing failed; the port is given up all the same.

@@ -1,22 +1,29 @@
 """Drivers that are not ours: whatever they do, it is a fault and has an end. In simulated time."""
 
 import contextlib
+import dataclasses
+import threading
 from collections.abc import Callable, Iterator
 
 import pytest
 
 from hardware import (
     Arm,
+    ArmEvent,
     BoardLink,
     DriverFailed,
+    Faulted,
     NotActive,
     PlaybackState,
     PortLost,
+    PortStalled,
+    RealClock,
     StaleGeneration,
     State,
     TransitionRefused,
+    virtual_board,
 )
-from tests.hardware_rigs import HOME, PICK, Rig, motion, settled
+from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 
 
 @pytest.fixture
@@ -119,3 +126,43 @@ def test_a_driver_that_fails_to_open_leaves_the_arm_inactive(
             rig.arm.activate()
     assert rig.arm.state is State.INACTIVE
     rig.arm.activate()
+
+
+class Stuck(BoardLink):
+    """A link whose write returns when the test says so, and then fails."""
+
+    def __init__(self) -> None:
+        super().__init__(virtual_board(ROBOT), RealClock())
+        self.stuck, self.leave = threading.Event(), threading.Event()
+
+    def write(self, data: bytes) -> None:
+        self.stuck.set()
+        self.leave.wait()
+        raise OSError(5, "I/O")
+
+
+@pytest.mark.parametrize("act", [Arm.stop, Arm.deactivate, Arm.shutdown])
+def test_a_write_that_does_not_return_keeps_nobody_for_ever_and_its_end_harms_no_next_motion(
+    monkeypatch: pytest.MonkeyPatch, act: Callable[[Arm], None]
+) -> None:
+    monkeypatch.setattr("hardware.connection.PATIENCE", 0.02)
+    monkeypatch.setattr("hardware.door._WAIT", 0.002)
+    robot = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
+    link, events = Stuck(), list[ArmEvent]()
+    arm = Arm(robot, link, RealClock(), events.append)
+    arm.configure()
+    arm.activate()
+    playback = arm.play(motion(HOME, PICK, 4.0), nothing, "test", arm.generation)
+    assert link.stuck.wait(5)
+    with contextlib.suppress(TransitionRefused):  # the fault was first
+        act(arm)
+    assert isinstance(playback.error, PortStalled)
+    (stuck,) = [thread for thread in threading.enumerate() if thread.name == "streamer"]
+    if act is not Arm.shutdown:
+        arm.configure()
+        arm.activate()
+    link.leave.set()
+    stuck.join(5)
+    assert arm.state is (State.FINALIZED if act is Arm.shutdown else State.ACTIVE)
+    assert [event.error for event in events if isinstance(event, Faulted)] == [playback.error]
+    arm.shutdown()

@@ -15,6 +15,7 @@ from hardware import (
     FrameSent,
     NotActive,
     PortLost,
+    PortStalled,
     StaleGeneration,
     WriteRefused,
 )
@@ -160,6 +161,39 @@ def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object
     rig.write(degrees(1))
     began[0].join()
     assert finished == [False]
+
+
+@pytest.mark.parametrize(
+    "act",
+    [Rig.claimed, lambda rig: rig.door.give_up(rig.claim), lambda rig: rig.door.greet(),
+     lambda rig: rig.door.hold(), lambda rig: rig.write(degrees(1))],
+    ids=["claim", "give up", "greet", "hold", "write"],
+)  # fmt: skip
+def test_nobody_waits_for_ever_for_a_write_that_does_not_return(
+    act: Callable[[Rig], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hardware.door._WAIT", 0.002)
+    rig, entered, leave = Rig(), threading.Event(), threading.Event()
+
+    def meanwhile() -> None:
+        entered.set()
+        leave.wait(5)
+
+    rig.link.meanwhile = meanwhile
+    stuck = threading.Thread(target=rig.write, args=(degrees(1),))
+    stuck.start()
+    assert entered.wait(5)
+    why = "^A write to the port does not return: the port board takes no more bytes"
+    with pytest.raises(PortStalled, match=why) as raised:
+        act(rig)
+    assert raised.value.port == "board"
+    rig.door.close()  # does not wait for ever either
+    assert stuck.is_alive()
+    leave.set()
+    stuck.join(5)
+    with pytest.raises(NotActive):
+        rig.door.hold()
+    assert rig.sent == ["b091,s090,e090,g000,"]
 
 
 def test_the_time_that_a_write_waits_is_the_boards_too() -> None:
