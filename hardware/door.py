@@ -154,15 +154,21 @@ class Door:
         self._outbox.deliver()
         return sends
 
-    def hold(self) -> None:
+    def hold(self, claim: Claim | None = None) -> None:
         """End all claims and repeat the last frame, once; nothing if none was written since.
+
+        Args:
+            claim: Whose motion shall be held; all where it is left out.
 
         Raises:
             NotActive: Only an active arm is written to.
+            StaleGeneration: That claim has ended.
             PortLost: The port went away.
             PortStalled: The board takes no more, or a write does not return.
         """
         with self._alone():
+            if claim:
+                self._claims.check(claim)
             self._claims.end()
             due, self._hold_due = self._hold_due, False  # a signal's handler may come in between
             if due:

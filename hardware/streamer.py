@@ -257,7 +257,7 @@ class Streamer:
             self._await(playback, origin + setpoint.time)
             due = self._due(origin + setpoint.time)
             if due == math.inf:
-                self._door.hold()
+                self._door.hold(playback.claim)
                 raise StaleGeneration("slowed down to a stop")
             late = self._clock.now() - due
             if late > self._period:

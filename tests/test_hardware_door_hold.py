@@ -44,6 +44,22 @@ def test_after_a_hold_the_old_motion_is_over_and_a_new_one_may_begin() -> None:
     assert len(rig.sent) == 4
 
 
+def test_a_hold_for_a_motion_that_is_over_leaves_the_next_one_alone() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    over = rig.claim
+    rig.door.hold()
+    rig.claim = rig.claimed()
+    rig.wait(rig.door.earliest)
+    rig.write(degrees(2))
+    with pytest.raises(StaleGeneration):
+        rig.door.hold(over)
+    rig.wait(rig.door.earliest)
+    rig.write(degrees(3))
+    rig.door.hold(rig.claim)
+    assert [frame[:4] for frame in rig.sent] == ["b091", "b091", "b092", "b093", "b093"]
+
+
 def test_a_hold_writes_nothing_where_no_frame_has_left() -> None:
     rig = Rig()
     rig.write(HOME)
