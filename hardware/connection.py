@@ -123,7 +123,7 @@ class Connection:
             _join(self.streamer.thread)
         self._closed = True
         try:
-            self._link.close()
+            self._link.close(discard=error is not None)
         except Exception as failure:  # a driver may raise what it likes
             logger.error("Closing the port %s failed: %s", self._link.port, failure)
         if self._listener:

@@ -37,8 +37,11 @@ class Link(Protocol):
             PortLost: It went away.
         """
 
-    def close(self) -> None:
+    def close(self, discard: bool = False) -> None:
         """Close the port and give it up; `read` and `write` return. Harmless when closed.
+
+        Args:
+            discard: Whether what was written and has not left yet shall never leave.
 
         Raises:
             PortLost: Closing failed; the port is given up all the same.

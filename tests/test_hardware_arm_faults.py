@@ -105,6 +105,24 @@ def test_a_port_lost_during_the_boot_is_not_active(rig: Rig) -> None:
     assert [type(error) for error in rig.faults] == [PortLost]
 
 
+@pytest.mark.parametrize("fault", [HardwareError("whatever"), None])
+def test_after_a_fault_nothing_more_leaves_but_the_hold_of_a_stop_does(
+    rig: Rig, fault: HardwareError | None
+) -> None:
+    rig.start()
+    rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+    rig.until(lambda: len(rig.frames) == 5)
+    before = rig.link.board.state(rig.clock.now()).servos
+    if fault:
+        rig.arm.fault(fault)  # while the fifth frame is on its way
+    else:
+        rig.arm.deactivate()
+    rig.wait(1.0)
+    after = rig.link.board.state(rig.clock.now()).servos
+    assert (after == before) is bool(fault)
+    assert len(rig.frames) == (5 if fault else 6)
+
+
 @pytest.mark.parametrize(("times", "ended"), [(1, State.UNCONFIGURED), (2, State.FINALIZED)])
 def test_an_interrupt_while_the_board_boots_closes_the_port_and_is_raised(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, times: int, ended: State
@@ -113,7 +131,7 @@ def test_an_interrupt_while_the_board_boots_closes_the_port_and_is_raised(
     rig.arm.configure()
     interrupts, close = iter(range(times)), rig.link.close
 
-    def interrupt(*_: Connection) -> None:
+    def interrupt(*_: object, **__: object) -> None:
         for _interrupt in interrupts:
             raise KeyboardInterrupt
         close()
@@ -230,8 +248,8 @@ def test_a_closing_error_is_logged_and_not_raised(
     rig.start()
     close = rig.link.close
 
-    def closes_badly() -> None:
-        close()
+    def closes_badly(discard: bool) -> None:
+        close(discard)
         raise error
 
     with monkeypatch.context() as patch:

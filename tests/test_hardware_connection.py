@@ -27,7 +27,7 @@ class Line:
             raise data
         return data
 
-    def close(self) -> None: ...
+    def close(self, discard: bool = False) -> None: ...
 
 
 class Watch:

@@ -85,7 +85,7 @@ class Bus:
         self.closed.wait()
         return b""
 
-    def close(self):
+    def close(self, discard=False):
         self.closed.set()
 '''
 
