@@ -109,7 +109,7 @@ class Arm:
         self._request("configure", State.INACTIVE)
 
     def activate(self) -> None:
-        """Open the port, which resets the board and moves the arm, and wait until it has booted.
+        """Open the port, which resets most boards and may move the arm, and wait for the boot.
 
         Raises:
             LinkError: The port cannot be had, and the arm stays inactive; or it was lost while the
@@ -299,7 +299,7 @@ class Arm:
         port = self._link.port
         with self._signal:
             self._failure = None
-        logger.info("Starting the arm on port %s: it %s", port, self.robot.firmware.on_reset)
+        logger.info("Starting the arm on port %s: it %s", port, self.robot.on_open)
         self._connection = connection = self._connect(self._link)
         try:
             self._lookout = Lookout(port, self._clock, self._tell)
