@@ -257,6 +257,7 @@ def test_after_whatever_a_driver_raises_nothing_follows(
     with pytest.raises((DriverFailed, SystemExit)) as raised:
         act(rig, degrees(2))
     assert error in (raised.value, raised.value.__cause__)
+    assert repr(error) in repr(raised.value)
     with pytest.raises(NotActive):
         rig.door.hold()
 
