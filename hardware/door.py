@@ -117,7 +117,7 @@ class Door:
     def close(self) -> None:
         """Shut the door for good; a write that is under way ends first, and is told."""
         self._closed = True
-        with contextlib.suppress(PortStalled), self._alone():
+        with contextlib.suppress(PortStalled), self._alone():  # stuck: nothing follows either way
             pass
         self.tell()
 
