@@ -12,7 +12,6 @@ from .connection import Connection
 from .door import Door
 from .errors import (
     ActivationStopped,
-    FrameLost,
     HardwareError,
     NotActive,
     PortLost,
@@ -31,8 +30,9 @@ from .streamer import Playback, Streamer
 
 logger = logging.getLogger(__name__)
 
-# Who shuts down waits this long for a transition of another thread; closing a port takes less.
-_SETTLE = 1.0  # [s]
+# Who shuts down waits this long for a transition of another thread. Closing a port takes less, even
+# where a driver's write does not return.
+_SETTLE = 3.0  # [s]
 
 _arms: "weakref.WeakSet[Arm]" = weakref.WeakSet()  # to shut down when the interpreter exits
 
@@ -109,7 +109,7 @@ class Arm:
         self._request("configure", State.INACTIVE)
 
     def activate(self) -> None:
-        """Open the port, which resets the board and moves the arm, and wait until it has booted.
+        """Open the port, which resets most boards and may move the arm, and wait for the boot.
 
         Raises:
             LinkError: The port cannot be had, and the arm stays inactive; or it was lost while the
@@ -121,7 +121,8 @@ class Arm:
             TransitionRefused: Not legal now.
         """
         self._request("activate", State.ACTIVE)
-        self._greet()
+        if connection := self._connection:
+            connection.greet()
         if self._failure:  # in the very moment of becoming active, when it could not be raised
             with contextlib.suppress(TransitionRefused):
                 self._transition("raise_error")
@@ -194,6 +195,7 @@ class Arm:
             NotActive: The arm is not active.
             InterfaceClaimed: Another motion is being played; stop it first.
             StaleGeneration: There was a stop, or another motion, since then.
+            PortStalled: A write does not return.
         """
         streamer = self._streamer
         if self.state is not State.ACTIVE or streamer is None:
@@ -208,7 +210,9 @@ class Arm:
         shorten that.
         """
         self._cancel()
-        self._hold(self.robot.brake)
+        connection = self._connection
+        if self.state is State.ACTIVE and connection:
+            connection.hold(self.robot.brake)
 
     def fault(self, cause: BaseException) -> None:
         """Take the arm out of *active*, for this error; coming back is a person's act.
@@ -230,24 +234,10 @@ class Arm:
         with contextlib.suppress(TransitionRefused):  # outside active it changes no state
             self._transition("raise_error")
 
-    def _hold(self, brake: float = 0.0) -> None:
-        streamer = self._streamer
-        if self.state is State.ACTIVE and streamer:
-            try:
-                streamer.stop(brake)
-            except Exception as error:  # a driver may raise what it likes
-                self.fault(error)
-
     def _come_to_rest(self) -> None:
-        """Hold what moves, and wait until the board has answered."""
-        streamer = self._streamer
-        if self.state is State.ACTIVE and streamer:
-            if streamer.playing:
-                self._hold()
-            try:
-                streamer.settle()
-            except FrameLost as error:
-                self.fault(error)
+        connection = self._connection
+        if self.state is State.ACTIVE and connection:
+            connection.come_to_rest()
 
     def _notify(self) -> None:
         """Wake who waits for the board's boot, or for the end of a transition."""
@@ -309,7 +299,7 @@ class Arm:
         port = self._link.port
         with self._signal:
             self._failure = None
-        logger.info("Starting the arm on port %s: it %s", port, self.robot.firmware.on_reset)
+        logger.info("Starting the arm on port %s: it %s", port, self.robot.on_open)
         self._connection = connection = self._connect(self._link)
         try:
             self._lookout = Lookout(port, self._clock, self._tell)
@@ -347,16 +337,6 @@ class Arm:
             return self._failure
         return ActivationStopped("the arm was stopped while its board booted")
 
-    def _greet(self) -> None:
-        connection = self._connection
-        try:
-            if connection and connection.door:
-                connection.door.greet()
-        except NotActive:
-            return  # a fault came first
-        except Exception as error:  # a driver may raise what it likes
-            self.fault(error)
-
     def _deactivate(self) -> Result:
         self._look_out_no_longer()
         port = self._link.port if self._link and self._connection else None
@@ -376,14 +356,16 @@ class Arm:
         return Result.SUCCESS
 
     def _close(self, error: HardwareError | None = None) -> None:
-        connection, self._connection = self._connection, None
-        if connection:
+        if connection := self._connection:
             connection.close(error)
+            self._connection = None
 
     def _changed(self, label: str, start: State, goal: State) -> None:
         if goal is State.INACTIVE:  # a stop from now on is one of the next activation
             with self._signal:
                 self._canceled = False
+        elif goal is State.FINALIZED:
+            self._close(self._failure)  # two Ctrl-C may have kept everybody from it
         self._tell(StateChanged(self._clock.now(), label, start, goal))
 
     def _tell(self, event: ArmEvent) -> None:

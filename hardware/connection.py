@@ -7,7 +7,7 @@ from collections.abc import Callable
 from .clock import Clock
 from .dialogue import Dialogue
 from .door import Door
-from .errors import BoardSilent, HardwareError, PoseOutside
+from .errors import BoardSilent, FrameLost, HardwareError, NotActive, PoseOutside
 from .events import PATIENCE, BytesReceived, Observer
 from .link import Link
 from .robot import Robot
@@ -46,7 +46,8 @@ class Connection:
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
         self._observe, self._active = observe, active
-        self._fault, self._heard = fault, heard
+        self._report, self._heard = fault, heard
+        self._closed = False
         self._listener: threading.Thread | None = None
         self.dialogue = Dialogue(robot)
         self.door: Door | None = None
@@ -78,6 +79,39 @@ class Connection:
         period = 1 / robot.firmware.rate
         self.streamer = Streamer(self.door, dialogue, self._clock, period, self._fault)
 
+    def greet(self) -> None:
+        """Ask a board that has booted to acknowledge frames, if it can."""
+        try:
+            if self.door:
+                self.door.greet()
+        except NotActive:
+            return  # a fault came first
+        except Exception as error:  # a driver may raise what it likes
+            self._fault(error)
+
+    def hold(self, brake: float = 0.0) -> None:
+        """Drop what is left of a motion and hold.
+
+        Args:
+            brake: How long to slow down before [s].
+        """
+        try:
+            if self.streamer:
+                self.streamer.stop(brake)
+        except Exception as error:  # a driver may raise what it likes
+            self._fault(error)
+
+    def come_to_rest(self) -> None:
+        """Hold what moves, and wait until the board has answered."""
+        if not self.streamer:
+            return
+        if self.streamer.playing:
+            self.hold()
+        try:
+            self.streamer.settle()
+        except FrameLost as error:
+            self._fault(error)
+
     def close(self, error: HardwareError | None = None) -> None:
         """Close the port and wait for the threads that used it.
 
@@ -87,8 +121,9 @@ class Connection:
         if self.streamer:
             self.streamer.close(error)
             _join(self.streamer.thread)
+        self._closed = True
         try:
-            self._link.close()
+            self._link.close(discard=error is not None)
         except Exception as failure:  # a driver may raise what it likes
             logger.error("Closing the port %s failed: %s", self._link.port, failure)
         if self._listener:
@@ -108,9 +143,17 @@ class Connection:
         return pose
 
     def _listen(self) -> None:
-        """Read what the board says until the link is closed or lost."""
+        """Read what the board says until the link is closed or lost.
+
+        An observer may have kept this thread for so long that the port is the next one's by now.
+        """
         try:
-            while data := self._link.read():
+            while not self._closed:
+                data = self._link.read()
+                if self._closed:
+                    return
+                if not data:
+                    raise EOFError(f"its read ended while the port {self._link.port} was open")
                 self._observe(BytesReceived(self._clock.now(), data))
                 self.dialogue.hear(data)
                 if self.streamer:
@@ -118,6 +161,11 @@ class Connection:
                 self._heard()
         except BaseException as error:  # a driver may raise what it likes
             self._fault(error)
+
+    def _fault(self, error: BaseException) -> None:
+        """Report what failed; nobody wants to know of a connection that has ended."""
+        if not self._closed:
+            self._report(error)
 
 
 def _join(thread: threading.Thread) -> None:

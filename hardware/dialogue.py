@@ -14,6 +14,9 @@ _LONGEST = 200
 _ACK = re.compile(rb"k([0-9a-f]{4}),([0-9a-f]{2}),([0-9a-f]{2}),([0-9a-f]{4})")
 # An answer takes 2 ms on the line, and an adapter keeps it for up to 16 ms more.
 ANSWER = 0.25  # [s]
+# It is counted in looks. A stall of the host, in which nobody reads, is one look and no more.
+_LOOKS = 5
+_LOOK = ANSWER / _LOOKS  # [s]
 _WRAP = 0x10000  # the board counts frames in 16 bits
 
 
@@ -34,8 +37,8 @@ class Dialogue:
         self._lock = threading.RLock()  # a signal's handler may stop the arm
         self._unfinished = b""
         self._taken = self._sum = 0
-        # Of each frame that it has not acknowledged: when it went out, and its sum after it.
-        self._waiting = deque[tuple[float, int]]()
+        self._waiting = deque[int]()  # of each frame that it has not acknowledged, its sum after it
+        self._look, self._silent = 0.0, 0  # when to look next [s]; looks that found nothing new
         self.holds: Frame | None = None
         self.sent = 0
 
@@ -54,8 +57,10 @@ class Dialogue:
         with self._lock:
             self.sent += 1
             if self._banner:
+                if not self._waiting:
+                    self._look, self._silent = now + _LOOK, 0
                 self._sum = binascii.crc_hqx(bytes(frame.servos), self._sum)
-                self._waiting.append((now, self._sum))
+                self._waiting.append(self._sum)
 
     def hear(self, data: bytes) -> None:
         """Take what the board said; what is damaged on its way is passed over.
@@ -77,20 +82,27 @@ class Dialogue:
 
     @property
     def due(self) -> float | None:
-        """When the board must have answered what it was sent [s]; None where nothing waits."""
+        """When to look whether the board has answered [s]; None where nothing waits for that."""
         with self._lock:
-            return self._waiting[0][0] + ANSWER if self._waiting else None
+            return self._look if self._waiting else None
 
     def check(self, now: float) -> None:
-        """Refuse to go on where the board leaves a frame without an answer.
+        """Look, if it is time to, whether the board has answered.
+
+        Args:
+            now: The time [s].
 
         Raises:
-            FrameLost: It went out too long before now [s].
+            FrameLost: It leaves a frame without an answer.
         """
-        due = self.due
-        if due is not None and now >= due:
-            taken = f"the board acknowledged {self._taken} of {self.sent} frames"
-            raise FrameLost(f"{taken}, and then nothing for {ANSWER:g} s")
+        with self._lock:
+            if not self._waiting or now < self._look:
+                return
+            self._look, self._silent = now + _LOOK, self._silent + 1
+            if self._silent < _LOOKS:
+                return
+        taken = f"the board acknowledged {self._taken} of {self.sent} frames"
+        raise FrameLost(f"{taken}, and then nothing for {ANSWER:g} s")
 
     def settled(self) -> bool:
         """Whether the board has all that was sent."""
@@ -114,8 +126,10 @@ class Dialogue:
         with self._lock:
             new = (count - self._taken) % _WRAP
             known = min(new, len(self._waiting))
-            expected = [self._waiting.popleft()[1] for _ in range(known)]
+            expected = [self._waiting.popleft() for _ in range(known)]
             self._taken += new
+            if new:
+                self._silent = -1  # the next look may come too soon to count
             if new and (known < new or expected[-1] != total):
                 counts = f"it refused {refused} bytes and lost {lost}"
                 raise FrameLost(f"the board took other frames than were sent; {counts}")

@@ -5,18 +5,23 @@ the arm is active, that the motion is the current one, that every value is finit
 limits, and that the board can digest the frame now.
 """
 
+import contextlib
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from .clock import Clock
 from .dialogue import Dialogue
-from .errors import BadPosition, DriverFailed, LinkError, NotActive, TooFast
+from .errors import BadPosition, DriverFailed, LinkError, NotActive, PortStalled, TooFast
 from .events import PATIENCE, CommandSent, FrameSent, Observer, Outbox
 from .frames import Frame, check_position
 from .interfaces import Claim, Claims, command_interfaces
 from .link import Link
 from .pace import Pace
 from .robot import Robot
+
+# A write that takes longer than all these waits is stuck. They are several, because a stall of the
+# whole host ends one of them at once, without the writer having had its time.
+_WAITS, _WAIT = 10, PATIENCE / 10  # how many, and how long one is [s]
 
 
 class Door:
@@ -81,13 +86,18 @@ class Door:
 
         Raises:
             WriteRefused: Unknown, claimed by another, or there was a stop since then.
+            PortStalled: A write does not return.
         """
-        with self._lock:
+        with self._alone():
             return self._claims.take(owner, interfaces, generation)
 
     def give_up(self, claim: Claim) -> None:
-        """End a claim. Harmless when it has ended."""
-        with self._lock:
+        """End a claim. Harmless when it has ended.
+
+        Raises:
+            PortStalled: A write does not return.
+        """
+        with self._alone():
             self._claims.give_up(claim)
 
     def greet(self) -> None:
@@ -97,7 +107,7 @@ class Door:
             NotActive: Only an active arm is written to.
             LinkError: The port failed.
         """
-        with self._lock:
+        with self._alone():
             self._check_active()
             if greeting := self._dialogue.greeting:
                 self._put(greeting)
@@ -106,8 +116,9 @@ class Door:
 
     def close(self) -> None:
         """Shut the door for good; a write that is under way ends first, and is told."""
-        with self._lock:
-            self._closed = True
+        self._closed = True
+        with contextlib.suppress(PortStalled), self._alone():  # stuck: nothing follows either way
+            pass
         self.tell()
 
     def tell(self) -> None:
@@ -128,9 +139,9 @@ class Door:
         Raises:
             WriteRefused: Not active, a claim that ended, a bad value, or too much for the board.
             PortLost: The port went away; what the board got is unknown.
-            PortStalled: The board takes no more; likewise.
+            PortStalled: The board takes no more, or a write does not return; likewise.
         """
-        with self._lock:
+        with self._alone():
             self._check_active()
             self._claims.check(claim)
             target = self._target(positions, claim)
@@ -143,21 +154,37 @@ class Door:
         self._outbox.deliver()
         return sends
 
-    def hold(self) -> None:
+    def hold(self, claim: Claim | None = None) -> None:
         """End all claims and repeat the last frame, once; nothing if none was written since.
+
+        Args:
+            claim: Whose motion shall be held; all where it is left out.
 
         Raises:
             NotActive: Only an active arm is written to.
+            StaleGeneration: That claim has ended.
             PortLost: The port went away.
-            PortStalled: The board takes no more.
+            PortStalled: The board takes no more, or a write does not return.
         """
-        with self._lock:
+        with self._alone():
+            if claim:
+                self._claims.check(claim)
             self._claims.end()
             due, self._hold_due = self._hold_due, False  # a signal's handler may come in between
             if due:
                 self._check_active()
                 self._send(self._holds, self._commanded, None)
         self._outbox.deliver()
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Keep everybody else out, once the write that is under way has ended."""
+        if not any(self._lock.acquire(timeout=_WAIT) for _ in range(_WAITS)):
+            raise PortStalled(self._link.port, "A write to the port does not return")
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     def _check_active(self) -> None:
         if self._closed or not self._active():

@@ -308,6 +308,6 @@ class BadPosition(WriteRefused, ValueError):
 
 
 class TooFast(WriteRefused):
-    """The board could not digest this frame now."""
+    """The board could not digest this: a frame that is too early or too far, or a jump."""
 
     code = "hw.too_fast"

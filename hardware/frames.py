@@ -130,7 +130,7 @@ def check_position(joint: Joint, q: object) -> float:
         raise BadPosition(f"{joint.name} = {q!r} is not a finite number", joint.name, q)
     if not joint.lower <= value <= joint.upper:
         limits = f"[{joint.lower!r}, {joint.upper!r}]"
-        limit = joint.lower if value < joint.lower else joint.upper
+        limit = min(max(value, joint.lower), joint.upper)
         words = f"{joint.name} = {q} rad is outside its limits {limits} rad"
         raise BadPosition(words, joint.name, q, limit)
     return value

@@ -78,7 +78,7 @@ class Lifecycle:
 
     Callbacks run while the machine stands in the transition state, outside its own callbacks: an
     exception there would leave the state changed. One that raises, or answers anything but a
-    result, counts as ERROR.
+    result, counts as ERROR; what is no `Exception`, such as Ctrl-C, is then raised on.
 
     Args:
         callbacks: What to do in each transition state; a state without one succeeds at once.
@@ -121,9 +121,7 @@ class Lifecycle:
             raise TransitionRefused(f"cannot {label} now: {self.state.value} is under way")
         try:
             self._check(label)
-            self._fire(label)
-            while self.state not in _PRIMARY:
-                self._fire(self._call().value)
+            self._run(label)
             return self.state
         finally:
             self._changing.release()
@@ -137,6 +135,17 @@ class Lifecycle:
             raise TransitionRefused(
                 f"cannot {label} while {self.state.value}; legal: {', '.join(self.legal())}"
             )
+
+    def _run(self, label: str) -> None:
+        """Take an edge, and those that the callbacks answer, to a primary state."""
+        try:
+            self._fire(label)
+            while self.state not in _PRIMARY:
+                self._fire(self._call().value)
+        except BaseException:  # such as Ctrl-C, which must leave nothing half-way
+            if self.state not in _PRIMARY:
+                self._run(Result.ERROR.value)
+            raise
 
     def _call(self) -> Result:
         callback = self._callbacks.get(self.state, lambda: Result.SUCCESS)

@@ -54,12 +54,13 @@ class PortLock:
         It only looks: to try the lock would keep it from somebody who takes it right then.
         """
         try:
-            inode = os.lstat(self.path).st_ino
+            file = os.lstat(self.path)
             locks = _LOCKS.read_text()
         except OSError:
             return None
         # 3: FLOCK  ADVISORY  WRITE 4711 fe:00:2230596 0 EOF
-        owner = re.search(rf"FLOCK +ADVISORY +WRITE +(\d+) +\S+:{inode} ", locks)
+        where = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
+        owner = re.search(rf"FLOCK +ADVISORY +WRITE +(\d+) +{where} ", locks)
         return owner[1] if owner else None
 
     def release(self) -> None:

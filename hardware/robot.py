@@ -105,6 +105,11 @@ class Robot:
         """Where a reset puts the actuated joints [rad]."""
         return tuple(joint.boot for joint in self.actuated)
 
+    @property
+    def on_open(self) -> str:
+        """What the arm does when its port is opened."""
+        return self.firmware.on_reset if self.serial.resets else "stays where it is"
+
     def link(self, port: str) -> Link:
         """The line to its board on a port."""
         return self.driver.link(self.actuated, self.firmware, self.serial.baud, port)

@@ -5,12 +5,17 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from .driver import WireFormat
+from .errors import TooFast
 from .frames import Frame
 from .pace import Pace
 from .robot import Robot
 
 # Rows of joint positions [rad] at the given times [s], one value per actuated joint.
 Sampler = Callable[[Sequence[float]], Sequence[Sequence[float]]]
+
+# What turns the servos by more than a frame may in less than this is a jump [s]; four hobby servos
+# at full speed take six times as long.
+_SHORTEST = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +70,7 @@ def compile_schedule(
 
     Raises:
         BadPosition: A sample is missing, not finite or outside the limits.
+        TooFast: The motion jumps, or does not begin where the arm is commanded to stand.
     """
     codec = robot.wire_format
     last = codec.encode(start)
@@ -132,10 +138,20 @@ def _steps(
         while not _fits(codec, before, rows, robot.firmware.max_step):
             parts += 1
             step = (time - before_time) / parts
+            if step < _SHORTEST:
+                raise _jump(before_time, time, robot.firmware.max_step)
             rows = [*sample([before_time + step * k for k in range(1, parts)]), row]
         for part, positions in enumerate(rows):
             yield (number + part / parts) / rate, tuple(float(q) for q in positions)
         before, before_time = frame, time
+
+
+def _jump(start: float, end: float, most: int) -> TooFast:
+    return TooFast(
+        f"the motion jumps between {start:.3f} and {end:.3f} s: it turns the servos by more than "
+        f"{most} degrees in sum within {_SHORTEST * 1000:g} ms. It must begin where the arm is "
+        "commanded to stand, and go on without a gap"
+    )
 
 
 def _fits(codec: WireFormat, before: Frame, rows: Sequence[Sequence[float]], most: int) -> bool:

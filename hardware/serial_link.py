@@ -1,5 +1,6 @@
 """A real serial port, through pyserial."""
 
+import contextlib
 import errno
 import termios
 import threading
@@ -87,19 +88,24 @@ class SerialLink:
             except _LOST as error:
                 raise PortLost(self.port, "Something went wrong while listening") from error
 
-    def close(self) -> None:
+    def close(self, discard: bool = False) -> None:
         """Close the port and give up the lock; a waiting `read` returns.
+
+        Args:
+            discard: Whether to drop what the kernel still holds. Else the kernel sees to it that
+                it goes out, and the close of a stuck port may wait for that, up to 30 s.
 
         Raises:
             PortLost: Closing failed; the port is given up all the same.
         """
         port, self._serial = self._serial, None
-        if port is None:
-            return
         try:
-            port.cancel_read()
-            with self._reading, self._writing:  # pyserial breaks when it is closed under them
-                port.close()
+            if port is not None:
+                port.cancel_read()
+                with self._reading, self._writing:  # pyserial breaks when it is closed under them
+                    if discard:
+                        _discard(port)
+                    port.close()
         except _LOST as error:
             raise PortLost(self.port, "Something went wrong while closing") from error
         finally:
@@ -109,6 +115,11 @@ class SerialLink:
         if self._serial is None:
             raise OSError(errno.EBADF, "the port is not open")
         return self._serial
+
+
+def _discard(port: serial.Serial) -> None:
+    with contextlib.suppress(*_LOST):  # on a port that is gone nothing is left to leave
+        port.reset_output_buffer()
 
 
 def _open_error(port: str, error: Exception) -> LinkError:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from enum import Enum
 
 from .clock import Clock
-from .dialogue import ANSWER, Dialogue
+from .dialogue import Dialogue
 from .door import Door
 from .errors import HardwareError, NotActive, StaleGeneration, WriteRefused
 from .interfaces import Claim
@@ -155,9 +155,8 @@ class Streamer:
             FrameLost: It does not answer in time.
         """
         with self._signal:
-            while not self._closing and (due := self._dialogue.due) is not None:
-                self._dialogue.check(self._clock.now())
-                self._signal.wait(due)
+            while not self._closing and self._dialogue.due is not None:
+                self._wait()
 
     def stop(self, brake: float = 0.0) -> None:
         """Drop what is left and hold.
@@ -247,8 +246,7 @@ class Streamer:
         """Wait for a playback, and for the answer to what was sent before; None when closing."""
         with self._signal:
             while not (self._closing or self.playing):
-                self._dialogue.check(self._clock.now())
-                self._signal.wait(self._dialogue.due)
+                self._wait()
             return None if self._closing else self._playback
 
     def _play(self, playback: Playback) -> None:
@@ -257,7 +255,7 @@ class Streamer:
             self._await(playback, origin + setpoint.time)
             due = self._due(origin + setpoint.time)
             if due == math.inf:
-                self._door.hold()
+                self._door.hold(playback.claim)
                 raise StaleGeneration("slowed down to a stop")
             late = self._clock.now() - due
             if late > self._period:
@@ -270,8 +268,7 @@ class Streamer:
         self._door.write(playback.schedule.end, playback.claim, self._clock.now())
         if playback.schedule.setpoints:
             self._sleep(playback, max(origin + playback.schedule.duration, self._door.done))
-            self._sleep(playback, self._clock.now() + ANSWER, self._dialogue.settled)
-            self._dialogue.check(self._clock.now())
+            self._sleep(playback, math.inf, self._dialogue.settled)
 
     def _await(self, playback: Playback, planned: float) -> None:
         """Wait until a frame is due that was planned for a time [s]; braking may shift it."""
@@ -280,7 +277,7 @@ class Streamer:
                 until = max(self._due(planned), self._door.earliest)
                 if until == math.inf or self._clock.now() >= until:
                     return
-                self._signal.wait(until)
+                self._wait(until)
         raise StaleGeneration("stopped")
 
     def _due(self, planned: float) -> float:
@@ -299,6 +296,17 @@ class Streamer:
             return math.inf
         return since + brake * (1 - math.sqrt(1 - 2 * ahead / brake))
 
+    def _wait(self, until: float = math.inf) -> None:
+        """Wait for a time [s], or for news, and see to it that the board answers meanwhile.
+
+        Raises:
+            FrameLost: It leaves a frame without an answer.
+        """
+        self._dialogue.check(self._clock.now())
+        due = self._dialogue.due
+        first = until if due is None else min(until, due)
+        self._signal.wait(None if first == math.inf else first)
+
     def _sleep(
         self, playback: Playback, until: float, over: Callable[[], bool] = lambda: False
     ) -> None:
@@ -306,9 +314,10 @@ class Streamer:
 
         Raises:
             StaleGeneration: The playback was stopped meanwhile.
+            FrameLost: The board leaves a frame without an answer.
         """
         with self._signal:
             while playback is self._playback and not over() and self._clock.now() < until:
-                self._signal.wait(until)
+                self._wait(until)
             if playback is not self._playback:
                 raise StaleGeneration("stopped")

@@ -106,6 +106,23 @@ def test_a_port_that_will_not_do(
     assert result.output.splitlines()[-1] == "Mend what says NO."
 
 
+def test_a_board_that_opening_does_not_reset(tmp_path: Path, robot: Path) -> None:
+    """Only a person can say where its arm stands."""
+    line = Pty()
+    text = robot.read_text().replace("boot_wait_s = 2.0", "boot_wait_s = 1.0")
+    robot.write_text(
+        text.replace('firmware = "stock"', 'firmware = "stock"\nreset_on_open = false')
+    )
+    result = doctor(tmp_path, "--open", "--port", line.port, "--robot", str(robot))
+    line.vanish()
+    os.close(line.slave)
+    assert result.exit_code == 0
+    said = lines(result)
+    assert said["pose"] == "nothing resets the board: a run asks where the arm stands, with --pose"
+    assert said["opening"] == "the board goes on as it is, and the arm stays where it is"
+    assert said["board"] == "opened; where the arm stands only a person can say"
+
+
 def test_a_port_of_another_armtree(tmp_path: Path) -> None:
     line = Pty()
     link = SerialLink(line.port, 115200)

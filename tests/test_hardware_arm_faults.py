@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,19 +15,16 @@ from hardware import (
     ActivationStopped,
     Arm,
     ArmEvent,
-    BoardLink,
-    DriverFailed,
     HardwareError,
-    NotActive,
     PlaybackState,
     PortBusy,
     PortLost,
     PortStalled,
-    StaleGeneration,
     State,
     StateChanged,
     TransitionRefused,
 )
+from hardware.connection import Connection
 from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 
 
@@ -106,6 +103,48 @@ def test_a_port_lost_during_the_boot_is_not_active(rig: Rig) -> None:
     assert rig.arm.state is State.UNCONFIGURED
     assert rig.clock.now() == 1.0
     assert [type(error) for error in rig.faults] == [PortLost]
+
+
+@pytest.mark.parametrize("fault", [HardwareError("whatever"), None])
+def test_after_a_fault_nothing_more_leaves_but_the_hold_of_a_stop_does(
+    rig: Rig, fault: HardwareError | None
+) -> None:
+    rig.start()
+    rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+    rig.until(lambda: len(rig.frames) == 5)
+    before = rig.link.board.state(rig.clock.now()).servos
+    if fault:
+        rig.arm.fault(fault)  # while the fifth frame is on its way
+    else:
+        rig.arm.deactivate()
+    rig.wait(1.0)
+    after = rig.link.board.state(rig.clock.now()).servos
+    assert (after == before) is bool(fault)
+    assert len(rig.frames) == (5 if fault else 6)
+
+
+@pytest.mark.parametrize(("times", "ended"), [(1, State.UNCONFIGURED), (2, State.FINALIZED)])
+def test_an_interrupt_while_the_board_boots_closes_the_port_and_is_raised(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, times: int, ended: State
+) -> None:
+    """At Ctrl-C, and at one more while the first is seen to."""
+    rig.arm.configure()
+    interrupts, close = iter(range(times)), rig.link.close
+
+    def interrupt(*_: object, **__: object) -> None:
+        for _interrupt in interrupts:
+            raise KeyboardInterrupt
+        close()
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Connection, "start", interrupt)
+        patch.setattr(rig.link, "close", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            rig.arm.activate()
+        assert rig.arm.state is ended
+        assert rig.link.read() == b""  # closed
+    rig.arm.stop()
+    assert rig.arm.state is ended
 
 
 class LostWhenActive(Rig):
@@ -209,8 +248,8 @@ def test_a_closing_error_is_logged_and_not_raised(
     rig.start()
     close = rig.link.close
 
-    def closes_badly() -> None:
-        close()
+    def closes_badly(discard: bool) -> None:
+        close(discard)
         raise error
 
     with monkeypatch.context() as patch:
@@ -237,103 +276,6 @@ def test_an_observer_that_fails_keeps_the_arm_from_nothing(
     assert "an observer of the arm failed" in caplog.text
 
 
-# Drivers that are not ours --------------------------------------------------------------------
-
-
-class Foreign(BoardLink):
-    """A link whose author knows none of our errors."""
-
-    error: Exception
-
-    def write(self, data: bytes) -> None:
-        try:
-            super().write(data)
-        except PortLost:
-            raise self.error from None
-
-    def read(self) -> bytes:
-        try:
-            return super().read()
-        except PortLost:
-            raise self.error from None
-
-
-@pytest.mark.parametrize("deaf", [True, False])
-@pytest.mark.parametrize("error", [OSError(5, "I/O"), ValueError("bad"), AssertionError()])
-def test_what_a_driver_raises_ends_the_motion_with_its_cause_named(
-    deaf: bool, error: Exception, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whether the thread that listens sees it, or the one that writes."""
-    monkeypatch.setattr("tests.hardware_rigs.BoardLink", Foreign)
-    with Rig.alone() as rig:
-        assert isinstance(rig.link, Foreign)
-        rig.link.error = error
-        if deaf:
-            monkeypatch.setattr(rig.link, "read", lambda: b"")
-        rig.start()
-        playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
-        rig.wait(1.0)
-        rig.link.unplug()
-        settled(rig, State.UNCONFIGURED)
-        (fault,) = rig.faults
-        assert playback.state is PlaybackState.FAILED
-        assert fault is playback.error
-        assert isinstance(fault, DriverFailed)
-        assert (fault.code, fault.__cause__) == ("hw.driver", error)
-        assert f"The driver failed: {error!r}" in str(fault)
-
-
-@pytest.mark.parametrize("error", [NotActive("theirs"), StaleGeneration("theirs"), SystemExit(3)])
-def test_not_even_errors_of_ours_out_of_a_driver_leave_a_motion_without_end(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch, error: BaseException
-) -> None:
-    rig.start()
-
-    def fail(data: bytes) -> None:
-        raise error
-
-    monkeypatch.setattr(rig.link, "write", fail)
-    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
-    rig.wait(1.0)
-    settled(rig, State.UNCONFIGURED)
-    assert playback.state is PlaybackState.FAILED
-    assert isinstance(playback.error, DriverFailed)
-    assert playback.error.__cause__ is error
-
-
-@pytest.mark.parametrize("act", [Arm.stop, Arm.deactivate, Arm.shutdown])
-def test_a_hold_at_which_the_driver_fails_is_a_fault(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch, act: Callable[[Arm], None]
-) -> None:
-    rig.start()
-    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
-    rig.wait(1.0)
-
-    def fail(data: bytes) -> None:
-        raise OSError(5, "I/O")
-
-    monkeypatch.setattr(rig.link, "write", fail)
-    with contextlib.suppress(TransitionRefused):  # the fault was first
-        act(rig.arm)
-    assert [type(fault) for fault in rig.faults] == [DriverFailed]
-    assert isinstance(playback.error, DriverFailed)
-
-
-def test_a_driver_that_fails_to_open_leaves_the_arm_inactive(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail() -> None:
-        raise OSError(5, "I/O")
-
-    rig.arm.configure()
-    with monkeypatch.context() as patch:
-        patch.setattr(rig.link, "open", fail)
-        with pytest.raises(DriverFailed, match=r"The driver failed: OSError\(5, 'I/O'\)"):
-            rig.arm.activate()
-    assert rig.arm.state is State.INACTIVE
-    rig.arm.activate()
-
-
 def test_who_watches_a_motion_and_fails_does_not_end_it(
     rig: Rig, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -356,6 +298,7 @@ def test_an_arm_that_is_gone_leaves_nothing_behind() -> None:
 
 def test_an_arm_that_nobody_shut_down_is_shut_down_at_the_exit() -> None:
     program = """
+from hardware.connection import Connection
 from tests.hardware_rigs import Rig
 from hardware import StateChanged
 rig = Rig()

@@ -1,6 +1,7 @@
 """Stopping the arm: in every state, at every instant, once."""
 
 import dataclasses
+import math
 import threading
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -21,6 +22,7 @@ from hardware import (
     TransitionRefused,
 )
 from hardware.connection import Connection
+from hardware.streamer import Streamer
 from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing
 
 
@@ -315,3 +317,36 @@ def test_deactivate_does_not_wait_for_the_brake() -> None:
         rig.arm.deactivate()
         assert rig.clock.now() == now
         assert rig.frames[-1].scheduled is None
+
+
+def test_the_end_of_braking_leaves_alone_a_motion_that_began_in_that_moment(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with Rig.alone(BRAKING) as rig:
+        rig.start()
+        playbacks, due = list[Playback](), Streamer._due
+
+        def stop_and_play() -> None:
+            rig.arm._connection.hold()  # type: ignore[union-attr]  # as `deactivate` does
+            there, generation = motion(rig.arm.commanded, HOME, 4.0), rig.arm.generation
+            playbacks.append(rig.arm.play(there, rig.wake, "next", generation))
+
+        def meanwhile(streamer: Streamer, planned: float) -> float:
+            """Between the wait for the next frame and its end, another thread stops and plays."""
+            time = due(streamer, planned)
+            if time == math.inf and threading.current_thread().name == "streamer":
+                asked.append(time)
+                if len(asked) == 2:
+                    thread = threading.Thread(target=stop_and_play)
+                    thread.start()
+                    thread.join()
+            return time
+
+        asked = list[float]()
+        monkeypatch.setattr(Streamer, "_due", meanwhile)
+        rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+        rig.wait(1.0)
+        rig.arm.stop()
+        rig.until(lambda: bool(playbacks) and playbacks[0].state is not PlaybackState.PLAYING)
+        assert playbacks[0].state is PlaybackState.DONE
+        assert len([frame for frame in rig.frames if frame.scheduled is None]) == 1

@@ -2,6 +2,7 @@
 
 import binascii
 import dataclasses
+import math
 
 import pytest
 from hypothesis import given
@@ -107,17 +108,62 @@ def test_the_first_that_is_heard_may_be_an_acknowledgement() -> None:
     assert dialogue.taken == 1
 
 
-def test_a_frame_without_an_answer_is_told_when_its_time_is_over() -> None:
-    dialogue = booted()
+def watched(dialogue: Dialogue, until: float) -> None:
+    """Looks, as often as it is time to, until a time [s]."""
+    while dialogue.due is not None and dialogue.due <= until:
+        dialogue.check(math.nextafter(dialogue.due, 0))  # too soon, so that it does not count
+        dialogue.check(dialogue.due)
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_frame_without_an_answer_is_told_when_its_time_is_over(times: int) -> None:
+    """The answer to one before is no answer to the next one."""
+    dialogue, total = booted(), 0
     dialogue.check(100.0)
+    for time in range(1, times):
+        dialogue.sends(CODEC.frame([10, 90, 90, 0]), time)
+        watched(dialogue, time + ANSWER - 0.01)
+        total = binascii.crc_hqx(bytes([10, 90, 90, 0]), total)
+        dialogue.hear(ack(time, total))
+        assert dialogue.due is None
+        dialogue.check(time + 0.9)
+    dialogue.sends(CODEC.frame([11, 90, 90, 0]), times)
+    dialogue.sends(CODEC.frame([12, 90, 90, 0]), times + 0.2)
+    watched(dialogue, times + ANSWER - 0.001)
+    why = rf"^the board acknowledged {times - 1} of {times + 1} frames, and then nothing for 0.25 s"
+    with pytest.raises(FrameLost, match=why + r"\. Check the cable"):
+        watched(dialogue, times + ANSWER + 1e-9)
+
+
+def test_a_board_that_answers_one_of_two_frames_has_its_time_for_the_other() -> None:
+    dialogue = booted()
     dialogue.sends(CODEC.frame([10, 90, 90, 0]), 1.0)
     dialogue.sends(CODEC.frame([11, 90, 90, 0]), 1.2)
-    dialogue.check(1.0 + ANSWER - 0.001)
-    why = r"^the board acknowledged 0 of 2 frames, and then nothing for 0.25 s\. Check the cable"
-    with pytest.raises(FrameLost, match=why):
-        dialogue.check(1.0 + ANSWER)
+    watched(dialogue, 1.24)
     dialogue.hear(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
-    dialogue.check(1.2 + ANSWER - 0.001)
+    watched(dialogue, 1.24 + ANSWER)
+    with pytest.raises(FrameLost, match="acknowledged 1 of 2 frames"):
+        watched(dialogue, 1.24 + ANSWER + 0.05)
+
+
+def test_a_board_that_says_what_is_known_already_has_not_answered() -> None:
+    dialogue = booted()
+    dialogue.sends(CODEC.frame([10, 90, 90, 0]), 1.0)
+    watched(dialogue, 1.0 + ANSWER - 0.01)
+    dialogue.hear(ack(0, 0))
+    with pytest.raises(FrameLost):
+        watched(dialogue, 1.0 + ANSWER + 1e-9)
+
+
+def test_a_stall_of_the_host_takes_the_board_no_more_than_a_look() -> None:
+    """However long it is: what the board has said meanwhile is not read yet."""
+    dialogue = booted()
+    dialogue.sends(CODEC.frame([10, 90, 90, 0]), 1.0)
+    for stall in (10.0, 20.0, 30.0, 40.0):
+        dialogue.check(stall)
+    assert dialogue.due == pytest.approx(40.0 + ANSWER / 5)
+    dialogue.hear(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
+    dialogue.check(50.0)
 
 
 def test_a_second_start_is_a_reset() -> None:
@@ -147,11 +193,12 @@ def test_a_banner_of_another_firmware_is_told(noise: bytes) -> None:
             dialogue.hear(LINE[-1:])
 
 
-def test_the_time_for_an_answer_is_that_of_the_oldest_frame_without_one() -> None:
+def test_nobody_looks_while_nothing_waits_for_an_answer() -> None:
     dialogue = booted()
     assert dialogue.due is None
     dialogue.sends(CODEC.frame([10, 90, 90, 0]), 1.0)
-    dialogue.sends(CODEC.frame([11, 90, 90, 0]), 1.2)
-    assert dialogue.due == 1.0 + ANSWER
-    dialogue.hear(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
-    assert dialogue.due == 1.2 + ANSWER
+    dialogue.sends(CODEC.frame([11, 90, 90, 0]), 1.01)
+    assert dialogue.due == pytest.approx(1.0 + ANSWER / 5)
+    total = binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)
+    dialogue.hear(ack(2, binascii.crc_hqx(bytes([11, 90, 90, 0]), total)))
+    assert dialogue.due is None

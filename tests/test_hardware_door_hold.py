@@ -15,6 +15,7 @@ from hardware import (
     FrameSent,
     NotActive,
     PortLost,
+    PortStalled,
     StaleGeneration,
     WriteRefused,
 )
@@ -41,6 +42,22 @@ def test_after_a_hold_the_old_motion_is_over_and_a_new_one_may_begin() -> None:
     rig.write(degrees(2))
     rig.door.hold()
     assert len(rig.sent) == 4
+
+
+def test_a_hold_for_a_motion_that_is_over_leaves_the_next_one_alone() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    over = rig.claim
+    rig.door.hold()
+    rig.claim = rig.claimed()
+    rig.wait(rig.door.earliest)
+    rig.write(degrees(2))
+    with pytest.raises(StaleGeneration):
+        rig.door.hold(over)
+    rig.wait(rig.door.earliest)
+    rig.write(degrees(3))
+    rig.door.hold(rig.claim)
+    assert [frame[:4] for frame in rig.sent] == ["b091", "b091", "b092", "b093", "b093"]
 
 
 def test_a_hold_writes_nothing_where_no_frame_has_left() -> None:
@@ -162,6 +179,39 @@ def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object
     assert finished == [False]
 
 
+@pytest.mark.parametrize(
+    "act",
+    [Rig.claimed, lambda rig: rig.door.give_up(rig.claim), lambda rig: rig.door.greet(),
+     lambda rig: rig.door.hold(), lambda rig: rig.write(degrees(1))],
+    ids=["claim", "give up", "greet", "hold", "write"],
+)  # fmt: skip
+def test_nobody_waits_for_ever_for_a_write_that_does_not_return(
+    act: Callable[[Rig], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hardware.door._WAIT", 0.002)
+    rig, entered, leave = Rig(), threading.Event(), threading.Event()
+
+    def meanwhile() -> None:
+        entered.set()
+        leave.wait(5)
+
+    rig.link.meanwhile = meanwhile
+    stuck = threading.Thread(target=rig.write, args=(degrees(1),))
+    stuck.start()
+    assert entered.wait(5)
+    why = "^A write to the port does not return: the port board takes no more bytes"
+    with pytest.raises(PortStalled, match=why) as raised:
+        act(rig)
+    assert raised.value.port == "board"
+    rig.door.close()  # does not wait for ever either
+    assert stuck.is_alive()
+    leave.set()
+    stuck.join(5)
+    with pytest.raises(NotActive):
+        rig.door.hold()
+    assert rig.sent == ["b091,s090,e090,g000,"]
+
+
 def test_the_time_that_a_write_waits_is_the_boards_too() -> None:
     rig = Rig()
     rig.link.meanwhile = lambda: rig.wait(2.15)
@@ -207,6 +257,7 @@ def test_after_whatever_a_driver_raises_nothing_follows(
     with pytest.raises((DriverFailed, SystemExit)) as raised:
         act(rig, degrees(2))
     assert error in (raised.value, raised.value.__cause__)
+    assert repr(error) in repr(raised.value)
     with pytest.raises(NotActive):
         rig.door.hold()
 

@@ -22,6 +22,7 @@ DRIVER = '''
 """Servos on a bus that take their positions in ticks, such as `1:0512 2:0300;`."""
 
 import re
+import threading
 from dataclasses import dataclass
 
 from hardware import Firmware, Frame
@@ -68,22 +69,24 @@ class Format:
 
 
 class Bus:
-    """Keeps what is written."""
+    """Keeps what is written; nothing answers."""
 
     def __init__(self, port):
         self.port, self.written = port, []
+        self.closed = threading.Event()
 
     def open(self):
-        pass
+        self.closed.clear()
 
     def write(self, data):
         self.written.append(data)
 
     def read(self):
+        self.closed.wait()
         return b""
 
-    def close(self):
-        pass
+    def close(self, discard=False):
+        self.closed.set()
 '''
 
 
@@ -118,9 +121,30 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robot:
     return load_robot(described(tmp_path))
 
 
+class Silence:
+    """An event for whose waiters the clock's time passes."""
+
+    def __init__(self, clock: SimulatedClock) -> None:
+        self.signal, self.over = clock.signal(), False
+
+    def clear(self) -> None:
+        self.over = False
+
+    def set(self) -> None:
+        with self.signal:
+            self.over = True
+            self.signal.notify()
+
+    def wait(self) -> None:
+        with self.signal:
+            while not self.over:
+                self.signal.wait(None)
+
+
 def test_a_driver_of_another_package_drives_the_arm(robot: Robot) -> None:
     clock = SimulatedClock()
     link = robot.link("can0")
+    link.closed = Silence(clock)  # type: ignore[attr-defined]
     ended = clock.signal()
 
     def changed() -> None:

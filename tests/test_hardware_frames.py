@@ -17,6 +17,7 @@ from hardware import BadPosition, Codec, Frame, Joint, WireField, check_position
 
 ROBOT = load_robot()
 CODEC = Codec(ROBOT.actuated)
+J1 = ROBOT.joint("joint_1")
 HOME = (0.0, 0.0, 0.0, 0.0)
 WITHIN = st.tuples(*(st.floats(joint.lower, joint.upper) for joint in ROBOT.actuated))
 
@@ -170,3 +171,15 @@ def test_a_robot_of_other_letters_has_frames_of_its_own() -> None:
     assert codec.parse(b"x090,q080,") == frame
     with pytest.raises(ValueError, match="is no frame such as x000,q000,"):
         codec.parse(b"b090,g080,")
+
+
+@pytest.mark.parametrize(
+    ("value", "limit"), [(2, J1.upper), (-2.0, J1.lower), (math.nan, None), ("x", None)]
+)
+def test_a_bad_value_is_told_with_its_joint_and_its_limit(
+    value: object, limit: float | None
+) -> None:
+    with pytest.raises(BadPosition) as caught:
+        check_position(J1, value)
+    assert (caught.value.joint, caught.value.limit) == ("joint_1", limit)
+    assert caught.value.value is value

@@ -63,6 +63,10 @@ def answers(result: Result | Exception) -> Callback:
     return answer
 
 
+def interrupt() -> Result:
+    raise KeyboardInterrupt
+
+
 class Machine:
     """A lifecycle whose callbacks answer what it is told, from any primary state."""
 
@@ -131,6 +135,50 @@ def test_an_error_while_active(on_error: Result | Exception) -> None:
     machine.callbacks[State.ERRORPROCESSING] = answers(on_error)
     end = State.UNCONFIGURED if on_error is Result.SUCCESS else State.FINALIZED
     assert machine.lifecycle.request("raise_error") is end
+
+
+@pytest.mark.parametrize(("label", "start"), ENDS)
+@pytest.mark.parametrize("on_error", RESULTS, ids=str)
+def test_an_interrupt_counts_as_an_error_and_is_raised(
+    label: str, start: str, on_error: Result | Exception
+) -> None:
+    machine = Machine(start)
+    transition = next(g for n, s, g in REQUESTS if n == label and s.value == start)
+    machine.callbacks[State.ERRORPROCESSING] = answers(on_error)
+    machine.callbacks[transition] = interrupt
+    with pytest.raises(KeyboardInterrupt):
+        machine.lifecycle.request(label)
+    end = State.UNCONFIGURED if on_error is Result.SUCCESS else State.FINALIZED
+    assert machine.lifecycle.state is end
+    assert not machine.lifecycle.changing
+
+
+@pytest.mark.parametrize(
+    ("moment", "end"),
+    [(State.CONFIGURING, State.UNCONFIGURED), (State.ERRORPROCESSING, State.FINALIZED),
+     (State.INACTIVE, State.INACTIVE)],
+)  # fmt: skip
+def test_an_interrupt_of_who_watches_leaves_no_transition_half_way(
+    moment: State, end: State
+) -> None:
+    def watch(label: str, start: State, goal: State) -> None:
+        if goal is moment:
+            raise KeyboardInterrupt
+
+    result = Result.ERROR if moment is State.ERRORPROCESSING else Result.SUCCESS
+    lifecycle = Lifecycle({State.CONFIGURING: answers(result)}, watch)
+    with pytest.raises(KeyboardInterrupt):
+        lifecycle.request("configure")
+    assert lifecycle.state is end
+    assert not lifecycle.changing
+
+
+def test_who_interrupts_again_and_again_still_finds_an_end() -> None:
+    machine = Machine("unconfigured")
+    machine.callbacks.update(dict.fromkeys(OUTCOMES, interrupt))
+    with pytest.raises(KeyboardInterrupt):
+        machine.lifecycle.request("configure")
+    assert machine.lifecycle.state is State.FINALIZED
 
 
 LEGAL = {*ENDS, ("raise_error", "active")}

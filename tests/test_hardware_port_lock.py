@@ -131,6 +131,24 @@ def test_the_owner_is_named_while_there_is_one(port: str) -> None:
     lock.path.unlink()
 
 
+def test_a_lock_of_another_file_system_is_not_ours(
+    port: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files of two file systems may have one number, and in /run and /tmp small ones are usual."""
+    lock, locks = PortLock(port), tmp_path / "locks"
+    lock.path.touch()
+    file = lock.path.stat()
+    devices = [(os.major(file.st_dev), os.minor(file.st_dev)), (0xAB, 0x1)]
+    monkeypatch.setattr(module, "_LOCKS", locks)
+    owners = []
+    for major, minor in devices:
+        where = f"{major:02x}:{minor:02x}:{file.st_ino}"
+        locks.write_text(f"1: FLOCK  ADVISORY  WRITE 4711 {where} 0 EOF\n")
+        owners.append(lock.owner())
+    lock.path.unlink()
+    assert owners == ["4711", None]
+
+
 def test_a_lock_file_that_cannot_be_opened_is_named(port: str) -> None:
     lock = PortLock(port)
     lock.path.symlink_to("/etc/passwd")

@@ -17,6 +17,7 @@ from hardware import (
     Codec,
     Robot,
     Schedule,
+    TooFast,
     compile_schedule,
     load_robot,
     played,
@@ -114,6 +115,24 @@ def test_a_sample_outside_the_limits_is_refused() -> None:
         straight(STOCK, (0, 0, 0, 0.1), 1.0)
     with pytest.raises(BadPosition, match="not a finite number"):
         straight(STOCK, (math.nan, 0, 0, 0), 1.0)
+
+
+@pytest.mark.parametrize("robot", [STOCK, OURS], ids=["stock", "armtree"])
+@pytest.mark.parametrize(
+    ("jump", "between"),
+    [(0.0, "0.000 and 0.020"), (0.51, "0.500 and 0.520"), (0.99, "0.980 and 1.")],
+)
+def test_a_motion_that_jumps_is_refused(robot: Robot, jump: float, between: str) -> None:
+    """At the first jump, be it away from where the arm stands."""
+
+    def sample(times: Sequence[float]) -> list[tuple[float, ...]]:
+        return [PICK if time >= jump else HOME for time in times]
+
+    robot = dataclasses.replace(robot, firmware=dataclasses.replace(robot.firmware, rate=50.0))
+    why = f"^the motion jumps between {between}.* by more than 16 degrees in sum within 1 ms"
+    with pytest.raises(TooFast, match=why) as raised:
+        compile_schedule(robot, HOME, sample, 1.0)
+    assert raised.value.code == "hw.too_fast"
 
 
 def test_the_same_motion_gives_the_same_schedule() -> None:

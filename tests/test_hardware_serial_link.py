@@ -2,6 +2,7 @@
 
 import os
 import re
+import select
 import subprocess
 import sys
 import threading
@@ -142,6 +143,21 @@ def test_the_lock_is_given_up_when_the_port_does_not_open(tmp_path: Path) -> Non
     lock.release()
 
 
+def test_the_lock_is_given_up_when_opening_is_interrupted(
+    line: Pty, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    link = SerialLink(line.port, BAUD)
+    with monkeypatch.context() as patch:
+        patch.setattr("hardware.serial_link.serial.Serial", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            link.open()
+    link.close()
+    assert PortLock(line.port).owner() is None
+
+
 def test_what_is_written_arrives_and_what_arrives_is_read(line: Pty) -> None:
     link = SerialLink(line.port, BAUD)
     link.open()
@@ -215,6 +231,28 @@ def test_a_stuck_line_is_told_and_nothing_is_repeated(line: Pty) -> None:
     arrived = line.drain()
     assert len(arrived) > 1000
     assert b"".join(frames).startswith(arrived)  # of the last one perhaps a part, or nothing
+
+
+@pytest.mark.parametrize("discard", [True, False])
+def test_what_the_kernel_still_holds_goes_out_or_is_discarded(line: Pty, discard: bool) -> None:
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    frames, _ = fill(link)
+    link.close(discard)
+    arrived = b""
+    while select.select([line.master], [], [], 0.2)[0]:  # the kernel moves them up bit by bit
+        arrived += line.drain()
+    assert b"".join(frames).startswith(arrived)
+    there = 4096  # what is at the other end of a pseudo-terminal already
+    assert len(arrived) <= there if discard else len(arrived) >= 20 * (len(frames) - 1)
+
+
+def test_discarding_on_a_port_that_is_gone_is_harmless(line: Pty) -> None:
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    line.vanish()
+    link.close(discard=True)
+    assert PortLock(line.port).owner() is None
 
 
 def test_a_port_lost_while_a_write_waits(line: Pty) -> None:

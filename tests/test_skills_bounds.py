@@ -6,7 +6,8 @@ import pytest
 from py_trees.common import Status
 
 from hardware import Robot
-from skills import BadTarget, CheckBounds, OutOfBounds, Positions, check_targets
+from skills import BadTarget, CheckBounds, OutOfBounds, Positions, SkillError, check_targets
+from skills.bounds import by_group, check_whole
 from tests.conftest import Bench
 
 ZERO = {"arm": {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0}, "gripper": {"joint_4": 0.0}}
@@ -70,6 +71,47 @@ def test_what_makes_no_sense(
 ) -> None:
     with pytest.raises(BadTarget, match=words):
         check_targets(robot, targets)
+
+
+@pytest.mark.parametrize(
+    ("targets", "kind", "way"),
+    [({"arm": {}}, BadTarget, ("arm", "joint_1")),
+     (target(joint_1=9.0, joint_4=9.0), OutOfBounds, ("arm", "joint_1")),
+     (target(joint_4=9.0), OutOfBounds, ("gripper", "joint_4")),
+     (target(joint_9=0.0), BadTarget, ("gripper", "joint_9"))],
+)  # fmt: skip
+def test_the_first_value_that_is_wrong_is_told_where_it_is_written(
+    robot: Robot,
+    targets: dict[str, dict[str, float]],
+    kind: type[SkillError],
+    way: tuple[str, ...],
+) -> None:
+    with pytest.raises(kind) as caught:
+        check_targets(robot, targets)
+    assert caught.value.way == way
+    with pytest.raises(kind) as caught:
+        check_targets(robot, targets, ("goal", 3))
+    assert caught.value.way == ("goal", 3, way[-1])
+
+
+def test_a_configuration_names_every_joint_that_is_moved(robot: Robot) -> None:
+    whole = {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": 0.0}
+    check_whole(robot, "start", whole)
+    why = "^the start lacks joint_2, joint_4; it must name joint_1, joint_2, joint_3, joint_4$"
+    with pytest.raises(BadTarget, match=why) as caught:
+        check_whole(robot, "start", {"joint_1": 0.0, "joint_3": 0.0})
+    assert caught.value.way == ("start",)
+
+
+def test_joints_are_told_apart_by_their_groups(robot: Robot) -> None:
+    assert by_group(robot, {"joint_4": 0.1, "joint_1": 0.2}, "to") == {
+        "arm": {"joint_1": 0.2},
+        "gripper": {"joint_4": 0.1},
+    }
+    why = "^joint_8, joint_9 is no joint of the robot; it has joint_1, joint_2, joint_3, joint_4, "
+    with pytest.raises(BadTarget, match=why) as caught:
+        by_group(robot, {"joint_8": 0.0, "joint_1": 0.0, "joint_9": 0.0}, "to")
+    assert caught.value.way == ("to", "joint_8")
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])

@@ -45,15 +45,23 @@ def examine(
         yield Check("robot", False, str(error), "mend that line", error.code)
         return
     yield Check("robot", True, f"{robot.name}, firmware {robot.firmware.name}")
-    yield _pose(robot)
+    port = robot.serial.port if port is None else port
+    yield _pose(robot, port)
     yield _boot_wait(robot)
     yield _tasks(trees)
     yield _planner(robot)
     yield from _recordings(recordings)
-    yield from _port(robot, robot.serial.port if port is None else port, really_open)
+    yield from _port(robot, port, really_open)
 
 
-def _pose(robot: Robot) -> Check:
+def _resets(robot: Robot, port: str) -> bool:
+    return robot.serial.resets or port == VIRTUAL
+
+
+def _pose(robot: Robot, port: str) -> Check:
+    if not _resets(robot, port):
+        what = "nothing resets the board: a run asks where the arm stands, with --pose"
+        return Check("pose", True, what)
     if robot.firmware.banner:
         return Check("pose", True, "the board says where the arm stands, and a reset leaves it")
     frame = robot.wire_format.encode(robot.boot_pose)
@@ -120,7 +128,8 @@ def _port(robot: Robot, port: str, really_open: bool) -> Iterator[Check]:
         if not all(check.ok for check in checks):
             return
     if really_open:
-        yield Check("opening", True, f"it resets the board, and the arm {robot.firmware.on_reset}")
+        does = "it resets the board" if _resets(robot, port) else "the board goes on as it is"
+        yield Check("opening", True, f"{does}, and the arm {robot.on_open}")
         yield _open(robot, port)
 
 
@@ -132,4 +141,6 @@ def _open(robot: Robot, port: str) -> Check:
             stands = ", ".join(f"{name} {q:.3f}" for name, q in arm.read().items())
     except HardwareError as error:
         return Check("board", False, str(error), code=error.code)
+    if not _resets(robot, port):
+        return Check("board", True, "opened; where the arm stands only a person can say")
     return Check("board", True, f"booted; commanded to {stands} rad")

@@ -60,9 +60,9 @@ class RecordedLink:
         """Wait for bytes."""
         return self._link.read()
 
-    def close(self) -> None:
-        """Close it."""
-        self._link.close()
+    def close(self, discard: bool = False) -> None:
+        """Close it; what has not left yet may be discarded."""
+        self._link.close(discard)
 
     def _recorded(self) -> bool:
         """Whether all before is on its way to the disk, or is within the time it may take."""

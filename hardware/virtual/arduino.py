@@ -129,13 +129,13 @@ class VirtualLink:
         link = self._serial
         return link.read() if link else b""
 
-    def close(self) -> None:
-        """Close the port and end the board; raises as `SerialLink.close`."""
+    def close(self, discard: bool = False) -> None:
+        """Close the port and end the board; does and raises as `SerialLink.close`."""
         link, self._serial = self._serial, None
         arduino, self.arduino = self.arduino, None
         try:
             if link:
-                link.close()
+                link.close(discard)
         finally:
             if arduino:
                 arduino.close()

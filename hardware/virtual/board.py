@@ -95,11 +95,10 @@ class Board:
 
         Then the servos snap to the boot angles, unless the program keeps those it holds.
         """
-        self.advance(now)
+        self.cut_off(now)
         self._resets += 1
         self._lost, self._refused = self._counts()
         self._rests = self._angles(now)
-        self._line, self._line_free = deque(), now
         self._out.cut(now)
         self._start(now + self._firmware.boot_time, self._program.held)
 
@@ -121,6 +120,11 @@ class Board:
         for byte in data:
             self._line_free = max(self._line_free, now) + self._byte_time
             self._line.append((self._line_free, byte))
+
+    def cut_off(self, now: float) -> None:
+        """Forget the bytes that have not arrived."""
+        self.advance(now)
+        self._line, self._line_free = deque(), now
 
     def state(self, now: float) -> BoardState:
         """What the board is doing now."""

@@ -59,10 +59,16 @@ class BoardLink:
                 self._changed.wait(self.board.says_next())
             return b""
 
-    def close(self) -> None:
-        """Close the link; a waiting `read` returns."""
+    def close(self, discard: bool = False) -> None:
+        """Close the link; a waiting `read` returns.
+
+        Args:
+            discard: Whether to drop what has not arrived yet.
+        """
         with self._changed:
             self._open = False
+            if discard:
+                self.board.cut_off(self._clock.now())
             self._changed.notify()
 
     def unplug(self) -> None:

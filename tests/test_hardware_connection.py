@@ -1,0 +1,103 @@
+"""A connection to a board: what it does from its end on is nothing."""
+
+import queue
+import threading
+
+import pytest
+
+from hardware import ArmEvent, BytesReceived, RealClock, load_robot
+from hardware.connection import Connection
+
+
+class Line:
+    """A link whose board says what a test puts on it; an exception is raised to who reads."""
+
+    port = "line"
+
+    def __init__(self) -> None:
+        self.said = queue.Queue[bytes | Exception]()
+
+    def open(self) -> None: ...
+
+    def write(self, data: bytes) -> None: ...
+
+    def read(self) -> bytes:
+        data = self.said.get()
+        if isinstance(data, Exception):
+            raise data
+        return data
+
+    def close(self, discard: bool = False) -> None: ...
+
+
+class Watch:
+    """Is told by a connection, and may be kept busy."""
+
+    def __init__(self) -> None:
+        self.events: list[ArmEvent] = []
+        self.faults: list[BaseException] = []
+        self.told, self.leave = threading.Event(), threading.Event()
+
+    def connect(self, line: Line) -> Connection:
+        told = self.observe, lambda: True, self.faults.append, lambda: None
+        connection = Connection(load_robot(), line, RealClock(), *told)
+        connection.open()
+        return connection
+
+    def observe(self, event: ArmEvent) -> None:
+        self.events.append(event)
+        self.told.set()
+        self.leave.wait(5)
+
+
+@pytest.fixture
+def line(monkeypatch: pytest.MonkeyPatch) -> Line:
+    """Those who close a connection wait for nobody."""
+    monkeypatch.setattr("hardware.connection.PATIENCE", 0.01)
+    return Line()
+
+
+def ended(connection: Connection) -> bool:
+    assert connection._listener
+    connection._listener.join(5)
+    return not connection._listener.is_alive()
+
+
+def test_who_still_listens_after_the_end_leaves_the_next_ones_bytes_alone(line: Line) -> None:
+    watch = Watch()
+    line.said.put(b"first")
+    connection = watch.connect(line)
+    assert watch.told.wait(5)
+    connection.close()
+    line.said.put(b"for the next")
+    watch.leave.set()
+    assert ended(connection)
+    assert line.said.get_nowait() == b"for the next"
+    assert watch.faults == []
+
+
+@pytest.mark.parametrize("late", [b"late", OSError(5, "I/O")])
+def test_what_is_read_after_the_end_is_neither_told_nor_a_fault(
+    line: Line, late: bytes | Exception
+) -> None:
+    watch = Watch()
+    connection = watch.connect(line)
+    connection.close()
+    line.said.put(late)
+    assert ended(connection)
+    assert (watch.events, watch.faults) == ([], [])
+
+
+def test_a_read_that_ends_while_the_port_is_open_is_a_fault(line: Line) -> None:
+    watch = Watch()
+    watch.leave.set()
+    line.said.put(b"something")
+    line.said.put(b"")
+    connection = watch.connect(line)
+    assert ended(connection)
+    assert [event.data for event in watch.events if isinstance(event, BytesReceived)] == [
+        b"something"
+    ]
+    (fault,) = watch.faults
+    assert isinstance(fault, EOFError)
+    assert str(fault) == "its read ended while the port line was open"
