@@ -81,19 +81,21 @@ def read(path: Path, topics: Collection[str] | None = None) -> Iterator[Message]
 
 
 def _messages(records: Salvage, topics: Collection[str] | None) -> Iterator[Message]:
+    from mcap import records as mcap
+
     types: dict[int, str] = {}
     channels: dict[int, tuple[str, str]] = {}
     path, count = records.path, 0
     for record in records:
-        kind = type(record).__name__
-        if kind == "Message":
-            count += 1
-            topic, name = channels[record.channel_id]
-            if topics is None or topic in topics:
-                yield Message(topic, record.log_time, name, record.data, path)
-        elif kind == "Schema":
-            types[record.id] = record.name
-        elif kind == "Channel":
-            channels[record.id] = record.topic, types[record.schema_id]
+        match record:
+            case mcap.Message():
+                count += 1
+                topic, name = channels[record.channel_id]
+                if topics is None or topic in topics:
+                    yield Message(topic, record.log_time, name, record.data, path)
+            case mcap.Schema():
+                types[record.id] = record.name
+            case mcap.Channel():
+                channels[record.id] = record.topic, types[record.schema_id]
     if not records.intact:
         raise RecordingTruncated(path, count)
