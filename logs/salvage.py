@@ -17,6 +17,7 @@ class Salvage:
     Attributes:
         path: The file.
         intact: After iterating, whether the file was complete and undamaged.
+        messages: How many messages were given so far.
         valid: How much of the file the records given so far take, its head included [bytes].
     """
 
@@ -28,7 +29,7 @@ class Salvage:
         """
         self.path = path
         self.intact = False
-        self.valid = 0
+        self.messages = self.valid = 0
         try:
             with path.open("rb") as stream:
                 head = stream.read(len(_MAGIC))
@@ -52,7 +53,7 @@ class Salvage:
                 for record in self._records(stream):
                     if not sense.fits(record, stream):
                         return
-                    self.valid = stream.tell()
+                    self.messages, self.valid = sense.messages, stream.tell()
                     yield record
                 self.intact = sense.data_ended and summary_is_whole(record, stream)
             except OSError:

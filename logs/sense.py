@@ -16,10 +16,12 @@ class Sense:
     """Tells records that cannot stand where they stand.
 
     Attributes:
+        messages: How many messages made sense.
         data_ended: Whether the end of the data was among them.
     """
 
     def __init__(self) -> None:
+        self.messages = 0
         self.data_ended = False
         self._started = False
         self._schemas = {0}
@@ -32,7 +34,9 @@ class Sense:
         self._started = True
         match record:
             case Message():
-                return record.channel_id in self._channels
+                known = record.channel_id in self._channels
+                self.messages += known
+                return known
             case Schema():
                 self._schemas.add(record.id)
             case Channel():

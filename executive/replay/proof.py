@@ -81,8 +81,8 @@ def prove(path: Path) -> Proof:
     """Judge one recording. Plans in this process."""
     try:
         recording = Recording(path)
-        robot = robot_of(recording)
         story = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
+        robot = robot_of(recording)
         verdicts = _frames(recording, robot, story), _plans(recording, robot, story)
     except (LogError, HardwareError, ModelUnusable) as error:
         return Proof(path, (), str(error), error.code, 0.0)
