@@ -70,12 +70,15 @@ def test_what_is_read_in_part_is_told(tmp_path: Path, picked: Path) -> None:
     picked.write_bytes(picked.read_bytes()[:-100])
     path, folder = str(picked), str(picked.parent)
     for command in (
+        ["log", "show", path],
+        ["log", "export", path, "-o", folder],
+        ["log", "plot", path],
+        ["log", "diff", path, path],
+        ["replay", path, "--watch", "--speed", "1000"],
+        ["replay", path, "--watch", "--at", "1"],
         ["show", path],
-        ["export", path, "-o", folder],
-        ["plot", path],
-        ["diff", path, path],
     ):
-        status, out, err = finish(tmp_path, "log", *command)
+        status, out, err = finish(tmp_path, *command)
         assert (status, bool(out)) == (10, True)
         assert "cut off or damaged" in err
     with pytest.warns(UserWarning, match="cut off or damaged"):

@@ -8,6 +8,7 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
+from .incomplete import incomplete
 from .options import AT_LEAST_0, PATH
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def show(recording: Path, everything: bool) -> None:
 
     for time, words in story(recording, everything):
         click.echo(f"{time:+10.3f}  {words}")
-    sys.exit(_lacking(recording))
+    sys.exit(incomplete(recording))
 
 
 @log.command()
@@ -122,7 +123,7 @@ def export(recording: Path, output: Path) -> None:
 
     for path in write(recording, output):
         click.echo(path)
-    sys.exit(_lacking(recording))
+    sys.exit(incomplete(recording))
 
 
 @log.command()
@@ -142,7 +143,7 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
 
         draw_over(both, output)
         click.echo(output)
-    partial = _lacking(one, other)
+    partial = incomplete(one, other)
     sys.exit(look_up(DIFFERS).exit if both.first else partial)
 
 
@@ -159,18 +160,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
         target = output or recording.with_suffix(".png")
         draw(recording, target)
         click.echo(target)
-    sys.exit(_lacking(*recordings))
-
-
-def _lacking(*recordings: Path) -> int:
-    """Tell which recordings were read in part only; gives the exit status that says so."""
-    from logs import Recording
-    from logs.recovery import lacking
-
-    told = [words for recording in recordings if (words := lacking(Recording(recording)))]
-    for words in told:
-        click.echo(words, err=True)
-    return look_up("log.truncated").exit if told else 0
+    sys.exit(incomplete(*recordings))
 
 
 @log.command()

@@ -10,6 +10,7 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
+from .incomplete import incomplete
 from .options import ABOVE_0, AT_LEAST_0, PATH
 
 
@@ -50,7 +51,7 @@ def replay(recordings: tuple[Path, ...], **options: Any) -> None:
         from .watching import watch
 
         watch(recordings[0], options["speed"], options["at"], _view(options["json"]))
-        return
+        sys.exit(incomplete(recordings[0]))
     _send(recordings[0], **options)
 
 
