@@ -96,15 +96,23 @@ class Recording:
         Raises:
             RecordingError: A record cannot be decoded.
         """
+        return (record for _, record in self.stamped(*kinds))
+
+    def stamped(self, *kinds: type) -> Iterator[tuple[int, Told]]:
+        """Gives the same, each with the time that its message bears, UTC since 1970 [ns].
+
+        Raises:
+            RecordingError: A record cannot be decoded.
+        """
         wanted = _wanted(kinds)
         sent: list[Message] = []
         for message in filter(wanted, self._messages()):
             if message.topic not in _SENT:
-                yield self._record(message)
+                yield message.time_ns, self._record(message)
                 continue
             sent.append(message)
             if message.topic == _SENT[-1] or _is_setting(message):
-                yield _sent(sent)
+                yield message.time_ns, _sent(sent)
                 sent = []
 
     def _facts(self) -> _Facts:
@@ -203,8 +211,9 @@ def _is_setting(message: Message) -> bool:
 
 
 def _sent(messages: list[Message]) -> Sent:
-    if tuple(message.topic for message in messages) != _SENT[: len(messages)]:
-        what = f"a frame is not told by {', '.join(_SENT)}; another program wrote the file"
+    topics, times = zip(*((message.topic, message.time_ns) for message in messages), strict=True)
+    if topics != _SENT[: len(messages)] or len(set(times)) > 1:
+        what = f"a frame is not told by {', '.join(_SENT)} at once; another program wrote the file"
         raise RecordingError(messages[0].path, what)
     frame, timing, *joints = messages
     facts, state = timing.fields(), joints[0].data if joints else None

@@ -3,49 +3,19 @@
 import multiprocessing
 import re
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from mcap.stream_reader import StreamReader
-from mcap.writer import Writer
 
 import logs
 from executive.replay.proof import Proof, prove, prove_all
 from executive.replay.proof_words import in_words
 from logs import Recording
-from logs.compaction import _Copy
 from logs.ros_types import ros_types
+from tests.alterations import altered, lacking, later, replace
 from tests.conftest import Rig, RigMaker
 from tests.test_executive_executive import reach
-
-Change = Callable[[Any], None]
-
-
-def altered(path: Path, change: Change) -> Path:
-    """A whole and valid copy of a recording, with some of its records changed."""
-    copy = path.with_suffix(".altered.mcap")
-    with path.open("rb") as source, copy.open("wb") as target:
-        writer = Writer(target, enable_data_crcs=True)
-        records = list(StreamReader(source).records)
-        for record in records:
-            change(record)
-        _Copy(writer).all(records)  # type: ignore[arg-type]
-        writer.finish()  # type: ignore[no-untyped-call]
-    return copy
-
-
-def replace(kind: str, old: bytes, new: bytes) -> Change:
-    """Replaces the first such bytes that any record of a kind has."""
-    done = False
-
-    def change(record: Any) -> None:
-        nonlocal done
-        if not done and type(record).__name__ == kind and old in record.data:
-            record.data, done = record.data.replace(old, new, 1), True
-
-    return change
 
 
 def picked(rig: Rig) -> Path:
@@ -127,6 +97,14 @@ def test_a_frame_that_was_due_at_another_time(rig: RigMaker) -> None:
     assert "was due" in in_words(proof)
 
 
+def test_a_frame_whose_time_was_changed(rig: RigMaker) -> None:
+    path = picked(rig())
+    for number in (1, 16, 31):
+        for field, stamped in (("time", True), ("time", False), ("scheduled", False)):
+            proof = prove(altered(path, later(number, field, stamped)))
+            assert verdicts(proof) == [False, True], (number, field, stamped, in_words(proof))
+
+
 def test_one_byte_of_one_frame_that_was_sent(rig: RigMaker) -> None:
     channels = {}
 
@@ -163,28 +141,6 @@ def test_a_frame_that_is_missing(rig: RigMaker) -> None:
     assert verdicts(proof) == [False, True]
     assert "frame 21" in in_words(proof)
     assert "none was sent" in in_words(proof)
-
-
-def lacking(path: Path, *topics: str, after: int = 0) -> Path:
-    """A whole and valid copy that lacks all messages of some topics but the first few."""
-    copy, count = path.with_suffix(".lacking.mcap"), 0
-    channels = {}
-    with path.open("rb") as source, copy.open("wb") as target:
-        records: list[Any] = []
-        record: Any
-        for record in StreamReader(source).records:
-            kind = type(record).__name__
-            if kind == "Channel":
-                channels[record.id] = record.topic
-            elif kind == "Message" and channels[record.channel_id].startswith(topics):
-                count += 1
-                if count > after:
-                    continue
-            records.append(record)
-        writer = Writer(target, enable_data_crcs=True)
-        _Copy(writer).all(records)  # type: ignore[arg-type]
-        writer.finish()  # type: ignore[no-untyped-call]
-    return copy
 
 
 @pytest.mark.parametrize(

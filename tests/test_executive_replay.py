@@ -21,10 +21,10 @@ from logs.comparison import compare
 from logs.ros_types import ros_types
 from logs.story import overview, story
 from logs.table import export
+from tests.alterations import altered, lacking, replace
 from tests.conftest import RigMaker
 from tests.test_end_to_end import events, finish, sent_frames, start
 from tests.test_end_to_end import robot as quick
-from tests.test_executive_proof import altered, lacking, replace
 
 __all__ = ["quick"]
 
