@@ -93,9 +93,26 @@ def _keep(recording: Path) -> Path:
     for number in count(1):
         kept = recording.with_name(f"{recording.name}.damaged{'' if number == 1 else number}")
         with suppress(FileExistsError):
-            os.link(recording, kept)
+            try:
+                os.link(recording, kept)
+            except FileExistsError:
+                raise
+            except OSError:  # a file system where a file has one name only
+                _copy(recording, kept)
             break
     return kept
+
+
+def _copy(recording: Path, kept: Path) -> None:
+    with recording.open("rb") as source, kept.open("xb") as target:
+        try:
+            shutil.copyfileobj(source, target)
+            target.flush()
+            os.fsync(target.fileno())
+        except OSError:
+            kept.unlink()
+            raise
+    shutil.copystat(recording, kept)
 
 
 def _write(records: Salvage, new: Path) -> int:
