@@ -252,6 +252,16 @@ def test_old_recordings_go_but_never_a_pinned_or_unfinished_one(tmp_path: Path) 
     assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [kept]
 
 
+def test_what_cannot_be_pinned_is_not_called_pinned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["refused"])
+    monkeypatch.setattr(Path, "chmod", lambda path, mode: None)  # as exFAT does it
+    with pytest.raises(PermissionError, match="has no write protection; move it"):
+        pin(path, True)
+
+
 def test_the_oldest_go_until_the_rest_fits(tmp_path: Path) -> None:
     paths = [aged(tmp_path, str(days), days) for days in (5, 4, 3, 2)]
     size = paths[0].stat().st_size
