@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 import logs
@@ -94,6 +95,16 @@ def test_the_stock_reader_with_every_checksum(files: dict[str, Path]) -> None:
         assert counts == ours(path)[0], path
         assert counts.total() == summary.statistics.message_count
         assert attached == logs.Recording(path).files
+
+
+def test_the_decoder_of_mcap_itself(files: dict[str, Path]) -> None:
+    for path in files.values():
+        with path.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+            found = [(each.channel.topic, each[3]) for each in reader.iter_decoded_messages()]
+        frames = [message.text for topic, message in found if topic == "/serial/tx"]
+        joints = [list(message.position) for topic, message in found if topic == "/joint_states"]
+        assert (Counter(topic for topic, _ in found), frames, joints) == ours(path), path
 
 
 @pytest.mark.skipif(WITHOUT != "", reason=WITHOUT)
