@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -62,24 +62,48 @@ def lacking(path: Path, *topics: str, after: int = 0) -> Path:
     return copy
 
 
-def later(number: int, field: str, stamped: bool) -> Change:
-    """Moves a time of one frame by half a second, and the stamps of its messages too."""
-    types, seen = ros_types(), Counter[str]()
+def each(topics: Collection[str], change: Change, number: int | None = None) -> Change:
+    """Changes the messages of some topics; with a number only that one of each."""
+    seen = Counter[str]()
     channels: dict[int, str] = {}
 
-    def change(record: Any) -> None:
+    def change_it(record: Any) -> None:
         if type(record).__name__ == "Channel":
             channels[record.id] = record.topic
-        if type(record).__name__ != "Message":
-            return
-        topic = channels[record.channel_id]
-        seen[topic] += 1
-        if seen[topic] == number and topic in ("/serial/tx", "/serial/timing", "/joint_states"):
-            record.log_time += 500_000_000 * stamped
-            if topic == "/serial/timing":
-                text = types.decode("std_msgs/msg/String", record.data)
-                told = json.loads(text.data)
-                text.data = json.dumps({**told, field: told[field] + 0.5})
-                record.data = types.encode(text)
+        elif type(record).__name__ == "Message" and channels[record.channel_id] in topics:
+            topic = channels[record.channel_id]
+            seen[topic] += 1
+            if number in (None, seen[topic]):
+                change(record)
+
+    return change_it
+
+
+def retold(topic: str, change: Callable[[dict[str, Any]], object], number: int = 1) -> Change:
+    """Changes the fields of one message of a topic that carries JSON."""
+    types = ros_types()
+
+    def tell(record: Any) -> None:
+        text = types.decode("std_msgs/msg/String", record.data)
+        fields = json.loads(text.data)
+        change(fields)
+        text.data = json.dumps(fields)
+        record.data = types.encode(text)
+
+    return each([topic], tell, number)
+
+
+def moved(number: int, field: str, by: float, stamped: bool) -> Change:
+    """Moves a time of one frame [s], and the stamps of its messages too."""
+    tell = retold("/serial/timing", lambda told: told.update({field: told[field] + by}), number)
+
+    def stamp(record: Any) -> None:
+        record.log_time += round(by * 1e9) * stamped
+
+    restamp = each(["/serial/tx", "/serial/timing", "/joint_states"], stamp, number)
+
+    def change(record: Any) -> None:
+        tell(record)
+        restamp(record)
 
     return change
