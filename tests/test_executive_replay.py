@@ -63,7 +63,14 @@ def test_the_worst_of_many_is_the_exit_status(tmp_path: Path, picked: Path) -> N
     (folder / "b.mcap").write_bytes(whole[:-100])
     assert finish(tmp_path, "replay", str(folder), "--verify")[0] == 10
     altered(picked, replace("Message", b"b089,", b"b088,")).rename(folder / "z.mcap")
-    assert finish(tmp_path, "replay", str(folder), "--verify")[0] == 12
+    status, out, _ = finish(tmp_path, "replay", str(folder), "--verify")
+    assert status == 12
+    assert [line.split() for line in out.splitlines()[-4:]] == [
+        ["1", "of", "4", "recordings", "hold;", "not:"],
+        [str(folder / "a.mcap"), "log.unreadable"],
+        [str(folder / "b.mcap"), "log.truncated"],
+        [str(folder / "z.mcap"), "replay.differs"],
+    ]
 
 
 def test_what_is_read_in_part_is_told(tmp_path: Path, picked: Path) -> None:
