@@ -13,28 +13,14 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 import logs
-from logs import Description, LogLine, Record, Result, Sent, Transition
+from logs import Description, LogLine, Record, Sent
 from tests.javascript import PEERS, without_node
 from tests.test_logs_compaction import run_journal
-from tests.test_logs_run import GOAL_ID, RUNS, lifecycle, pick_run, record
+from tests.test_logs_run import RUNS, lifecycle, record
 
 WITHOUT = without_node("@mcap/core")
 EXAMPLES = Path(__file__).parents[1] / "trees" / "examples" / "recordings"
 URDF = (Path(__file__).parents[1] / "hardware" / "arduinobot.urdf").read_text()
-
-
-def faulted_run() -> list[Record]:
-    """The cable is pulled after ten frames."""
-    moved = pick_run(frames=10)[:-5]
-    t = moved[-1].time + 0.05
-    words = "the port is gone"
-    return [
-        *moved,
-        Transition(t, "raise_error", "active", "errorprocessing"),
-        LogLine(t, 40, "hardware", words),
-        Transition(t + 0.01, "transition_success", "errorprocessing", "unconfigured"),
-        Result(t + 0.02, GOAL_ID, 1, "ABORTED", False, "hardware.port_gone", words, 10, 2.0),
-    ]
 
 
 def between_runs() -> list[Record]:
@@ -54,7 +40,7 @@ def killed(path: Path) -> None:
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Recordings of runs that ended in every way, and some of real ones."""
     folder = tmp_path_factory.mktemp("runs")
-    told = {**RUNS, "faulted": faulted_run(), "server": between_runs()}
+    told = {**RUNS, "server": between_runs()}
     made = {name: folder / f"{name}.mcap" for name in [*told, "killed"]}
     for name, records in told.items():
         record(made[name], records)

@@ -50,9 +50,8 @@ def ls(folder: Path) -> None:
         marks = ("pinned" if pinned(path) else "", end)
         task = f"{found.goal.task} {found.goal.name}" if found.goal else "-"
         spent = f"{found.result.duration:.2f} s" if found.result else "-"
-        row = (
-            f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{found.frames:>6} frames"
-        )
+        frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
+        row = f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{frames:<13}"
         click.echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
 
 
