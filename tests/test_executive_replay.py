@@ -143,6 +143,10 @@ def test_logs_are_listed_told_exported(tmp_path: Path, picked: Path) -> None:
     folder = str(picked.parent)
     assert "1 pick" in finish(tmp_path, "log", "ls", folder)[1]
     assert "task 1 pick, seed 1" in finish(tmp_path, "log", "info", str(picked))[1]
+    told = finish(tmp_path, "log", "info", str(picked))[1]
+    assert (
+        "configured  port board, seed 1, planning_timeout_s 5.0, policy reject, solo True" in told
+    )
     story = finish(tmp_path, "log", "show", str(picked))[1].splitlines()
     assert story[0].split() == ["+0.000", "goal:", "task", "1", "pick,", "seed", "1"]
     _, out, _ = finish(tmp_path, "log", "export", str(picked), "-o", folder)

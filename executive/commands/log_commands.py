@@ -87,8 +87,9 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
     for group, spent in found.planning.items():
         facts.append(("planning", f"{group} {spent:.1f} ms"))
     facts.append(("attached", ", ".join(found.files) or "nothing"))
-    versions = found.notes.get("versions", {})
-    facts.append(("versions", ", ".join(f"{name} {is_}" for name, is_ in versions.items())))
+    for what, note in (("configured", "configuration"), ("versions", "versions")):
+        noted = found.notes.get(note, {})
+        facts.append((what, ", ".join(f"{name} {is_}" for name, is_ in noted.items()) or "-"))
     return facts
 
 
