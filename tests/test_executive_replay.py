@@ -79,6 +79,9 @@ def test_what_is_read_in_part_is_told(tmp_path: Path, picked: Path) -> None:
         status, out, err = finish(tmp_path, *command)
         assert (status, bool(out)) == (10, True)
         assert "cut off or damaged" in err
+    status, out, err = finish(tmp_path, "log", "info", path)
+    assert (status, err) == (10, "")
+    assert "cut off or damaged: armtree log recover" in out
     with pytest.warns(UserWarning, match="cut off or damaged"):
         assert len(logs.table(picked, "/joint_states")["joint_1"]) == 31
 

@@ -61,8 +61,10 @@ def info(recording: Path) -> None:
     """Sum a recording up."""
     from logs.story import overview
 
-    for name, value in _facts(overview(recording)):
+    found = overview(recording)
+    for name, value in _facts(found):
         click.echo(f"{name:<12}{value}")
+    sys.exit(0 if found.complete else look_up("log.truncated").exit)
 
 
 def _facts(found: "Overview") -> list[tuple[str, str]]:
