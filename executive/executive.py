@@ -27,6 +27,7 @@ from .goal import Goal, GoalState, GoalStatus, Outcome
 from .goals import Acceptance, CancelAnswer, Goals, Policy
 from .mailbox import Mailbox
 from .owner import Owner
+from .recording.evidence import configuration_note
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 from .restart import cut_off
@@ -112,7 +113,8 @@ class Executive:
         self._progress: logs.Feedback | None = None
         self._folder, self._keep = recordings, result_timeout
         self._marked = set[str]()
-        self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail)
+        noted = configuration_note(self._port, seed, timeout, policy.value, solo)
+        self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail, noted)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
         self._arm = arm = Arm(robot, recorded, clock, self._arm_did)
         self._goals = Goals(clock, policy, result_timeout, self._publish)

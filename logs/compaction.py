@@ -93,9 +93,26 @@ def _keep(recording: Path) -> Path:
     for number in count(1):
         kept = recording.with_name(f"{recording.name}.damaged{'' if number == 1 else number}")
         with suppress(FileExistsError):
-            os.link(recording, kept)
+            try:
+                os.link(recording, kept)
+            except FileExistsError:
+                raise
+            except OSError:  # a file system where a file has one name only
+                _copy(recording, kept)
             break
     return kept
+
+
+def _copy(recording: Path, kept: Path) -> None:
+    with recording.open("rb") as source, kept.open("xb") as target:
+        try:
+            shutil.copyfileobj(source, target)
+            target.flush()
+            os.fsync(target.fileno())
+        except OSError:
+            kept.unlink()
+            raise
+    shutil.copystat(recording, kept)
 
 
 def _write(records: Salvage, new: Path) -> int:
@@ -116,12 +133,15 @@ def _check(new: Path, messages: int) -> None:
     from mcap.reader import make_reader
 
     copy = Salvage(new)
-    found = sum(type(record).__name__ == "Message" for record in copy)
-    with new.open("rb") as stream:
-        summary = make_reader(stream, validate_crcs=True).get_summary()
-    indexed = summary.statistics.message_count if summary and summary.statistics else -1
-    if not copy.intact or not messages == found == indexed:
-        raise RecordingError(new, f"holds {found} of {messages} messages; check the disk")
+    for _ in copy:
+        pass
+    indexed = -1
+    if copy.intact:
+        with new.open("rb") as stream:
+            summary = make_reader(stream, validate_crcs=True).get_summary()
+        indexed = summary.statistics.message_count if summary and summary.statistics else -1
+    if not messages == copy.messages == indexed:
+        raise RecordingError(new, f"holds {copy.messages} of {messages} messages; check the disk")
 
 
 def _sync_folder(folder: Path) -> None:
@@ -136,26 +156,27 @@ class _Copy:
     """Writes records again, schemas and channels under numbers of their own."""
 
     def __init__(self, writer: "Writer") -> None:
+        from mcap import records as mcap
+
         self._writer = writer
         self._started = False
         self._schemas = {0: 0}
         self._channels: dict[int, int] = {}
         self._messages = 0
-        self._copy: dict[str, Callable[[Any], None]] = {
-            "Header": self._header,
-            "Schema": self._schema,
-            "Channel": self._channel,
-            "Message": self._message,
-            "Attachment": self._attachment,
-            "Metadata": self._metadata,
+        self._copy: dict[type, Callable[[Any], None]] = {
+            mcap.Header: self._header,
+            mcap.Schema: self._schema,
+            mcap.Channel: self._channel,
+            mcap.Message: self._message,
+            mcap.Attachment: self._attachment,
+            mcap.Metadata: self._metadata,
         }
 
     def all(self, records: Salvage) -> int:
         """Copies everything valid; gives the number of messages."""
         for record in records:
-            kind = type(record).__name__
-            if kind in self._copy:
-                self._copy[kind](record)
+            if copy := self._copy.get(type(record)):
+                copy(record)
         if not self._started:
             self._writer.start("ros2", "armtree")
         return self._messages

@@ -125,7 +125,8 @@ def _draw_time_axis(panel: Axes, run: Timeline) -> None:
     panel.xaxis.set_major_locator(MaxNLocator(10))
     if short:
         panel.xaxis.set_major_formatter(lambda seconds, _: f"{seconds * 1e3:g}")
-    panel.set_xlabel(f"time since the goal [{'ms' if short else 's'}]")
+    zero = "goal" if run.goal else "beginning"
+    panel.set_xlabel(f"time since the {zero} [{'ms' if short else 's'}]")
 
 
 def _draw_joints(panel: Axes, group: str, traces: Sequence[Trace], colours: dict[str, str]) -> None:
@@ -272,7 +273,7 @@ def _draw_title(figure: Figure, run: Timeline, cause: Sequence[str]) -> None:
 
 def _outcome(run: Timeline) -> str:
     if not run.result:
-        return "no result recorded"
+        return "no result recorded" if run.goal else ""
     seconds = run.result["duration"]
     took = f"{seconds:.2f} s" if seconds >= _SHORT_S else f"{seconds * 1e3:.1f} ms"
     return f"{run.result['state']}, {took}"

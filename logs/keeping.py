@@ -1,5 +1,6 @@
 """Which recordings are kept, and which make room."""
 
+import errno
 import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -52,10 +53,13 @@ def pin(recording: Path, on: bool) -> None:
     """Keeps a recording for good: it is write-protected, as `chmod -w` does it.
 
     Raises:
-        OSError: The file is not there, or another user's.
+        OSError: The file is not there, or another user's, or its file system protects none.
     """
     mode = recording.stat().st_mode
     recording.chmod(mode & ~0o222 if on else mode | stat.S_IWUSR)
+    if pinned(recording) is not on:
+        what = "its file system has no write protection; move it out of the folder to keep it"
+        raise PermissionError(errno.EPERM, what, str(recording))
 
 
 def pinned(recording: Path) -> bool:

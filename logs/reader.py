@@ -4,10 +4,13 @@ import json
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .errors import RecordingError, RecordingTruncated
 from .salvage import Salvage
+
+if TYPE_CHECKING:
+    from mcap.records import Attachment, Metadata
 
 _JSON = "std_msgs/msg/String"
 
@@ -81,19 +84,27 @@ def read(path: Path, topics: Collection[str] | None = None) -> Iterator[Message]
 
 
 def _messages(records: Salvage, topics: Collection[str] | None) -> Iterator[Message]:
+    for item in content(records):
+        if isinstance(item, Message) and (topics is None or item.topic in topics):
+            yield item
+    if not records.intact:
+        raise RecordingTruncated(records.path, records.messages)
+
+
+def content(records: Salvage) -> Iterator["Message | Attachment | Metadata"]:
+    """Gives messages, attachments and notes in the order in which they were written."""
+    from mcap import records as mcap
+
     types: dict[int, str] = {}
     channels: dict[int, tuple[str, str]] = {}
-    path, count = records.path, 0
     for record in records:
-        kind = type(record).__name__
-        if kind == "Message":
-            count += 1
-            topic, name = channels[record.channel_id]
-            if topics is None or topic in topics:
-                yield Message(topic, record.log_time, name, record.data, path)
-        elif kind == "Schema":
-            types[record.id] = record.name
-        elif kind == "Channel":
-            channels[record.id] = record.topic, types[record.schema_id]
-    if not records.intact:
-        raise RecordingTruncated(path, count)
+        match record:
+            case mcap.Message():
+                topic, name = channels[record.channel_id]
+                yield Message(topic, record.log_time, name, record.data, records.path)
+            case mcap.Schema():
+                types[record.id] = record.name
+            case mcap.Channel():
+                channels[record.id] = record.topic, types[record.schema_id]
+            case mcap.Attachment() | mcap.Metadata():
+                yield record

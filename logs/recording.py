@@ -1,12 +1,12 @@
 """A recording as the records it was made of."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from .errors import RecordingError, RecordingTruncated
-from .reader import Message, read
+from .errors import RecordingError
+from .reader import Message, content
 from .records import (
     Feedback,
     Goal,
@@ -14,10 +14,10 @@ from .records import (
     NodeStatus,
     Plan,
     Received,
-    Record,
     Result,
     Schedule,
     Sent,
+    Told,
     Transition,
 )
 from .salvage import Salvage
@@ -33,8 +33,21 @@ _WHOLE: dict[str, type[Any]] = {
 _PLAN = "/plan/"
 
 
+@dataclass
+class _Facts:
+    """What a reading of a whole file met beside its messages."""
+
+    files: dict[str, bytes] = field(default_factory=dict)
+    notes: dict[str, dict[str, str]] = field(default_factory=dict)
+    messages: int = 0
+    complete: bool = False
+
+
 class Recording:
     """A file that can be read as often as one likes, lazily.
+
+    What it says of the whole file is known once its records were read through; if they were not,
+    the file is read through for it.
 
     Args:
         path: The file, a finished recording or a journal.
@@ -42,38 +55,39 @@ class Recording:
     Attributes:
         path: The same.
         epoch_ns: UTC at the zero of the records' clock [ns].
-        files: What is attached, by name.
-        notes: Named facts, such as the versions of libraries, by what they are about.
-        complete: Whether the file has its end and no damage.
-        messages: How many valid messages it holds.
     """
 
     def __init__(self, path: Path) -> None:
-        """Looks at the whole file once.
+        """Looks at its head.
 
         Raises:
             RecordingError: There is no such file, or it is no recording of armtree.
         """
         self.path = path
-        self.files: dict[str, bytes] = {}
-        self.notes: dict[str, dict[str, str]] = {}
-        self.messages = 0
-        salvage = Salvage(path)
-        for record in salvage:
-            kind = type(record).__name__
-            if kind == "Message":
-                self.messages += 1
-            elif kind == "Attachment":
-                self.files[record.name] = record.data
-            elif kind == "Metadata":
-                self.notes[record.name] = dict(record.metadata)
-        self.complete = salvage.intact
-        try:
-            self.epoch_ns = int(self.notes["armtree"]["epoch_ns"])
-        except (KeyError, ValueError) as cause:
-            raise RecordingError(path, "was not recorded by armtree, or lacks its head") from cause
+        self.epoch_ns = _epoch_ns(path)
+        self._known: _Facts | None = None
 
-    def records(self, *kinds: type) -> Iterator[Record]:
+    @property
+    def files(self) -> dict[str, bytes]:
+        """What is attached, by name."""
+        return self._facts().files
+
+    @property
+    def notes(self) -> dict[str, dict[str, str]]:
+        """Named facts, such as the versions of libraries, by what they are about."""
+        return self._facts().notes
+
+    @property
+    def messages(self) -> int:
+        """How many valid messages it holds."""
+        return self._facts().messages
+
+    @property
+    def complete(self) -> bool:
+        """Whether the file has its end and no damage."""
+        return self._facts().complete
+
+    def records(self, *kinds: type) -> Iterator[Told]:
         """Gives what was recorded, in the order of the file, up to where it is damaged.
 
         Args:
@@ -82,21 +96,48 @@ class Recording:
         Raises:
             RecordingError: A record cannot be decoded.
         """
+        return (record for _, record in self.stamped(*kinds))
+
+    def stamped(self, *kinds: type) -> Iterator[tuple[int, Told]]:
+        """Gives the same, each with the time that its message bears, UTC since 1970 [ns].
+
+        Raises:
+            RecordingError: A record cannot be decoded.
+        """
         wanted = _wanted(kinds)
         sent: list[Message] = []
-        try:
-            for message in filter(wanted, read(self.path)):
-                if message.topic not in _SENT:
-                    yield self._record(message)
-                    continue
-                sent.append(message)
-                if message.topic == _SENT[-1] or _is_setting(message):
-                    yield _sent(sent)
-                    sent = []
-        except RecordingTruncated:
-            return
+        for message in filter(wanted, self._messages()):
+            if message.topic not in _SENT:
+                yield message.time_ns, self._record(message)
+                continue
+            sent.append(message)
+            if message.topic == _SENT[-1] or _is_setting(message):
+                yield message.time_ns, _sent(sent)
+                sent = []
 
-    def _record(self, message: Message) -> Record:
+    def _facts(self) -> _Facts:
+        if self._known is None:
+            for _ in self._messages():
+                pass
+        assert self._known
+        return self._known
+
+    def _messages(self) -> Iterator[Message]:
+        from mcap import records as mcap
+
+        facts, salvage = _Facts(), Salvage(self.path)
+        for item in content(salvage):
+            match item:
+                case Message():
+                    yield item
+                case mcap.Attachment():
+                    facts.files[item.name] = item.data
+                case mcap.Metadata():
+                    facts.notes[item.name] = dict(item.metadata)
+        facts.messages, facts.complete = salvage.messages, salvage.intact
+        self._known = facts
+
+    def _record(self, message: Message) -> Told:
         topic = message.topic
         kind = Plan if topic.startswith(_PLAN) else _WHOLE.get(topic)
         if kind:
@@ -110,6 +151,18 @@ class Recording:
             case _:
                 labels = data.transition.label, data.start_state.label, data.goal_state.label
                 return Transition(time, *labels)
+
+
+def _epoch_ns(path: Path) -> int:
+    from mcap.records import Metadata
+
+    for item in content(Salvage(path)):
+        match item:
+            case Metadata(name="armtree", metadata={"epoch_ns": said}) if said.isdecimal():
+                return int(said)
+            case Message():
+                break
+    raise RecordingError(path, "was not recorded by armtree, or lacks its head")
 
 
 # What one frame becomes, in the order of the file.
@@ -135,7 +188,7 @@ def _is_plan(topic: str) -> bool:
     return topic.startswith(_PLAN) and topic.count("/") == 2
 
 
-def _whole(kind: type[Any], message: Message) -> Record:
+def _whole(kind: type[Any], message: Message) -> Told:
     given = message.fields()
     names = {field.name for field in fields(kind)}
     known = {name: _frozen(value) for name, value in given.items() if name in names}
@@ -143,7 +196,7 @@ def _whole(kind: type[Any], message: Message) -> Record:
     if missing := sorted(needed - known.keys()):
         what = f"what {message.topic} says lacks {', '.join(missing)}; another armtree recorded it"
         raise RecordingError(message.path, what)
-    record: Record = kind(**known)
+    record: Told = kind(**known)
     return record
 
 
@@ -158,8 +211,9 @@ def _is_setting(message: Message) -> bool:
 
 
 def _sent(messages: list[Message]) -> Sent:
-    if tuple(message.topic for message in messages) != _SENT[: len(messages)]:
-        what = f"a frame is not told by {', '.join(_SENT)}; another program wrote the file"
+    topics, times = zip(*((message.topic, message.time_ns) for message in messages), strict=True)
+    if topics != _SENT[: len(messages)] or len(set(times)) > 1:
+        what = f"a frame is not told by {', '.join(_SENT)} at once; another program wrote the file"
         raise RecordingError(messages[0].path, what)
     frame, timing, *joints = messages
     facts, state = timing.fields(), joints[0].data if joints else None

@@ -246,16 +246,8 @@ class LogLine:
     message: str
 
 
-Record = (
-    Description
-    | Sent
-    | Received
-    | Transition
-    | Goal
-    | Feedback
-    | Result
-    | NodeStatus
-    | Plan
-    | Schedule
-    | LogLine
+# What is read from a recording again; the robot's description is one of its files.
+Told = (
+    Sent | Received | Transition | Goal | Feedback | Result | NodeStatus | Plan | Schedule | LogLine
 )
+Record = Description | Told

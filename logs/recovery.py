@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from .compaction import UNFINISHED, compact, locked, part_of
@@ -27,6 +28,7 @@ def recover(recording: Path) -> Summary | None:
         RecordingError: It cannot be read.
         OSError: The disk failed or is full; the file is unchanged.
     """
+    _remove_part(part_of(recording))
     return None if complete(recording, every_byte=True) else compact(recording)
 
 
@@ -39,16 +41,27 @@ def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
     Yields:
         What was recovered, or why it could not be.
     """
+    for part in folder.glob("*.mcap.part"):
+        with suppress(LogError, OSError):  # it stays, and harms nobody
+            _remove_part(part)
     for path in sorted(folder.glob("*.mcap")):
         try:
-            with locked(path):
-                part_of(path).unlink(missing_ok=True)
             if not complete(path, every_byte=False):
                 yield compact(path)
         except RecordingInUse:
             continue
         except (LogError, OSError) as error:
             yield error
+
+
+def _remove_part(part: Path) -> None:
+    """Removes what was to become a recording, unless that is being made; it is no only copy."""
+    recording = part.with_suffix("")
+    if part.exists() and recording.exists():
+        with locked(recording):
+            part.unlink(missing_ok=True)
+    else:
+        part.unlink(missing_ok=True)
 
 
 def cut_off(folder: Path, since: float) -> Iterator[Recording]:

@@ -1,17 +1,12 @@
 """The records of an MCAP file, up to where it is damaged."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
-from zlib import crc32
 
 from .errors import RecordingError
 
 _MAGIC = b"\x89MCAP0\r\n"
-_CRC_BYTES = 4
-_ATTACHMENT_HEAD_BYTES = 32  # two times of 8, the lengths of name, type (4 each) and data (8)
-_BLOCK_BYTES = 65536
 
 
 class Salvage:
@@ -22,6 +17,7 @@ class Salvage:
     Attributes:
         path: The file.
         intact: After iterating, whether the file was complete and undamaged.
+        messages: How many messages were given so far.
         valid: How much of the file the records given so far take, its head included [bytes].
     """
 
@@ -33,7 +29,7 @@ class Salvage:
         """
         self.path = path
         self.intact = False
-        self.valid = 0
+        self.messages = self.valid = 0
         try:
             with path.open("rb") as stream:
                 head = stream.read(len(_MAGIC))
@@ -49,15 +45,17 @@ class Salvage:
         Raises:
             OSError: The disk fails.
         """
+        from .sense import Sense, summary_is_whole
+
         with self.path.open("rb") as stream:
             try:
-                sense = _Sense()
+                sense = Sense()
                 for record in self._records(stream):
-                    if not sense.fits(record) or not _attached_whole(record, stream):
+                    if not sense.fits(record, stream):
                         return
-                    self.valid = stream.tell()
+                    self.messages, self.valid = sense.messages, stream.tell()
                     yield record
-                self.intact = sense.data_ended and _summary_is_whole(record, stream)
+                self.intact = sense.data_ended and summary_is_whole(record, stream)
             except OSError:
                 raise
             except Exception:
@@ -76,53 +74,3 @@ class Salvage:
         # A damaged length must not make the reader ask for gigabytes.
         limit = self.path.stat().st_size
         yield from StreamReader(stream, validate_crcs=True, record_size_limit=limit).records
-
-
-def _attached_whole(record: Any, stream: BinaryIO) -> bool:
-    """Whether an attachment just read is what was written; the reader passes its checksum over."""
-    if type(record).__name__ != "Attachment":
-        return True
-    names = len(record.name.encode()) + len(record.media_type.encode())
-    size = _ATTACHMENT_HEAD_BYTES + names + len(record.data)
-    stream.seek(-size - _CRC_BYTES, os.SEEK_CUR)
-    found, wanted = crc32(stream.read(size)), stream.read(_CRC_BYTES)
-    return int.from_bytes(wanted, "little") in (0, found)
-
-
-def _summary_is_whole(footer: Any, stream: BinaryIO) -> bool:
-    """Whether the summary is what was written; the reader for streams does not look at it."""
-    wanted: int = footer.summary_crc
-    if footer.summary_start > stream.seek(0, os.SEEK_END):
-        return False
-    left = stream.seek(0, os.SEEK_END) - len(_MAGIC) - _CRC_BYTES - footer.summary_start
-    stream.seek(footer.summary_start)
-    found = 0
-    while left > 0 and (block := stream.read(min(left, _BLOCK_BYTES))):
-        found = crc32(block, found)
-        left -= len(block)
-    return wanted in (0, found)
-
-
-class _Sense:
-    """Tells records that cannot stand where they stand: damage that no checksum showed."""
-
-    def __init__(self) -> None:
-        self.data_ended = False
-        self._started = False
-        self._schemas = {0}
-        self._channels: set[int] = set()
-
-    def fits(self, record: Any) -> bool:
-        kind = type(record).__name__
-        if (kind == "Header") is self._started:
-            return False
-        self._started = True
-        self.data_ended = self.data_ended or kind == "DataEnd"
-        if kind == "Schema":
-            self._schemas.add(record.id)
-        elif kind == "Channel":
-            self._channels.add(record.id)
-            return record.schema_id in self._schemas
-        elif kind == "Message":
-            return record.channel_id in self._channels
-        return True

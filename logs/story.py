@@ -8,17 +8,16 @@ from pathlib import Path
 from .conversions import LATE
 from .recording import Recording
 from .records import (
-    Description,
     Feedback,
     Goal,
     LogLine,
     NodeStatus,
     Plan,
     Received,
-    Record,
     Result,
     Schedule,
     Sent,
+    Told,
     Transition,
 )
 from .recovery import being_written
@@ -136,11 +135,9 @@ def story(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
             yield time, in_words(record)
 
 
-def in_words(record: Record) -> str:  # noqa: C901, a table of words
+def in_words(record: Told) -> str:  # noqa: C901, a table of words
     """One record as a line."""
     match record:
-        case Description():
-            return f"robot: {len(record.urdf)} characters of URDF"
         case Goal():
             return f"goal: task {record.task} {record.name}, seed {record.seed}"
         case Result():

@@ -10,6 +10,7 @@ from .reader import Message, read
 
 _PLAN = "/plan/"
 _INVALID = "INVALID"
+_FAULT = "errorprocessing"
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,7 @@ class _Events:
     names: dict[str, str] = field(default_factory=dict)
     lifecycle: list[tuple[int, str]] = field(default_factory=list)
     cancel_ns: int | None = None
+    faults_ns: list[int] = field(default_factory=list)
     complete: bool = True
 
     def add(self, message: Message) -> None:
@@ -117,7 +119,7 @@ class _Events:
 
     def take_goal(self, message: Message) -> None:
         self.goal, self.goal_ns = message.fields(), message.time_ns
-        self.result, self.plans, self.cancel_ns = {}, {}, None
+        self.result, self.plans, self.cancel_ns, self.faults_ns = {}, {}, None, []
 
     def take_result(self, message: Message) -> None:
         self.result = message.fields()
@@ -141,6 +143,8 @@ class _Events:
         if not self.lifecycle and self.first_ns is not None:
             self.lifecycle.append((self.first_ns, message.data.start_state.label))
         self.lifecycle.append((message.time_ns, message.data.goal_state.label))
+        if message.data.goal_state.label == _FAULT:
+            self.faults_ns.append(message.time_ns)
 
     def timeline(self) -> Timeline:
         end = self._since(self.last_ns)
@@ -204,7 +208,7 @@ class _Events:
             marks.append((self._since(ready), "no plan" if failed else "plan ready"))
         if (cancel := self._cancel()) is not None:
             marks.append((self._since(cancel), "cancel"))
-        return marks
+        return marks + [(self._since(time_ns), "fault") for time_ns in self.faults_ns]
 
     def _cancel(self) -> int | None:
         if self.cancel_ns is not None or self.result.get("state") != "CANCELED":

@@ -36,7 +36,8 @@ class Topic:
         name: The topic; may name a field of the record, such as `/plan/{record.group}`.
         type: The ROS 2 message type.
         convert: Makes the message of a record, or None where there is none to make.
-        why: What a reader finds there.
+        what: What a reader finds there.
+        why: What it is there for.
         latched: Whether whoever joins later gets the last message too (transient local).
     """
 
@@ -44,8 +45,14 @@ class Topic:
     name: str
     type: str
     convert: Convert
+    what: str
     why: str
     latched: bool = False
+
+    @property
+    def when(self) -> str:
+        """When there is a message."""
+        return WHEN[self.record]
 
     @property
     def fixed(self) -> bool:
@@ -57,34 +64,102 @@ class Topic:
         return self.name if self.fixed else self.name.format(record=record)
 
 
+WHEN: dict[type, str] = {
+    Sent: "bytes are written to the port",
+    Received: "bytes come from the board",
+    Goal: "a goal is accepted",
+    Result: "a goal has ended",
+    Feedback: "a goal gets on",
+    NodeStatus: "a node changes its status",
+    Plan: "a planner answers",
+    Schedule: "a motion is compiled",
+    Transition: "the hardware changes its state",
+    LogLine: "a line is logged",
+    Description: "the file begins",
+}
+
 TOPICS = (
-    Topic(Sent, "/serial/tx", _FRAME, as_.sent_frame, "bytes written to the port"),
-    Topic(Sent, "/serial/timing", _JSON, as_.sent_timing, "when each was due; holds, settings"),
+    Topic(
+        Sent,
+        "/serial/tx",
+        _FRAME,
+        as_.sent_frame,
+        "bytes written to the port",
+        "to send them again, and to prove that they follow from the plan",
+    ),
+    Topic(
+        Sent,
+        "/serial/timing",
+        _JSON,
+        as_.sent_timing,
+        "when each was due; holds, settings",
+        "to tell how late each left",
+    ),
     Topic(
         Sent,
         "/joint_states",
         "sensor_msgs/msg/JointState",
         as_.joint_state,
         "commanded positions [rad]",
+        "to see the motion in any tool",
     ),
-    Topic(Received, "/serial/rx", _FRAME, as_.received_bytes, "bytes read from the port"),
-    Topic(Goal, "/goal", _JSON, as_.every_field, "the goal accepted", latched=True),
-    Topic(Result, "/result", _JSON, as_.every_field, "how it ended", latched=True),
+    Topic(
+        Received,
+        "/serial/rx",
+        _FRAME,
+        as_.received_bytes,
+        "bytes read from the port",
+        "to know what the board said",
+    ),
+    Topic(
+        Goal,
+        "/goal",
+        _JSON,
+        as_.every_field,
+        "the goal accepted",
+        "to know what was asked for, and with which seed",
+        latched=True,
+    ),
+    Topic(
+        Result,
+        "/result",
+        _JSON,
+        as_.every_field,
+        "how it ended",
+        "to know the cause, and what to do next",
+        latched=True,
+    ),
     Topic(
         Feedback,
         "/feedback",
         "arduinobot_msgs/msg/TaskFeedback",
         as_.percentage,
         "progress as the action reports it",
+        "to see what a client saw",
     ),
-    Topic(Feedback, "/progress", _JSON, as_.every_field, "progress with phase and node"),
-    Topic(NodeStatus, "/tree", _JSON, as_.every_field, "status changes of the tree's nodes"),
+    Topic(
+        Feedback,
+        "/progress",
+        _JSON,
+        as_.every_field,
+        "progress with phase and node",
+        "to show the run again as it was shown",
+    ),
+    Topic(
+        NodeStatus,
+        "/tree",
+        _JSON,
+        as_.every_field,
+        "status changes of the tree's nodes",
+        "to see which node decided",
+    ),
     Topic(
         Plan,
         "/plan/{record.group}",
         _JSON,
         as_.every_field,
         "a plan or why there is none, with all it takes to plan it again",
+        "to prove that the goal gives this plan",
         latched=True,
     ),
     Topic(
@@ -93,6 +168,7 @@ TOPICS = (
         "trajectory_msgs/msg/JointTrajectory",
         as_.trajectory,
         "the planned motion [rad], sampled",
+        "to hold the planned motion against the commanded one",
         latched=True,
     ),
     Topic(
@@ -101,6 +177,7 @@ TOPICS = (
         _JSON,
         as_.every_field,
         "the frames that a motion became",
+        "to prove that the plan gives these frames",
         latched=True,
     ),
     Topic(
@@ -109,14 +186,23 @@ TOPICS = (
         "lifecycle_msgs/msg/TransitionEvent",
         as_.transition_event,
         "changes of the hardware's lifecycle",
+        "to know when the arm could move",
     ),
-    Topic(LogLine, "/rosout", "rcl_interfaces/msg/Log", as_.log_message, "the program's log"),
+    Topic(
+        LogLine,
+        "/rosout",
+        "rcl_interfaces/msg/Log",
+        as_.log_message,
+        "the program's log",
+        "to read what people were told",
+    ),
     Topic(
         Description,
         "/robot_description",
         _TEXT,
         as_.urdf,
         "the robot's URDF, as text",
+        "to draw the arm",
         latched=True,
     ),
     Topic(
@@ -125,6 +211,7 @@ TOPICS = (
         "tf2_msgs/msg/TFMessage",
         as_.transforms,
         "where the commanded positions put every link",
+        "to see the arm in space without another program",
     ),
     Topic(
         Sent,
@@ -132,6 +219,7 @@ TOPICS = (
         "diagnostic_msgs/msg/DiagnosticArray",
         as_.late_frame,
         "frames that left more than 20 ms late",
+        "to find what a busy machine has done",
     ),
 )
 

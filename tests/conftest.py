@@ -275,3 +275,12 @@ def plans(robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool) -> tupl
     assert isinstance(arm, Plan)
     assert isinstance(gripper, Plan)
     return arm, gripper
+
+
+@pytest.fixture
+def picked(tmp_path: Path, rig: RigMaker) -> Path:
+    """A recording of task 1."""
+    (outcome,) = rig().run(1)
+    folder = tmp_path / "runs"
+    folder.mkdir()
+    return Path(outcome.recording).rename(folder / "pick.mcap")

@@ -8,44 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mcap.stream_reader import StreamReader
-from mcap.writer import Writer
 
 import logs
 from executive.replay.proof import Proof, prove, prove_all
 from executive.replay.proof_words import in_words
 from logs import Recording
-from logs.compaction import _Copy
 from logs.ros_types import ros_types
+from tests.alterations import Change, altered, each, lacking, moved, replace, retold
 from tests.conftest import Rig, RigMaker
 from tests.test_executive_executive import reach
-
-Change = Callable[[Any], None]
-
-
-def altered(path: Path, change: Change) -> Path:
-    """A whole and valid copy of a recording, with some of its records changed."""
-    copy = path.with_suffix(".altered.mcap")
-    with path.open("rb") as source, copy.open("wb") as target:
-        writer = Writer(target, enable_data_crcs=True)
-        records = list(StreamReader(source).records)
-        for record in records:
-            change(record)
-        _Copy(writer).all(records)  # type: ignore[arg-type]
-        writer.finish()  # type: ignore[no-untyped-call]
-    return copy
-
-
-def replace(kind: str, old: bytes, new: bytes) -> Change:
-    """Replaces the first such bytes that any record of a kind has."""
-    done = False
-
-    def change(record: Any) -> None:
-        nonlocal done
-        if not done and type(record).__name__ == kind and old in record.data:
-            record.data, done = record.data.replace(old, new, 1), True
-
-    return change
 
 
 def picked(rig: Rig) -> Path:
@@ -127,19 +98,35 @@ def test_a_frame_that_was_due_at_another_time(rig: RigMaker) -> None:
     assert "was due" in in_words(proof)
 
 
+def test_a_frame_whose_time_was_changed(rig: RigMaker) -> None:
+    path = picked(rig())
+    changes = (("time", 0.5, True), ("time", -0.5, True), ("time", 0.001, False))
+    for number in (1, 16, 31):
+        for change in (*changes, ("scheduled", 0.5, False), ("scheduled", -0.5, False)):
+            proof = prove(altered(path, moved(number, *change)))
+            assert verdicts(proof) == [False, True], (number, change, in_words(proof))
+
+
 def test_one_byte_of_one_frame_that_was_sent(rig: RigMaker) -> None:
-    channels = {}
-
     def change(record: Any) -> None:
-        kind = type(record).__name__
-        if kind == "Channel":
-            channels[record.id] = record.topic
-        elif kind == "Message" and channels[record.channel_id] == "/serial/tx":
-            record.data = record.data.replace(b"b080,", b"b081,", 1)
+        record.data = record.data.replace(b"b080,", b"b081,", 1)
 
-    proof = prove(altered(picked(rig()), change))
+    proof = prove(altered(picked(rig()), each(["/serial/tx"], change)))
     assert verdicts(proof) == [False, True]
     assert "b081," in in_words(proof)
+
+
+def test_positions_that_a_frame_does_not_command(rig: RigMaker) -> None:
+    types = ros_types()
+
+    def turn(record: Any) -> None:
+        state = types.decode("sensor_msgs/msg/JointState", record.data)
+        state.position = state.position - [0.1, 0, 0, 0]
+        record.data = types.encode(state)
+
+    proof = prove(altered(picked(rig()), each(["/joint_states"], turn, 5)))
+    assert verdicts(proof) == [False, True]
+    assert "was sent for positions that encode to" in in_words(proof)
 
 
 def test_a_frame_that_is_missing(rig: RigMaker) -> None:
@@ -165,57 +152,65 @@ def test_a_frame_that_is_missing(rig: RigMaker) -> None:
     assert "none was sent" in in_words(proof)
 
 
-def lacking(path: Path, *topics: str, after: int = 0) -> Path:
-    """A whole and valid copy that lacks all messages of some topics but the first few."""
-    copy, count = path.with_suffix(".lacking.mcap"), 0
-    channels = {}
-    with path.open("rb") as source, copy.open("wb") as target:
-        records: list[Any] = []
-        record: Any
-        for record in StreamReader(source).records:
-            kind = type(record).__name__
-            if kind == "Channel":
-                channels[record.id] = record.topic
-            elif kind == "Message" and channels[record.channel_id].startswith(topics):
-                count += 1
-                if count > after:
-                    continue
-            records.append(record)
-        writer = Writer(target, enable_data_crcs=True)
-        _Copy(writer).all(records)  # type: ignore[arg-type]
-        writer.finish()  # type: ignore[no-untyped-call]
-    return copy
-
-
 @pytest.mark.parametrize(
-    ("topic", "held", "words"),
+    ("topics", "held", "words"),
     [
-        ("/", [False, True], "nothing is recorded"),
-        ("/goal", [False, True], "no goal is recorded"),
-        ("/plan/arm", [True, False], "a schedule moves the arm, for which no motion is recorded"),
-        ("/schedule", [False, True], "was sent without a schedule"),
+        (["/"], [False, True], "nothing is recorded"),
+        (["/goal", "/result"], [False, True], "no goal is recorded"),
+        (["/plan/arm"], [True, False], "a schedule moves the arm, for which no motion is recorded"),
+        (["/schedule"], [False, True], "was sent without a schedule"),
     ],
 )
 def test_what_is_missing_is_a_difference(
-    rig: RigMaker, topic: str, held: list[bool], words: str
+    rig: RigMaker, topics: list[str], held: list[bool], words: str
 ) -> None:
-    proof = prove(lacking(picked(rig()), topic))
+    proof = prove(lacking(picked(rig()), *topics))
     assert verdicts(proof) == held, in_words(proof)
     assert words in in_words(proof)
 
 
-def test_a_motion_that_is_said_to_have_been_found_too_late(rig: RigMaker) -> None:
-    types = ros_types()
+def field(*places: Any, to: Any) -> Callable[[dict[str, Any]], None]:
+    """Sets what stands at a place among the fields of a message."""
 
-    def change(record: Any) -> None:
-        if type(record).__name__ == "Message" and b'"waypoints"' in record.data:
-            text = types.decode("std_msgs/msg/String", record.data)
-            text.data = text.data.replace('"code":""', '"code":"plan.timeout"')
-            record.data = types.encode(text)
+    def change(fields: Any) -> None:
+        for place in places[:-1]:
+            fields = fields[place]
+        fields[places[-1]] = to
 
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "held", "words"),
+    [
+        (retold("/plan/arm", field("code", to="plan.timeout")), [True, False], "no motion is reco"),
+        (
+            retold("/plan/arm", field("duration", to=9.0)),
+            [True, False],
+            "duration 9.0 s is recorded",
+        ),
+        (retold("/plan/arm", field("positions", 5, 0, to=9.0)), [True, False], "sample 6: joint_1"),
+        (
+            retold("/schedule", field("duration", to=9.0)),
+            [False, False],
+            "motion of 9.0 s is recor",
+        ),
+        (retold("/schedule", field("start", "joint_1", to=0.1)), [True, False], "begin elsewhere"),
+        (
+            retold("/schedule", field("samples", 5, 0, to=0.1)),
+            [False, False],
+            "merged sample 6: jo",
+        ),
+        (retold("/serial/timing", field("hold", to=True)), [False, True], "sent after the hold"),
+        (retold("/serial/timing", field("hold", to=True), 6), [False, True], "does not repeat"),
+    ],
+)
+def test_what_is_recorded_of_a_motion_is_held_against_what_is_made(
+    rig: RigMaker, change: Change, held: list[bool], words: str
+) -> None:
     proof = prove(altered(picked(rig()), change))
-    assert verdicts(proof) == [True, False]
-    assert "for which no motion is recorded" in in_words(proof)
+    assert verdicts(proof) == held, in_words(proof)
+    assert words in in_words(proof)
 
 
 def test_a_branch_that_failed_later_does_not_excuse_frames_that_are_missing(

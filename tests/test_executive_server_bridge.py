@@ -2,11 +2,9 @@
 
 import base64
 import json
-import shutil
 import subprocess
 import sys
 from contextlib import AbstractContextManager, suppress
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,29 +12,16 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from executive.server import bridge, connections
+from tests.javascript import PEERS, without_node
 from tests.serving import Serve, Served
 
 pytest_plugins = ["tests.server_fixtures"]
 
-PEERS = Path(__file__).parent / "peers"
-
-
-def without_node() -> str:
-    """Why roslib.js cannot be tried here; empty where it can."""
-    if not shutil.which("node"):
-        return "node is not installed"
-    asked = subprocess.run(["node", "--version"], capture_output=True, text=True, check=True)
-    if int(asked.stdout.removeprefix("v").partition(".")[0]) < 20:
-        return f"roslib.js needs node 20, and this is {asked.stdout.strip()}"
-    return "" if (PEERS / "node_modules" / "roslib").is_dir() else "roslib is not installed"
-
-
 NODE = ["node", "with_roslib.mjs"]
+WITHOUT = without_node("roslib")
 CLIENTS = [
     pytest.param([sys.executable, "with_roslibpy.py"], id="roslibpy"),
-    pytest.param(
-        NODE, id="roslib.js", marks=pytest.mark.skipif(without_node() != "", reason=without_node())
-    ),
+    pytest.param(NODE, id="roslib.js", marks=pytest.mark.skipif(WITHOUT != "", reason=WITHOUT)),
 ]
 
 

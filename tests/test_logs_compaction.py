@@ -1,6 +1,7 @@
 """One path from any journal to a recording."""
 
 import io
+import os
 from pathlib import Path
 
 import pytest
@@ -159,6 +160,25 @@ def test_a_disk_that_fails_leaves_the_journal(
 
     monkeypatch.setattr("os.fsync", refuse)
     with pytest.raises(OSError, match="No space left"):
+        compact(path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("place", [0.5, 0.99, 1.0])
+def test_a_disk_that_keeps_other_bytes_leaves_the_journal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: float
+) -> None:
+    path = tmp_path / "run.mcap"
+    run_journal(path)
+    before, fsync = path.read_bytes(), os.fsync
+
+    def spoil(handle: int) -> None:
+        os.pwrite(handle, b"\xff", round(place * (os.fstat(handle).st_size - 1)))
+        fsync(handle)
+
+    monkeypatch.setattr("os.fsync", spoil)
+    with pytest.raises(RecordingError, match="of 199 messages; check the disk"):
         compact(path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]

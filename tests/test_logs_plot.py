@@ -60,6 +60,14 @@ def test_a_canceled_run(tmp_path: Path) -> None:
     assert share(picture, FAILURE) > 0.00012  # the key and the hold
 
 
+def test_a_fault_is_marked(tmp_path: Path) -> None:
+    run, _ = drawn(tmp_path, RUNS["faulted"])
+    (_, ready), (time, what) = run.marks
+    assert (ready, what) == ("plan ready", "fault")
+    assert time == pytest.approx(run.frames[-1] + 0.0501, abs=1e-6)
+    assert run.lifecycle[-2].state == "errorprocessing"
+
+
 def test_a_refused_run_has_no_frames(tmp_path: Path) -> None:
     run, picture = drawn(tmp_path, RUNS["refused"])
     assert run.traces == ()

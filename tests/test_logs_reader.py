@@ -1,11 +1,15 @@
 """Reading recordings."""
 
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from logs import RecordingError, RecordingTruncated, Sent, read
+from logs.salvage import Salvage
+from logs.story import overview
 from tests.test_logs_run import RUNS, record
 
 
@@ -56,3 +60,22 @@ def test_an_empty_file_is_a_cut_recording(tmp_path: Path) -> None:
     path.touch()
     with pytest.raises(RecordingTruncated, match="after 0 valid messages"):
         list(read(path))
+
+
+def test_a_recording_is_summed_up_in_one_reading(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, records, given = tmp_path / "run.mcap", Salvage.__iter__, 0
+
+    def counted(salvage: Salvage) -> Iterator[Any]:
+        nonlocal given
+        for each in records(salvage):
+            given += 1
+            yield each
+
+    whole = record(path, RUNS["ok"])
+    total = sum(1 for _ in Salvage(path))
+    monkeypatch.setattr(Salvage, "__iter__", counted)
+    found = overview(path)
+    assert (found.messages, found.complete, found.files) == (whole.messages, True, ("task.yaml",))
+    assert given < total + 10  # the head is looked at before

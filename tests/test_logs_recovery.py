@@ -1,17 +1,19 @@
 """What a crash leaves is made whole, what is being written is left alone, what is old goes."""
 
+import errno
 import os
 import subprocess
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
 
 import logs
 from logs import DiskFull, Recorder, RecordingInUse, compact, recover, recover_all
-from logs.compaction import RECOVERED
+from logs.compaction import RECOVERED, locked, part_of
 from logs.keeping import Rule, pin, pinned, prune
 from logs.recovery import complete
 from logs.tail import Tail
@@ -111,12 +113,73 @@ def test_every_flip_in_the_footer_is_damage(tmp_path: Path) -> None:
 
 def test_stray_parts_go_and_other_files_stay(tmp_path: Path) -> None:
     record(tmp_path / "run.mcap", RUNS["refused"])
-    (tmp_path / "run.mcap.part").write_bytes(b"half")
+    for name in ("run.mcap.part", "gone.mcap.part", "odd.mcap.part"):
+        (tmp_path / name).write_bytes(b"half")
     (tmp_path / "note.txt").write_text("mine")
     (tmp_path / "odd.mcap").write_text("no recording")
     (error,) = recover_all(tmp_path)
     assert isinstance(error, logs.RecordingError)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["note.txt", "odd.mcap", "run.mcap"]
+
+
+def test_the_part_of_a_recording_that_is_being_made_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run_journal(path)
+    with locked(path):
+        part_of(path).write_bytes(b"half")
+        assert list(recover_all(tmp_path)) == []
+        assert part_of(path).exists()
+
+
+def test_a_recording_that_is_made_whole_by_hand_leaves_no_part(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["refused"])
+    part_of(path).write_bytes(b"half")
+    assert recover(path) is None
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("code", [errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS])
+def test_where_files_have_one_name_only_the_damaged_one_is_copied(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int
+) -> None:
+    def refuse(*paths: Path) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr("os.link", refuse)
+    path = tmp_path / "run.mcap"
+    (tmp_path / "run.mcap.damaged").write_bytes(b"an earlier one")
+    run_journal(path, finish=False)
+    torn = path.read_bytes() + b"\x05\x99torn"
+    path.write_bytes(torn)
+    made = recover(path)
+    assert made is not None
+    assert made.damaged is not None
+    assert made.damaged.name == "run.mcap.damaged2"
+    assert made.damaged.read_bytes() == torn
+    assert complete(path, every_byte=True)
+    assert (tmp_path / "run.mcap.damaged").read_bytes() == b"an earlier one"
+
+
+def test_a_disk_too_full_for_the_copy_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*paths: Path) -> None:
+        raise PermissionError
+
+    def fill(*streams: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    path = tmp_path / "run.mcap"
+    run_journal(path, finish=False)
+    torn = path.read_bytes() + b"\x05\x99torn"
+    path.write_bytes(torn)
+    monkeypatch.setattr("os.link", refuse)
+    monkeypatch.setattr("shutil.copyfileobj", fill)
+    with pytest.raises(OSError, match="No space left"):
+        recover(path)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    assert path.read_bytes() == torn
 
 
 def test_what_is_being_written_is_left_alone(tmp_path: Path) -> None:
@@ -187,6 +250,16 @@ def test_old_recordings_go_but_never_a_pinned_or_unfinished_one(tmp_path: Path) 
     assert pinned(kept)
     pin(kept, False)
     assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [kept]
+
+
+def test_what_cannot_be_pinned_is_not_called_pinned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["refused"])
+    monkeypatch.setattr(Path, "chmod", lambda path, mode: None)  # as exFAT does it
+    with pytest.raises(PermissionError, match="has no write protection; move it"):
+        pin(path, True)
 
 
 def test_the_oldest_go_until_the_rest_fits(tmp_path: Path) -> None:

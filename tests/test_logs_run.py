@@ -182,7 +182,26 @@ def refused_run() -> list[Record]:
     ]
 
 
-RUNS = {"ok": pick_run(), "canceled": pick_run(frames=15), "refused": refused_run()}
+def faulted_run() -> list[Record]:
+    """The cable is pulled after ten frames."""
+    moved = pick_run(frames=10)[:-5]
+    t = moved[-1].time + 0.05
+    words = "the port is gone"
+    return [
+        *moved,
+        Transition(t, "raise_error", "active", "errorprocessing"),
+        LogLine(t, 40, "hardware", words),
+        Transition(t + 0.01, "transition_success", "errorprocessing", "unconfigured"),
+        Result(t + 0.02, GOAL_ID, 1, "ABORTED", False, "hardware.port_gone", words, 10, 2.0),
+    ]
+
+
+RUNS = {
+    "ok": pick_run(),
+    "canceled": pick_run(frames=15),
+    "faulted": faulted_run(),
+    "refused": refused_run(),
+}
 
 
 def rebuilt(messages: list[logs.Message]) -> list[Record]:

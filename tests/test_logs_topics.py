@@ -105,7 +105,7 @@ def test_the_page_has_the_table() -> None:
     page = (Path(logs.__file__).parent / "README.md").read_text()
     rows = [line for line in page.splitlines() if line.startswith("| `/")]
     assert rows == [
-        f"| `{topic.name.replace('record.', '')}` | `{topic.type}` | {topic.record.__name__} "
+        f"| `{topic.name.replace('record.', '')}` | `{topic.type}` | {topic.when} | {topic.what} "
         f"| {topic.why} |"
         for topic in TOPICS
     ]

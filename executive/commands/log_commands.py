@@ -8,6 +8,7 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
+from .incomplete import incomplete
 from .options import AT_LEAST_0, PATH
 
 if TYPE_CHECKING:
@@ -49,9 +50,8 @@ def ls(folder: Path) -> None:
         marks = ("pinned" if pinned(path) else "", end)
         task = f"{found.goal.task} {found.goal.name}" if found.goal else "-"
         spent = f"{found.result.duration:.2f} s" if found.result else "-"
-        row = (
-            f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{found.frames:>6} frames"
-        )
+        frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
+        row = f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{frames:<13}"
         click.echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
 
 
@@ -61,8 +61,10 @@ def info(recording: Path) -> None:
     """Sum a recording up."""
     from logs.story import overview
 
-    for name, value in _facts(overview(recording)):
+    found = overview(recording)
+    for name, value in _facts(found):
         click.echo(f"{name:<12}{value}")
+    sys.exit(0 if found.complete else look_up("log.truncated").exit)
 
 
 def _facts(found: "Overview") -> list[tuple[str, str]]:
@@ -87,8 +89,9 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
     for group, spent in found.planning.items():
         facts.append(("planning", f"{group} {spent:.1f} ms"))
     facts.append(("attached", ", ".join(found.files) or "nothing"))
-    versions = found.notes.get("versions", {})
-    facts.append(("versions", ", ".join(f"{name} {is_}" for name, is_ in versions.items())))
+    for what, note in (("configured", "configuration"), ("versions", "versions")):
+        noted = found.notes.get(note, {})
+        facts.append((what, ", ".join(f"{name} {is_}" for name, is_ in noted.items()) or "-"))
     return facts
 
 
@@ -110,7 +113,7 @@ def show(recording: Path, everything: bool) -> None:
 
     for time, words in story(recording, everything):
         click.echo(f"{time:+10.3f}  {words}")
-    sys.exit(_lacking(recording))
+    sys.exit(incomplete(recording))
 
 
 @log.command()
@@ -122,7 +125,7 @@ def export(recording: Path, output: Path) -> None:
 
     for path in write(recording, output):
         click.echo(path)
-    sys.exit(_lacking(recording))
+    sys.exit(incomplete(recording))
 
 
 @log.command()
@@ -142,7 +145,7 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
 
         draw_over(both, output)
         click.echo(output)
-    partial = _lacking(one, other)
+    partial = incomplete(one, other)
     sys.exit(look_up(DIFFERS).exit if both.first else partial)
 
 
@@ -159,18 +162,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
         target = output or recording.with_suffix(".png")
         draw(recording, target)
         click.echo(target)
-    sys.exit(_lacking(*recordings))
-
-
-def _lacking(*recordings: Path) -> int:
-    """Tell which recordings were read in part only; gives the exit status that says so."""
-    from logs import Recording
-    from logs.recovery import lacking
-
-    told = [words for recording in recordings if (words := lacking(Recording(recording)))]
-    for words in told:
-        click.echo(words, err=True)
-    return look_up("log.truncated").exit if told else 0
+    sys.exit(incomplete(*recordings))
 
 
 @log.command()

@@ -10,6 +10,7 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
+from .incomplete import incomplete
 from .options import ABOVE_0, AT_LEAST_0, PATH
 
 
@@ -37,7 +38,12 @@ from .options import ABOVE_0, AT_LEAST_0, PATH
 )
 @click.option("--json", is_flag=True, help="Print one JSON object per event, or per recording.")
 def replay(recordings: tuple[Path, ...], **options: Any) -> None:
-    """Prove a recording (--verify), watch it (--watch), or send its frames again (--on PORT)."""
+    """Prove a recording (--verify), watch it (--watch), or send its frames again (--on PORT).
+
+    Exit status of --verify: 0 if all is the same in all of them, 12 where one differs, else 10
+    where one lacks its end, 3 where one cannot be read. While watching in a terminal: space pauses,
+    left and right go back and forth by 1 s, up and down change the speed, q quits.
+    """
     chosen = [bool(options["verify"]), bool(options["watch"]), options["port"] is not None]
     if sum(chosen) != 1:
         raise click.UsageError("give one of --verify, --watch and --on PORT")
@@ -50,7 +56,7 @@ def replay(recordings: tuple[Path, ...], **options: Any) -> None:
         from .watching import watch
 
         watch(recordings[0], options["speed"], options["at"], _view(options["json"]))
-        return
+        sys.exit(incomplete(recordings[0]))
     _send(recordings[0], **options)
 
 
@@ -59,16 +65,19 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
     from executive.replay.proof_words import in_json, in_words
 
     paths = [path for each in given for path in files_of(each)]
-    worst = done = 0  # the highest status counts: differs, then incomplete, then unreadable
+    wrong: list[tuple[Path, str]] = []
     for proof in prove_all(paths, jobs or os.cpu_count() or 1):
         click.echo(in_json(proof) if as_json else in_words(proof))
         same = all(verdict.holds for verdict in proof.verdicts)
-        code = proof.code if same else DIFFERS
-        worst = max(worst, look_up(code).exit if code else 0)
-        done += proof.holds
+        if code := proof.code if same else DIFFERS:
+            wrong.append((proof.path, code))
     if not as_json and len(paths) > 1:
-        click.echo(f"{done} of {len(paths)} recordings hold")
-    sys.exit(worst)
+        done = len(paths) - len(wrong)
+        click.echo(f"{done} of {len(paths)} recordings hold{'; not:' if wrong else ''}")
+        for path, code in wrong:
+            click.echo(f"  {path}  {code}")
+    # The highest status counts: differs, then incomplete, then unreadable.
+    sys.exit(max((look_up(code).exit for _, code in wrong), default=0))
 
 
 def files_of(path: Path) -> list[Path]:

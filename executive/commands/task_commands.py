@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .incomplete import incomplete
 from .options import PATH, recordings_option, robot_option, skills_option, trees_option
 
 if TYPE_CHECKING:
@@ -209,6 +210,8 @@ def show(
         click.echo(output)
     else:
         click.echo(text)
+    if not task.isdecimal():
+        sys.exit(incomplete(Path(task)))
 
 
 @click.command()

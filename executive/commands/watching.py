@@ -88,9 +88,6 @@ def watch(path: Path, speed: float, at: float | None, view: View) -> None:
             player.show_until(at)
         else:
             _play(player, keys)
-    if not recording.complete:
-        view_end = f"{path}: cut off or damaged after {recording.messages} messages\n"
-        sys.stderr.write(view_end)
 
 
 def _play(player: Player, keys: int | None) -> None:

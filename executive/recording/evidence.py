@@ -1,4 +1,4 @@
-"""The robot of a recording: what is noted of it, and how it is had again."""
+"""What is noted of the robot and of how it is run; and a recorded robot, as it is had again."""
 
 import json
 import tempfile
@@ -22,6 +22,19 @@ def robot_note(robot: Robot) -> dict[str, str]:
         "urdf": robot.urdf.name,
         "sha256": _digest(robot.path.read_bytes(), robot.urdf.read_bytes()),
         "firmware": json.dumps(figures),
+    }
+
+
+def configuration_note(
+    port: str, seed: int, timeout: float, policy: str, solo: bool
+) -> dict[str, str]:
+    """What else decides about a run; of the executive's arguments those that are values."""
+    return {
+        "port": port,
+        "seed": str(seed),
+        "planning_timeout_s": str(timeout),
+        "policy": policy,
+        "solo": str(solo),
     }
 
 

@@ -34,6 +34,7 @@ class Recordings:
         clock: Whose time.
         watch: Told of everything that is recorded; must be quick, from any thread.
         failed: Called when something could not be recorded, from another thread.
+        configuration: What else decides about a run, as words by name; noted in every recording.
 
     Attributes:
         path: Of the recording that is open; empty while none is.
@@ -47,9 +48,11 @@ class Recordings:
         clock: Clock,
         watch: Callable[[logs.Record], None],
         failed: Callable[[logs.LogError], None],
+        configuration: Mapping[str, str],
     ) -> None:
         self._folder, self._robot, self._clock = folder, robot, clock
         self._watch, self._failed = watch, failed
+        self._configuration = configuration
         self._recorder: logs.Recorder | None = None
         self._between: logs.Recorder | None = None
         self._closing: list[threading.Thread] = []
@@ -164,7 +167,11 @@ class Recordings:
         """The URDF, the robot's files and the notes, as they are at the first goal."""
         robot = self._robot
         files = {path.name: path.read_bytes() for path in (robot.path, robot.urdf)}
-        notes = {"robot": robot_note(robot), "versions": versions()}
+        notes = {
+            "robot": robot_note(robot),
+            "configuration": dict(self._configuration),
+            "versions": versions(),
+        }
         return robot.urdf.read_text(), files, notes
 
     def _attach_new(self, meshes: Mapping[str, bytes]) -> None:

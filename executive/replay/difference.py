@@ -47,16 +47,19 @@ def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
         if words:
             return f"motion {number}: {words}"
         held = sent[-1].data if sent else held
-    return _counted_difference(story)
+    return _result_difference(story)
 
 
-def _counted_difference(story: Sequence[Record]) -> str:
-    sent = 0
+def _result_difference(story: Sequence[Record]) -> str:
+    sent: list[Sent] = []
     for record in story:
         if isinstance(record, Sent) and record.joints:
-            sent += 1
-        elif isinstance(record, Result) and record.frames != sent:
-            return f"the result tells of {record.frames} frames, {sent} are recorded"
+            sent.append(record)
+        elif isinstance(record, Result):
+            if record.frames != len(sent):
+                return f"the result tells of {record.frames} frames, {len(sent)} are recorded"
+            if sent and sent[-1].time > record.time:
+                return f"{_text(sent[-1])} was sent after the result before which it is recorded"
     return ""
 
 
@@ -147,7 +150,7 @@ def _schedules_difference(recorded: Schedule, compiled: Compiled) -> str:
 
 
 def _at(due: tuple[float, str] | None) -> str:
-    return f"{due[1]} at {due[0]:.6f} s" if due else "none"
+    return f"{due[1]} at {due[0]!r} s" if due else "none"
 
 
 def _sent_difference(schedule: Schedule, sent: Sequence[Sent], cut: bool) -> str:

@@ -6,7 +6,7 @@ the recorded queries, planned again, give the recorded plans.
 
 import os
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -81,9 +81,11 @@ def prove(path: Path) -> Proof:
     """Judge one recording. Plans in this process."""
     try:
         recording = Recording(path)
+        told = list(recording.stamped(Sent, Schedule, Plan, Goal, Result, NodeStatus))
+        story = [record for _, record in told]
         robot = robot_of(recording)
-        story = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
-        verdicts = _frames(recording, robot, story), _plans(recording, robot, story)
+        misdated = _stamps_difference(recording, told)
+        verdicts = _frames(recording, robot, story, misdated), _plans(recording, robot, story)
     except (LogError, HardwareError, ModelUnusable) as error:
         return Proof(path, (), str(error), error.code, 0.0)
     except OSError as error:
@@ -115,13 +117,26 @@ def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterato
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _frames(recording: Recording, robot: Robot, story: Sequence[Record]) -> Verdict:
+def _frames(recording: Recording, robot: Robot, story: Sequence[Record], misdated: str) -> Verdict:
     question = "plan -> frames"
-    if words := _goal_difference(recording, story) or frames_difference(robot, story):
+    words = _goal_difference(recording, story) or frames_difference(robot, story) or misdated
+    if words:
         return Verdict(question, False, words, source(recording, robot, story, ("frames",)))
     schedules = sum(isinstance(record, Schedule) for record in story)
     frames = sum(isinstance(record, Sent) for record in story)
     return Verdict(question, True, f"{_many(frames, 'frame')} of {_many(schedules, 'schedule')}")
+
+
+def _stamps_difference(recording: Recording, told: Iterable[tuple[int, Record]]) -> str:
+    """The first record that says it happened when its message does not; its reader goes by that."""
+    for stamp, record in told:
+        if stamp != recording.epoch_ns + round(record.time * 1e9):
+            happened = (stamp - recording.epoch_ns) / 1e9
+            return (
+                f"a {type(record).__name__} is recorded at {record.time} s in a message of "
+                f"{happened} s"
+            )
+    return ""
 
 
 def _goal_difference(recording: Recording, story: Sequence[Record]) -> str:

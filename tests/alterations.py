@@ -1,0 +1,109 @@
+"""Recordings changed by hand: valid copies that say something else."""
+
+import json
+from collections import Counter
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any
+
+from mcap.stream_reader import StreamReader
+from mcap.writer import Writer
+
+from logs.compaction import _Copy
+from logs.ros_types import ros_types
+
+Change = Callable[[Any], None]
+
+
+def altered(path: Path, change: Change) -> Path:
+    """A whole and valid copy of a recording, with some of its records changed."""
+    copy = path.with_suffix(".altered.mcap")
+    with path.open("rb") as source, copy.open("wb") as target:
+        writer = Writer(target, enable_data_crcs=True)
+        records = list(StreamReader(source).records)
+        for record in records:
+            change(record)
+        _Copy(writer).all(records)  # type: ignore[arg-type]
+        writer.finish()  # type: ignore[no-untyped-call]
+    return copy
+
+
+def replace(kind: str, old: bytes, new: bytes) -> Change:
+    """Replaces the first such bytes that any record of a kind has."""
+    done = False
+
+    def change(record: Any) -> None:
+        nonlocal done
+        if not done and type(record).__name__ == kind and old in record.data:
+            record.data, done = record.data.replace(old, new, 1), True
+
+    return change
+
+
+def lacking(path: Path, *topics: str, after: int = 0) -> Path:
+    """A whole and valid copy that lacks all messages of some topics but the first few."""
+    copy, count = path.with_suffix(".lacking.mcap"), 0
+    channels = {}
+    with path.open("rb") as source, copy.open("wb") as target:
+        records: list[Any] = []
+        record: Any
+        for record in StreamReader(source).records:
+            kind = type(record).__name__
+            if kind == "Channel":
+                channels[record.id] = record.topic
+            elif kind == "Message" and channels[record.channel_id].startswith(topics):
+                count += 1
+                if count > after:
+                    continue
+            records.append(record)
+        writer = Writer(target, enable_data_crcs=True)
+        _Copy(writer).all(records)  # type: ignore[arg-type]
+        writer.finish()  # type: ignore[no-untyped-call]
+    return copy
+
+
+def each(topics: Collection[str], change: Change, number: int | None = None) -> Change:
+    """Changes the messages of some topics; with a number only that one of each."""
+    seen = Counter[str]()
+    channels: dict[int, str] = {}
+
+    def change_it(record: Any) -> None:
+        if type(record).__name__ == "Channel":
+            channels[record.id] = record.topic
+        elif type(record).__name__ == "Message" and channels[record.channel_id] in topics:
+            topic = channels[record.channel_id]
+            seen[topic] += 1
+            if number in (None, seen[topic]):
+                change(record)
+
+    return change_it
+
+
+def retold(topic: str, change: Callable[[dict[str, Any]], object], number: int = 1) -> Change:
+    """Changes the fields of one message of a topic that carries JSON."""
+    types = ros_types()
+
+    def tell(record: Any) -> None:
+        text = types.decode("std_msgs/msg/String", record.data)
+        fields = json.loads(text.data)
+        change(fields)
+        text.data = json.dumps(fields)
+        record.data = types.encode(text)
+
+    return each([topic], tell, number)
+
+
+def moved(number: int, field: str, by: float, stamped: bool) -> Change:
+    """Moves a time of one frame [s], and the stamps of its messages too."""
+    tell = retold("/serial/timing", lambda told: told.update({field: told[field] + by}), number)
+
+    def stamp(record: Any) -> None:
+        record.log_time += round(by * 1e9) * stamped
+
+    restamp = each(["/serial/tx", "/serial/timing", "/joint_states"], stamp, number)
+
+    def change(record: Any) -> None:
+        tell(record)
+        restamp(record)
+
+    return change
