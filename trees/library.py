@@ -89,7 +89,7 @@ class Library:
             return
         stem = there.stem.partition("_")[2] if there.parent == self.shipped else ""
         if not self._replaces(number, path, stem, _task_replaces):
-            place = _top(path, _text(path), "task")
+            place = _top(path, self._text(path), "task")
             self._claimed[number] = DuplicateTask(number, there, place, stem)
             raise self._claimed[number]
         self._tasks[number] = path
@@ -103,24 +103,34 @@ class Library:
                 f"subtree {name} is in {there} already; rename this one, or write into it "
                 f"replaces: {name}"
             )
-            place = _top(path, _text(path), "subtree")
+            place = _top(path, self._text(path), "subtree")
             self._claimed[name] = FileError([Mistake(place, message)])
             raise self._claimed[name]
         self._subtrees[name] = path
 
     def _replaces(
-        self, claimed: int | str, path: Path, stem: str, says: Callable[[Path], str]
+        self, claimed: int | str, path: Path, stem: str, says: Callable[[Path, str], str]
     ) -> bool:
         """Whether a user's file says that it takes the place of a shipped one."""
         try:
-            return bool(stem) and says(path) == stem
+            return bool(stem) and says(path, self.read(path)) == stem
         except FileError as error:
             self._claimed[claimed] = error
             raise
 
-    def for_task(self, number: int) -> "Library":
-        """The library to read a task from, as one piece; this one, but a kind of it may choose."""
-        return self
+    def _text(self, path: Path) -> str:
+        """What is in a file, as far as that can be shown."""
+        try:
+            return self.read(path)
+        except FileError:
+            return ""
+
+    def for_task(self, number: int) -> "tuple[Library, str]":
+        """What to read a task from, as one piece, and what its user is to know of that.
+
+        This library and nothing, but a kind of it may choose.
+        """
+        return self, ""
 
     def numbers(self) -> list[int]:
         """The task numbers there are, ascending."""
@@ -262,14 +272,6 @@ def _as_named(task: TaskFile, number: int) -> TaskFile:
     return task
 
 
-def _text(path: Path) -> str:
-    """What is in a file, as far as that can be shown."""
-    try:
-        return read_text(path)
-    except FileError:
-        return ""
-
-
 def _top(path: Path, text: str, key: str) -> Place:
     """Where a file says what it is."""
     lines = text.splitlines()
@@ -277,12 +279,12 @@ def _top(path: Path, text: str, key: str) -> Place:
     return Place(path, line, 1, key, lines)
 
 
-def _task_replaces(path: Path) -> str:
-    return parse_head(path, read_text(path)).replaces
+def _task_replaces(path: Path, text: str) -> str:
+    return parse_head(path, text).replaces
 
 
-def _subtree_replaces(path: Path) -> str:
-    return draft_subtree(path, read_text(path))[0].replaces
+def _subtree_replaces(path: Path, text: str) -> str:
+    return draft_subtree(path, text)[0].replaces
 
 
 def _files(folder: Path) -> list[str]:
