@@ -54,6 +54,16 @@ OWN_FILES = [
         "2:1 replaces: no pose opne ships; there are closed, folded, open, right, upright; "
         "did you mean open?",
     ),
+    (
+        "3_wave.yaml",
+        HEAD.replace("x", "wive") + "tree: Succeed\n",
+        "2:1 the file is named 3_wave.yaml but says name wive",
+    ),
+    (
+        "4_x.yaml",
+        HEAD + "tree: Succeed\n",
+        "1:1 the file is named for task 4 but says task 3",
+    ),
     ("3_x.YAML", HEAD, "the name of a file of tasks ends in .yaml"),
     ("look.yml", HEAD, "the name of a file of tasks ends in .yaml"),
     (

@@ -86,7 +86,7 @@ def test_one_that_never_was_right_is_refused(files: Files) -> None:
 
 @pytest.mark.parametrize("wrong", ["7_other.yaml", "say.yml", "mine.yaml", "8_x.yaml"])
 def test_a_file_costs_only_its_own_number(files: Files, tmp_path: Path, wrong: str) -> None:
-    (tmp_path / "9_fine.yaml").write_text((TASK % "nine").replace("task: 7", "task: 9"))
+    (tmp_path / "9_say.yaml").write_text((TASK % "nine").replace("task: 7", "task: 9"))
     (tmp_path / wrong).write_text(TASK % "two")
     library, warning = files.library.for_task(9)
     assert library.draft(9)[0].text.endswith("nine}\n")

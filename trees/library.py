@@ -194,9 +194,8 @@ class Library:
         """
         path = self.path(number)
         task, mistakes = draft_task(path, self.read(path))
-        if not mistakes:
-            _as_named(task, number)
-        return task, mistakes
+        told = any(mistake.place.way in ("", "task", "name") for mistake in mistakes)
+        return task, mistakes if told else [*mistakes, *_misnaming(task, number)]
 
     def subtree(self, name: str, asked: Place) -> tuple[SubtreeFile, list[Mistake]]:
         """Read a subtree as far as it can be read, with every mistake in it.
@@ -265,10 +264,21 @@ def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:
         raise FileError(mistakes)
 
 
-def _as_named(task: TaskFile, number: int) -> TaskFile:
+def _misnaming(task: TaskFile, number: int) -> list[Mistake]:
+    """What a file says otherwise than its own name does."""
+    _, _, name = task.path.stem.partition("_")
     if task.number != number:
-        message = f"the file is named for task {number} but says task {task.number}"
-        raise FileError([Mistake(_top(task.path, task.text, "task"), message)])
+        key, message = "task", f"the file is named for task {number} but says task {task.number}"
+    elif task.name != name:
+        key, message = "name", f"the file is named {task.path.name} but says name {task.name}"
+    else:
+        return []
+    return [Mistake(_top(task.path, task.text, key), message)]
+
+
+def _as_named(task: TaskFile, number: int) -> TaskFile:
+    if wrong := _misnaming(task, number):
+        raise FileError(wrong)
     return task
 
 
