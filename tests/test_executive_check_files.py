@@ -64,6 +64,21 @@ OWN_FILES = [
         HEAD + "tree: Succeed\n",
         "1:1 the file is named for task 4 but says task 3",
     ),
+    (
+        "3_x.yaml",
+        HEAD + "replaces: pik\ntree: Succeed\n",
+        "4:1 replaces: no task 3 ships; there are 0_home, 1_pick, 2_rest",
+    ),
+    (
+        "look.yaml",
+        "subtree: look\ndescription: x\nports: {}\nreplaces: look\ntree: Succeed\n",
+        "4:1 replaces: no subtree look ships; there are close_gripper, go,",
+    ),
+    (
+        "poses.yaml",
+        "poses: {opne: {joint_4: 0}}\nreplaces: [open]\n",
+        "2:1 replaces: here is no pose open; there are opne; did you mean opne?",
+    ),
     ("3_x.YAML", HEAD, "the name of a file of tasks ends in .yaml"),
     ("look.yml", HEAD, "the name of a file of tasks ends in .yaml"),
     (

@@ -6,7 +6,7 @@ reading the others; `poses.yaml` holds poses, any other `.yaml` file a subtree n
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from .grammar import (
 from .values import choices
 
 _TASK = re.compile(r"([0-9]+)_.+\.yaml")
+_SUBTREE = re.compile(r"(?!poses)[A-Za-z].*\.yaml")
 _ALMOST_TASK = re.compile(r"[0-9].*\.ya?ml")
 _POSES = "poses.yaml"
 
@@ -60,6 +61,7 @@ class Library:
         self._subtrees: dict[str, Path] = {}
         self._poses: list[Path] = []
         self._claimed: dict[int | str, FileError] = {}  # by two files
+        self._replaced: dict[Path, Path] = {}  # the shipped file, by the user's in its place
         self.mistakes: list[Mistake] = []
         for each in filter(None, (self.shipped, folder)):
             for name in _files(each):
@@ -92,7 +94,7 @@ class Library:
             place = _top(path, self._text(path), "task")
             self._claimed[number] = DuplicateTask(number, there, place, stem)
             raise self._claimed[number]
-        self._tasks[number] = path
+        self._tasks[number], self._replaced[path] = path, there
 
     def _add_subtree(self, name: str, path: Path) -> None:
         there = self._subtrees.setdefault(name, path)
@@ -106,7 +108,7 @@ class Library:
             place = _top(path, self._text(path), "subtree")
             self._claimed[name] = FileError([Mistake(place, message)])
             raise self._claimed[name]
-        self._subtrees[name] = path
+        self._subtrees[name], self._replaced[path] = path, there
 
     def _replaces(
         self, claimed: int | str, path: Path, stem: str, says: Callable[[Path, str], str]
@@ -195,7 +197,8 @@ class Library:
         path = self.path(number)
         task, mistakes = draft_task(path, self.read(path))
         told = any(mistake.place.way in ("", "task", "name") for mistake in mistakes)
-        return task, mistakes if told else [*mistakes, *_misnaming(task, number)]
+        named = [] if told else _misnaming(task, number)
+        return task, [*mistakes, *named, *self._replacing(task, f"task {number}", _TASK)]
 
     def subtree(self, name: str, asked: Place) -> tuple[SubtreeFile, list[Mistake]]:
         """Read a subtree as far as it can be read, with every mistake in it.
@@ -217,7 +220,16 @@ class Library:
         if subtree.name != name and not mistakes:
             message = f"the file is named {path.name} but says subtree {subtree.name}"
             raise FileError([Mistake(_top(path, subtree.text, "subtree"), message)])
-        return subtree, mistakes
+        return subtree, [*mistakes, *self._replacing(subtree, f"subtree {name}", _SUBTREE)]
+
+    def _replacing(
+        self, file: TaskFile | SubtreeFile, what: str, names: re.Pattern[str]
+    ) -> Iterator[Mistake]:
+        """What is wrong where a file says that it takes the place of one that is not there."""
+        if file.replaces and file.path not in self._replaced:
+            stems = [Path(name).stem for name in _files(self.shipped) if names.fullmatch(name)]
+            message = f"replaces: no {what} ships; there are {choices(file.replaces, stems)}"
+            yield Mistake(_top(file.path, file.text, "replaces"), message)
 
     def poses(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, str]]:
         """Read the poses.
@@ -259,6 +271,11 @@ def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:
         Mistake(place, f"replaces: no pose {name} ships; there are {choices(name, shipped)}")
         for name in file.replaces
         if name not in shipped
+    ]
+    mistakes += [
+        Mistake(place, f"replaces: here is no pose {name}; there are {choices(name, file.poses)}")
+        for name in file.replaces
+        if name in shipped and name not in file.poses
     ]
     if mistakes:
         raise FileError(mistakes)
