@@ -47,7 +47,7 @@ def test_a_parameter_of_another_type_stands_nowhere(
 OWN_FILES = [
     ("poses.yaml", "poses: [a]\n", "1:8 poses: ['a'] is not a mapping of names"),
     ("poses.yaml", "poses:\n", "1:1 poses: null is not a mapping of names"),
-    ("poses.yaml", "poses: {x: {}}\n", "1:12 pose x names no joint"),
+    ("poses.yaml", "poses: {x: {}}\n", "1:12 {} names no joint"),
     (
         "poses.yaml",
         "poses: {opne: {joint_4: 0}}\nreplaces: [opne]\n",
@@ -115,3 +115,101 @@ def test_a_task_within_braces_is_listed_too(robot: Robot, tmp_path: Path) -> Non
     text = "{task: 3, name: x, description: y,\ntree: Succeed}\n"
     assert found(robot, tmp_path, text) == []
     assert Library(tmp_path).head(3).name == "x"
+
+
+ONCE = [
+    ("", "{subtree: move_joints, with: {joints: {}}}", "4:45 joints: {} names no joint"),
+    (
+        "",
+        "{subtree: reach, with: {arm: uprigth, gripper: open}}",
+        "4:36 arm: no pose uprigth; there are closed, folded, open, right, upright; "
+        "did you mean upright?",
+    ),
+    (
+        "parameters: {a: {type: number, default: 1}}\n",
+        "{sequence: [{Say: {text: a, value: $a}}, {Set: {value: 2, key: $a}}]}",
+        "5:70 Set.key: $a is a parameter, which nothing may write",
+    ),
+    (
+        "parameters: {a: number}\n",
+        "{sequence: [{Say: {text: a, value: $a}}, {Set: {value: 2, key: $a}}]}",
+        "5:70 Set.key: $a is a parameter, which nothing may write",
+    ),
+    (
+        "parameters: {a: number}\n",
+        "{sequence: [{Say: {text: a, value: $a}}, {subtree: writes, with: {to: $a}}]}",
+        "5:77 subtree writes: to: $a is a parameter, which nothing may write",
+    ),
+    (
+        "",
+        "{timeout: {wait_for: {Compare: {left: 3, is: '<', right: 2}}}, after: 1}",
+        "4:28 wait_for waits for nothing: its condition is known before the run",
+    ),
+    (
+        "parameters: {a: {type: number, default: 1}}\n",
+        "{wait_for: {selector: [{Compare: {left: $a, is: '<', right: 2}}]}}",
+        "5:18 wait_for waits for nothing: its condition is known before the run",
+    ),
+    (
+        "parameters: {a: {type: druation, default: 3 s, min: 1 s, choices: [a]}}\n",
+        "{Wait: {duration: $a}}",
+        "4:24 parameters: a: no type druation; there are angle, boolean,",
+    ),
+    (
+        "parameters: {a: {type: int, default: 5}}\n",
+        "{repeat: Succeed, times: $a}",
+        "4:24 parameters: a: no type int;",
+    ),
+    (
+        "parameters: {a: {type: position, default: upright}}\n",
+        "{subtree: move_joints, with: {joints: $a}}",
+        "4:24 parameters: a: no type position;",
+    ),
+]
+
+
+@pytest.mark.parametrize(("above", "text", "words"), ONCE)
+def test_what_is_told_once(robot: Robot, tmp_path: Path, above: str, text: str, words: str) -> None:
+    (tmp_path / "writes.yaml").write_text(
+        "subtree: writes\ndescription: x\nports: {to: {type: number, output: true}}\n"
+        "tree: {Set: {value: 1, key: $to}}\n"
+    )
+    (mistake,) = found(robot, tmp_path, tree(text, above))
+    assert mistake.startswith(words)
+
+
+def test_a_subtree_may_not_write_to_what_it_reads(robot: Robot, tmp_path: Path) -> None:
+    path = tmp_path / "look.yaml"
+    text = "subtree: look\ndescription: x\nports: {to: number}\ntree: {Set: {value: 1, key: $to}}\n"
+    path.write_text(text)
+    words = "Set.key: $to is a port that is read; say output: true where it is declared"
+    assert [m.message for m in check(robot, None, [path]).mistakes] == [words]
+    task = tree("{sequence: [{Set: {value: 3, key: $a}}, {subtree: look, with: {to: $a}}]}")
+    (tmp_path / "3_x.yaml").write_text(task)
+    assert {m.message for m in check(robot, tmp_path).mistakes} == {words}
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "where"),
+    [
+        ("3_x.yaml", HEAD.encode() + b"# caf\xe9\ntree: Succeed\n", "# caf\ufffd\n         ^"),
+        ("3-x.yaml", HEAD.encode(), "task: 3\n    ^"),
+        ("3_x.yml", HEAD.encode(), "task: 3\n    ^"),
+        ("look.yml", b"# mine\nsubtree: look\n", "subtree: look\n    ^"),
+    ],
+)
+def test_a_file_that_is_not_read_is_shown(
+    robot: Robot, tmp_path: Path, name: str, data: bytes, where: str
+) -> None:
+    (tmp_path / name).write_bytes(data)
+    (mistake,) = check(robot, tmp_path).mistakes
+    assert mistake.place.line
+    assert where in str(mistake)
+
+
+@pytest.mark.parametrize("name", ["compose.yml", ".hidden.yaml", ".#3_x.yaml", "Notes.YAML"])
+def test_files_that_are_others_business(robot: Robot, tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("services: {}\n")
+    findings = check(robot, tmp_path)
+    assert findings.mistakes == []
+    assert [note.place.path.name for note in findings.notes] == [name] * (name[0] != ".")

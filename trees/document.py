@@ -108,7 +108,8 @@ def read_text(path: Path) -> str:
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
-        place = _place_of(path, data[: error.start].decode("utf-8"), [])
+        shown = _lines(data.decode("utf-8", "replace"))
+        place = _place_of(path, data[: error.start].decode("utf-8"), shown)
         raise FileError([Mistake(place, f"is not UTF-8 text: {error.reason}")]) from error
 
 

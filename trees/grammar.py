@@ -151,15 +151,6 @@ def parse_head(path: Path, text: str) -> TaskFile:
     return _strict(task, parser.mistakes.found)
 
 
-def parse_subtree(path: Path, text: str) -> SubtreeFile:
-    """Check a subtree file.
-
-    Raises:
-        FileError: With every mistake in it.
-    """
-    return _strict(*draft_subtree(path, text))
-
-
 def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
     """Read a subtree file as far as it can be read, with every mistake in it.
 
@@ -196,8 +187,6 @@ def parse_poses(path: Path, text: str) -> PosesFile:
     poses = {name: fit(value, wanted, {}, wrong) for name, value in labels.items()}
     for name, value in labels.items():
         parser.nodes.name(Located(value.label, name, value.label), "a pose")
-        if value.value == {}:
-            wrong(value.place, f"pose {name} names no joint")
     replaced = parser.get("replaces", needed=False)
     names = replaced.value if replaced and isinstance(replaced.value, list) else []
     if replaced and not names:
@@ -352,7 +341,7 @@ class _Parser:
         if value is None:
             return ()
         items = value.value if isinstance(value.value, list) else []
-        if (
+        if kind and (
             kind.removeprefix(LIST) != "text"
             or not items
             or any(not isinstance(item.value, str) for item in items)

@@ -43,6 +43,7 @@ class Library:
         read: What reads a file.
         mistakes: Files that are named wrongly, or claim what another one has already. They cost
             only what they claim.
+        notes: Files that are not read, though they are YAML, too.
 
     Raises:
         FileError: The folder is not there or cannot be read.
@@ -53,7 +54,7 @@ class Library:
         self.shipped = Path(str(resources.files(__package__)))
         if folder is not None:
             if not folder.is_dir():
-                raise _misnamed(folder, "there is no such folder")
+                raise _no_folder(folder, "there is no such folder")
             if folder.samefile(self.shipped):
                 folder = None
         self.folder = folder
@@ -63,6 +64,7 @@ class Library:
         self._claimed: dict[int | str, FileError] = {}  # by two files
         self._replaced: dict[Path, Path] = {}  # the shipped file, by the user's in its place
         self.mistakes: list[Mistake] = []
+        self.notes: list[Mistake] = []
         for each in filter(None, (self.shipped, folder)):
             for name in _files(each):
                 try:
@@ -71,19 +73,29 @@ class Library:
                     self.mistakes += error.mistakes
 
     def _add(self, folder: Path, name: str) -> None:
-        if not name.lower().endswith((".yaml", ".yml")):
+        if name.startswith(".") or not name.lower().endswith((".yaml", ".yml")):
             return
         path = folder / name
         if not name.endswith(".yaml") and not _ALMOST_TASK.fullmatch(name):
-            raise _misnamed(path, "is not read: the name of a file of tasks ends in .yaml")
-        if named := _TASK.fullmatch(name):
+            self._leave(path)
+        elif named := _TASK.fullmatch(name):
             self._add_task(int(named[1]), path)
         elif _ALMOST_TASK.fullmatch(name):
-            raise _misnamed(path, "a task's file is named like 3_wave.yaml; rename this one")
+            place = _top(path, self._text(path), "task")
+            wrong = "a task's file is named like 3_wave.yaml; rename this one"
+            raise FileError([Mistake(place, wrong)])
         elif name == _POSES:
             self._poses.append(path)
-        elif name.endswith(".yaml"):
+        else:
             self._add_subtree(path.stem, path)
+
+    def _leave(self, path: Path) -> None:
+        """Leave a file alone that is named like those of others."""
+        text = self._text(path)
+        head = re.search(r"^(task|subtree|poses):", text, re.MULTILINE)
+        message = "is not read: the name of a file of tasks ends in .yaml"
+        told = Mistake(_top(path, text, head[1] if head else ""), message)
+        (self.mistakes if head else self.notes).append(told)
 
     def _add_task(self, number: int, path: Path) -> None:
         there = self._tasks.setdefault(number, path)
@@ -318,9 +330,8 @@ def _files(folder: Path) -> list[str]:
     try:
         return sorted(os.listdir(folder))
     except OSError as error:
-        raise _misnamed(folder, f"this folder cannot be read: {error.strerror}") from error
+        raise _no_folder(folder, f"this folder cannot be read: {error.strerror}") from error
 
 
-def _misnamed(path: Path, message: str) -> FileError:
-    place = Place(path, 1, 1) if path.suffix == ".yaml" else Place(path, 0, 0)
-    return FileError([Mistake(place, message)])
+def _no_folder(path: Path, message: str) -> FileError:
+    return FileError([Mistake(Place(path, 0, 0), message)])

@@ -27,10 +27,12 @@ class Findings:
     Attributes:
         files: What was checked.
         mistakes: What is wrong, in the order of files and lines.
+        notes: Files that were left alone, and why.
     """
 
     files: list[Path] = field(default_factory=list)
     mistakes: list[Mistake] = field(default_factory=list)
+    notes: list[Mistake] = field(default_factory=list)
 
 
 def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Findings:
@@ -54,6 +56,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.mistakes += [
             m for m in library.mistakes if not files or m.place.path.resolve() in named
         ]
+        findings.notes += [] if files else library.notes
     for path, library, name in jobs:
         findings.files.append(path)
         checker = _Checker(library, context, places)

@@ -88,6 +88,8 @@ def check(
     from trees import FileError
 
     findings = find(load_robot(robot), trees, files)
+    for note in findings.notes:
+        click.echo(f"note: {note.place.path} {note.message}", err=True)
     if as_json:
         click.echo(json.dumps(_findings(findings)))
     elif findings.mistakes:
