@@ -107,6 +107,20 @@ def test_check_as_json(tmp_path: Path) -> None:
     assert plain.stderr.splitlines()[1:3] == ["    tree: Sukseed", "          ^ tree"]
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["check", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
+        (["show", "0", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
+        (["check", "3_x.yaml", "--trees", "."], "--trees goes without FILE"),
+    ],
+)
+def test_what_is_typed_wrongly(arguments: list[str], words: str) -> None:
+    result = armtree(*arguments)
+    assert result.exit_code == 2
+    assert words in result.stderr
+
+
 @pytest.mark.parametrize("form", ["text", "mermaid", "dot", "svg", "groot"])
 def test_show(form: str) -> None:
     shown = armtree("show", "7", *OWN, "--format", form, "--ports").output

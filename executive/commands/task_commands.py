@@ -83,6 +83,9 @@ def check(
     as_json: bool,
 ) -> None:
     """Find every mistake in task files, without moving anything. Without FILE: in all of them."""
+    source = click.get_current_context().get_parameter_source("trees")
+    if files and source is click.core.ParameterSource.COMMANDLINE:
+        raise click.UsageError("--trees goes without FILE, which is checked with its own folder")
     from executive.building.check import check as find
     from hardware import load_robot
     from trees import FileError
