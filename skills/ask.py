@@ -29,7 +29,7 @@ class Ask(Skill):
             float,
             description="how long to wait [s]",
             unit="s",
-            least=0.0,
+            least=0.001,
             most=86_400.0,
             default_value=60.0,
         ),

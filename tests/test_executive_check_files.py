@@ -45,6 +45,11 @@ def test_a_parameter_of_another_type_stands_nowhere(
 
 
 OWN_FILES = [
+    (
+        "poses.yaml",
+        "poses: {lying: {joint_1: 0, joint_2: -1.5, joint_3: -0.5}}\n",
+        "1:9 this pose collides",
+    ),
     ("poses.yaml", "poses: [a]\n", "1:8 poses: ['a'] is not a mapping of names"),
     ("poses.yaml", "poses:\n", "1:1 poses: null is not a mapping of names"),
     ("poses.yaml", "poses: {x: {}}\n", "1:12 {} names no joint"),
@@ -118,6 +123,51 @@ def test_a_task_within_braces_is_listed_too(robot: Robot, tmp_path: Path) -> Non
 
 
 ONCE = [
+    (
+        "",
+        "{Wait: 5}",
+        "4:14 the ports of Wait must be a mapping, not 5; say which, as in {port: 5}",
+    ),
+    ("", "{subtree: reach, with: upright}", "4:30 with must be a mapping, not 'upright'"),
+    ("", "{Ask: {question: a, within: 0}}", "4:35 Ask.within: 0 is less than 0.001 s"),
+    (
+        "",
+        "{AddMesh: {body: b, file: nosuch.stl, position: [0, 0, 1]}}",
+        "4:33 AddMesh: there is no file nosuch.stl; a path counts from where armtree is started",
+    ),
+    (
+        "",
+        "{AddMesh: {body: b, file: /etc/passwd, position: [0, 0, 1]}}",
+        "4:33 AddMesh: /etc/passwd is no STL, DAE or OBJ file",
+    ),
+    (
+        "",
+        "{Attach: {body: b, link: claw_suport}}",
+        "4:32 Attach: the robot has no link claw_suport;",
+    ),
+    (
+        "",
+        "{sequence: [{SetStart: {start: $s}}, {ReachPoint: {start: $s, point: [0, 0, 1],"
+        " tool: nolink, target: $t}}]}",
+        "4:93 ReachPoint: the robot has no link nolink; it has ",
+    ),
+    (
+        "",
+        "{sequence: [{SetStart: {start: $s}}, {ReachPoint: {start: $s, point: [0, 0, 1],"
+        " direction: [0, 0.0, -0], target: $t}}]}",
+        "4:98 ReachPoint: direction points nowhere",
+    ),
+    (
+        "parameters: {a: {type: duration, min: 5 s, max: 1 s}}\n",
+        "{Wait: {duration: $a}}",
+        "4:49 parameters: a: max is less than min",
+    ),
+    (
+        "parameters: {a: {type: text, default: $b}}\n",
+        "{Say: {text: $a}}",
+        "4:39 parameters: a: a default is written out, not '$b'; a text that begins with a $ is written with two",
+    ),
+    ("parameters: {1a: text}\n", "Succeed", "4:14 parameters: '1a' is not a name"),
     ("", "{subtree: move_joints, with: {joints: {}}}", "4:45 joints: {} names no joint"),
     (
         "",

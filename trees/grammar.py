@@ -285,7 +285,7 @@ class _Parser:
         places = {item.value: item.place for item in items}
         places |= {name: item.label for name, item in nested(value).items()}
         for name, place in places.items():
-            if name not in names and isinstance(name, str):
+            if name not in names and self.nodes.is_name(name):
                 self._wrong(place, f"{key}: nothing in the tree uses ${name}")
 
     def _names(self, value: Located, key: str) -> list[str]:
@@ -310,11 +310,14 @@ class _Parser:
         kind = self._type(keys["type"], what, "output" in known)
         if "default" in keys and self._flag(keys.get("output")):
             self._wrong(keys["default"].label, f"{what} is written, and takes no default")
+        least, most = self._bound(kind, keys.get("min")), self._bound(kind, keys.get("max"))
+        if least is not None and most is not None and most < least:
+            self._wrong(keys["max"].place, f"{what}: max is less than min")
         return Declaration(
             kind,
-            default=keys.get("default"),
-            least=self._bound(kind, keys.get("min")),
-            most=self._bound(kind, keys.get("max")),
+            default=self._default(keys.get("default"), what),
+            least=least,
+            most=most,
             choices=self._choices(kind, keys.get("choices")),
             output=self._flag(keys.get("output")),
             description=self.nodes.line(keys["description"], what) if "description" in keys else "",
@@ -327,6 +330,14 @@ class _Parser:
             return kind
         self._wrong(value.place, f"{what}: no type {kind}; there are {choices(str(kind), TYPES)}")
         return UNTYPED
+
+    def _default(self, value: Located | None, what: str) -> Located | None:
+        wired = value and self.nodes.wired(value)
+        if isinstance(wired, Key):
+            hint = "a text that begins with a $ is written with two"
+            self._wrong(wired.place, f"{what}: a default is written out, not {value}; {hint}")
+            return None
+        return wired
 
     def _bound(self, kind: str, value: Located | None) -> Any:
         if value is None:

@@ -102,7 +102,7 @@ def refusals(leaves: list[Leaf], robot: Robot) -> list[Mistake]:
         except (SkillError, MotionError) as error:
             place, why = _place(leaf, error), f"{error}{_meant(error, robot)}"
             # What several skills refuse alike is told once.
-            refused.setdefault((place, why), Mistake(place, f"{leaf.skill.name}: {why}"))
+            refused.setdefault((place, why), Mistake(place, f"{type(leaf.skill).__name__}: {why}"))
     return list(refused.values())
 
 

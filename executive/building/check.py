@@ -147,7 +147,7 @@ class _Checker:
         try:
             if name is None:
                 self._library.poses()
-                return list(self._unreachable(self._library.poses_in(path)))
+                return self._reachable(self._library.poses_in(path))
             assembly = Assembly(self._library, self._context)
             if isinstance(name, int):
                 assembly.task(*self._library.draft(name), "/check", None)
@@ -166,13 +166,21 @@ class _Checker:
                 self._places.setdefault(pose, []).append(place)
         return refused
 
-    def _unreachable(self, file: PosesFile) -> Iterator[Mistake]:
+    def _reachable(self, file: PosesFile) -> list[Mistake]:
         """Poses that the robot cannot take, whether or not a task names them."""
+        robot, wrong = self._context.robot, []
         for name, joints in file.poses.items():
+            place = file.labels[name].label
             try:
-                Target.judge(self._context.robot, {"joints": Positions(joints)})
+                Target.judge(robot, {"joints": Positions(joints)})
             except SkillError as error:
-                yield Mistake(file.labels[name].label, f"{name}: {error}")
+                wrong.append(Mistake(place, f"{name}: {error}"))
+                continue
+            leaders = ({joint.name for joint in robot.leaders(group)} for group in robot.groups)
+            if any(names <= joints.keys() for names in leaders):  # the others as after a reset
+                pose = tuple(joints.get(joint.name, joint.boot) for joint in robot.actuated)
+                self._places.setdefault(pose, []).append(place)
+        return wrong
 
 
 def _mistakes(error: TreeError) -> list[Mistake]:
