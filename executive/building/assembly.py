@@ -281,7 +281,8 @@ class Assembly:
                 self.wrong(spec.place, f"{name} is a subtree, not a skill: write subtree: {name}")
             elif spec.skill:  # else the file is wrong here, and that is told already
                 there = choices(spec.skill, (*self.known, *KINDS, "subtree", "task"))
-                self.wrong(spec.place, f"no skill {spec.skill}; there are {there}")
+                own = "; one of your own comes with --skills DIR"
+                self.wrong(spec.place, f"no skill {spec.skill}; there are {there}{own}")
             self._forgive(spec.ports.values(), scope)
             return Dummy(spec.skill)
         ports = declarations(kind)

@@ -59,7 +59,8 @@ def _row(row: dict[str, Any]) -> str:
 def _declared(declared: "Declaration") -> str:
     """A parameter in a few words."""
     default = declared.default
-    value = "" if default is None else f" {default.plain()}"
+    text = default is not None and isinstance(default.value, str)
+    value = "" if default is None else f" {default.value if text else default}"
     bounds = ""
     if declared.least is not None or declared.most is not None:
         least = "" if declared.least is None else f"{declared.least:g}"
