@@ -165,7 +165,8 @@ ONCE = [
     (
         "parameters: {a: {type: text, default: $b}}\n",
         "{Say: {text: $a}}",
-        "4:39 parameters: a: a default is written out, not '$b'; a text that begins with a $ is written with two",
+        "4:39 parameters: a: a default is written out, not '$b'; a text that begins with "
+        "a $ is written with two",
     ),
     ("parameters: {1a: text}\n", "Succeed", "4:14 parameters: '1a' is not a name"),
     ("", "{subtree: move_joints, with: {joints: {}}}", "4:45 joints: {} names no joint"),

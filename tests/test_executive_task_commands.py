@@ -87,7 +87,8 @@ def test_a_broken_plugin_costs_only_itself(tmp_path: Path) -> None:
 def test_defaults_are_listed_as_they_are_written(tmp_path: Path) -> None:
     (tmp_path / "3_x.yaml").write_text(
         "task: 3\nname: x\ndescription: y\nparameters:\n"
-        "  to: {type: positions, default: {joint_1: -10 deg}}\n  pose: {type: text, default: right}\n"
+        "  to: {type: positions, default: {joint_1: -10 deg}}\n"
+        "  pose: {type: text, default: right}\n"
         "tree: {sequence: [{subtree: move_joints, with: {joints: $to}}, {Say: {text: $pose}}]}\n"
     )
     listed = armtree("tasks", "--trees", str(tmp_path)).output
