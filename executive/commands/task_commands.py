@@ -50,7 +50,7 @@ def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
 
 def _row(row: dict[str, Any]) -> str:
     lines = [f"{row['task']:>4}  {row['name']:<12} {row['description']}"]
-    told = [] if row["source"] == "shipped" else [row["source"]]
+    told = [row["source"]]
     told += [f"--set {name}={declared}" for name, declared in row["parameters"].items()]
     told += [f"last: {row['last_outcome']}"] if row["last_outcome"] else []
     return "\n".join([*lines, *(f"{'':<19}{line}" for line in told)])
