@@ -124,11 +124,28 @@ def test_a_task_within_braces_is_listed_too(robot: Robot, tmp_path: Path) -> Non
 
 ONCE = [
     (
+        "parameters: {a: {type: length, default: 0.005}}\n",
+        "{subtree: move_joints, with: {joints: {joint_1: $a}}}",
+        "5:55 joints: $a is a length in m, cm or mm, not an angle in rad or deg",
+    ),
+    (
+        "parameters: {a: {type: number, default: 2}}\n",
+        "{repeat: Succeed, times: $a}",
+        "5:32 repeat: times: $a is a number, not a whole number",
+    ),
+    (
         "",
         "{Wait: 5}",
         "4:14 the ports of Wait must be a mapping, not 5; say which, as in {port: 5}",
     ),
     ("", "{subtree: reach, with: upright}", "4:30 with must be a mapping, not 'upright'"),
+    ("", "{Ask: {question: '  '}}", "4:24 Ask: there is no question"),
+    (
+        "",
+        "{Ask: {question: a, choices: [left, right, left]}}",
+        "4:50 Ask: the choice left is given twice",
+    ),
+    ("", "{Ask: {question: a, choices: ['']}}", "4:37 Ask: a choice is empty"),
     ("", "{Ask: {question: a, within: 0}}", "4:35 Ask.within: 0 is less than 0.001 s"),
     (
         "",

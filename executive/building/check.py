@@ -14,7 +14,7 @@ from skills.motion import MotionError, Pool, Result, Verify
 from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, TreeError
 
 from .assembly import Assembly
-from .builder import poses, refusals
+from .builder import hidden, poses, refusals
 from .outline import Entry, outline
 
 Pose = tuple[float, ...]
@@ -89,10 +89,10 @@ def targets_of(robot: Robot, library: Library, number: int) -> list[Pose]:
 
 
 def _assembled(robot: Robot, library: Library, number: int) -> tuple[Assembly, Behaviour]:
-    assembly = Assembly(library, _context(robot))
-    root = assembly.task(*library.draft(number), "/show", None)
-    if assembly.mistakes.found:
-        raise FileError(assembly.mistakes.found)
+    assembly, draft = Assembly(library, _context(robot)), library.draft(number)
+    root = assembly.task(*draft, "/show", None)
+    if found := [*assembly.mistakes.found, *hidden(draft, library, _context(robot))]:
+        raise FileError(found)
     return assembly, root
 
 
@@ -150,15 +150,18 @@ class _Checker:
                 return self._reachable(self._library.poses_in(path))
             assembly = Assembly(self._library, self._context)
             if isinstance(name, int):
-                assembly.task(*self._library.draft(name), "/check", None)
+                draft = self._library.draft(name)
+                assembly.task(*draft, "/check", None)
+                found = [*assembly.mistakes.found, *hidden(draft, self._library, self._context)]
             else:
                 place = Place(self._library.subtree_path(name), 1, 1)
                 file, known = self._library.subtree(name, place)
                 assembly.subtree(file, Mistakes(known), "/check")
+                found = assembly.mistakes.found
         except TreeError as error:
             return _mistakes(error)
-        if assembly.mistakes.found:
-            return assembly.mistakes.found
+        if found:
+            return found
         robot = self._context.robot
         refused = refusals(assembly.leaves, robot)
         if not refused:
