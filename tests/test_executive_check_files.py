@@ -124,6 +124,23 @@ def test_a_task_within_braces_is_listed_too(robot: Robot, tmp_path: Path) -> Non
 
 ONCE = [
     (
+        "",
+        "{sequence: [{subtree: open_gripper}, {Wait: {duration: 1 s}}], memory: false}",
+        "4:19 SetStart acts, and without memory would begin anew",
+    ),
+    (
+        "",
+        "{wait_for: {subtree: open_gripper}}",
+        "4:18 SetStart acts, and cannot be a condition",
+    ),
+    (
+        "",
+        "{sequence: [{selector: [{sequence: [{Set: {key: $a, value: 1}}, CheckHardware]},"
+        " {Set: {key: $a, value: x}}]}, {Compare: {left: $a, is: '<', right: 2}}]}",
+        "4:135 Compare.left: $a is a number or a text, by the way that was taken before",
+    ),
+    ("parameters: [a]\n", "Succeed", "4:13 parameters: ['a'] is not a mapping of names"),
+    (
         "parameters: {a: {type: length, default: 0.005}}\n",
         "{subtree: move_joints, with: {joints: {joint_1: $a}}}",
         "5:55 joints: $a is a length in m, cm or mm, not an angle in rad or deg",
@@ -273,6 +290,15 @@ def test_a_file_that_is_not_read_is_shown(
     (mistake,) = check(robot, tmp_path).mistakes
     assert mistake.place.line
     assert where in str(mistake)
+
+
+def test_a_file_that_is_misnamed_hides_no_other(robot: Robot, tmp_path: Path) -> None:
+    for name in ("3-x.yaml", "4_x.yaml"):
+        (tmp_path / name).write_text(tree("Sukseed").replace("task: 3", "task: 4"))
+    findings = check(robot, None, [tmp_path / "3-x.yaml", tmp_path / "4_x.yaml"])
+    told = [(mistake.place.path.name, mistake.place.line) for mistake in findings.mistakes]
+    assert told == [("3-x.yaml", 1), ("4_x.yaml", 4)]
+    assert [path.name for path in findings.files] == ["3-x.yaml", "4_x.yaml"]
 
 
 @pytest.mark.parametrize("name", ["compose.yml", ".hidden.yaml", ".#3_x.yaml", "Notes.YAML"])

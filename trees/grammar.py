@@ -281,7 +281,7 @@ class _Parser:
         names, value = set(_keys(tree)), self._values.get(key)
         if value is None:
             return
-        items = value.value if isinstance(value.value, list) else []
+        items = value.value if isinstance(value.value, list) and key == "ports" else []
         places = {item.value: item.place for item in items}
         places |= {name: item.label for name, item in nested(value).items()}
         for name, place in places.items():

@@ -137,7 +137,7 @@ class Branches:
     def _condition(self, spec: TreeNode, scope: Scope) -> Behaviour:
         node = self._assembly.node(spec, scope)
         there = [name for name, kind in self._assembly.known.items() if kind.condition]
-        for name in _acting(node):
+        for name in _acting(node)[:1]:
             why = f"{name} acts, and cannot be a condition; there are {choices(name, there)}"
             self._assembly.wrong(spec.place, why)
         return node
@@ -153,7 +153,7 @@ class Branches:
     def _check_asked(self, spec: ControlNode, children: list[Behaviour]) -> None:
         """See that what is done again and again, as long as a later node runs, only asks."""
         for child, node in zip(spec.children[:-1], children, strict=False):
-            for name in _acting(node):
+            for name in _acting(node)[:1]:
                 self._assembly.wrong(
                     child.place,
                     f"{name} acts, and without memory would begin anew for ever while a later node "

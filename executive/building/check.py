@@ -19,6 +19,10 @@ from .outline import Entry, outline
 
 Pose = tuple[float, ...]
 
+# What a file is in its library: the number of a task, the name of a subtree, None for poses, or
+# why it is nothing.
+Named = int | str | None | FileError
+
 
 @dataclass
 class Findings:
@@ -96,14 +100,11 @@ def _assembled(robot: Robot, library: Library, number: int) -> tuple[Assembly, B
     return assembly, root
 
 
-def _jobs(
-    folder: Path | None, files: Sequence[Path]
-) -> Iterator[tuple[Path, Library, int | str | None]]:
-    """File, library, and its number or name there; None for poses."""
+def _jobs(folder: Path | None, files: Sequence[Path]) -> Iterator[tuple[Path, Library, Named]]:
     if not files:
         yield from _all(Library(folder))
         return
-    libraries: dict[Path, dict[Path, tuple[Library, int | str | None]]] = {}
+    libraries: dict[Path, dict[Path, tuple[Library, Named]]] = {}
     for file in files:
         parent = file.resolve().parent
         if parent not in libraries:
@@ -113,14 +114,15 @@ def _jobs(
             }
         library = next(iter(libraries[parent].values()))[0]  # poses ship, so there is one
         if told := [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]:
-            raise FileError(told)
-        if file.resolve() not in libraries[parent]:
+            yield file, library, FileError(told)
+        elif file.resolve() not in libraries[parent]:
             wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"
-            raise FileError([Mistake(Place(file, 1, 1), wrong)])
-        yield file, *libraries[parent][file.resolve()]
+            yield file, library, FileError([Mistake(Place(file, 1, 1), wrong)])
+        else:
+            yield file, *libraries[parent][file.resolve()]
 
 
-def _all(library: Library) -> Iterator[tuple[Path, Library, int | str | None]]:
+def _all(library: Library) -> Iterator[tuple[Path, Library, Named]]:
     for path in library.pose_files:
         yield path, library, None
     for name in library.subtrees():
@@ -142,9 +144,11 @@ class _Checker:
     def __init__(self, library: Library, context: Context, places: dict[Pose, list[Place]]) -> None:
         self._library, self._context, self._places = library, context, places
 
-    def check(self, path: Path, name: int | str | None) -> list[Mistake]:
-        """What is wrong with the task of a number, the subtree of a name, or for None the poses."""
+    def check(self, path: Path, name: Named) -> list[Mistake]:
+        """What is wrong with a file."""
         try:
+            if isinstance(name, FileError):
+                raise name
             if name is None:
                 self._library.poses()
                 return self._reachable(self._library.poses_in(path))
