@@ -6,6 +6,7 @@ VENV := .venv
 READY := $(VENV)/.ready
 TOOLS := $(VENV)/.tools
 PEERS := $(VENV)/.peers
+GROOT := $(VENV)/.behaviortree
 
 INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
@@ -16,7 +17,7 @@ COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-h
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
 
-test: $(TOOLS) $(PEERS)
+test: $(TOOLS) $(PEERS) $(GROOT)
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/mypy
@@ -52,6 +53,10 @@ $(TOOLS): $(READY) .ci/lock-dev.txt
 $(PEERS): tests/peers/package-lock.json
 	@command -v npm >/dev/null || exit 0; cd tests/peers && npm ci --silent --ignore-scripts --no-audit --no-fund
 	@touch $@
+
+# BehaviorTree.CPP for the tests; where there is no C++ compiler, its test says that it is skipped.
+$(GROOT): tests/peers/behaviortree tests/peers/behaviortree.cpp tests/peers/behaviortree.txt $(TOOLS)
+	@command -v g++ >/dev/null || exit 0; tests/peers/behaviortree $(VENV)/bin/pip $(CURDIR)/$@
 
 # For maintainers, with uv: pin everything anew, all in one go, then in the two parts.
 lock:

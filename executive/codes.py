@@ -74,7 +74,7 @@ CODES = {
         "name every joint of the group once",
         "The target makes no sense",
     ),
-    "goal.bad_question": Code(4, "An answer is wanted that is no choice", "correct the task"),
+    "goal.bad_question": Code(4, "A question cannot be asked as it stands", "correct the task"),
     "goal.not_replayable": Code(
         4,
         "The frames of a recording cannot be sent to this arm",

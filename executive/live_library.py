@@ -1,9 +1,9 @@
 """Task files that may change while a server runs: a goal takes the last that were right."""
 
-import logging
 import os
+import threading
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,35 +13,73 @@ from trees import FileError, Library, TreeError, UnknownTask, read_text
 
 from .building.check import outline_of
 
-logger = logging.getLogger(__name__)
+KEPT = 16  # states of the folders; the oldest are forgotten
 
 _Seen = tuple[int, int, int] | None
 
 
-@dataclass(slots=True)
-class _Texts:
-    """Files, each read once, and how they looked then."""
+class _Look:
+    """All files as they were at one moment.
 
-    texts: dict[Path, str] = field(default_factory=dict)
-    seen: dict[Path, _Seen] = field(default_factory=dict)
+    Args:
+        folders: Where they are.
+        before: An earlier look, from which files are taken that have not changed.
+    """
 
-    def read(self, path: Path) -> str:
-        """The text of a file, as it was when it was first asked for."""
-        if path not in self.texts:
-            self.seen[path] = _look(path)
-            self.texts[path] = read_text(path)
-        return self.texts[path]
+    def __init__(self, folders: list[Path], before: "_Look | None") -> None:
+        self._seen = {folder: _look(folder) for folder in folders}
+        self._texts: dict[Path, str | FileError] = {}
+        self._wrong: dict[int, TreeError | None] = {}
+        for path in (path for folder in folders for path in sorted(folder.glob("*.y*ml"))):
+            self._seen[path] = _look(path)
+            if before and path in before._texts and before._seen[path] == self._seen[path]:
+                self._texts[path] = before._texts[path]
+            else:
+                self._texts[path] = _text(path)
+        self._library: Library | FileError
+        try:
+            self._library = _Frozen(folders[1] if folders[1:] else None, self._read)
+        except FileError as error:
+            self._library = error
+
+    @property
+    def library(self) -> Library:
+        """What is in them.
+
+        Raises:
+            FileError: The user's folder cannot be read.
+        """
+        if isinstance(self._library, FileError):
+            raise self._library
+        return self._library
 
     @property
     def unchanged(self) -> bool:
-        """Whether all of them look as they did."""
-        return all(_look(path) == seen for path, seen in self.seen.items())
+        """Whether all files look as they did."""
+        return all(_look(path) == seen for path, seen in self._seen.items())
+
+    def wrong(self, number: int, robot: Robot) -> TreeError | None:
+        """What was wrong with a task."""
+        if number not in self._wrong:
+            try:
+                outline_of(robot, self.library, number)
+                self._wrong[number] = None
+            except TreeError as error:
+                self._wrong[number] = error
+        return self._wrong[number]
+
+    def _read(self, path: Path) -> str:
+        text = self._texts[path] if path in self._texts else _text(path)
+        if isinstance(text, FileError):
+            raise text
+        return text
 
 
 class LiveLibrary(Library):
     """A library whose files are looked at anew for every goal, and never in the middle of one.
 
-    A task whose files have become wrong is run as it was when they were right last.
+    A task whose files have become wrong is run as it was when they were right last, in any of the
+    states that the folders had at the start and at goals since.
 
     Args:
         folder: As of `Library`.
@@ -49,61 +87,51 @@ class LiveLibrary(Library):
 
     Raises:
         FileError: As of `Library`.
-        DuplicateTask: As of `Library`.
     """
 
     def __init__(self, folder: Path | None, robot: Robot) -> None:
         super().__init__(folder)
-        self._robot = robot
-        self._good: dict[int, tuple[Library, _Texts]] = {}
-        self._list: tuple[list[dict[str, Any]], _Texts] | None = None
+        self._robot, self._lock = robot, threading.Lock()
+        self._folders = [self.shipped, *filter(None, (self.folder,))]
+        self._looks = deque([_Look(self._folders, None)], KEPT)  # the newest first
+        self._rows: tuple[_Look, list[dict[str, Any]]] | None = None
 
-    def for_task(self, number: int) -> Library:
+    def for_task(self, number: int) -> tuple[Library, str]:
         """The files of a task: as they are now, or as they were when they were right last.
 
         Raises:
             UnknownTask: There is none of that number.
             TreeError: They are wrong, and never were right.
         """
-        good = self._good.get(number)
-        if good and good[1].unchanged:
-            return good[0]
-        try:
-            self._good[number] = self._check(number)
-        except UnknownTask:
-            raise
-        except TreeError as error:
-            if not good:
-                raise
-            logger.warning(
-                "Task %d runs as it was: its files were changed and are wrong now: %s",
-                number,
-                error,
-            )
-        return self._good[number][0]
+        with self._lock:
+            now, *before = self._now()
+            error = now.wrong(number, self._robot)
+            if error is None:
+                return now.library, ""
+            good = (look for look in before if look.wrong(number, self._robot) is None)
+            if isinstance(error, UnknownTask) or not (last := next(good, None)):
+                raise error
+            warning = f"Task {number} runs as it was: its files were changed and are wrong now: "
+            return last.library, f"{warning}{error}"
 
     def listed(self) -> list[dict[str, Any]]:
         """The tasks there are now, in a few words each.
 
         Raises:
-            TreeError: The folder cannot be made sense of.
+            FileError: The folder cannot be read.
         """
-        if not (self._list and self._list[1].unchanged):
-            library, texts = self._look()
-            self._list = [_listed(library, number) for number in library.numbers()], texts
-        return self._list[0]
+        with self._lock:
+            now = self._now()[0]
+            if not self._rows or self._rows[0] is not now:
+                library = now.library
+                self._rows = now, [_listed(library, number) for number in library.numbers()]
+            return self._rows[1]
 
-    def _check(self, number: int) -> tuple[Library, _Texts]:
-        library, texts = self._look()
-        outline_of(self._robot, library, number)
-        return library, texts
-
-    def _look(self) -> tuple[Library, _Texts]:
-        """The files as they are now, each read when it is needed and kept as it was then."""
-        texts = _Texts()
-        for folder in filter(None, (self.shipped, self.folder)):
-            texts.seen[folder] = _look(folder)
-        return _Frozen(self.folder, texts.read), texts
+    def _now(self) -> deque[_Look]:
+        """The looks so far, the first of them as things are now."""
+        if not self._looks[0].unchanged:
+            self._looks.appendleft(_Look(self._folders, self._looks[0]))
+        return self._looks
 
 
 class _Frozen(Library):
@@ -117,20 +145,29 @@ class _Frozen(Library):
 
 
 def _listed(library: Library, number: int) -> dict[str, Any]:
-    path = library.path(number)
-    row: dict[str, Any] = {"task": number, "source": str(path), "wrong": ""}
+    row: dict[str, Any] = {"task": number, "wrong": ""}
     try:
+        path = library.path(number)
         task = library.head(number)
     except FileError as error:
-        return {**row, "name": "", "description": "", "parameters": {}, "wrong": str(error)}
-    parameters = {name: declared.type for name, declared in task.parameters.items()}
+        source = str(error.mistakes[0].place.path)
+        return {**row, "source": source, "name": "", "description": "", "parameters": {}} | {
+            "wrong": str(error)
+        }
     return {
         **row,
         "name": task.name,
         "description": task.description,
-        "parameters": parameters,
+        "parameters": {name: declared.type for name, declared in task.parameters.items()},
         "source": "shipped" if path.parent == library.shipped else str(path),
     }
+
+
+def _text(path: Path) -> str | FileError:
+    try:
+        return read_text(path)
+    except FileError as error:
+        return error
 
 
 def _look(path: Path) -> _Seen:

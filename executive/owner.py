@@ -38,12 +38,14 @@ class _Attempt:
         task: Its file; None where there is none that can be read.
         tree: What to run; None where it could not be built.
         error: What failed outside the tree.
+        warning: What the user is to know of its files; empty for nothing.
     """
 
     goal: Goal
     task: TaskFile | None = None
     tree: Tree | None = None
     error: Exception | None = None
+    warning: str = ""
 
 
 class Owner:
@@ -143,7 +145,7 @@ class Owner:
     def _build(self, attempt: _Attempt) -> None:
         """Judge a goal as far as that goes without the arm."""
         goal = attempt.goal
-        library = self._library.for_task(goal.task)
+        library, attempt.warning = self._library.for_task(goal.task)
         draft = library.draft(goal.task)
         attempt.task = draft[0]
         mailbox, breakpoints = goal.mailbox, Breakpoints(self._marked, goal.mailbox)
@@ -162,6 +164,8 @@ class Owner:
     def _open(self, attempt: _Attempt) -> None:
         name = attempt.task.name if attempt.task else ""
         self._recordings.open(attempt.goal, name, self._context.seed, attempt.tree)
+        if attempt.warning:  # only now is its recording open, and whoever watches told of the goal
+            logger.warning("%s", attempt.warning)
 
     def _run(self, attempt: _Attempt) -> None:
         assert attempt.tree

@@ -39,6 +39,7 @@ def load_robot(path: Path | None = None) -> Robot:
         firmware=driver.firmwares[root.table("serial").choice("firmware", driver.firmwares)],
         collision=_collision(root.table("collision"), urdf.links),
         tool=_tool(root.table("tool"), urdf.links) if "tool" in root else None,
+        links=urdf.links,
         brake=root.number("brake_s", least=0) if "brake_s" in root else 0.0,
     )
     root.done()

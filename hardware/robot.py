@@ -76,6 +76,7 @@ class Robot:
         collision: What may not touch.
         tool: What it works with; None where the file does not say.
         brake: How long a stop slows the motion down before it holds [s]; 0 to hold at once.
+        links: Names of all links.
     """
 
     name: str
@@ -89,6 +90,7 @@ class Robot:
     collision: CollisionRules
     tool: Tool | None = None
     brake: float = 0.0
+    links: tuple[str, ...] = ()
 
     @property
     def actuated(self) -> tuple[Joint, ...]:

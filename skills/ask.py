@@ -29,7 +29,7 @@ class Ask(Skill):
             float,
             description="how long to wait [s]",
             unit="s",
-            least=0.0,
+            least=0.001,
             most=86_400.0,
             default_value=60.0,
         ),
@@ -41,8 +41,15 @@ class Ask(Skill):
 
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Refuse a wanted answer that cannot be given."""
+        """Refuse what cannot be asked, and a wanted answer that cannot be given."""
+        if not inputs.get("question", "?").strip():
+            raise BadQuestion("there is no question").at("question")
         wanted, there = inputs.get("wanted", ""), inputs.get("choices", _CHOICES)
+        for number, choice in enumerate(there):
+            if not choice.strip():
+                raise BadQuestion("a choice is empty").at("choices", number)
+            if choice in there[:number]:
+                raise BadQuestion(f"the choice {choice} is given twice").at("choices", number)
         if wanted and there and wanted not in there:
             raise BadQuestion(f"{wanted} is wanted, but the choices are {', '.join(there)}").at(
                 "wanted"

@@ -119,6 +119,7 @@ class Skill(BehaviourWithPorts):
     Attributes:
         moves: Whether it moves the arm, which only one skill may do at a time.
         condition: Whether it only asks, and ends in the tick in which it begins.
+        pure: Whether its answer follows from its inputs alone.
         may_fail: Whether it can fail.
         may_succeed: Whether it can succeed.
         failure: Why it failed last, if it did.
@@ -126,6 +127,7 @@ class Skill(BehaviourWithPorts):
 
     moves = False
     condition = False
+    pure = False
     may_fail = True
     may_succeed = True
 

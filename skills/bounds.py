@@ -103,6 +103,16 @@ def check_whole(robot: Robot, port: str, given: Mapping[str, float]) -> None:
         ).at(port)
 
 
+def check_link(robot: Robot, port: str, name: str) -> None:
+    """Check that a link is one of the robot's.
+
+    Raises:
+        BadTarget: It is not.
+    """
+    if name not in robot.links:
+        raise BadTarget(f"the robot has no link {name}; it has {', '.join(robot.links)}").at(port)
+
+
 def by_group(robot: Robot, joints: Mapping[str, float], port: str) -> dict[str, dict[str, float]]:
     """Positions of joints, apart by the groups of the robot.
 

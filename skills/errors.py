@@ -3,7 +3,7 @@
 SkillError
 ├── OutOfBounds     a target lies outside the limits
 ├── BadTarget       a target names no joint, the wrong one, or contradicts itself
-├── BadQuestion     an answer is wanted that is no choice
+├── BadQuestion     a question is empty, or an answer is wanted that is no choice
 ├── StartMoved      the arm no longer stands where the plan begins
 ├── Interrupted     somebody stopped the motion from outside the tree
 └── TaskFailed      the task itself says so
@@ -63,7 +63,7 @@ class BadTarget(SkillError):
 
 
 class BadQuestion(SkillError):
-    """An answer is wanted that is not among the choices."""
+    """A question or a choice is empty or given twice, or no choice is what is wanted."""
 
     code = "goal.bad_question"
 

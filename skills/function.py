@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar, get_type_hints
 
 from py_trees.common import Status
+from py_trees.ports import PortInformation
 
 from hardware import Clock
 
@@ -119,7 +120,10 @@ class _Condition(_Function, register=False):
 
     def on_start(self) -> Status:
         """Ask."""
-        if not _call(self, self._arguments() | dict.fromkeys(self.given, self.context)):
+        answer = _call(self, self._arguments() | dict.fromkeys(self.given, self.context))
+        if not isinstance(answer, bool):
+            raise _no_such(self, answer, "bool")
+        if not answer:
             raise ConditionFails(f"{type(self).__name__} is not so")
         return Status.SUCCESS
 
@@ -159,14 +163,31 @@ class _Action(_Function, register=False):
         (returned,) = self._answer
         if isinstance(returned, FunctionFailed):
             raise returned
-        if RESULT in self.output_ports():
-            self._set_output(RESULT, returned)
+        if port := self.output_ports().get(RESULT):
+            self._tell(float(returned) if _whole_for(port, returned) else returned)
         return Status.SUCCESS
+
+    def _tell(self, returned: Any) -> None:
+        try:
+            self._set_output(RESULT, returned)
+        except TypeError as error:
+            wanted = self.output_ports()[RESULT].data_type
+            raise _no_such(self, returned, getattr(wanted, "__name__", str(wanted))) from error
 
     def on_halt(self) -> None:
         """Ask it to end."""
         if self._cancel:
             self._cancel.set()
+
+
+def _whole_for(port: PortInformation, returned: Any) -> bool:
+    """Whether a whole number was returned where annotations mean it to be a float."""
+    return port.data_type is float and type(returned) is int
+
+
+def _no_such(skill: _Function, returned: Any, wanted: str) -> FunctionFailed:
+    name = type(skill).__name__
+    return FunctionFailed(f"{name} returned {returned!r}, but is annotated to return {wanted}")
 
 
 def _call(skill: _Function, arguments: dict[str, Any]) -> Any:

@@ -39,6 +39,7 @@ class Compare(Skill):
     """Succeed if a comparison is true, else fail."""
 
     condition = True
+    pure = True
 
     INPUT_PORTS = {
         "left": Port(object, description="a value"),

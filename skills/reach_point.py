@@ -8,7 +8,7 @@ from py_trees.ports import PortInformation
 
 from hardware import Robot
 
-from .bounds import check_whole
+from .bounds import check_link, check_whole
 from .errors import BadTarget
 from .motion import MotionError, Reached, Result, ToolQuery
 from .pending import Asking
@@ -62,11 +62,16 @@ class ReachPoint(Asking):
 
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the group and the start that are spelled out."""
+        """Check what is spelled out."""
         if "start" in inputs:
             check_whole(robot, "start", inputs["start"])
         if "group" in inputs:
             _leaders(robot, inputs["group"])
+        if inputs.get("tool"):
+            check_link(robot, "tool", inputs["tool"])
+        for port in ("direction", "axis"):
+            if inputs.get(port) and not any(inputs[port]):
+                raise BadTarget(f"{port} points nowhere; one of x, y, z must not be 0").at(port)
 
     def on_start(self) -> Status:
         """Hand the question to a worker."""

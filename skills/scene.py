@@ -1,11 +1,17 @@
 """What stands around the arm and what it holds, changed by the task as it goes."""
 
 import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from py_trees.common import Status
 from py_trees.ports import PortInformation
 
+from hardware import Robot
+
 from .base import Skill
+from .bounds import check_link
 from .errors import BadTarget
 from .motion import Body, Box, Carry, Cylinder, Mesh, MotionError, Result, Shape, Sphere, quaternion
 from .pending import Asking
@@ -14,6 +20,7 @@ from .positions import three
 
 Ports = dict[str, PortInformation]
 
+_MESHES = (".stl", ".dae", ".obj")
 _LEAST = 1e-6  # of a size [m]
 _LENGTH = Port(float, description="[m]", unit="m", least=_LEAST)
 
@@ -122,6 +129,15 @@ class AddMesh(_Add):
         ),
     }
 
+    @classmethod
+    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Check the file that is spelled out."""
+        if "file" in inputs and Path(inputs["file"]).suffix.lower() not in _MESHES:
+            raise BadTarget(f"{inputs['file']} is no STL, DAE or OBJ file").at("file")
+        if "file" in inputs and not Path(inputs["file"]).is_file():
+            where = "a path counts from where armtree is started"
+            raise BadTarget(f"there is no file {inputs['file']}; {where}").at("file")
+
     def shape(self) -> Mesh:
         """Its form."""
         return Mesh(self.get_input("file"), three("scale", self.get_input("scale")))
@@ -166,6 +182,12 @@ class Attach(_HandOver):
     """A body moves with a link from now on, as when it was grasped; it is checked like a link."""
 
     INPUT_PORTS = {"body": _BODY, "link": PortInformation(str, description="link that holds it")}
+
+    @classmethod
+    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Check the link that is spelled out."""
+        if "link" in inputs:
+            check_link(robot, "link", inputs["link"])
 
     def on_start(self) -> Status:
         """Take hold of it where it is."""

@@ -310,9 +310,10 @@ def test_tasks_are_listed(tmp_path: Path) -> None:
     write_task(tmp_path, 12, "{}", "{}")
     status, out, err = finish(tmp_path, "tasks", "--trees", str(tmp_path))
     assert (status, err) == (0, "")
-    *shipped, test, source = [line.split()[:2] for line in out.splitlines()]
-    assert shipped == [["0", "home"], ["1", "pick"], ["2", "rest"]]
-    assert (test, source) == (["12", "test"], [str(tmp_path / "12_test.yaml")])
+    lines = [line.split()[:2] for line in out.splitlines()]
+    tasks, sources = lines[::2], lines[1::2]
+    assert tasks == [["0", "home"], ["1", "pick"], ["2", "rest"], ["12", "test"]]
+    assert sources == [["shipped"]] * 3 + [[str(tmp_path / "12_test.yaml")]]
 
 
 def test_a_recording_is_drawn(tmp_path: Path, robot: Path) -> None:

@@ -95,13 +95,16 @@ def test_the_stubborn_one_recovers(examples: Rig) -> None:
 def test_the_watchful_one_holds_and_goes_on(
     examples: Rig, shared_clock: SimulatedClock, near: Near
 ) -> None:
-    begun = (shared_clock.now() + 4.0) % 60.0
-    near(begun, begun + 1.5)
+    near(begin := shared_clock.now() + 4.0, end := begin + 1.5)
     (outcome,) = examples.run(6)
     assert outcome.success
-    starts = [r for r in examples.told(logs.NodeStatus) if r.name == "SetStart"]
-    assert [frame for frame in examples.frames if frame.startswith("(")]  # it held
-    assert len(starts) >= 1
+    executed = [r.status for r in examples.told(logs.NodeStatus) if r.name == "Execute"]
+    assert [s for s in executed if s != "INVALID"] == ["RUNNING", "RUNNING", "SUCCESS"]  # anew
+    sent = examples.told(logs.Sent)
+    moved = [record.time for record in sent if record.joints and not record.hold]
+    assert min(moved) < begin < end < max(moved)
+    assert not [time for time in moved if begin + 0.1 < time < end]
+    assert [record for record in sent if record.hold and begin <= record.time < end]
     assert examples.frames[-1].startswith("b009,s125,e085")
 
 

@@ -65,6 +65,7 @@ WRONG = [
     ("{parallel: [{repeat: Succeed}, {repeat: Succeed}], policy: any}", "no node of it can succ"),
     (f"{{retry: {{{SAY}}}, attempts: 2}}", "has nothing to retry"),
     ("{repeat: {Fail: {reason: a}}}", "has nothing to repeat"),
+    ("{wait_for: {inverter: {force_success: CheckHardware}}}", "never ends: what it waits for"),
     (
         "{sequence: [CheckHardware, {Wait: {duration: 1}}, Succeed], memory: false}",
         "4:34 Wait acts, and without memory would begin anew",

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import logging
 import os
 import re
 import signal
@@ -14,6 +15,7 @@ import pytest
 
 from executive import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
 from executive.commands.cli import main
+from executive.commands.log_handler import LogHandler
 from tests.serving import TASKS, Serve, Served
 
 pytest_plugins = ["tests.server_fixtures"]
@@ -191,17 +193,28 @@ def test_what_a_server_may_not_be(typed: tuple[Served, Typed]) -> None:
 
 
 def test_a_changed_task_is_picked_up_and_a_wrong_one_is_not(
-    typed: tuple[Served, Typed], caplog: pytest.LogCaptureFixture
+    typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     served, type_in = typed
     served.executive.arm_to("activate")
+    root, handler = logging.getLogger(), LogHandler(served.executive.tell, served.clock)
+    monkeypatch.setattr(root, "handlers", [*root.handlers, handler])
     file = served.tasks / "12_say.yaml"
     assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 3
     file.write_text(file.read_text().replace("max: 3", "max: 9"))
     assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 0
     file.write_text("task: 12\nname: [")
-    assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 0
-    assert "Task 12 runs as it was" in caplog.text
+    status, said, _ = type_in("send", "12", "--wait", "--set", "often=9")
+    assert status == 0
+    assert "\nwarning: Task 12 runs as it was: its files were changed and are wrong now:" in said
+    assert "12_say.yaml:2:8" in said
+    events = map(json.loads, type_in("send", "12", "--wait", "--json")[1].splitlines())
+    told = [e["event"] for e in events if e.get("level", logging.WARNING) == logging.WARNING]
+    assert [event for event in told if event in ("goal", "log", "result")] == [
+        "goal",
+        "log",
+        "result",
+    ]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])

@@ -1,6 +1,5 @@
 """Task files that change while a server runs."""
 
-import logging
 import os
 from pathlib import Path
 
@@ -23,8 +22,8 @@ class Files:
 
     def says(self) -> str:
         """The text of the task, as a goal would get it now."""
-        library = self.library.for_task(7)
-        assert library.for_task(7) is library  # in the middle of a goal it stays as it is
+        library, self.warning = self.library.for_task(7)
+        assert library.for_task(7) == (library, "")  # in the middle of a goal it stays as it is
         task, mistakes = library.draft(7)
         assert mistakes == []
         return task.text.partition("text: ")[2].partition("}")[0]
@@ -37,7 +36,7 @@ def files(tmp_path: Path, robot: Robot) -> Files:
 
 def test_a_change_shows_at_the_next_goal(files: Files) -> None:
     assert files.says() == "one"
-    held = files.library.for_task(7)
+    held, _ = files.library.for_task(7)
     files.path.write_text(TASK % "three")
     assert held.draft(7)[0].text == TASK % "one"
     assert files.says() == "three"
@@ -56,16 +55,15 @@ def test_a_change_by_renaming_too(files: Files, tmp_path: Path) -> None:
     "wrong",
     ["task: 7\nname: [", TASK % "$unknown", "task: 8\n", "", "task: 7\nname: x\ntree: {}\n"],
 )
-def test_a_wrong_one_is_told_of_and_the_last_good_one_kept(
-    files: Files, caplog: pytest.LogCaptureFixture, wrong: str
-) -> None:
-    assert files.says() == "one"
+def test_a_wrong_one_is_told_of_and_the_last_good_one_kept(files: Files, wrong: str) -> None:
     files.path.write_text(wrong)
-    with caplog.at_level(logging.WARNING):
-        assert files.says() == "one"
-    assert "Task 7 runs as it was" in caplog.text
-    assert "7_say.yaml" in caplog.text
+    assert files.says() == "one"
+    assert "Task 7 runs as it was" in files.warning
+    assert "7_say.yaml" in files.warning
     files.path.write_text(TASK % "two")
+    assert files.says() == "two"
+    assert not files.warning
+    files.path.write_text(wrong)
     assert files.says() == "two"
 
 
@@ -73,17 +71,40 @@ def test_so_are_a_subtree_and_poses_that_became_wrong(files: Files, tmp_path: Pa
     files.path.write_text("task: 7\nname: go\ndescription: Go.\ntree:\n  subtree: mine\n")
     mine = tmp_path / "mine.yaml"
     mine.write_text("subtree: mine\ndescription: Mine.\nports: {}\ntree:\n  Succeed: {}\n")
-    good = files.library.for_task(7)
+    good, _ = files.library.for_task(7)
     mine.write_text("subtree: mine\ntree: 3\n")
-    assert files.library.for_task(7) is good
+    assert files.library.for_task(7)[0].draft(7) == good.draft(7)
     mine.unlink()
-    assert files.library.for_task(7) is good
+    assert files.library.for_task(7)[0].draft(7) == good.draft(7)
 
 
 def test_one_that_never_was_right_is_refused(files: Files) -> None:
-    files.path.write_text("task: 7\nname: [")
+    files.path.with_name("8_say.yaml").write_text("task: 8\nname: [")
     with pytest.raises(FileError):
-        files.library.for_task(7)
+        files.library.for_task(8)
+
+
+@pytest.mark.parametrize("wrong", ["7_other.yaml", "say.yml", "mine.yaml", "8_x.yaml"])
+def test_a_file_costs_only_its_own_number(files: Files, tmp_path: Path, wrong: str) -> None:
+    (tmp_path / "9_say.yaml").write_text((TASK % "nine").replace("task: 7", "task: 9"))
+    (tmp_path / wrong).write_text(TASK % "two")
+    library, warning = files.library.for_task(9)
+    assert library.draft(9)[0].text.endswith("nine}\n")
+    assert not warning
+    assert files.says() == "one"
+    assert bool(files.warning) == wrong.startswith("7")
+    rows = {row["task"]: bool(row["wrong"]) for row in files.library.listed()}
+    assert not rows[9]
+    assert rows[7] == wrong.startswith("7")
+    assert rows.get(8, False) == wrong.startswith("8")
+
+
+def test_tasks_go_on_as_they_were_without_their_folder(files: Files, tmp_path: Path) -> None:
+    tmp_path.rename(tmp_path.with_name("away"))
+    assert files.says() == "one"
+    assert "there is no such folder" in files.warning
+    with pytest.raises(FileError):
+        files.library.listed()
 
 
 def test_one_that_is_gone_is_gone_and_a_new_one_is_there(files: Files, tmp_path: Path) -> None:
@@ -92,5 +113,5 @@ def test_one_that_is_gone_is_gone_and_a_new_one_is_there(files: Files, tmp_path:
     with pytest.raises(UnknownTask):
         files.library.for_task(7)
     (tmp_path / "8_say.yaml").write_text((TASK % "two").replace("task: 7", "task: 8"))
-    assert files.library.for_task(8).draft(8)[0].number == 8
+    assert files.library.for_task(8)[0].draft(8)[0].number == 8
     assert 8 in {row["task"] for row in files.library.listed()}

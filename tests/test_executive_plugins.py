@@ -101,3 +101,25 @@ def test_functions_that_no_task_could_call(tmp_path: Path, function: str, words:
     (wrong,) = load_skills(tmp_path)
     assert words in wrong
     assert not {"wipe", "sequence", "name"} & set(known_skills())
+
+
+@pytest.mark.parametrize(
+    "raised", ["KeyboardInterrupt", "SystemExit(0)", "GeneratorExit", "OSError"]
+)
+def test_a_plugin_that_raises_costs_only_itself(tmp_path: Path, raised: str) -> None:
+    (tmp_path / "own.py").write_text(f"raise {raised}\n")
+    name = f"polish_{raised[:5]}"
+    (tmp_path / "right.py").write_text(
+        f"from skills import skill\n\n@skill\ndef {name}() -> None: ...\n"
+    )
+    (wrong,) = load_skills(tmp_path)
+    assert f"own.py:1: {raised.partition('(')[0]}" in wrong
+    assert name in known_skills()
+
+
+def test_ctrl_c_while_a_plugin_loads_is_meant_for_the_command(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    command = [*ARMTREE, "skills", "--skills", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert "left out" not in done.stderr

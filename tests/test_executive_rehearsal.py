@@ -60,3 +60,42 @@ def test_the_class_of_the_page_and_its_test(tmp_path: Path) -> None:
     pytest_ = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_pump.py"]
     done = subprocess.run(pytest_, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "1 passed" in done.stdout, done.stdout
+
+
+OWN = """\
+from skills import condition, skill
+
+
+@skill
+def {name}_weigh() -> float:
+    return {returned}
+
+
+@condition
+def {name}_heavy() -> bool:
+    return {returned}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "returned", "said"),
+    [
+        ("text", "'x'", "text_weigh returned 'x', but is annotated to return float"),
+        ("none", "None", "none_weigh returned None, but is annotated to return float"),
+        ("whole", "3", ""),
+    ],
+)
+def test_what_a_function_returns_is_its_own_business(
+    tmp_path: Path, name: str, returned: str, said: str
+) -> None:
+    (tmp_path / "own.py").write_text(OWN.format(name=name, returned=returned))
+    for number, tree in ((3, f"{name}_weigh: {{result: $kg}}"), (4, f"{name}_heavy")):
+        text = f"task: {number}\nname: weigh\ndescription: Weigh.\ntree:\n  {tree}\n"
+        (tmp_path / f"{number}_weigh.yaml").write_text(text)
+    with Rehearsal(trees=tmp_path, skills=tmp_path) as rehearsal:
+        outcome = rehearsal.run(3)
+        assert outcome.success == (not said)
+        assert said in outcome.message
+        assert "a bug" not in outcome.message.lower()
+        asked = rehearsal.run(4)
+    assert f"{name}_heavy returned {returned}, but is annotated to return bool" in asked.message

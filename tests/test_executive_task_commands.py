@@ -84,6 +84,18 @@ def test_a_broken_plugin_costs_only_itself(tmp_path: Path) -> None:
     assert known_skills()["Wait"] is before["Wait"]
 
 
+def test_defaults_are_listed_as_they_are_written(tmp_path: Path) -> None:
+    (tmp_path / "3_x.yaml").write_text(
+        "task: 3\nname: x\ndescription: y\nparameters:\n"
+        "  to: {type: positions, default: {joint_1: -10 deg}}\n"
+        "  pose: {type: text, default: right}\n"
+        "tree: {sequence: [{subtree: move_joints, with: {joints: $to}}, {Say: {text: $pose}}]}\n"
+    )
+    listed = armtree("tasks", "--trees", str(tmp_path)).output
+    assert "--set to=POSITIONS (default {joint_1: '-10 deg'})" in listed
+    assert "--set pose=TEXT (default right)" in listed
+
+
 def test_new_writes_a_task_that_is_right(tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     assert armtree("new", "3", "wave", "--trees", str(folder)).exit_code == 0
@@ -105,6 +117,20 @@ def test_check_as_json(tmp_path: Path) -> None:
     assert (mistake["line"], mistake["column"], mistake["path"]) == (4, 7, "tree")
     plain = armtree("check", str(path))
     assert plain.stderr.splitlines()[1:3] == ["    tree: Sukseed", "          ^ tree"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["check", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
+        (["show", "0", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
+        (["check", "3_x.yaml", "--trees", "."], "--trees goes without FILE"),
+    ],
+)
+def test_what_is_typed_wrongly(arguments: list[str], words: str) -> None:
+    result = armtree(*arguments)
+    assert result.exit_code == 2
+    assert words in result.stderr
 
 
 @pytest.mark.parametrize("form", ["text", "mermaid", "dot", "svg", "groot"])

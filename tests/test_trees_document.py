@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trees import FileError, Place
-from trees.document import MAX_BYTES, MAX_DEPTH, read_document, read_text
+from trees.document import MAX_BYTES, MAX_DEPTH, MAX_MISTAKES, read_document, read_text
 
 FILE = Path("x.yaml")
 
@@ -136,6 +136,14 @@ def test_what_is_wrong_has_its_place(text: str, line: int, column: int, words: s
     assert words in mistake.message
     assert (mistake.place.line, mistake.place.column) == (line, column)
     assert len(str(caught.value)) < 300
+
+
+def test_so_many_mistakes_that_nobody_reads_on() -> None:
+    with pytest.raises(FileError) as caught:
+        read("{" + ":," * 100_000 + "}")
+    told = [mistake.message for mistake in caught.value.mistakes]
+    assert len(told) == MAX_MISTAKES + 1
+    assert "1000 mistakes so far; what follows is not read" in told
 
 
 @settings(max_examples=300, deadline=None)

@@ -54,7 +54,7 @@ def test_two_files_with_one_number(tmp_path: Path) -> None:
 def test_a_number_claimed_twice_costs_no_other(tmp_path: Path) -> None:
     write(tmp_path, "3_a.yaml", TASK.format(number=3))
     write(tmp_path, "3_b.yaml", "name: [")
-    library = Library(write(tmp_path, "4_c.yaml", TASK.format(number=4)))
+    library = Library(write(tmp_path, "4_x.yaml", TASK.format(number=4)))
     assert library.task(4).number == 4
     assert library.numbers() == [0, 1, 2, 3, 4]
     with pytest.raises(DuplicateTask, match=r"3_a.yaml and .*3_b.yaml: rename one of them"):

@@ -30,6 +30,7 @@ MAX_BYTES = 256 * 1024
 MAX_DEPTH = 32
 MAX_TEXT = 1000
 MAX_DIGITS = 32
+MAX_MISTAKES = 1000
 
 Scalar = str | int | float | bool | None
 
@@ -108,7 +109,8 @@ def read_text(path: Path) -> str:
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
-        place = _place_of(path, data[: error.start].decode("utf-8"), [])
+        shown = _lines(data.decode("utf-8", "replace"))
+        place = _place_of(path, data[: error.start].decode("utf-8"), shown)
         raise FileError([Mistake(place, f"is not UTF-8 text: {error.reason}")]) from error
 
 
@@ -283,6 +285,8 @@ class _Reader:
 
     def _wrong(self, place: Place, message: str) -> None:
         self.mistakes.append(Mistake(place, message))
+        if len(self.mistakes) == MAX_MISTAKES:
+            self._end(place, f"{MAX_MISTAKES} mistakes so far; what follows is not read")
 
     def _end(self, place: Place, message: str) -> NoReturn:
         raise FileError([*self.mistakes, Mistake(place, message)])

@@ -151,15 +151,6 @@ def parse_head(path: Path, text: str) -> TaskFile:
     return _strict(task, parser.mistakes.found)
 
 
-def parse_subtree(path: Path, text: str) -> SubtreeFile:
-    """Check a subtree file.
-
-    Raises:
-        FileError: With every mistake in it.
-    """
-    return _strict(*draft_subtree(path, text))
-
-
 def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
     """Read a subtree file as far as it can be read, with every mistake in it.
 
@@ -196,8 +187,6 @@ def parse_poses(path: Path, text: str) -> PosesFile:
     poses = {name: fit(value, wanted, {}, wrong) for name, value in labels.items()}
     for name, value in labels.items():
         parser.nodes.name(Located(value.label, name, value.label), "a pose")
-        if value.value == {}:
-            wrong(value.place, f"pose {name} names no joint")
     replaced = parser.get("replaces", needed=False)
     names = replaced.value if replaced and isinstance(replaced.value, list) else []
     if replaced and not names:
@@ -292,11 +281,11 @@ class _Parser:
         names, value = set(_keys(tree)), self._values.get(key)
         if value is None:
             return
-        items = value.value if isinstance(value.value, list) else []
+        items = value.value if isinstance(value.value, list) and key == "ports" else []
         places = {item.value: item.place for item in items}
         places |= {name: item.label for name, item in nested(value).items()}
         for name, place in places.items():
-            if name not in names and isinstance(name, str):
+            if name not in names and self.nodes.is_name(name):
                 self._wrong(place, f"{key}: nothing in the tree uses ${name}")
 
     def _names(self, value: Located, key: str) -> list[str]:
@@ -321,11 +310,14 @@ class _Parser:
         kind = self._type(keys["type"], what, "output" in known)
         if "default" in keys and self._flag(keys.get("output")):
             self._wrong(keys["default"].label, f"{what} is written, and takes no default")
+        least, most = self._bound(kind, keys.get("min")), self._bound(kind, keys.get("max"))
+        if least is not None and most is not None and most < least:
+            self._wrong(keys["max"].place, f"{what}: max is less than min")
         return Declaration(
             kind,
-            default=keys.get("default"),
-            least=self._bound(kind, keys.get("min")),
-            most=self._bound(kind, keys.get("max")),
+            default=self._default(keys.get("default"), what),
+            least=least,
+            most=most,
             choices=self._choices(kind, keys.get("choices")),
             output=self._flag(keys.get("output")),
             description=self.nodes.line(keys["description"], what) if "description" in keys else "",
@@ -338,6 +330,14 @@ class _Parser:
             return kind
         self._wrong(value.place, f"{what}: no type {kind}; there are {choices(str(kind), TYPES)}")
         return UNTYPED
+
+    def _default(self, value: Located | None, what: str) -> Located | None:
+        wired = value and self.nodes.wired(value)
+        if isinstance(wired, Key):
+            hint = "a text that begins with a $ is written with two"
+            self._wrong(wired.place, f"{what}: a default is written out, not {value}; {hint}")
+            return None
+        return wired
 
     def _bound(self, kind: str, value: Located | None) -> Any:
         if value is None:
@@ -352,7 +352,7 @@ class _Parser:
         if value is None:
             return ()
         items = value.value if isinstance(value.value, list) else []
-        if (
+        if kind and (
             kind.removeprefix(LIST) != "text"
             or not items
             or any(not isinstance(item.value, str) for item in items)

@@ -6,7 +6,7 @@ reading the others; `poses.yaml` holds poses, any other `.yaml` file a subtree n
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from .grammar import (
 from .values import choices
 
 _TASK = re.compile(r"([0-9]+)_.+\.yaml")
+_SUBTREE = re.compile(r"(?!poses)[A-Za-z].*\.yaml")
 _ALMOST_TASK = re.compile(r"[0-9].*\.ya?ml")
 _POSES = "poses.yaml"
 
@@ -42,6 +43,7 @@ class Library:
         read: What reads a file.
         mistakes: Files that are named wrongly, or claim what another one has already. They cost
             only what they claim.
+        notes: Files that are not read, though they are YAML, too.
 
     Raises:
         FileError: The folder is not there or cannot be read.
@@ -52,7 +54,7 @@ class Library:
         self.shipped = Path(str(resources.files(__package__)))
         if folder is not None:
             if not folder.is_dir():
-                raise _misnamed(folder, "there is no such folder")
+                raise _no_folder(folder, "there is no such folder")
             if folder.samefile(self.shipped):
                 folder = None
         self.folder = folder
@@ -60,7 +62,9 @@ class Library:
         self._subtrees: dict[str, Path] = {}
         self._poses: list[Path] = []
         self._claimed: dict[int | str, FileError] = {}  # by two files
+        self._replaced: dict[Path, Path] = {}  # the shipped file, by the user's in its place
         self.mistakes: list[Mistake] = []
+        self.notes: list[Mistake] = []
         for each in filter(None, (self.shipped, folder)):
             for name in _files(each):
                 try:
@@ -69,19 +73,29 @@ class Library:
                     self.mistakes += error.mistakes
 
     def _add(self, folder: Path, name: str) -> None:
-        if not name.lower().endswith((".yaml", ".yml")):
+        if name.startswith(".") or not name.lower().endswith((".yaml", ".yml")):
             return
         path = folder / name
         if not name.endswith(".yaml") and not _ALMOST_TASK.fullmatch(name):
-            raise _misnamed(path, "is not read: the name of a file of tasks ends in .yaml")
-        if named := _TASK.fullmatch(name):
+            self._leave(path)
+        elif named := _TASK.fullmatch(name):
             self._add_task(int(named[1]), path)
         elif _ALMOST_TASK.fullmatch(name):
-            raise _misnamed(path, "a task's file is named like 3_wave.yaml; rename this one")
+            place = _top(path, self._text(path), "task")
+            wrong = "a task's file is named like 3_wave.yaml; rename this one"
+            raise FileError([Mistake(place, wrong)])
         elif name == _POSES:
             self._poses.append(path)
-        elif name.endswith(".yaml"):
+        else:
             self._add_subtree(path.stem, path)
+
+    def _leave(self, path: Path) -> None:
+        """Leave a file alone that is named like those of others."""
+        text = self._text(path)
+        head = re.search(r"^(task|subtree|poses):", text, re.MULTILINE)
+        message = "is not read: the name of a file of tasks ends in .yaml"
+        told = Mistake(_top(path, text, head[1] if head else ""), message)
+        (self.mistakes if head else self.notes).append(told)
 
     def _add_task(self, number: int, path: Path) -> None:
         there = self._tasks.setdefault(number, path)
@@ -89,10 +103,10 @@ class Library:
             return
         stem = there.stem.partition("_")[2] if there.parent == self.shipped else ""
         if not self._replaces(number, path, stem, _task_replaces):
-            place = _top(path, _text(path), "task")
+            place = _top(path, self._text(path), "task")
             self._claimed[number] = DuplicateTask(number, there, place, stem)
             raise self._claimed[number]
-        self._tasks[number] = path
+        self._tasks[number], self._replaced[path] = path, there
 
     def _add_subtree(self, name: str, path: Path) -> None:
         there = self._subtrees.setdefault(name, path)
@@ -103,24 +117,34 @@ class Library:
                 f"subtree {name} is in {there} already; rename this one, or write into it "
                 f"replaces: {name}"
             )
-            place = _top(path, _text(path), "subtree")
+            place = _top(path, self._text(path), "subtree")
             self._claimed[name] = FileError([Mistake(place, message)])
             raise self._claimed[name]
-        self._subtrees[name] = path
+        self._subtrees[name], self._replaced[path] = path, there
 
     def _replaces(
-        self, claimed: int | str, path: Path, stem: str, says: Callable[[Path], str]
+        self, claimed: int | str, path: Path, stem: str, says: Callable[[Path, str], str]
     ) -> bool:
         """Whether a user's file says that it takes the place of a shipped one."""
         try:
-            return bool(stem) and says(path) == stem
+            return bool(stem) and says(path, self.read(path)) == stem
         except FileError as error:
             self._claimed[claimed] = error
             raise
 
-    def for_task(self, number: int) -> "Library":
-        """The library to read a task from, as one piece; this one, but a kind of it may choose."""
-        return self
+    def _text(self, path: Path) -> str:
+        """What is in a file, as far as that can be shown."""
+        try:
+            return self.read(path)
+        except FileError:
+            return ""
+
+    def for_task(self, number: int) -> "tuple[Library, str]":
+        """What to read a task from, as one piece, and what its user is to know of that.
+
+        This library and nothing, but a kind of it may choose.
+        """
+        return self, ""
 
     def numbers(self) -> list[int]:
         """The task numbers there are, ascending."""
@@ -184,9 +208,9 @@ class Library:
         """
         path = self.path(number)
         task, mistakes = draft_task(path, self.read(path))
-        if not mistakes:
-            _as_named(task, number)
-        return task, mistakes
+        told = any(mistake.place.way in ("", "task", "name") for mistake in mistakes)
+        named = [] if told else _misnaming(task, number)
+        return task, [*mistakes, *named, *self._replacing(task, f"task {number}", _TASK)]
 
     def subtree(self, name: str, asked: Place) -> tuple[SubtreeFile, list[Mistake]]:
         """Read a subtree as far as it can be read, with every mistake in it.
@@ -208,7 +232,16 @@ class Library:
         if subtree.name != name and not mistakes:
             message = f"the file is named {path.name} but says subtree {subtree.name}"
             raise FileError([Mistake(_top(path, subtree.text, "subtree"), message)])
-        return subtree, mistakes
+        return subtree, [*mistakes, *self._replacing(subtree, f"subtree {name}", _SUBTREE)]
+
+    def _replacing(
+        self, file: TaskFile | SubtreeFile, what: str, names: re.Pattern[str]
+    ) -> Iterator[Mistake]:
+        """What is wrong where a file says that it takes the place of one that is not there."""
+        if file.replaces and file.path not in self._replaced:
+            stems = [Path(name).stem for name in _files(self.shipped) if names.fullmatch(name)]
+            message = f"replaces: no {what} ships; there are {choices(file.replaces, stems)}"
+            yield Mistake(_top(file.path, file.text, "replaces"), message)
 
     def poses(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, str]]:
         """Read the poses.
@@ -251,23 +284,31 @@ def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:
         for name in file.replaces
         if name not in shipped
     ]
+    mistakes += [
+        Mistake(place, f"replaces: here is no pose {name}; there are {choices(name, file.poses)}")
+        for name in file.replaces
+        if name in shipped and name not in file.poses
+    ]
     if mistakes:
         raise FileError(mistakes)
 
 
-def _as_named(task: TaskFile, number: int) -> TaskFile:
+def _misnaming(task: TaskFile, number: int) -> list[Mistake]:
+    """What a file says otherwise than its own name does."""
+    _, _, name = task.path.stem.partition("_")
     if task.number != number:
-        message = f"the file is named for task {number} but says task {task.number}"
-        raise FileError([Mistake(_top(task.path, task.text, "task"), message)])
+        key, message = "task", f"the file is named for task {number} but says task {task.number}"
+    elif task.name != name:
+        key, message = "name", f"the file is named {task.path.name} but says name {task.name}"
+    else:
+        return []
+    return [Mistake(_top(task.path, task.text, key), message)]
+
+
+def _as_named(task: TaskFile, number: int) -> TaskFile:
+    if wrong := _misnaming(task, number):
+        raise FileError(wrong)
     return task
-
-
-def _text(path: Path) -> str:
-    """What is in a file, as far as that can be shown."""
-    try:
-        return read_text(path)
-    except FileError:
-        return ""
 
 
 def _top(path: Path, text: str, key: str) -> Place:
@@ -277,21 +318,20 @@ def _top(path: Path, text: str, key: str) -> Place:
     return Place(path, line, 1, key, lines)
 
 
-def _task_replaces(path: Path) -> str:
-    return parse_head(path, read_text(path)).replaces
+def _task_replaces(path: Path, text: str) -> str:
+    return parse_head(path, text).replaces
 
 
-def _subtree_replaces(path: Path) -> str:
-    return draft_subtree(path, read_text(path))[0].replaces
+def _subtree_replaces(path: Path, text: str) -> str:
+    return draft_subtree(path, text)[0].replaces
 
 
 def _files(folder: Path) -> list[str]:
     try:
         return sorted(os.listdir(folder))
     except OSError as error:
-        raise _misnamed(folder, f"this folder cannot be read: {error.strerror}") from error
+        raise _no_folder(folder, f"this folder cannot be read: {error.strerror}") from error
 
 
-def _misnamed(path: Path, message: str) -> FileError:
-    place = Place(path, 1, 1) if path.suffix == ".yaml" else Place(path, 0, 0)
-    return FileError([Mistake(place, message)])
+def _no_folder(path: Path, message: str) -> FileError:
+    return FileError([Mistake(Place(path, 0, 0), message)])

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterable, Mapping
+from typing import TypeGuard
 
 from .document import Located, nested
 from .errors import Mistake, Place
@@ -64,9 +65,13 @@ class NodeParser:
             return SkillNode(value.place, "", {})
         return self._skill(value.place, rest[0], keys)
 
+    def is_name(self, value: object) -> TypeGuard[str]:
+        """Whether something is a name."""
+        return isinstance(value, str) and _NAME.fullmatch(value) is not None
+
     def name(self, value: Located, what: str) -> str:
         """A name; empty where it is none."""
-        if isinstance(value.value, str) and _NAME.fullmatch(value.value):
+        if self.is_name(value.value):
             return value.value
         rule = "a letter, then letters, digits, _ or -"
         self._wrong(value.place, f"{what}: {value} is not a name ({rule})")
@@ -104,7 +109,8 @@ class NodeParser:
             self._wrong(inner.label, f"only {there} hold a list of nodes, not {skill}")
             return SkillNode(place, "", {})
         ports = self._wiring(inner, f"the ports of {skill}")
-        return SkillNode(place, skill, ports, self._shown(keys))
+        shown = self._shown(keys)
+        return SkillNode(place, "" if ports is None else skill, ports or {}, shown)
 
     def _control(self, place: Place, kind: str, keys: Mapping[str, Located]) -> ControlNode:
         known = KINDS[kind]
@@ -140,7 +146,8 @@ class NodeParser:
         read: Callable[[Located, str], str | int] = self.number if head == "task" else self.name
         source = read(keys[head], head)
         values = self._wiring(keys["with"], "with") if "with" in keys else {}
-        return SubtreeNode(place, source, values, self._shown(keys))
+        shown = self._shown(keys)
+        return SubtreeNode(place, "" if values is None else source, values or {}, shown)
 
     def _beside(self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]) -> None:
         for key, other in keys.items():
@@ -156,12 +163,13 @@ class NodeParser:
             self._wrong(keys["name"].place, f"name: {name!r} has a / or more than 60 characters")
         return name
 
-    def _wiring(self, value: Located, what: str) -> dict[str, Value]:
+    def _wiring(self, value: Located, what: str) -> dict[str, Value] | None:
+        """What ports are wired to; None where that is wrong as a whole."""
         if not isinstance(value.value, dict):
             named = value.value is not None and not isinstance(value.value, list)
             form = f"; say which, as in {{port: {value}}}" if named else ""
             self._wrong(value.place, f"{what} must be a mapping, not {value}{form}")
-            return {}
+            return None
         return {port: self.wired(item) for port, item in value.value.items()}
 
 

@@ -205,6 +205,9 @@ def _positions(
     if not isinstance(value.value, dict):
         wrong(value.place, f"{value} is not {words('positions')}")
         return None
+    if not value.value:
+        wrong(value.place, f"{value} names no joint")
+        return None
     return {
         joint: number
         for joint, item in value.value.items()

@@ -37,7 +37,7 @@ from .branches import Branches
 from .flow import check_flow
 from .keys import Keys
 from .port_types import declaration, declarations, known_skills, port_value
-from .scope import Scope
+from .scope import Scope, fixed
 from .scope import resolve as without_scope
 from .sources import Source, Sources
 
@@ -123,7 +123,8 @@ class Assembly:
         given = self._arguments(task, arguments)
         unknown = {name: p for name, p in task.parameters.items() if name not in given}
         stand_ins = self._stand_ins(unknown, namespace) if arguments is None else {}
-        root = self.node(task.tree, Scope(namespace, given, stand_ins=stand_ins), task.name)
+        scope = Scope(namespace, given, (), stand_ins, fixed(task.parameters, "parameter"))
+        root = self.node(task.tree, scope, task.name)
         self._finish(root)
         return root
 
@@ -133,7 +134,8 @@ class Assembly:
         self._sources.load_poses(self.mistakes)
         inputs = {name: port for name, port in file.ports.items() if not port.output}
         stand_ins = self._stand_ins(inputs, namespace)
-        root = self.node(file.tree, Scope(namespace, {}, (file.name,), stand_ins), file.name)
+        scope = Scope(namespace, {}, (file.name,), stand_ins, fixed(file.ports, "port"))
+        root = self.node(file.tree, scope, file.name)
         for name, port in file.ports.items():
             if port.output:
                 key = f"{namespace}/{name}"
@@ -177,10 +179,10 @@ class Assembly:
 
     def _given(self, name: str, declared: Declaration, value: Value | None) -> Value | None:
         """What a parameter or port is given, else its default, checked; None for nothing."""
-        if isinstance(declared.default, Located):
+        if isinstance(declared.default, Located) and declared.type != UNTYPED:
             self.fit(declared.default, declared, f"the default of {name}")
-            if value is None:
-                return declared.default
+        if value is None and isinstance(declared.default, Located):
+            return declared.default
         if isinstance(value, Located) and declared.type != UNTYPED:
             self.fit(value, declared, name)
         return value
@@ -218,7 +220,8 @@ class Assembly:
             ports = self._ports(spec, source, scope, what)
             if ports is not None:
                 namespace = f"{scope.namespace}/{source.name}_{self._nodes}"
-                inner = Scope(namespace, ports, way, scope.stand_ins)
+                unwritten = fixed(source.declared, source.what)
+                inner = Scope(namespace, ports, way, scope.stand_ins, unwritten)
                 node = self.node(source.tree, inner, shown or source.name)
                 self._check_written(spec, source, ports, what)
                 return node
@@ -230,7 +233,11 @@ class Assembly:
         ports: dict[str, Value] = {}
         complete = True
         for name, declared in source.declared.items():
-            given = self._given(name, declared, self.resolve(spec.values.get(name), scope))
+            value = spec.values.get(name)
+            if declared.output and self._fixed(value, scope, f"{what}: {name}"):
+                complete = False
+                continue
+            given = self._given(name, declared, self.resolve(value, scope))
             if given is None:
                 complete = False
                 self.wrong(spec.place, f"{what} needs {name}: {declared.description or declared}")
@@ -274,13 +281,19 @@ class Assembly:
                 self.wrong(spec.place, f"{name} is a subtree, not a skill: write subtree: {name}")
             elif spec.skill:  # else the file is wrong here, and that is told already
                 there = choices(spec.skill, (*self.known, *KINDS, "subtree", "task"))
-                self.wrong(spec.place, f"no skill {spec.skill}; there are {there}")
+                own = "; one of your own comes with --skills DIR"
+                self.wrong(spec.place, f"no skill {spec.skill}; there are {there}{own}")
             self._forgive(spec.ports.values(), scope)
             return Dummy(spec.skill)
         ports = declarations(kind)
         self._check_names(spec.ports, ports, f"port of {spec.skill}")
         self._forgive((v for p, v in spec.ports.items() if p not in ports), scope)
-        wired = {p: self.resolve(v, scope) for p, v in spec.ports.items() if p in ports}
+        wired = {
+            port: self.resolve(value, scope)
+            for port, value in spec.ports.items()
+            if port in ports
+            and not (ports[port].output and self._fixed(value, scope, f"{spec.skill}.{port}"))
+        }
         keys = {port: value.name for port, value in wired.items() if isinstance(value, Key)}
         skill: Skill = kind(shown or spec.skill, self._context)
         inputs, types = self._inputs(spec, kind, wired)
@@ -330,6 +343,13 @@ class Assembly:
             elif value is not None:
                 self.wrong(value.place, f"{spec.skill} writes {port}; name a key such as ${port}")
 
+    def _fixed(self, value: Value | None, scope: Scope, what: str) -> bool:
+        """Whether something is written that may not be."""
+        if not isinstance(value, Key) or value.name not in scope.fixed:
+            return False
+        self.wrong(value.place, f"{what}: ${value.name} is {scope.fixed[value.name]}")
+        return True
+
     # Values
 
     def resolve(self, value: Value | None, scope: Scope) -> Value | None:
@@ -338,12 +358,11 @@ class Assembly:
 
     def fit(self, value: Located, wanted: Declaration, what: str) -> Any:
         """The value that a text means where something is wanted; None where it is wrong."""
-        fitted = trees.fit(
-            value,
-            wanted,
-            self._sources.poses,
-            lambda place, why: self.wrong(place, f"{what}: {why}"),
-        )
+
+        def wrong(place: Place, why: str) -> None:
+            self.mistakes.add_last(place, f"{what}: {why}")  # others may want it too
+
+        fitted = trees.fit(value, wanted, self._sources.poses, wrong)
         if wanted.type.endswith("positions") and fitted is not None:
             items = value.value if isinstance(value.value, list) else [value]
             if any(isinstance(item.value, str) for item in items):

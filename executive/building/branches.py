@@ -111,7 +111,12 @@ class Branches:
     ) -> Behaviour:
         (child,), context, before = spec.children, self._context, self._assembly.keys.copy()
         if spec.kind == "wait_for":
-            return WaitFor(shown, self._condition(child, scope), context, options["every"] or 0.1)
+            asked = self._condition(child, scope)
+            if self._settled(asked, scope):
+                self._assembly.wrong(
+                    child.place, "wait_for waits for nothing: its condition is known before the run"
+                )
+            return WaitFor(shown, asked, context, options["every"] or 0.1)
         node = self._assembly.node(child, scope)
         match spec.kind:
             case "retry":
@@ -132,15 +137,23 @@ class Branches:
     def _condition(self, spec: TreeNode, scope: Scope) -> Behaviour:
         node = self._assembly.node(spec, scope)
         there = [name for name, kind in self._assembly.known.items() if kind.condition]
-        for name in _acting(node):
+        for name in _acting(node)[:1]:
             why = f"{name} acts, and cannot be a condition; there are {choices(name, there)}"
             self._assembly.wrong(spec.place, why)
         return node
 
+    def _settled(self, asked: Behaviour, scope: Scope) -> bool:
+        """Whether the answers of a condition follow from what is known before the run."""
+        below = set(asked.iterate())
+        leaves = [leaf for leaf in self._assembly.leaves if leaf.skill in below]
+        return bool(leaves) and all(
+            leaf.skill.pure and scope.stand_ins.keys() >= set(leaf.keys.values()) for leaf in leaves
+        )
+
     def _check_asked(self, spec: ControlNode, children: list[Behaviour]) -> None:
         """See that what is done again and again, as long as a later node runs, only asks."""
         for child, node in zip(spec.children[:-1], children, strict=False):
-            for name in _acting(node):
+            for name in _acting(node)[:1]:
                 self._assembly.wrong(
                     child.place,
                     f"{name} acts, and without memory would begin anew for ever while a later node "

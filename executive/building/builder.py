@@ -1,7 +1,7 @@
 """From a task file to a tree of skills: names, ports and wiring checked, nothing ticked yet."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -76,8 +76,8 @@ def build(
     if arguments:
         assembly.files[FILE] = as_text(arguments)
     root = assembly.task(*draft, f"/{namespace}", arguments or {})
-    if assembly.mistakes.found:
-        raise FileError(assembly.mistakes.found)
+    if found := [*assembly.mistakes.found, *hidden(draft, library, context)]:
+        raise FileError(found)
     for leaf in assembly.leaves:
         try:
             type(leaf.skill).judge(context.robot, leaf.known)
@@ -93,6 +93,19 @@ def build(
     return Tree(root, skills, assembly.files, namespace)
 
 
+def hidden(
+    draft: tuple[TaskFile, list[Mistake]], library: Library, context: Context
+) -> list[Mistake]:
+    """What is wrong with a task whatever its parameters are, and only their defaults hide."""
+    task, known = draft
+    if known or all(declared.needed for declared in task.parameters.values()):
+        return []
+    bare = {name: replace(each, default=None) for name, each in task.parameters.items()}
+    assembly = Assembly(library, context)
+    assembly.task(replace(task, parameters=bare), (), "/hidden", None)
+    return assembly.mistakes.found
+
+
 def refusals(leaves: list[Leaf], robot: Robot) -> list[Mistake]:
     """What skills refuse of what a task spells out, each at its place."""
     refused: dict[tuple[Place, str], Mistake] = {}
@@ -102,7 +115,7 @@ def refusals(leaves: list[Leaf], robot: Robot) -> list[Mistake]:
         except (SkillError, MotionError) as error:
             place, why = _place(leaf, error), f"{error}{_meant(error, robot)}"
             # What several skills refuse alike is told once.
-            refused.setdefault((place, why), Mistake(place, f"{leaf.skill.name}: {why}"))
+            refused.setdefault((place, why), Mistake(place, f"{type(leaf.skill).__name__}: {why}"))
     return list(refused.values())
 
 

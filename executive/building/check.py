@@ -14,10 +14,14 @@ from skills.motion import MotionError, Pool, Result, Verify
 from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, TreeError
 
 from .assembly import Assembly
-from .builder import poses, refusals
+from .builder import hidden, poses, refusals
 from .outline import Entry, outline
 
 Pose = tuple[float, ...]
+
+# What a file is in its library: the number of a task, the name of a subtree, None for poses, or
+# why it is nothing.
+Named = int | str | None | FileError
 
 
 @dataclass
@@ -27,10 +31,12 @@ class Findings:
     Attributes:
         files: What was checked.
         mistakes: What is wrong, in the order of files and lines.
+        notes: Files that were left alone, and why.
     """
 
     files: list[Path] = field(default_factory=list)
     mistakes: list[Mistake] = field(default_factory=list)
+    notes: list[Mistake] = field(default_factory=list)
 
 
 def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Findings:
@@ -54,6 +60,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.mistakes += [
             m for m in library.mistakes if not files or m.place.path.resolve() in named
         ]
+        findings.notes += [] if files else library.notes
     for path, library, name in jobs:
         findings.files.append(path)
         checker = _Checker(library, context, places)
@@ -86,21 +93,18 @@ def targets_of(robot: Robot, library: Library, number: int) -> list[Pose]:
 
 
 def _assembled(robot: Robot, library: Library, number: int) -> tuple[Assembly, Behaviour]:
-    assembly = Assembly(library, _context(robot))
-    root = assembly.task(*library.draft(number), "/show", None)
-    if assembly.mistakes.found:
-        raise FileError(assembly.mistakes.found)
+    assembly, draft = Assembly(library, _context(robot)), library.draft(number)
+    root = assembly.task(*draft, "/show", None)
+    if found := [*assembly.mistakes.found, *hidden(draft, library, _context(robot))]:
+        raise FileError(found)
     return assembly, root
 
 
-def _jobs(
-    folder: Path | None, files: Sequence[Path]
-) -> Iterator[tuple[Path, Library, int | str | None]]:
-    """File, library, and its number or name there; None for poses."""
+def _jobs(folder: Path | None, files: Sequence[Path]) -> Iterator[tuple[Path, Library, Named]]:
     if not files:
         yield from _all(Library(folder))
         return
-    libraries: dict[Path, dict[Path, tuple[Library, int | str | None]]] = {}
+    libraries: dict[Path, dict[Path, tuple[Library, Named]]] = {}
     for file in files:
         parent = file.resolve().parent
         if parent not in libraries:
@@ -110,14 +114,15 @@ def _jobs(
             }
         library = next(iter(libraries[parent].values()))[0]  # poses ship, so there is one
         if told := [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]:
-            raise FileError(told)
-        if file.resolve() not in libraries[parent]:
+            yield file, library, FileError(told)
+        elif file.resolve() not in libraries[parent]:
             wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"
-            raise FileError([Mistake(Place(file, 1, 1), wrong)])
-        yield file, *libraries[parent][file.resolve()]
+            yield file, library, FileError([Mistake(Place(file, 1, 1), wrong)])
+        else:
+            yield file, *libraries[parent][file.resolve()]
 
 
-def _all(library: Library) -> Iterator[tuple[Path, Library, int | str | None]]:
+def _all(library: Library) -> Iterator[tuple[Path, Library, Named]]:
     for path in library.pose_files:
         yield path, library, None
     for name in library.subtrees():
@@ -139,23 +144,28 @@ class _Checker:
     def __init__(self, library: Library, context: Context, places: dict[Pose, list[Place]]) -> None:
         self._library, self._context, self._places = library, context, places
 
-    def check(self, path: Path, name: int | str | None) -> list[Mistake]:
-        """What is wrong with the task of a number, the subtree of a name, or for None the poses."""
+    def check(self, path: Path, name: Named) -> list[Mistake]:
+        """What is wrong with a file."""
         try:
+            if isinstance(name, FileError):
+                raise name
             if name is None:
                 self._library.poses()
-                return list(self._unreachable(self._library.poses_in(path)))
+                return self._reachable(self._library.poses_in(path))
             assembly = Assembly(self._library, self._context)
             if isinstance(name, int):
-                assembly.task(*self._library.draft(name), "/check", None)
+                draft = self._library.draft(name)
+                assembly.task(*draft, "/check", None)
+                found = [*assembly.mistakes.found, *hidden(draft, self._library, self._context)]
             else:
                 place = Place(self._library.subtree_path(name), 1, 1)
                 file, known = self._library.subtree(name, place)
                 assembly.subtree(file, Mistakes(known), "/check")
+                found = assembly.mistakes.found
         except TreeError as error:
             return _mistakes(error)
-        if assembly.mistakes.found:
-            return assembly.mistakes.found
+        if found:
+            return found
         robot = self._context.robot
         refused = refusals(assembly.leaves, robot)
         if not refused:
@@ -163,13 +173,21 @@ class _Checker:
                 self._places.setdefault(pose, []).append(place)
         return refused
 
-    def _unreachable(self, file: PosesFile) -> Iterator[Mistake]:
+    def _reachable(self, file: PosesFile) -> list[Mistake]:
         """Poses that the robot cannot take, whether or not a task names them."""
+        robot, wrong = self._context.robot, []
         for name, joints in file.poses.items():
+            place = file.labels[name].label
             try:
-                Target.judge(self._context.robot, {"joints": Positions(joints)})
+                Target.judge(robot, {"joints": Positions(joints)})
             except SkillError as error:
-                yield Mistake(file.labels[name].label, f"{name}: {error}")
+                wrong.append(Mistake(place, f"{name}: {error}"))
+                continue
+            leaders = ({joint.name for joint in robot.leaders(group)} for group in robot.groups)
+            if any(names <= joints.keys() for names in leaders):  # the others as after a reset
+                pose = tuple(joints.get(joint.name, joint.boot) for joint in robot.actuated)
+                self._places.setdefault(pose, []).append(place)
+        return wrong
 
 
 def _mistakes(error: TreeError) -> list[Mistake]:

@@ -136,6 +136,8 @@ class _Judge:
                     self._wrong(node, "has nothing to retry: what it holds never fails")
                 return fate
             case WaitFor():
+                if not fate.succeeds:
+                    self._wrong(node, "never ends: what it waits for never holds")
                 return Fate(fate.succeeds, False, fate.shortest)
             case Inverter():
                 return Fate(fate.fails, fate.succeeds, 0.0)

@@ -36,7 +36,7 @@ class Keys:
             mistakes: Told what is wrong.
 
         Returns:
-            The type that the key has; empty where nothing has written it.
+            The type that the key has; empty where nothing has written it, or nobody knows what.
         """
         name, written = short(key), self.written.get(key.name, "")
         self.unread.pop(key.name, None)
@@ -45,6 +45,7 @@ class Keys:
         elif _OR in written:
             kinds = " or ".join(map(words, written.split(_OR)))
             mistakes.add(key.place, f"{what}: ${name} is {kinds}, by the way that was taken before")
+            return ""
         elif not type_fits(written, wanted):
             mistakes.add(key.place, f"{what}: ${name} is {words(written)}, not {words(wanted)}")
         return written

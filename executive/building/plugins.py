@@ -1,11 +1,15 @@
 """Skills of one's own: Python files of a folder that was named, and installed packages."""
 
 import importlib.util
+import signal
 import sys
+import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from typing import NoReturn
 
 from py_trees.ports import get_ports_registry, register_ports_class
 
@@ -63,12 +67,14 @@ def _load_file(path: Path) -> str:
 
 def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
     """Load something; why it is broken, if it is."""
-    before = get_ports_registry()
+    before, pressed = get_ports_registry(), list[int]()
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _ctrl_c(pressed):
             warnings.simplefilter("ignore")  # a name that is taken is told of below
             load()
-    except (Exception, SystemExit) as error:  # somebody else's code: whatever it raises
+    except BaseException as error:  # somebody else's code: whatever it raises
+        if pressed:
+            raise
         return f"{source}{_line(error, source)}: {type(error).__name__}: {error}"
     after = get_ports_registry()
     taken = [name for name, kind in after.items() if before.get(name, kind) is not kind]
@@ -81,6 +87,25 @@ def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
     if taken:
         return f"{source}: {', '.join(taken)}: there is a skill of that name already; rename it"
     return ""
+
+
+@contextmanager
+def _ctrl_c(pressed: list[int]) -> Iterator[None]:
+    """Note a Ctrl-C, so that it is told from a KeyboardInterrupt that somebody's code raises."""
+
+    def press(number: int, frame: object) -> NoReturn:
+        pressed.append(number)
+        raise KeyboardInterrupt
+
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, press)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _line(error: BaseException, source: str) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from trees import Key, Located, Place, StandIn, Value
+from trees import UNTYPED, Declaration, Key, Located, Place, StandIn, Value
 
 
 @dataclass(frozen=True)
@@ -15,12 +15,24 @@ class Scope:
         ports: What it was given.
         within: The files around it, and itself.
         stand_ins: Keys of which the value is given only when a task is called, by full name.
+        fixed: Names that nothing may write, and what they are.
     """
 
     namespace: str
     ports: Mapping[str, Value] = field(default_factory=dict)
     within: tuple[str, ...] = ()
     stand_ins: Mapping[str, StandIn] = field(default_factory=dict)
+    fixed: Mapping[str, str] = field(default_factory=dict)
+
+
+def fixed(declared: Mapping[str, Declaration], what: str) -> dict[str, str]:
+    """The parameters or ports that nothing may write, and what they are."""
+    why = {
+        "parameter": "a parameter, which nothing may write",
+        "port": "a port that is read; say output: true where it is declared",
+    }
+    names = (name for name, each in declared.items() if each.type != UNTYPED and not each.output)
+    return dict.fromkeys(names, why[what])
 
 
 def resolve(value: Value, scope: Scope, wrong: Callable[[Place, str], None]) -> Value:

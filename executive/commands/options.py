@@ -82,6 +82,8 @@ def _load(_context: click.Context, _option: click.Parameter, folder: Path | None
     """Load the skills before anything asks for them; a broken file is told of."""
     from executive.building.plugins import load_skills
 
+    if folder is not None and not folder.is_dir():
+        raise click.BadParameter(f"{folder}: there is no such folder for skills")
     for wrong in load_skills(folder):
         click.echo(f"Broken skills are left out: {wrong}", err=True)
     return folder

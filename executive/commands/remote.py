@@ -16,7 +16,7 @@ from executive.client import Client, ClientError, Refused, Status
 from executive.codes import CLOSING
 from executive.events import as_goal
 from executive.executive import Event
-from executive.goal import GoalStatus, Outcome
+from executive.goal import GoalStatus, Outcome, QuestionStatus
 from executive.goals import CancelCode
 from hardware import RealClock
 
@@ -78,7 +78,7 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
     with view_for(as_json, verbose) as view, client.events() as events:
         for event in events:
             if not isinstance(event, GoalStatus):
-                view.watch(event)
+                _see(event, view)
             elif event.outcome:
                 view.report(event.outcome)
     raise _ended()
@@ -114,8 +114,14 @@ def _show(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
         if isinstance(event, logs.Goal):
             ours = event.goal_id == goal_id
         if ours or isinstance(event, logs.Transition):
-            view.watch(event)
+            _see(event, view)
     raise _ended()
+
+
+def _see(event: logs.Record | QuestionStatus, view: View) -> None:
+    if isinstance(event, logs.LogLine) and event.level >= logging.WARNING:
+        view.say(f"warning: {event.message}")
+    view.watch(event)
 
 
 def _ended() -> Refused:

@@ -51,7 +51,7 @@ def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
 
 def _row(row: dict[str, Any]) -> str:
     lines = [f"{row['task']:>4}  {row['name']:<12} {row['description']}"]
-    told = [] if row["source"] == "shipped" else [row["source"]]
+    told = [row["source"]]
     told += [f"--set {name}={declared}" for name, declared in row["parameters"].items()]
     told += [f"last: {row['last_outcome']}"] if row["last_outcome"] else []
     return "\n".join([*lines, *(f"{'':<19}{line}" for line in told)])
@@ -60,7 +60,8 @@ def _row(row: dict[str, Any]) -> str:
 def _declared(declared: "Declaration") -> str:
     """A parameter in a few words."""
     default = declared.default
-    value = "" if default is None else f" {default.plain()}"
+    text = default is not None and isinstance(default.value, str)
+    value = "" if default is None else f" {default.value if text else default}"
     bounds = ""
     if declared.least is not None or declared.most is not None:
         least = "" if declared.least is None else f"{declared.least:g}"
@@ -84,11 +85,16 @@ def check(
     as_json: bool,
 ) -> None:
     """Find every mistake in task files, without moving anything. Without FILE: in all of them."""
+    source = click.get_current_context().get_parameter_source("trees")
+    if files and source is click.core.ParameterSource.COMMANDLINE:
+        raise click.UsageError("--trees goes without FILE, which is checked with its own folder")
     from executive.building.check import check as find
     from hardware import load_robot
     from trees import FileError
 
     findings = find(load_robot(robot), trees, files)
+    for note in findings.notes:
+        click.echo(f"note: {note.place.path} {note.message}", err=True)
     if as_json:
         click.echo(json.dumps(_findings(findings)))
     elif findings.mistakes:

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import logging
 from collections import deque
 from collections.abc import Callable
 
@@ -53,7 +54,8 @@ class Watcher:
 class Hub:
     """Takes events from any thread and tells of them on the loop, in order.
 
-    Whoever joins late is first told what still holds: the goal under way, its nodes, its progress.
+    Whoever joins late is first told what still holds: the goal under way, its nodes, its progress,
+    the last warning.
 
     Args:
         loop: On which everybody is told.
@@ -118,6 +120,8 @@ class Hub:
                 self._holds[f"node {event.path}"] = event
             case logs.Feedback():
                 self._holds["feedback"] = event
+            case logs.LogLine() if event.level >= logging.WARNING:
+                self._holds["warning"] = event
             case QuestionStatus(open=True):
                 self._holds[f"question {event.question_id}"] = event
             case QuestionStatus():

@@ -4,14 +4,15 @@ from py_trees.common import Status
 
 from skills import Cancel, Context, Port, Positions, Skill, condition, skill
 
-# Somebody is near between these times after the program began [s].
+# Somebody is near between these times after the program began, in every minute [s].
 NEAR = (3.0, 4.5)
 
 
 @condition
 def nobody_near(context: Context) -> bool:
     """Whether the light barrier is free."""
-    return not NEAR[0] <= context.clock.now() % 60.0 < NEAR[1]
+    come, gone = NEAR
+    return (context.clock.now() - come) % 60.0 >= gone - come
 
 
 @skill

@@ -1,0 +1,122 @@
+"""Files for Groot2, loaded whole by BehaviorTree.CPP: models, ports, keys and all nodes."""
+
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+import trees
+from executive.building.check import outline_of
+from executive.building.groot import as_groot
+from executive.building.plugins import load_skills
+from hardware import Robot
+from trees import Library
+
+EXAMPLES = Path(trees.__file__).parent / "examples"
+LOADER = Path(sys.prefix) / ".behaviortree"
+FOR_US = {"name", "_description"}  # attributes that are no ports
+
+pytestmark = pytest.mark.skipif(
+    not LOADER.exists(), reason="BehaviorTree.CPP is not built: make test does, where there is g++"
+)
+
+EVERY_KIND = """\
+task: 3
+name: all
+description: Every kind of node, and every kind of value.
+tree:
+  sequence:
+    - SetStart: {start: $here}
+    - retry: CheckHardware
+      attempts: 3
+      backoff: 1 s
+    - repeat:
+        Say: {text: "a < b & \\"c\\"", value: 1.5}
+      times: 2
+    - timeout:
+        selector: [{inverter: CheckHardware}, {wait_for: CheckHardware}]
+        memory: false
+      after: 5 s
+    - guard: {force_success: {Fail: {reason: so}}}
+      while: {sequence: [CheckHardware, CheckHardware], memory: false}
+    - guard: {Wait: {duration: 10 ms}}
+      while: CheckHardware
+      otherwise: pause
+    - parallel: [{selector: [CheckHardware, Succeed]}, {Say: {text: $$key}}]
+    - parallel: [CheckHardware, {Wait: {duration: 1}}]
+      policy: any
+    - PlanArm:
+        start: $here
+        goal: {joint_1: 0, joint_2: 0, joint_3: 0, joint_4: 0}
+        via: [{joint_1: 0.1, joint_2: 0, joint_3: 0}, right]
+        plan: $plan
+"""
+
+
+def load(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """What BehaviorTree.CPP says of a file."""
+    path = folder / "tree.xml"
+    path.write_text(text)
+    return subprocess.run([LOADER, path], capture_output=True, text=True, timeout=30, check=False)
+
+
+def exported(robot: Robot, folder: Path, number: int) -> str:
+    return as_groot(outline_of(robot, Library(folder), number), number)
+
+
+def same(text: str, told: list[str]) -> None:
+    """Hold every node, with its ports, against what was told of it."""
+    tree = ET.fromstring(text).find("BehaviorTree")
+    assert tree is not None
+    for node, line in zip(list(tree.iter())[1:], told, strict=True):
+        kind, name, *ports = line.split("\t")
+        assert (kind, name) == (node.tag, node.get("name"))
+        heard = dict(port.split(" is ", 1) for port in ports)
+        assert heard == {
+            port: f"key {value}" if value.startswith("{") else value
+            for port, value in node.attrib.items()
+            if port not in FOR_US
+        }
+
+
+@pytest.mark.parametrize("number", range(9))
+def test_every_task_that_ships_is_loaded_whole(robot: Robot, tmp_path: Path, number: int) -> None:
+    assert load_skills(EXAMPLES / "skills") == []
+    text = exported(robot, EXAMPLES, number)
+    said = load(text, tmp_path)
+    assert (said.returncode, said.stderr) == (0, "")
+    *told, end = said.stdout.splitlines()
+    same(text, told)
+    assert end == "SUCCESS"
+
+
+def test_every_kind_of_node_and_value(robot: Robot, tmp_path: Path) -> None:
+    (tmp_path / "3_all.yaml").write_text(EVERY_KIND)
+    text = exported(robot, tmp_path, 3)
+    said = load(text, tmp_path)
+    assert (said.returncode, said.stderr) == (0, "")
+    *told, end = said.stdout.splitlines()
+    same(text, told)
+    assert end == "SUCCESS"
+    assert 'Say\tSay\ttext is a < b & "c"\tvalue is 1.5' in told
+    assert "Say\tSay\ttext is $key" in told
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "words"),
+    [
+        ('start="{', 'strat="{', "[strat] is found in the XML"),
+        ('<output_port name="start">', '<output_port name="other">', "[start] is found in the XML"),
+        ('<Action ID="SetStart">', '<Action ID="Set">', "SetStart"),
+        ("num_cycles", "num_cylces", "num_cylces"),
+    ],
+)
+def test_it_would_notice(robot: Robot, tmp_path: Path, right: str, wrong: str, words: str) -> None:
+    (tmp_path / "3_all.yaml").write_text(EVERY_KIND)
+    text = exported(robot, tmp_path, 3)
+    assert right in text
+    said = load(text.replace(right, wrong), tmp_path)
+    assert said.returncode == 1
+    assert words in said.stderr
