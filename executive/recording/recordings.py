@@ -11,6 +11,7 @@ import logs
 from executive.building.builder import Tree
 from executive.goal import Goal
 from hardware import ArmEvent, Clock, Robot
+from logs.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
 
 from .evidence import robot_note
@@ -21,6 +22,9 @@ from .versions import versions
 logger = logging.getLogger(__name__)
 
 _BETWEEN = "server"  # in the name of the recording of what happens between goals
+
+# So many goals' recordings may be unfinished, each with its descriptors; then the next goal waits.
+_UNFINISHED = 64
 
 
 class Recordings:
@@ -52,6 +56,7 @@ class Recordings:
         self._watch, self._failed = watch, failed
         self._recorder: logs.Recorder | None = None
         self._between: logs.Recorder | None = None
+        self._compactor: Compactor | None = None
         self._closing: list[threading.Thread] = []
         self._wrong: list[logs.LogError] = []
         self._meshes: set[str] = set()  # that are in it already
@@ -64,6 +69,7 @@ class Recordings:
         Raises:
             LogError: It cannot be made.
         """
+        self._compactor = compactor()
         self._recorder = self._between = recorder = self._create(_BETWEEN)
         self._attach(recorder, None)
 
@@ -98,6 +104,8 @@ class Recordings:
         recorder, self._recorder, self.path = self._recorder, self._between, ""
         self.frames = 0
         self._closing = [thread for thread in self._closing if thread.is_alive()]
+        if len(self._closing) >= _UNFINISHED:
+            self._closing.pop(0).join()
         if recorder and recorder is not self._between:
             finish = partial(self._finish, recorder)
             self._closing.append(self._clock.spawn(finish, "recording"))
@@ -119,7 +127,7 @@ class Recordings:
 
     def _finish(self, recorder: logs.Recorder) -> None:
         try:
-            recorder.close()
+            recorder.close(self._compactor)
         except logs.LogError as error:
             logger.error("%s", error)
             self._wrong.append(error)
