@@ -226,6 +226,14 @@ class Executive:
         """
         self._goals.on_result(identity, callback)
 
+    def goal(self, identity: str) -> GoalStatus:
+        """What a goal is at.
+
+        Raises:
+            UnknownGoal: There is none, or it is forgotten.
+        """
+        return self._goals.find(identity).status
+
     def goals(self) -> tuple[GoalStatus, ...]:
         """All goals that are known, ended ones until they are forgotten."""
         return self._goals.all()

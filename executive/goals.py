@@ -15,7 +15,7 @@ from hardware import Clock
 from trees import Located
 
 from .causes import CANCELED_CAUSE, cause_of
-from .codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, OK
+from .codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, OK, QUEUE_FULL
 from .errors import GoalPreempted, ResultTimeout, UnknownGoal
 from .goal import Cause, Goal, GoalState, GoalStatus, Outcome
 from .mailbox import Mailbox
@@ -23,6 +23,8 @@ from .mailbox import Mailbox
 logger = logging.getLogger(__name__)
 
 _IDENTITY = re.compile("[0-9a-f]{32}")
+WAITING = 100  # so many goals may wait for their turn
+KEPT = 1000  # so many ended goals are known, the newest, so that a server does not grow
 NOBODY = "0" * 32  # names no goal where one is to be canceled
 
 
@@ -81,7 +83,7 @@ class Goals:
     Args:
         clock: Whose time.
         policy: What becomes of a second goal.
-        keep: How long an ended goal is known [s].
+        keep: How long an ended goal is known [s], unless `KEPT` others have ended after it.
         changed: Told of every change, in order and from any thread; it must be quick, and wait for
             no other thread.
     """
@@ -93,6 +95,7 @@ class Goals:
         self._signal = clock.signal()
         self._goals: dict[str, Goal] = {}
         self._waiting: deque[Goal] = deque()
+        self._ended: deque[Goal] = deque()
         self._running: Goal | None = None
         self._last_ns = 0
         self._closed = False
@@ -267,6 +270,9 @@ class Goals:
         if busy and self.policy is Policy.REJECT:
             words = f"goal {busy.identity} for task {busy.task} is under way; wait, or cancel it"
             return _refused(identity, BUSY, words)
+        if self.policy is Policy.QUEUE and len(self._waiting) >= WAITING:
+            words = f"{WAITING} goals wait for their turn already; wait, or cancel some"
+            return _refused(identity, QUEUE_FULL, words)
         return None
 
     def _preempt(self, identity: str) -> Goal | None:
@@ -304,6 +310,8 @@ class Goals:
 
     def _end(self, goal: Goal, outcome: Outcome) -> list[Callable[[Outcome], None]]:
         goal.outcome, goal.ended = outcome, self._clock.now()
+        goal.arguments = {}  # as large as their sender liked, and nobody needs them any more
+        self._ended.append(goal)
         self._enter(goal, outcome.state)
         self._signal.notify()
         waiters, goal.waiters = goal.waiters, []
@@ -319,10 +327,10 @@ class Goals:
         return self._last_ns
 
     def _forget(self) -> None:
-        """Forget what was kept long enough."""
+        """Forget what was kept long enough, and the oldest of too many."""
         since = self._clock.now() - self._keep
-        for goal in [goal for goal in self._goals.values() if goal.over and goal.ended <= since]:
-            del self._goals[goal.identity]
+        while self._ended and (len(self._ended) > KEPT or self._ended[0].ended <= since):
+            del self._goals[self._ended.popleft().identity]
 
 
 def _refused(identity: str, code: str, message: str) -> Acceptance:

@@ -79,6 +79,17 @@ def test_a_second_goal_is_refused_by_the_policy(serve: Serve) -> None:
     assert set(error) == {"code", "message", "node", "joint", "value", "limit", "hint"}
 
 
+def test_whoever_floods_the_queue_is_told_so(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.goals.WAITING", 3)
+    served = serve(Policy.QUEUE)
+    send(served, 10)
+    answers = [served.ask("POST", "/api/goals", {"task": 11}) for _ in range(9)]
+    assert {(status, told.get("code")) for status, told in answers[5:]} == {
+        (429, "goal.queue_full")
+    }
+    assert served.ask("POST", "/api/stop")[1]["return_code"] == 0
+
+
 def test_arguments_are_checked_as_in_the_file(serve: Serve) -> None:
     served = serve()
 

@@ -10,7 +10,7 @@ from typing import Any
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
-from executive.errors import GoalError, ResultTimeout, UnknownGoal
+from executive.errors import GoalError, ResultTimeout
 from executive.events import as_goal, as_result, as_status
 from executive.executive import Event, Executive
 from executive.goal import GoalStatus
@@ -114,17 +114,17 @@ class Api:
 
     async def goal(self, call: Call) -> Response:
         """What a goal is at."""
-        return JSONResponse(as_goal(self._find(call.given["goal_id"])))
+        return JSONResponse(as_goal(self._executive.goal(call.given["goal_id"])))
 
     async def result(self, call: Call) -> Response:
         """How a goal ended; waits for it as long as the client does."""
         identity, seconds = call.given["goal_id"], call.given.get("timeout")
-        goal = self._find(identity)
+        goal = self._executive.goal(identity)
         if goal.outcome is None:
             ended = self._ended.setdefault(identity, asyncio.Event())
             if not await _before_leaving(call.request, ended.wait(), seconds):
                 raise ResultTimeout(identity, seconds or 0.0)
-            goal = self._find(identity)
+            goal = self._executive.goal(identity)
         assert goal.outcome
         return JSONResponse({"goal_id": identity, **as_result(goal.outcome)})
 
@@ -219,7 +219,7 @@ class Api:
     async def _do(self, call: Call, act: Callable[[str], None]) -> Response:
         identity = call.given["goal_id"]
         await asyncio.to_thread(act, identity)
-        return JSONResponse(as_goal(self._find(identity)))
+        return JSONResponse(as_goal(self._executive.goal(identity)))
 
     async def _is_held(self, identity: str) -> bool:
         """Whether somebody holds a goal; the hand and the goal may come in either order."""
@@ -230,12 +230,6 @@ class Api:
             if self._held.get(identity) is held and not held.is_set():
                 del self._held[identity]
         return held.is_set() and identity in self._held
-
-    def _find(self, identity: str) -> GoalStatus:
-        for goal in self._executive.goals():
-            if goal.identity == identity:
-                return goal
-        raise UnknownGoal(identity)
 
     def _wake(self, event: Event) -> None:
         if isinstance(event, GoalStatus) and event.outcome:

@@ -71,6 +71,7 @@ STATUS = {
     "goal.unknown_question": 404,
     "goal.duplicate": 409,
     "goal.busy": 409,
+    "goal.queue_full": 429,
     "goal.result_timeout": 409,
     "goal.not_executing": 409,
     "goal.not_paused": 409,
