@@ -97,6 +97,9 @@ CODES = {
         4, "Only a goal that is executing can be paused", "`armtree status` shows which one is"
     ),
     "goal.not_paused": Code(4, "Only a paused goal can be gone on with", "pause it first"),
+    "goal.too_many_breakpoints": Code(
+        4, "There are as many breakpoints as there may be", "`armtree break NODE --off` lifts one"
+    ),
     # Planning
     "plan": Code(5, "No motion was found", "choose another goal", _PLANNERS),
     "plan.error": Code(5, "No motion was found", "choose another goal", _PLANNERS),

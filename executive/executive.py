@@ -22,7 +22,7 @@ from skills import Context, NoOperator, Operator
 from skills.motion import Pool
 from trees import Library, Located
 
-from .errors import NotExecuting, NotPaused
+from .errors import NotExecuting, NotPaused, TooManyBreakpoints
 from .goal import Goal, GoalState, GoalStatus, Outcome
 from .goals import Acceptance, CancelAnswer, Goals, Policy
 from .mailbox import Mailbox
@@ -36,6 +36,7 @@ logger = logging.getLogger(__name__)
 
 __all__ = ["TRANSITIONS", "Event", "Executive", "Snapshot"]
 
+BREAKPOINTS = 100  # so many may be marked
 TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
 
 
@@ -275,11 +276,16 @@ class Executive:
         Args:
             path: Of the node in its tree, such as `pick/reach/Execute`.
             on: False to have it no longer.
+
+        Raises:
+            TooManyBreakpoints: There are as many as there may be.
         """
-        if on:
-            self._marked.add(path)
-        else:
+        if not on:
             self._marked.discard(path)
+        elif len(self._marked | {path}) > BREAKPOINTS:
+            raise TooManyBreakpoints(BREAKPOINTS)
+        else:
+            self._marked.add(path)
 
     def arm_to(self, transition: str) -> State:
         """Take the arm through a transition, to its end.

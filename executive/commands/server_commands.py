@@ -247,6 +247,21 @@ def step(goal_id: str, server: str | None) -> None:
     _change("step", goal_id, server)
 
 
+@click.command("break")
+@click.argument("node", required=False)
+@click.option("--off", is_flag=True, help="Have it no longer.")
+@server_option
+def break_at(node: str | None, off: bool, server: str | None) -> None:
+    """Have goals of a server pause before NODE, such as pick/Execute; without NODE list all."""
+    from executive.client import Client
+
+    if off and not node:
+        raise click.UsageError("--off wants the NODE")
+    with Client(server) as client:
+        marked = client.break_at(node, not off) if node else client.status().breakpoints
+    click.echo("\n".join(marked) or "no breakpoints")
+
+
 @click.command()
 @click.argument("words", nargs=-1, metavar="[ID] [WORDS]...")
 @server_option
@@ -260,4 +275,4 @@ def answer(words: tuple[str, ...], server: str | None) -> None:
         click.echo(reply(client, words))
 
 
-COMMANDS = (serve, send, cancel, answer, pause, resume, step, status, watch, arm)
+COMMANDS = (serve, send, cancel, answer, pause, resume, step, break_at, status, watch, arm)

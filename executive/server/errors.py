@@ -75,6 +75,7 @@ STATUS = {
     "goal.result_timeout": 409,
     "goal.not_executing": 409,
     "goal.not_paused": 409,
+    "goal.too_many_breakpoints": 409,
     "goal.not_held": 409,
     "file": 422,
     "hw": 409,
