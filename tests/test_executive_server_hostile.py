@@ -264,6 +264,14 @@ def test_where_it_may_not_listen(serve: Serve) -> None:
         serve(address="localhost")
 
 
+@pytest.mark.parametrize(
+    "page", ["*", "null", "friend.example", "http://friend.example/", "HTTP://x", "http://x y", ""]
+)
+def test_an_origin_that_no_browser_would_name(serve: Serve, page: str) -> None:
+    with pytest.raises(ServerError, match="no origin, such as http://name:port"):
+        serve(origins=("http://friend.example:8080", page))
+
+
 def test_the_token_is_its_users_alone(serve: Serve, tmp_path: Path) -> None:
     served = serve()
     file = access.file_of(served.server.port)

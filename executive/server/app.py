@@ -11,6 +11,7 @@ import fastjsonschema
 from starlette.applications import Starlette
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
+from starlette.middleware.cors import CORSMiddleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
@@ -63,8 +64,16 @@ class App:
         ]
         if rosbridge:
             routes.append(WebSocketRoute("/", rosbridge))
-        self._starlette = Starlette(routes=routes, exception_handlers={HTTPException: _not_routed})
-        self._starlette.router.redirect_slashes = False
+        starlette = Starlette(routes=routes, exception_handlers={HTTPException: _not_routed})
+        starlette.router.redirect_slashes = False
+        # Has a browser show the answers to pages that may ask; others are refused before.
+        self._answers = CORSMiddleware(
+            starlette,
+            allow_origins=list(rules.origins),
+            allow_methods=("GET", "POST"),
+            allow_headers=("authorization",),
+            allow_private_network=True,
+        )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request, or one WebSocket."""
@@ -78,7 +87,7 @@ class App:
             else:
                 await _refused(error)(scope, receive, hardened(send))
             return
-        await self._starlette(scope, receive, hardened(send))
+        await self._answers(scope, receive, hardened(send))
 
     def _route(self, path: str) -> Route:
         """All that can be asked at a path; as one route, it knows which methods there are."""

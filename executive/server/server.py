@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import os
+import re
 import socket
 import threading
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ from .strict_json import MOST_BYTES
 logger = logging.getLogger(__name__)
 
 _BACKLOG = 128
+_ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # as browsers write one
 _SEND_BUFFER = 128 * 1024  # [bytes] that may be on their way to a client that reads nothing
 _LAST_ANSWERS = 0.05  # [s] for what is being answered when the server ends
 
@@ -201,6 +203,9 @@ def _check(place: Place) -> None:
             f"--bind {place.address} would let other machines move the arm; add --expose if they "
             "shall, and give the token to nobody else"
         )
+    for page in place.origins:
+        if not _ORIGIN.fullmatch(page):
+            raise ServerError(f"--origin {page} is no origin, such as http://name:port")
     if place.expose and place.rosbridge:
         raise ServerError("rosbridge knows no token, so --rosbridge does not go with --expose")
 
