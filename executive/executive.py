@@ -202,8 +202,6 @@ class Executive:
         self._stop_for(running)  # before a word is said
         for goal in map(self._goals.find, answer.goals):
             logger.info("Received a cancel of the goal for task %d (%s)", goal.task, goal.identity)
-        if not answer.goals:
-            logger.info("Received a cancel of %s: %s", identity or "all goals", answer.code.name)
         return answer
 
     def result(self, identity: str, timeout: float | None = None) -> Outcome:

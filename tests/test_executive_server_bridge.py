@@ -206,18 +206,28 @@ def test_what_is_too_long_ends_the_connection(serve: Serve) -> None:
             connection.recv(10)
 
 
-def test_too_many_messages_end_it(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bridge, "BURST", 10.0)
+def test_too_many_messages_wait_and_large_ones_longest(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bridge, "RATE", 40.0)
+    monkeypatch.setattr(bridge, "BURST", 5.0)
     served = serve(rosbridge=True)
-    answers = 0
-    with websocket(served) as connection:
-        for _ in range(12):
-            connection.send("{}")
-        with suppress(ConnectionClosed):
-            while connection.recv(10):
-                answers += 1
-    assert connection.close_reason == "too many messages"
-    assert answers <= 10
+    large = json.dumps({"op": "nothing", "id": "x" * 20_000})
+    with websocket(served) as flooding, websocket(served) as other:
+        for _ in range(50):
+            flooding.send(large)
+        begun = served.clock.now()
+        say(other, **GOAL, id="1", args={"task_number": 11})
+        assert heard(other, "action_result")["values"] == {"success": True}
+        for number in range(10):
+            say(other, op="nothing", id=str(number))
+        assert [heard(other, "status")["id"] for _ in range(10)] == [str(n) for n in range(10)]
+        assert served.clock.now() - begun > 0.1
+        answered = 0
+        with suppress(TimeoutError):
+            while flooding.recv(0):
+                answered += 1
+        assert answered < 10
 
 
 def test_who_reads_nothing_is_cut_off(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:

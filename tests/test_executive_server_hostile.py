@@ -119,6 +119,50 @@ def test_bad_bodies(serve: Serve, body: bytes, kind: str, status: int) -> None:
     assert served.executive.goals() == ()
 
 
+KEYS = b"{" + b",".join(b'"%d":1' % number for number in range(6500)) + b"}"
+
+
+def test_a_large_body_of_a_stranger_is_refused_before_it_is_read(serve: Serve) -> None:
+    served = serve()
+    for path in ("/api/cancel", f"/api/goals/{GOAL}/cancel"):
+        status, error = served.ask("POST", path, KEYS, token=False)
+        assert (status, error["code"]) == (413, "request.too_large"), path
+    assert served.ask("POST", "/api/goals", KEYS, token=False)[0] == 401
+
+
+def test_an_error_quotes_only_so_much_of_what_was_sent(serve: Serve) -> None:
+    served = serve()
+    for body in (
+        KEYS,
+        b'{"task": "' + b"x" * 60_000 + b'"}',
+        b'{"%s":1,"%s":1}' % (2 * (b"x" * 9_000,)),
+    ):
+        status, error = served.ask("POST", "/api/goals", body)
+        assert status in (400, 422)
+        assert len(json.dumps(error)) < 600
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "kind"),
+    [
+        ("/api/stop", b"", "application/x-www-form-urlencoded"),
+        ("/api/stop", b"", "text/plain"),
+        ("/api/stop?now=1", b"{}", "application/json"),
+        ("/api/stop", b"what", "text/plain"),
+        ("/api/stop", KEYS, "application/json"),
+        ("/api/stop", b"x" * 70_000, "application/json"),
+        ("/api/cancel", b"", "application/x-www-form-urlencoded"),
+    ],
+)
+def test_nothing_but_its_source_keeps_a_stop_from_being_done(
+    serve: Serve, path: str, body: bytes, kind: str
+) -> None:
+    served = serve()
+    goal = served.executive.send(10).identity
+    status, answer = served.ask("POST", path, body, {"content-type": kind}, token=False)
+    assert (status, answer) == (200, {"return_code": 0, "goals": [goal]})
+
+
 @pytest.mark.parametrize(
     "query", ["timeout=x", "timeout=-1", "timeout=NaN", "timeout=1e9", "timeout=1&timeout=1", "a=1"]
 )
@@ -221,8 +265,7 @@ def test_an_arm_in_motion_notices_nothing(serve: Serve) -> None:
 def test_too_many_requests_but_never_too_many_stops(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(app, "BURST", 3.0)
-    monkeypatch.setattr(app, "RATE", 0.001)
+    monkeypatch.setattr(app, "LIMITS", dict.fromkeys((True, False), (0.001, 3.0)))
     served = serve()
     for token in (False, True):  # strangers use up what is theirs, and no more
         found = [served.ask("GET", "/api/health", token=token)[0] for _ in range(5)]

@@ -26,6 +26,9 @@ from .wiring import PLANNING_TIMEOUT, port_line, put_in_order
 
 logger = logging.getLogger(__name__)
 
+# For so long a busy thread keeps the interpreter from the streamer, and from a stop [s].
+_SWITCH = 0.0005
+
 
 @dataclass(frozen=True, slots=True)
 class ServeOptions:
@@ -67,6 +70,7 @@ def serve(options: ServeOptions) -> None:
         ServerError: It cannot listen as it was asked to.
         LogError: A recording cannot be made, or could not be finished.
     """
+    sys.setswitchinterval(_SWITCH)
     with Interrupts() as interrupts, _log():
         robot, clock = load_robot(options.robot), RealClock()
         library = LiveLibrary(options.trees, robot)

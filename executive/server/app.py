@@ -32,7 +32,10 @@ logger = logging.getLogger(__name__)
 
 BODY_SECONDS = 5.0  # a body must be whole by then
 MOST_STREAMS = 40  # requests that may last as long as their client stays
-RATE, BURST = 200.0, 1000.0  # requests a second, and at once; stops are not counted
+# Requests a second, and at once, by whether they show the token; stops are not counted.
+LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
+CANCEL_BYTES = 1024  # of the body of a cancel: whoever sends it needs no token
+_QUOTED = 200  # characters of what was wrong, in an answer
 
 _NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?")  # as in JSON
 
@@ -56,7 +59,7 @@ class App:
     ) -> None:
         self._api, self._rules = api, rules
         # Strangers must not use up what is meant for those who know the token.
-        self._buckets = {known: Bucket(RATE, BURST, clock.now) for known in (True, False)}
+        self._buckets = {known: Bucket(*each, clock.now) for known, each in LIMITS.items()}
         self._said = Bucket(0.1, 3.0, clock.now)  # strangers must not fill the log
         self._streams = 0
         routes: list[Any] = [
@@ -102,12 +105,14 @@ class App:
         check = None if operation.body is None else fastjsonschema.compile(dict(operation.body))
         parameters = {each.name: _Checked(each) for each in operation.parameters}
         answer = getattr(self._api, operation.name)
+        blind = operation.stops and check is None
+        most = CANCEL_BYTES if operation.stops else strict_json.MOST_BYTES
 
         async def endpoint(request: Request) -> Response:
             try:
                 self._admit(operation, request)
-                given = _given(parameters, request)
-                body = await _body(request, check) if check else {}
+                given = {} if blind else _given(parameters, request)
+                body = await _body(request, check, most) if check else {}
                 with self._counted(operation):
                     response: Response = await answer(Call(request, given, body))
                     return response
@@ -127,8 +132,9 @@ class App:
     def _admit(self, operation: Operation, request: Request) -> None:
         if operation.stops:
             return
-        if not self._buckets[self._rules.knows_token(request.headers)].take():
-            raise TooMuch(f"more than {RATE:g} requests a second", "wait a moment")
+        known = self._rules.knows_token(request.headers)
+        if not self._buckets[known].take():
+            raise TooMuch(f"more than {LIMITS[known][0]:g} requests a second", "wait a moment")
         if self._rules.exposed or operation.method != "GET":
             self._rules.check_token(request.headers)
 
@@ -168,16 +174,16 @@ def _given(parameters: dict[str, _Checked], request: Request) -> dict[str, Any]:
     return {name: parameters[name].read(text) for name, text in given.items()}
 
 
-async def _body(request: Request, check: Callable[[Any], Any]) -> Any:
+async def _body(request: Request, check: Callable[[Any], Any], most: int) -> Any:
     """The JSON object that was sent, checked; an empty body is an empty object."""
-    data = await _read(request)
+    data = await _read(request, most)
     kind = request.headers.get("content-type")
-    if (data or kind) and not _is_json(kind or ""):
+    if data and not _is_json(kind or ""):
         raise BadRequest(f"a body is application/json, not {kind or 'of no type'}", status=415)
     try:
         value = strict_json.parse(data) if data else {}
     except strict_json.NotJson as error:
-        raise BadRequest(f"no JSON: {error}") from error
+        raise BadRequest(f"no JSON: {_quoted(str(error))}") from error
     return _checked(check, value)
 
 
@@ -196,11 +202,14 @@ def _checked(check: Callable[[Any], Any], value: Any) -> Any:
         name = str(error.name)
         where = name.removeprefix("data").lstrip(".") or "it"
         words = error.message.removeprefix(name).strip()
-        raise BadRequest(f"{where} {words}", status=422) from error
+        raise BadRequest(_quoted(f"{where} {words}"), status=422) from error
 
 
-async def _read(request: Request) -> bytes:
-    most = strict_json.MOST_BYTES
+def _quoted(words: str) -> str:
+    return words if len(words) <= _QUOTED else f"{words[:_QUOTED]} …"
+
+
+async def _read(request: Request, most: int) -> bytes:
     declared = request.headers.get("content-length", "0")
     large = TooMuch(f"a body may have {most} bytes", status=413, code="request.too_large")
     if int(declared) > most:

@@ -24,7 +24,8 @@ logger = logging.getLogger(__name__)
 
 MOST_CLIENTS = 16
 MOST_UNSENT = 1000  # messages that a client may be behind
-RATE, BURST = 200.0, 1000.0  # messages a second, and at once
+RATE, BURST = 200.0, 200.0  # messages a second, and at once, of all clients together
+COUNTED = 1024  # [bytes] of a message that count as one more
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
 
 
@@ -45,6 +46,7 @@ class Bridge:
         self.executive, self.stops = executive, stops
         self.robot, self.clock = robot, clock
         self._clients: set[_Client] = set()
+        self._bucket = Bucket(RATE, BURST, clock.now)
         self._joints: tuple[float, Mapping[str, float]] | None = None
         hub.listeners.append(self._tell)
 
@@ -60,6 +62,11 @@ class Bridge:
             await client.run()
         finally:
             self._clients.discard(client)
+
+    async def admit(self, text: str) -> None:
+        """Have a message wait where there are too many: the loop is there for stops, too."""
+        while not self._bucket.take(1 + len(text) / COUNTED):
+            await asyncio.sleep(1 / RATE)
 
     def now(self, topic: str) -> dict[str, Any] | None:
         """What a topic says now; None where it says nothing."""
@@ -141,7 +148,6 @@ class _Client:
         self._topics: dict[str, _Subscription] = {}
         self._unsent: asyncio.Queue[str] = asyncio.Queue(MOST_UNSENT)
         self._sent_away: asyncio.Future[str] = self._loop.create_future()
-        self._bucket = Bucket(RATE, BURST, bridge.clock.now)
 
     async def run(self) -> None:
         """Read and write until either ends, or the client is sent away."""
@@ -190,9 +196,7 @@ class _Client:
     async def _receive(self) -> None:
         while True:
             text = await self._websocket.receive_text()
-            if not self._bucket.take():
-                self._send_away("too many messages")
-                return
+            await self._bridge.admit(text)
             try:
                 await self._obey(ros.parse(text))
             except ros.BadGoal as error:

@@ -173,7 +173,12 @@ OPERATIONS = (
         stops=True,
     ),
     Operation(
-        "POST", "/api/stop", "stop", "Stop the arm, cancel all.", "Canceled", NOTHING, stops=True
+        "POST",
+        "/api/stop",
+        "stop",
+        "Stop the arm, cancel all. Whatever else is sent along is not looked at.",
+        "Canceled",
+        stops=True,
     ),
     Operation(
         "POST",
