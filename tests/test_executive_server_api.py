@@ -8,7 +8,7 @@ import pytest
 
 import logs
 from executive.goal import GoalStatus
-from executive.goals import Policy
+from executive.goals import Acceptance, Policy
 from executive.server import api
 from executive.server.operations import OPERATIONS
 from hardware import State
@@ -225,6 +225,27 @@ def test_a_goal_with_a_handle_is_canceled_when_its_holder_lets_go(serve: Serve) 
             assert client.goal(NOBODY).state.name == "EXECUTING"
         assert client.result(NOBODY, 5.0).state.name == "CANCELED"
         assert client.run(11, deadman=True).success
+
+
+def test_a_handle_that_is_let_go_while_its_goal_is_sent(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served = serve()
+    let_go, accept = threading.Event(), served.executive.send
+
+    def late(*goal: Any) -> Acceptance:
+        assert let_go.wait(10)
+        return accept(*goal)
+
+    monkeypatch.setattr(served.executive, "send", late)
+    with served.client() as client:
+        body = {"task": 10, "goal_id": NOBODY, "deadman": True}
+        sending = threading.Thread(target=served.ask, args=("POST", "/api/goals", body))
+        with client.hold(NOBODY):
+            sending.start()
+        let_go.set()
+        sending.join()
+        assert client.result(NOBODY, 5.0).state.name == "CANCELED"
 
 
 def test_a_client_that_goes_leaves_its_goal_running(serve: Serve) -> None:

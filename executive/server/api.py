@@ -109,6 +109,9 @@ class Api:
         if not acceptance.accepted:
             told = refusal(acceptance.code, acceptance.message)
             return JSONResponse(told, status_of(acceptance.code))
+        held = self._held.get(identity)
+        if body.get("deadman") and not (held and held.is_set()):  # let go before there was a goal
+            await self._stops.cancel(identity)
         made = {"goal_id": acceptance.identity, "stamp_ns": acceptance.stamp_ns}
         return JSONResponse(made, 201)
 
