@@ -16,6 +16,7 @@ from hardware import (
     NotActive,
     Robot,
     State,
+    StateChanged,
     TransitionRefused,
 )
 from skills import Context, NoOperator, Operator
@@ -372,8 +373,11 @@ class Executive:
 
     def _arm_did(self, event: ArmEvent) -> None:
         self._recordings.arm_did(event)
-        if isinstance(event, Faulted):
-            self._fail(event.error)
+        match event:
+            case Faulted():
+                self._fail(event.error)
+            case StateChanged(start=State.ACTIVE, goal=State.DEACTIVATING | State.SHUTTINGDOWN):
+                self._owner.interrupt(NotActive("the arm left *active* before the goal had ended"))
 
     def _fail(self, error: Exception) -> None:
         self._owner.fail(error)

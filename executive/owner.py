@@ -99,6 +99,10 @@ class Owner:
     def fail(self, error: Exception) -> None:
         """Say that the arm or a recording failed; ends the goal under way. From any thread."""
         self._fault = self._fault or error
+        self.interrupt(error)
+
+    def interrupt(self, error: Exception) -> None:
+        """End the goal under way, if there is one, for this error. From any thread."""
         if goal := self._goals.running:
             goal.mailbox.fail(error)
 
