@@ -161,7 +161,7 @@ class Executive:
             LogError: A recording could not be finished.
         """
         self._goals.close()
-        _, running = self._goals.cancel("", 0)
+        *_, running = self._goals.cancel("", 0)
         self._stop_for(running)
         self._owner.join()
         try:
@@ -197,12 +197,10 @@ class Executive:
             stamp_ns: All that were accepted up to then, UTC [ns since 1970]; 0 to name none. All
                 there are where neither is named; then the arm is stopped in any case.
         """
-        answer, running = self._goals.cancel(identity, stamp_ns)
+        answer, canceled, running = self._goals.cancel(identity, stamp_ns)
         if not (identity or stamp_ns or running):
             self._arm.stop()
-        self._stop_for(running)  # before a word is said
-        for goal in map(self._goals.find, answer.goals):
-            logger.info("Received a cancel of the goal for task %d (%s)", goal.task, goal.identity)
+        self._stop_for(running, canceled)
         return answer
 
     def result(self, identity: str, timeout: float | None = None) -> Outcome:
@@ -349,13 +347,17 @@ class Executive:
         """
         self._recordings.close()
 
-    def _stop_for(self, goal: Goal | None) -> None:
-        """Stop the arm for a goal that is under way, if there is one."""
-        if goal:
-            try:
+    def _stop_for(self, running: Goal | None, canceled: Sequence[Goal] = ()) -> None:
+        """Stop the arm for a goal that is under way, if there is one; then say what is canceled."""
+        try:
+            if running:
                 self._arm.stop()
-            finally:
-                self._goals.stopped(goal)
+            for goal in canceled:
+                did = f"a cancel of the goal for task {goal.task} ({goal.identity})"
+                logger.info("Received %s", did)
+        finally:
+            if running:
+                self._goals.stopped(running)
 
     def _executing(self, identity: str) -> Mailbox:
         goal = self._goals.find(identity)

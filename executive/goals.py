@@ -132,7 +132,7 @@ class Goals:
             self._enter(goal, GoalState.EXECUTING)
             self._end(goal, outcome)
 
-    def cancel(self, identity: str, stamp_ns: int) -> tuple[CancelAnswer, Goal | None]:
+    def cancel(self, identity: str, stamp_ns: int) -> tuple[CancelAnswer, list[Goal], Goal | None]:
         """Ask to cancel goals.
 
         Args:
@@ -141,14 +141,14 @@ class Goals:
                 All there are where neither is named.
 
         Returns:
-            The answer; and the goal under way where it is among them, for which the caller stops
-            the arm and then calls `stopped`.
+            The answer; the goals in it; and the one under way where it is among them, for which
+            the caller stops the arm and then calls `stopped`.
         """
         with self._signal:
             self._forget()
             identity = "" if identity == NOBODY else identity
             if identity and not stamp_ns and (code := self._uncancelable(identity)):
-                return CancelAnswer(code, ()), None
+                return CancelAnswer(code, ()), [], None
             chosen = [
                 goal
                 for goal in self._goals.values()
@@ -160,7 +160,7 @@ class Goals:
             for goal in canceled:
                 self._cancel(goal)
             answer = CancelAnswer(CancelCode.NONE, tuple(goal.identity for goal in canceled))
-            return answer, self._running if self._running in canceled else None
+            return answer, canceled, self._running if self._running in canceled else None
 
     def stopped(self, goal: Goal) -> None:
         """Note that the stop of the arm for a goal is done."""

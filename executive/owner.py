@@ -208,10 +208,10 @@ class Owner:
             recording=recordings.path,
             cause=cause,
         )
-        end = f"{state.name} ({outcome.code}) {outcome.message}"
-        logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, end)
         recordings.tell(_result(goal, outcome, now))
         self._goals.finish(goal, outcome)
+        end = f"{state.name} ({outcome.code}) {outcome.message}"
+        logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, end)
         if not self._solo:
             recordings.goal_ended()
 

@@ -228,6 +228,14 @@ def test_the_newest_results_are_those_of_the_goals_that_ended_last() -> None:
     assert table.goals.result(long, None).success
 
 
+def test_where_no_result_is_kept_a_goal_that_waits_can_be_canceled() -> None:
+    table = Table(keep=0.0)
+    goal = table.send().identity
+    _, canceled, _ = table.goals.cancel("", 0)
+    assert [each.identity for each in canceled] == [goal]
+    assert table.goals.all() == ()
+
+
 def test_asking_ends_in_time() -> None:
     table = Table()
     goal = table.send().identity
@@ -286,7 +294,7 @@ def test_no_goal_begins_before_the_stop_for_the_last_one_is_done() -> None:
     table = Table()
     table.send()
     table.begin()
-    _, running = table.goals.cancel("", 0)
+    *_, running = table.goals.cancel("", 0)
     assert running
     ended = threading.Event()
 

@@ -123,6 +123,18 @@ def test_a_fault_is_not_resumed_from_by_a_goal(server: RigMaker) -> None:
     assert arm.opened == 1
 
 
+def test_the_log_tells_a_cancel_before_the_end(
+    server: RigMaker, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    arm = server()
+    at_frame(arm, 10, arm.executive.cancel)
+    assert run(arm, 1).state is GoalState.CANCELED
+    said = [record.message for record in caplog.records if "goal for task 1" in record.message]
+    words = ("Received a goal", "Executing the goal", "Received a cancel", "The goal")
+    assert [line.startswith(word) for line, word in zip(said, words, strict=True)] == [True] * 4
+
+
 def test_how_things_are(server: RigMaker) -> None:
     arm = server(policy=Policy.QUEUE)
     seen = []

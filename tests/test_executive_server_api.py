@@ -106,6 +106,33 @@ def test_arguments_are_checked_as_in_the_file(serve: Serve) -> None:
     assert result(what=[1, {"a": None}])["code"] == "file.task"
 
 
+def test_a_number_is_an_integer_however_it_is_written(serve: Serve) -> None:
+    served = serve()
+    goal = served.ask("POST", "/api/goals", b'{"task": 11.0}')[1]["goal_id"]
+    result = served.ask("GET", f"/api/goals/{goal}/result")[1]
+    assert (repr(result["task_number"]), result["recording"][-8:]) == ("11", "-11.mcap")
+
+
+def test_who_joins_when_all_is_over_hears_of_no_goal(serve: Serve) -> None:
+    served = serve()
+    with served.client() as client, client.events("goal", "status") as early:
+        client.run(11)
+        assert any(isinstance(event, GoalStatus) and event.outcome for event in early)
+        with client.events() as late:
+            goal = client.send(10)
+            first = next(e for e in late if not isinstance(e, logs.Transition | logs.LogLine))
+            assert isinstance(first, GoalStatus)
+            assert first.identity == goal
+            client.cancel(goal)
+
+
+@pytest.mark.parametrize("kinds", ["nonsense", "result", "goal,nonsense"])
+def test_kinds_of_events_that_there_are_not(serve: Serve, kinds: str) -> None:
+    status, error = serve().ask("GET", f"/api/events?events={kinds}")
+    assert (status, error["code"]) == (422, "request.malformed")
+    assert "goal, " in error["message"]
+
+
 def test_a_failure_keeps_its_cause(serve: Serve) -> None:
     served = serve(active=False)
     goal = send(served, 1)

@@ -273,6 +273,21 @@ def test_too_many_requests_but_never_too_many_stops(
     assert all(stops(served) for _ in range(20))
 
 
+def test_strangers_who_wait_leave_room_for_others(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(app, "MOST_STREAMS", 1)
+    served = serve()
+    goal = served.executive.send(10).identity
+    asked = f"GET /api/goals/{goal}/result HTTP/1.1"
+    with raw(served, asked, f"host: 127.0.0.1:{served.server.port}", "", "") as waiting:
+        while served.ask("GET", f"/api/goals/{goal}/result?timeout=0", token=False)[0] != 429:
+            pass
+        assert served.ask("GET", f"/api/goals/{goal}/result?timeout=0")[0] == 409
+        served.executive.cancel()
+        assert b"CANCELED" in answer(waiting)
+
+
 def test_a_watcher_who_reads_nothing_is_dropped(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,7 +11,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from executive.errors import GoalError, ResultTimeout
-from executive.events import as_goal, as_result, as_status
+from executive.events import KINDS, as_goal, as_result, as_status
 from executive.executive import Event, Executive
 from executive.goal import GoalStatus
 from executive.goals import CancelAnswer
@@ -104,7 +104,7 @@ class Api:
             raise NotHeld(identity)
         arguments = {name: _as_text(value) for name, value in body.get("arguments", {}).items()}
         acceptance = await asyncio.to_thread(
-            self._executive.send, body["task"], arguments, identity
+            self._executive.send, int(body["task"]), arguments, identity
         )
         if not acceptance.accepted:
             told = refusal(acceptance.code, acceptance.message)
@@ -147,13 +147,15 @@ class Api:
 
     async def cancel_goal(self, call: Call) -> Response:
         """Cancel a goal, and with a stamp all that were accepted until then."""
-        stamp_ns = call.body.get("stamp_ns", 0)
+        stamp_ns = int(call.body.get("stamp_ns", 0))
         return _canceled(await self._stops.cancel(call.given["goal_id"], stamp_ns))
 
     async def cancel(self, call: Call) -> Response:
         """Cancel all goals, or those that are named."""
         body = call.body
-        return _canceled(await self._stops.cancel(body.get("goal_id", ""), body.get("stamp_ns", 0)))
+        return _canceled(
+            await self._stops.cancel(body.get("goal_id", ""), int(body.get("stamp_ns", 0)))
+        )
 
     async def stop(self, _: Call) -> Response:
         """Stop the arm, cancel all."""
@@ -200,6 +202,8 @@ class Api:
         if len(self._hub.watchers) >= MOST_WATCHERS:
             raise TooMuch(f"{MOST_WATCHERS} watch already", "close one of them")
         kinds = frozenset(filter(None, call.given.get("events", "").split(",")))
+        if kinds - KINDS:
+            raise BadRequest(f"events are {', '.join(sorted(KINDS))}", status=422)
         return StreamingResponse(self._watched(kinds), media_type="text/event-stream")
 
     async def metrics(self, _: Call) -> Response:

@@ -61,7 +61,7 @@ class App:
         # Strangers must not use up what is meant for those who know the token.
         self._buckets = {known: Bucket(*each, clock.now) for known, each in LIMITS.items()}
         self._said = Bucket(0.1, 3.0, clock.now)  # strangers must not fill the log
-        self._streams = 0
+        self._streams = {True: 0, False: 0}  # of those who know the token, and of all others
         routes: list[Any] = [
             self._route(path) for path in dict.fromkeys(o.path for o in OPERATIONS)
         ]
@@ -113,7 +113,7 @@ class App:
                 self._admit(operation, request)
                 given = {} if blind else _given(parameters, request)
                 body = await _body(request, check, most) if check else {}
-                with self._counted(operation):
+                with self._counted(operation, request):
                     response: Response = await answer(Call(request, given, body))
                     return response
             except ClientDisconnect:
@@ -139,14 +139,15 @@ class App:
             self._rules.check_token(request.headers)
 
     @contextmanager
-    def _counted(self, operation: Operation) -> Iterator[None]:
-        if operation.streams and self._streams >= MOST_STREAMS:
+    def _counted(self, operation: Operation, request: Request) -> Iterator[None]:
+        known = self._rules.knows_token(request.headers)
+        if operation.streams and self._streams[known] >= MOST_STREAMS:
             raise TooMuch(f"{MOST_STREAMS} clients wait or watch already", "close one of them")
-        self._streams += operation.streams
+        self._streams[known] += operation.streams
         try:
             yield
         finally:
-            self._streams -= operation.streams
+            self._streams[known] -= operation.streams
 
 
 class _Checked:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import logs
 from executive.events import as_event, kind_of
 from executive.executive import Event
-from executive.goal import QuestionStatus
+from executive.goal import GoalStatus, QuestionStatus
 
 MOST_WAITING = 4 * 1024 * 1024  # bytes of events that a watcher may be behind
 
@@ -109,9 +109,10 @@ class Hub:
     def _remember(self, event: Event) -> None:
         match event:
             case logs.Goal():
-                self._holds = {
-                    key: held for key, held in self._holds.items() if key == "lifecycle"
-                } | {"goal": event}
+                self._keep("lifecycle")
+                self._holds["goal"] = event
+            case GoalStatus() if event.outcome and self._shows(event.identity):
+                self._keep("lifecycle", "question")
             case logs.Transition():
                 self._holds["lifecycle"] = event
             case logs.NodeStatus():
@@ -122,6 +123,16 @@ class Hub:
                 self._holds[f"question {event.question_id}"] = event
             case QuestionStatus():
                 self._holds.pop(f"question {event.question_id}", None)
+
+    def _shows(self, identity: str) -> bool:
+        goal = self._holds.get("goal")
+        return isinstance(goal, logs.Goal) and goal.goal_id == identity
+
+    def _keep(self, *kinds: str) -> None:
+        """Hold only these kinds of events any longer."""
+        self._holds = {
+            key: event for key, event in self._holds.items() if key.partition(" ")[0] in kinds
+        }
 
 
 def _as_text(event: Event) -> bytes:
