@@ -30,7 +30,7 @@ from .mailbox import Mailbox
 from .owner import Owner
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
-from .restart import cut_off
+from .restart import earlier
 from .watchers import Event, Watchers
 
 logger = logging.getLogger(__name__)
@@ -117,7 +117,7 @@ class Executive:
         self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
         self._arm = arm = Arm(robot, recorded, clock, self._arm_did)
-        self._goals = Goals(clock, policy, result_timeout, self._publish)
+        self._goals = Goals(clock, policy, result_timeout, self._goal_changed)
         context = Context(
             robot,
             arm,
@@ -127,7 +127,7 @@ class Executive:
             wake=_nobody,
             tell=self._recordings.skill_did,
             clock=clock,
-            wake_at=_never,
+            wake_at=_nobody,
             operator=operator or NoOperator(),
         )
         self._owner = Owner(
@@ -135,14 +135,14 @@ class Executive:
         )
 
     def start(self) -> None:
-        """Begin to execute goals. A server knows those that another one before it left unfinished.
+        """Begin to execute goals. A server knows those of another one before it.
 
         Raises:
             LogError: A server's recording cannot be made.
         """
         if not self._solo:
             utc = self._clock.epoch_ns() / 1e9 + self._clock.now()
-            for goal in cut_off(self._folder, utc - self._keep):
+            for goal in earlier(self._folder, utc - self._keep):
                 self._goals.add_ended(*goal)
             self._recordings.open_between()
         self._owner.start()
@@ -384,15 +384,15 @@ class Executive:
     def _fail(self, error: Exception) -> None:
         self._owner.fail(error)
 
+    def _goal_changed(self, status: GoalStatus) -> None:
+        self._recordings.goal_changed(status)
+        self._publish(status)
+
     def _publish(self, event: Event) -> None:
         if isinstance(event, logs.Feedback):
             self._progress = event
         self._watchers.tell(event)
 
 
-def _nobody() -> None:
-    """Wakes nobody."""
-
-
-def _never(time: float) -> None:
+def _nobody(*_: float) -> None:
     """Wakes nobody."""

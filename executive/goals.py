@@ -124,12 +124,13 @@ class Goals:
             return Acceptance(identity, True, goal.stamp_ns, OK, "accepted"), preempted
 
     def add_ended(self, identity: str, stamp_ns: int, outcome: Outcome) -> None:
-        """Know a goal of an earlier server, which was aborted."""
+        """Know a goal of an earlier server."""
         with self._signal:
             now = self._clock.now()
             goal = Goal(identity, outcome.task, {}, now, stamp_ns, Mailbox(self._clock))
             self._goals[identity] = goal
-            self._enter(goal, GoalState.EXECUTING)
+            canceled = outcome.state is GoalState.CANCELED
+            self._enter(goal, GoalState.CANCELING if canceled else GoalState.EXECUTING)
             self._end(goal, outcome)
 
     def cancel(self, identity: str, stamp_ns: int) -> tuple[CancelAnswer, list[Goal], Goal | None]:

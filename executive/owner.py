@@ -17,10 +17,11 @@ from .building.arguments import located
 from .building.builder import Tree, build
 from .codes import OK
 from .errors import GoalError
-from .goal import Cause, Goal, Outcome
+from .goal import Goal, Outcome
 from .goals import NOBODY, Goals
 from .mailbox import Mailbox
 from .recording.recordings import Recordings
+from .results import record_of
 from .run import Run
 from .verdict import judge
 
@@ -208,7 +209,7 @@ class Owner:
             recording=recordings.path,
             cause=cause,
         )
-        recordings.tell(_result(goal, outcome, now))
+        recordings.tell(record_of(goal.identity, outcome, now))
         self._goals.finish(goal, outcome)
         end = f"{state.name} ({outcome.code}) {outcome.message}"
         logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, end)
@@ -218,23 +219,3 @@ class Owner:
     def _discard(self, attempt: _Attempt) -> None:
         if attempt.tree:
             attempt.tree.discard()
-
-
-def _result(goal: Goal, outcome: Outcome, now: float) -> logs.Result:
-    cause = outcome.cause or Cause(OK, "")
-    return logs.Result(
-        time=now,
-        goal_id=goal.identity,
-        task=goal.task,
-        state=outcome.state.name,
-        success=outcome.success,
-        code=outcome.code,
-        message=outcome.message,
-        frames=outcome.frames,
-        duration=outcome.duration,
-        node=cause.node,
-        joint=cause.joint,
-        value=cause.value,
-        limit=cause.limit,
-        hint=cause.hint,
-    )

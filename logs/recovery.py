@@ -7,7 +7,6 @@ from pathlib import Path
 from .compaction import UNFINISHED, compact, locked, part_of
 from .errors import LogError, RecordingInUse, RecordingTruncated
 from .recording import Recording
-from .records import Goal, Result
 from .salvage import Salvage
 from .summary import Summary
 
@@ -51,8 +50,8 @@ def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
             yield error
 
 
-def cut_off(folder: Path, since: float) -> Iterator[Recording]:
-    """Recordings of goals that have no end, and that nobody is writing: recovered or not.
+def left(folder: Path, since: float) -> Iterator[Recording]:
+    """Recordings that nobody is writing, in the order of their names: recovered or not.
 
     Args:
         folder: Where recordings are.
@@ -63,12 +62,9 @@ def cut_off(folder: Path, since: float) -> Iterator[Recording]:
             if path.stat().st_mtime < since:
                 continue
             with locked(path):
-                recording = Recording(path)
-            kinds = {type(record) for record in recording.records(Goal, Result)}
+                yield Recording(path)
         except (LogError, OSError):
             continue  # in use, or no recording of ours
-        if kinds == {Goal}:
-            yield recording
 
 
 def lacking(recording: Recording) -> str:

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import logs
 from executive.building.builder import Tree
-from executive.goal import Goal
+from executive.goal import Goal, GoalState, GoalStatus
+from executive.results import record_of
 from hardware import ArmEvent, Clock, Robot
 from logs.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
@@ -25,6 +26,11 @@ _BETWEEN = "server"  # in the name of the recording of what happens between goal
 
 # So many goals' recordings may be unfinished, each with its descriptors; then the next goal waits.
 _UNFINISHED = 64
+
+
+def is_servers(recording: Path) -> bool:
+    """Whether a recording is one of what happens between goals, by its name."""
+    return recording.stem.endswith(f"-{_BETWEEN}")
 
 
 class Recordings:
@@ -90,6 +96,17 @@ class Recordings:
         self._meshes.clear()
         self._attach(recorder, tree)
         self.tell(logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed))
+
+    def goal_changed(self, status: GoalStatus) -> None:
+        """Note in a server's recording that there is a goal, and its end, whatever it came to."""
+        if self._between is None:
+            return
+        if status.state is GoalState.ACCEPTED:
+            accepted = (status.stamp_ns - self._clock.epoch_ns()) / 1e9
+            self._between.put(logs.Goal(accepted, status.identity, status.task, "", 0))
+        elif status.outcome:
+            now = self._clock.now()
+            self._between.put(record_of(status.identity, status.outcome, now))
 
     def check_space(self) -> None:
         """See that a run's recording has room.
