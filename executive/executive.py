@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
@@ -12,6 +11,7 @@ from hardware import (
     ArmEvent,
     Clock,
     Faulted,
+    FrameSent,
     Link,
     NotActive,
     Robot,
@@ -28,9 +28,11 @@ from .goal import Goal, GoalState, GoalStatus, Outcome
 from .goals import Acceptance, CancelAnswer, Goals, Policy
 from .mailbox import Mailbox
 from .owner import Owner
+from .pose import Standing
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 from .restart import earlier
+from .snapshot import Snapshot
 from .watchers import Event, Watchers
 
 logger = logging.getLogger(__name__)
@@ -39,35 +41,6 @@ __all__ = ["TRANSITIONS", "Event", "Executive", "Snapshot"]
 
 BREAKPOINTS = 100  # so many may be marked
 TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
-
-
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """How things are at one moment.
-
-    Attributes:
-        arm: State of the hardware.
-        port: The line to the board; empty where none was named.
-        commanded: Where the arm was last commanded to, by joint [rad]; None while it is not active.
-        goal: The goal under way, if there is one.
-        progress: How far it is, if it has begun.
-        paused: Whether the goal under way stands still.
-        breakpoints: Paths of the nodes that are paused before.
-        waiting: Identities of those that wait for their turn.
-        policy: What becomes of a second goal.
-        uptime: Since the start [s].
-    """
-
-    arm: State
-    port: str
-    commanded: Mapping[str, float] | None
-    goal: GoalStatus | None
-    progress: logs.Feedback | None
-    paused: bool
-    breakpoints: tuple[str, ...]
-    waiting: tuple[str, ...]
-    policy: Policy
-    uptime: float
 
 
 class Executive:
@@ -89,6 +62,7 @@ class Executive:
             by itself, and what follows a goal belongs to its recording, until `finish_recording`.
             Otherwise only `arm_to` activates the arm.
         operator: Who answers what tasks ask.
+        pose: What a person says of where the arm stands at its first activation; see `pose.py`.
     """
 
     def __init__(
@@ -106,12 +80,14 @@ class Executive:
         result_timeout: float = 900.0,
         solo: bool = False,
         operator: Operator | None = None,
+        pose: str | None = None,
     ) -> None:
         self._robot, self._clock, self._solo = robot, clock, solo
         self._port, self._began = link.port if link else "", clock.now()
         self._watchers = Watchers()
         self._watchers.add(watch)
         self._progress: logs.Feedback | None = None
+        self._standing = Standing(robot, self._port, recordings, pose)
         self._folder, self._keep = recordings, result_timeout
         self._marked = set[str]()
         self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail)
@@ -139,8 +115,11 @@ class Executive:
 
         Raises:
             LogError: A server's recording cannot be made.
+            PoseUnconfirmed: Nobody has said where the arm stands, and it is to run at once.
         """
-        if not self._solo:
+        if self._solo:
+            self._arm.robot = self._standing.taken(None)
+        else:
             utc = self._clock.epoch_ns() / 1e9 + self._clock.now()
             for goal in earlier(self._folder, utc - self._keep):
                 self._goals.add_ended(*goal)
@@ -284,11 +263,12 @@ class Executive:
         else:
             self._marked.add(path)
 
-    def arm_to(self, transition: str) -> State:
+    def arm_to(self, transition: str, pose: str | None = None) -> State:
         """Take the arm through a transition, to its end.
 
         Args:
             transition: configure, activate, deactivate, cleanup or shutdown.
+            pose: What a person says of where the arm stands when it is activated; see `pose.py`.
 
         Returns:
             Where it stands then.
@@ -302,7 +282,10 @@ class Executive:
             raise TransitionRefused(f"there is no transition {transition}; there are {known}")
         if transition == "activate":
             self._recordings.check_space()
+            self._arm.robot = self._standing.taken(pose)
         getattr(self._arm, transition)()
+        if transition == "activate":
+            self._standing.commanded(self._arm.commanded)
         return self._arm.state
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
@@ -376,6 +359,8 @@ class Executive:
     def _arm_did(self, event: ArmEvent) -> None:
         self._recordings.arm_did(event)
         match event:
+            case FrameSent():
+                self._standing.commanded(event.positions)
             case Faulted():
                 self._fail(event.error)
             case StateChanged(start=State.ACTIVE, goal=State.DEACTIVATING | State.SHUTTINGDOWN):

@@ -180,12 +180,15 @@ class Goals:
             self._enter(goal, GoalState.EXECUTING)
             return goal
 
+    def settle(self, goal: Goal) -> None:
+        """Wait until no stop is under way for a goal."""
+        with self._signal:
+            self._settle(goal)
+
     def finish(self, goal: Goal, outcome: Outcome) -> None:
         """End the goal that is under way, and tell whoever waits for it."""
         with self._signal:
-            # A stop that is still under way must not hit the goal after this one.
-            while goal.stops:
-                self._signal.wait(None)
+            self._settle(goal)  # a stop must not hit the goal after this one
             self._running = None
             waiters = self._end(goal, outcome)
         _call(waiters, outcome)
@@ -257,6 +260,10 @@ class Goals:
         with self._signal:
             self._closed = True
             self._signal.notify()
+
+    def _settle(self, goal: Goal) -> None:
+        while goal.stops:
+            self._signal.wait(None)
 
     def _refusal(self, identity: str) -> Acceptance | None:
         if self._closed:

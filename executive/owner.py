@@ -209,10 +209,11 @@ class Owner:
             recording=recordings.path,
             cause=cause,
         )
-        recordings.tell(record_of(goal.identity, outcome, now))
-        self._goals.finish(goal, outcome)
+        self._goals.settle(goal)
         end = f"{state.name} ({outcome.code}) {outcome.message}"
         logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, end)
+        recordings.tell(record_of(goal.identity, outcome, now))
+        self._goals.finish(goal, outcome)
         if not self._solo:
             recordings.goal_ended()
 

@@ -309,7 +309,8 @@ class Arm:
         port = self._link.port
         with self._signal:
             self._failure = None
-        logger.info("Starting the arm on port %s: it %s", port, self.robot.firmware.on_reset)
+        reset = self.robot.firmware.on_reset if self.robot.serial.resets else "stays where it is"
+        logger.info("Starting the arm on port %s: it %s", port, reset)
         self._connection = connection = self._connect(self._link)
         try:
             self._lookout = Lookout(port, self._clock, self._tell)

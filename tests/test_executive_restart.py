@@ -12,7 +12,7 @@ from executive.commands.cli import cli
 from executive.goal import GoalState
 from executive.goals import Policy
 from executive.pose import PoseUnconfirmed, standing
-from hardware import DescriptionError, Robot, load_robot
+from hardware import DescriptionError, Robot, State, load_robot
 from tests.conftest import Rig, RigMaker
 from tests.server_acts import at_frame
 
@@ -142,16 +142,36 @@ def test_a_pose_is_offered_and_confirmed(robot: Robot, rig: RigMaker, tmp_path: 
     assert str(outcome.recording)
 
 
-def test_a_run_goes_on_from_a_confirmed_pose(
-    robot: Robot, rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_goes_on_from_a_confirmed_pose(robot: Robot, rig: RigMaker) -> None:
     first = rig()
     first.run(1)
-    confirmed = standing(unreset(robot), "/dev/ttyX", "last", tmp_path)
-    second = rig(robot=confirmed)
+    second = rig(robot=unreset(robot), pose="last")
     (outcome,) = second.run(1)
     assert outcome.success
     assert second.frames == []  # it is there already
+
+
+def test_a_later_activation_goes_on_from_where_the_arm_was_left(
+    robot: Robot, server: RigMaker
+) -> None:
+    arm = server(robot=unreset(robot), pose="boot")
+    assert arm.executive.result(arm.executive.send(1).identity).success
+    left = arm.told(logs.Sent)[-1].positions
+    arm.executive.arm_to("deactivate")
+    with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* --pose last .* --pose boot"):
+        arm.executive.arm_to("activate")
+    assert arm.executive.snapshot().arm is State.INACTIVE
+    assert arm.executive.arm_to("activate", "last") is State.ACTIVE
+    assert tuple((arm.executive.snapshot().commanded or {}).values()) == left
+    count = len(arm.frames)
+    assert arm.executive.result(arm.executive.send(1).identity).success
+    assert len(arm.frames) == count  # it is there already
+    arm.executive.arm_to("deactivate")
+    assert arm.executive.arm_to("activate", "boot") is State.ACTIVE
+    assert set((arm.executive.snapshot().commanded or {}).values()) == {0.0}
+    arm.executive.arm_to("deactivate")
+    with pytest.raises(PoseUnconfirmed, match=r"joint_1 0\.000"):
+        arm.executive.arm_to("activate")
 
 
 def test_there_is_nothing_to_confirm(robot: Robot, tmp_path: Path) -> None:

@@ -268,6 +268,7 @@ def test_what_happens_between_goals_is_recorded_too(server: RigMaker, tmp_path: 
     for task in (1, 7):
         arm.executive.tell(logs.LogLine(arm.clock.now(), 20, "door", f"somebody asks for {task}"))
         run(arm, task)
+        arm.rest(0.1)
     arm.executive.arm_to("deactivate")
     arm.executive.close()
     (between,) = tmp_path.glob("*-server.mcap")

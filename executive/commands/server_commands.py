@@ -203,13 +203,14 @@ def watch(as_json: bool, server: str | None) -> None:
     "transition",
     type=click.Choice(["configure", "activate", "deactivate", "cleanup", "shutdown"]),
 )
+@pose_option
 @server_option
-def arm(transition: str, server: str | None) -> None:
+def arm(transition: str, pose: str | None, server: str | None) -> None:
     """Take a server's arm through its lifecycle; activate opens the port, which moves the arm."""
     from executive.client import Client
 
     with Client(server) as client:
-        click.echo(client.arm(transition))
+        click.echo(client.arm(transition, pose))
 
 
 def _change(verb: str, goal_id: str, server: str | None) -> None:

@@ -75,7 +75,7 @@ def serve(options: ServeOptions) -> None:
         robot, clock = load_robot(options.robot), RealClock()
         library = LiveLibrary(options.trees, robot)
         port = robot.serial.port if options.port is None else options.port
-        robot = standing(robot, port, options.pose, options.recordings)
+        standing(robot, port, options.pose, options.recordings)  # refused before all else
         for words in put_in_order(options.recordings, options.keep, clock):
             logger.warning("%s", words)
         questions = Questions(clock)
@@ -92,6 +92,7 @@ def serve(options: ServeOptions) -> None:
                 _nobody,
                 options.policy,
                 operator=questions,
+                pose=options.pose,
             )
             with Server(executive, library, robot, clock, options.place, questions) as server:
                 logger.info("%s", port_line(robot, port))

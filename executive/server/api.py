@@ -194,7 +194,8 @@ class Api:
 
     async def arm(self, call: Call) -> Response:
         """Take the arm through its lifecycle."""
-        state = await asyncio.to_thread(self._executive.arm_to, call.given["transition"])
+        asked = call.given["transition"], call.body.get("pose")
+        state = await asyncio.to_thread(self._executive.arm_to, *asked)
         return JSONResponse({"arm": state.value})
 
     async def events(self, call: Call) -> Response:

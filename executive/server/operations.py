@@ -36,6 +36,14 @@ WHICH = _object(
     stamp_ns={**_STAMP, "description": "All that were accepted at or before this [ns]."},
 )
 UP_TO = _object(stamp_ns=WHICH["properties"]["stamp_ns"])
+STANDS = _object(
+    pose={
+        "type": "string",
+        "enum": ["boot", "last"],
+        "description": "Where the arm stands, to activate one whose board is not reset: in its "
+        "boot pose, or where it was commanded to last.",
+    }
+)
 ANSWER = _object(
     ("answer",),
     answer={
@@ -231,7 +239,7 @@ OPERATIONS = (
         "arm",
         "Take the arm through its lifecycle; activate opens the port, which moves the arm.",
         "Arm",
-        NOTHING,
+        STANDS,
         (_TRANSITION,),
     ),
     Operation(
