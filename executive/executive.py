@@ -131,7 +131,7 @@ class Executive:
 
         Only before `start`.
         """
-        return next((task for task in tasks if not self._owner.judge(task, arguments)), None)
+        return next((task for task in tasks if self._owner.judge(task, arguments)), None)
 
     def close(self) -> None:
         """Take no more goals, cancel those there are, wait for them, and shut the arm down.
@@ -162,7 +162,9 @@ class Executive:
             arguments: Values of its parameters, by name; a text is read as it would be in a file.
             identity: 32 hexadecimal digits, made here where there are none.
         """
-        acceptance, preempted = self._goals.send(task, arguments, identity)
+        preempts = self._goals.policy is Policy.PREEMPT
+        wrong = self._owner.judge(task, arguments) if preempts else None
+        acceptance, preempted = self._goals.send(task, arguments, identity, wrong)
         self._stop_for(preempted)
         did = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
         logger.info("Received a goal for task %d (%s): %s", task, acceptance.identity, did)

@@ -101,9 +101,19 @@ class Goals:
         self._closed = False
 
     def send(
-        self, task: int, arguments: Mapping[str, str | Located], identity: str
+        self,
+        task: int,
+        arguments: Mapping[str, str | Located],
+        identity: str,
+        wrong: Exception | None = None,
     ) -> tuple[Acceptance, Goal | None]:
         """Accept a goal, or refuse it.
+
+        Args:
+            task: Number of its task.
+            arguments: Values of its parameters.
+            identity: 32 hexadecimal digits, made here where there are none.
+            wrong: Why it can never be done, where that is known.
 
         Returns:
             The answer; and the goal that must make room for it, for which the caller stops the arm
@@ -114,6 +124,9 @@ class Goals:
             identity = identity or uuid.uuid4().hex
             if refused := self._refusal(identity):
                 return refused, None
+            if wrong:
+                cause = cause_of(wrong)
+                return _refused(identity, cause.code, cause.message), None
             preempted = self._preempt(identity) if self.policy is Policy.PREEMPT else None
             now, mailbox = self._clock.now(), Mailbox(self._clock)
             goal = Goal(identity, task, arguments, now, self._stamp(now), mailbox)

@@ -4,7 +4,7 @@ import dataclasses
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from threading import Thread
+from threading import Lock, Thread
 
 import logs
 from hardware import ActivationStopped, Arm, Clock, HardwareError, NotActive, State
@@ -78,6 +78,7 @@ class Owner:
         self._recordings, self._context, self._clock = recordings, context, clock
         self._marked, self._solo = marked, solo
         self._signal = clock.signal()
+        self._blackboard = Lock()  # py_trees has one for all, and no lock
         self._ended = False
         self._thread: Thread | None = None
         self._fault: Exception | None = None
@@ -107,12 +108,12 @@ class Owner:
         if goal := self._goals.running:
             goal.mailbox.fail(error)
 
-    def judge(self, task: int, arguments: Mapping[str, str | Located]) -> bool:
-        """Whether nothing is wrong with a goal as far as that can be said without the arm."""
+    def judge(self, task: int, arguments: Mapping[str, str | Located]) -> Exception | None:
+        """What is wrong with a goal, as far as that can be said without the arm; any thread asks."""
         attempt = _Attempt(Goal(NOBODY, task, arguments, 0.0, 0, Mailbox(self._clock)))
         self._try(attempt, self._build)
         self._discard(attempt)
-        return attempt.error is None
+        return attempt.error
 
     def _own(self) -> None:
         while goal := self._goals.take():
@@ -161,7 +162,8 @@ class Owner:
         )
         namespace = f"run_{goal.identity}"
         arguments = located(goal.arguments)
-        attempt.tree = build(draft, library, context, namespace, arguments)
+        with self._blackboard:
+            attempt.tree = build(draft, library, context, namespace, arguments)
         breakpoints.watch(attempt.tree)
 
     def _open(self, attempt: _Attempt) -> None:
@@ -219,4 +221,5 @@ class Owner:
 
     def _discard(self, attempt: _Attempt) -> None:
         if attempt.tree:
-            attempt.tree.discard()
+            with self._blackboard:
+                attempt.tree.discard()

@@ -9,7 +9,7 @@ import logs
 from executive.commands.log_handler import LogHandler
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goal import GoalState, GoalStatus, Outcome
-from executive.goals import Policy
+from executive.goals import Acceptance, Policy
 from executive.replay.proof import prove
 from hardware import NotActive, State, TransitionRefused
 from skills import PlanGripper
@@ -231,6 +231,23 @@ def test_preempt_while_planning(server: RigMaker) -> None:
     assert run(arm, 1).code == "goal.preempted"
     last = arm.executive.goals()[-1]
     assert arm.executive.result(last.identity).success
+
+
+def test_what_can_never_be_done_preempts_nothing(server: RigMaker) -> None:
+    arm = server(policy=Policy.PREEMPT)
+    answers: list[Acceptance] = []
+
+    def act() -> None:
+        answers.append(arm.executive.send(99, identity="ab" * 16))
+        answers.append(arm.executive.send(2, {"nonsense": "3"}))
+
+    at_frame(arm, 10, act)
+    assert run(arm, 1).success
+    assert [(each.accepted, each.code) for each in answers] == [
+        (False, "goal.unknown_task"),
+        (False, "file.task"),
+    ]
+    assert answers[0].identity == "ab" * 16
 
 
 # Results and recordings
