@@ -109,7 +109,7 @@ class Owner:
             goal.mailbox.fail(error)
 
     def judge(self, task: int, arguments: Mapping[str, str | Located]) -> Exception | None:
-        """What is wrong with a goal, as far as that can be said without the arm; any thread asks."""
+        """What is wrong with a goal, as far as that goes without the arm; any thread asks."""
         attempt = _Attempt(Goal(NOBODY, task, arguments, 0.0, 0, Mailbox(self._clock)))
         self._try(attempt, self._build)
         self._discard(attempt)

@@ -234,13 +234,27 @@ class _NotedRun(Run):
         self.trees[:] = [tree]
 
 
-def leftovers(cancels: int) -> tuple[int, int]:
-    """Cancels at random instants: nodes or work left alive, and frames sent after a hold."""
+class _TappedLink(BoardLink):
+    """A link that keeps what is written to it."""
+
+    written = 0
+
+    def write(self, data: bytes) -> None:
+        """Write a frame."""
+        super().write(data)
+        self.written += 1
+
+
+def leftovers(cancels: int) -> tuple[int, int, int]:
+    """Cancels at random instants: nodes or work left alive, frames after a hold, and holds.
+
+    What comes after a hold is looked for until long after the result, told or written.
+    """
     clock, robot, rng = SimulatedClock(), load_robot(), random.Random(1)
-    zombies = after_hold = 0
+    zombies = after_hold = stopped = 0
     setattr(executive.owner, "Run", _NotedRun)  # noqa: B010, for the time being
     with tempfile.TemporaryDirectory() as folder, clock.working():
-        link, sent = BoardLink(virtual_board(robot), clock), list[logs.Sent]()
+        link, sent = _TappedLink(virtual_board(robot), clock), list[logs.Sent]()
 
         def watch(event: Event) -> None:
             if isinstance(event, logs.Sent):
@@ -249,19 +263,23 @@ def leftovers(cancels: int) -> tuple[int, int]:
         with serving(robot, link, clock, watch, Path(folder)) as arm:
             for number in range(cancels):
                 sent.clear()
+                written = link.written
                 goal = arm.send(21 + number % 2).identity
-                rest(clock, rng.choice((0.0, rng.uniform(0.0, 4.0))))
+                rest(clock, rng.choice((0.0, *(rng.uniform(0.0, 3.0) for _ in range(9)))))
                 arm.cancel(rng.choice(("", goal)))
                 arm.result(goal)
+                rest(clock, 0.3)
                 for tree in _NotedRun.trees:
                     zombies += sum(s.status is Status.RUNNING or s.busy for s in tree.skills)
                     zombies += sum(node.status is Status.RUNNING for node in tree.root.iterate())
                 holds = [i for i, frame in enumerate(sent) if frame.hold]
-                after_hold += len(sent) - 1 - holds[0] if holds else 0
+                frames = max(len(sent), link.written - written)
+                after_hold += frames - 1 - holds[0] if holds else 0
+                stopped += bool(holds)
                 _NotedRun.trees.clear()
                 _sweep(Path(folder))
     setattr(executive.owner, "Run", Run)  # noqa: B010
-    return zombies, after_hold
+    return zombies, after_hold, stopped
 
 
 def rest(clock: Clock, seconds: float) -> None:
@@ -357,7 +375,7 @@ def main(runs: int, file: Path | None, cancels: int) -> None:
     """Measure and show."""
     following, canceled = next_skill_times(), cancel_times(200)
     asked, bridged = cancel_times(200, over_http), bridge_times(200)
-    zombies, after_hold = leftovers(cancels)
+    zombies, after_hold, stopped = leftovers(cancels)
     done, grown, threads, descriptors = soak(1000)
     rows = [
         Row("next_skill_p95_ms", "ms", [percentile(following, 95)]),
@@ -368,6 +386,7 @@ def main(runs: int, file: Path | None, cancels: int) -> None:
         Row("rosbridge_result_p50_ms", "ms", [percentile(bridged, 50)]),
         Row("zombies", "1", [zombies]),
         Row("frames_after_hold", "1", [after_hold]),
+        Row("cancels_in_motion", "1", [stopped]),
         Row("goals_done", "1", [done]),
         Row("memory_growth_mib", "MiB", [grown]),
         Row("threads_growth", "1", [threads]),
