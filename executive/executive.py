@@ -57,7 +57,7 @@ class Executive:
         timeout: How long a planner may take [s].
         watch: The first that is told of everything, as by `subscribe`.
         policy: What becomes of a goal that comes while another one is under way.
-        result_timeout: How long the result of an ended goal is kept [s].
+        result_timeout: How long the result of an ended goal is kept [s]; see `Goals`.
         solo: Whether it is there for the goals of one caller alone: then a goal activates the arm
             by itself, and what follows a goal belongs to its recording, until `finish_recording`.
             Otherwise only `arm_to` activates the arm.
@@ -88,7 +88,7 @@ class Executive:
         self._watchers.add(watch)
         self._progress: logs.Feedback | None = None
         self._standing = Standing(robot, self._port, recordings, pose)
-        self._folder, self._keep = recordings, result_timeout
+        self._folder = recordings
         self._marked = set[str]()
         self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
@@ -121,7 +121,7 @@ class Executive:
             self._arm.robot = self._standing.taken(None)
         else:
             utc = self._clock.epoch_ns() / 1e9 + self._clock.now()
-            for goal in earlier(self._folder, utc - self._keep):
+            for goal in earlier(self._folder, utc - self._goals.keep):
                 self._goals.add_ended(*goal)
             self._recordings.open_between()
         self._owner.start()

@@ -4,6 +4,7 @@ The semantics are those of a ROS 2 action server, answer by answer; it knows no 
 """
 
 import logging
+import math
 import re
 import uuid
 from collections import deque
@@ -83,7 +84,8 @@ class Goals:
     Args:
         clock: Whose time.
         policy: What becomes of a second goal.
-        keep: How long an ended goal is known [s], unless `KEPT` others have ended after it.
+        keep: How long an ended goal is known [s], unless `KEPT` others have ended after it; where
+            it is negative, until they have.
         changed: Told of every change, in order and from any thread; it must be quick, and wait for
             no other thread.
     """
@@ -91,7 +93,8 @@ class Goals:
     def __init__(
         self, clock: Clock, policy: Policy, keep: float, changed: Callable[[GoalStatus], None]
     ) -> None:
-        self._clock, self.policy, self._keep, self._changed = clock, policy, keep, changed
+        self._clock, self.policy, self._changed = clock, policy, changed
+        self.keep = keep if keep >= 0 else math.inf
         self._signal = clock.signal()
         self._goals: dict[str, Goal] = {}
         self._waiting: deque[Goal] = deque()
@@ -349,7 +352,7 @@ class Goals:
 
     def _forget(self) -> None:
         """Forget what was kept long enough, and the oldest of too many."""
-        since = self._clock.now() - self._keep
+        since = self._clock.now() - self.keep
         while self._ended and (len(self._ended) > KEPT or self._ended[0].ended <= since):
             del self._goals[self._ended.popleft().identity]
 

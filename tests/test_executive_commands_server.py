@@ -143,7 +143,7 @@ def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
 def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
     served, type_in = typed
     served.executive.arm_to("activate")
-    assert type_in("pause")[0] == 2
+    assert type_in("pause")[0] == 4
     goal = type_in("send", "10")[1].strip()
     assert re.fullmatch("[0-9a-f]{32}", goal)
     assert json.loads(type_in("status", "--json")[1])["goal"]["goal_id"] == goal

@@ -177,7 +177,7 @@ def test_results_are_forgotten_in_time() -> None:
     assert table.goals.all() == ()
 
 
-@pytest.mark.parametrize(("keep", "known"), [(0.0, 0), (math.inf, 1)])
+@pytest.mark.parametrize(("keep", "known"), [(0.0, 0), (math.inf, 1), (-1.0, 1)])
 def test_results_can_be_kept_for_ever_or_not_at_all(keep: float, known: int) -> None:
     table = Table(keep=keep)
     goal = table.send().identity

@@ -10,6 +10,7 @@ import click
 from executive.codes import look_up
 
 from .options import (
+    Finite,
     keep_days_option,
     keep_mb_option,
     port_option,
@@ -54,6 +55,14 @@ TCP_PORT = 8765
     show_default=True,
     help="0 for any that is free.",
 )
+@click.option(
+    "--result-timeout",
+    type=Finite(),
+    default=900.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="How long results are kept; negative: until 1000 others have come.",
+)
 @click.option("--host", "hosts", multiple=True, help="Another name of this server, for --expose.")
 @click.option("--origin", "origins", multiple=True, help="A page that may ask: http://name:port.")
 @click.option("--expose", is_flag=True, help="Let other machines in; all but a stop needs a token.")
@@ -71,6 +80,7 @@ def serve(
     recordings: Path,
     activate: bool,
     policy: str,
+    result_timeout: float,
     pose: str | None,
     seed: int,
     workers: int,
@@ -94,6 +104,7 @@ def serve(
         seed=seed,
         workers=workers,
         policy=Policy(policy),
+        result_timeout=result_timeout,
         activate=activate,
         pose=pose,
         keep=Rule(keep_days, keep_mb),
@@ -214,12 +225,12 @@ def arm(transition: str, pose: str | None, server: str | None) -> None:
 
 
 def _change(verb: str, goal_id: str, server: str | None) -> None:
-    from executive.client import Client
+    from executive.client import Client, Refused
 
     with Client(server) as client:
         running = client.status().goal
         if not goal_id and running is None:
-            raise click.UsageError("no goal is under way")
+            raise Refused({"code": "goal.not_executing", "message": "no goal is under way"})
         goal = getattr(client, verb)(goal_id or (running and running.identity))
     click.echo(f"task {goal.task} ({goal.identity})")
 

@@ -42,6 +42,7 @@ class ServeOptions:
         seed: For whatever draws at random.
         workers: Planner processes.
         policy: What becomes of a second goal.
+        result_timeout: How long results are kept [s]; see `Goals`.
         activate: Whether to activate the arm at once.
         pose: Where the arm stands, where its board is not reset; see `executive.pose`.
         keep: Which recordings are kept.
@@ -55,6 +56,7 @@ class ServeOptions:
     seed: int
     workers: int
     policy: Policy
+    result_timeout: float
     activate: bool
     pose: str | None
     keep: Rule
@@ -91,6 +93,7 @@ def serve(options: ServeOptions) -> None:
                 PLANNING_TIMEOUT,
                 _nobody,
                 options.policy,
+                options.result_timeout,
                 operator=questions,
                 pose=options.pose,
             )
