@@ -11,7 +11,7 @@ import pytest
 
 import logs
 from executive.executive import Event
-from executive.server import access, api, app, connections, hub
+from executive.server import access, api, app, connections, hub, turns
 from executive.server.operations import OPERATIONS
 from executive.server.server import AddressInUse, ServerError
 from tests.serving import Serve, Served
@@ -231,6 +231,46 @@ def test_a_crowd_that_asks_for_nothing_makes_room(serve: Serve) -> None:
         assert stops(served)
         goal = served.ask("POST", "/api/goals", {"task": 11})[1]["goal_id"]
         assert served.ask("GET", f"/api/goals/{goal}/result")[1]["success"]
+        assert served.server.connections <= connections.MOST_CONNECTIONS
+
+
+def test_a_stop_waits_for_no_turn(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    served = serve()
+    goal = served.executive.send(10).identity
+    monkeypatch.setattr(turns, "REST", 1e9)
+    with contextlib.ExitStack() as stack:
+        ask = ("GET /api/health HTTP/1.1", *head(served, "")[1:])
+        for _ in range(150):  # one is let in; that was enough for years
+            stack.enter_context(raw(served, *ask))
+        assert served.ask("POST", "/api/stop", token=False) == (
+            200,
+            {"return_code": 0, "goals": [goal]},
+        )
+
+
+def test_requests_in_advance_are_not_answered(serve: Serve) -> None:
+    served = serve()
+    ask = ("GET /api/health HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "")
+    with raw(served, *ask * 8) as connection:
+        assert answer(connection).count(b"HTTP/1.1 200") == 1
+
+
+def test_strangers_who_are_idle_do_not_end_a_hold(serve: Serve) -> None:
+    served = serve()
+    with contextlib.ExitStack() as stack:
+        hold = f"POST /api/goals/{GOAL}/hold HTTP/1.1"
+        lines = (hold, *head(served, "transfer-encoding: chunked", "")[1:])
+        holding = stack.enter_context(raw(served, *lines))
+        body = {"task": 10, "goal_id": GOAL, "deadman": True}
+        holding.sendall(b"1\r\n \r\n")
+        assert served.ask("POST", "/api/goals", body)[0] == 201
+        for number in range(150):
+            stack.enter_context(raw(served))
+            if number % 10 == 0:
+                holding.sendall(b"1\r\n \r\n")
+        assert served.ask("GET", "/api/health")[0] == 200
+        holding.sendall(b"0\r\n\r\n")
+        assert b'"canceled":true' in answer(holding)
         assert served.server.connections <= connections.MOST_CONNECTIONS
 
 

@@ -26,7 +26,7 @@ from .api import Api, Call
 from .bucket import Bucket
 from .errors import BadRequest, Forbidden, RequestError, TooMuch, as_json, status_of
 from .operations import OPERATIONS, Operation, Parameter
-from .security import Rules, hardened
+from .security import SHOWS_TOKEN, Rules, hardened
 
 logger = logging.getLogger(__name__)
 
@@ -80,8 +80,11 @@ class App:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request, or one WebSocket."""
+        headers = Headers(scope=scope)
+        if self._rules.knows_token(headers):
+            scope["state"][SHOWS_TOKEN] = True
         try:
-            self._rules.check_source(Headers(scope=scope))
+            self._rules.check_source(headers)
         except Forbidden as error:
             if scope["type"] == "websocket":
                 if self._said.take():
@@ -132,7 +135,7 @@ class App:
     def _admit(self, operation: Operation, request: Request) -> None:
         if operation.stops:
             return
-        known = self._rules.knows_token(request.headers)
+        known = SHOWS_TOKEN in request.scope["state"]
         if not self._buckets[known].take():
             raise TooMuch(f"more than {LIMITS[known][0]:g} requests a second", "wait a moment")
         if self._rules.exposed or operation.method != "GET":
@@ -140,7 +143,7 @@ class App:
 
     @contextmanager
     def _counted(self, operation: Operation, request: Request) -> Iterator[None]:
-        known = self._rules.knows_token(request.headers)
+        known = SHOWS_TOKEN in request.scope["state"]
         if operation.streams and self._streams[known] >= MOST_STREAMS:
             raise TooMuch(f"{MOST_STREAMS} clients wait or watch already", "close one of them")
         self._streams[known] += operation.streams
@@ -158,10 +161,10 @@ class _Checked:
         self._number = parameter.schema["type"] == "number"
         self._check = fastjsonschema.compile(dict(parameter.schema))
 
-    def read(self, text: str) -> Any:
+    def read(self, name: str, text: str) -> Any:
         """Its value."""
         number = self._number and _NUMBER.fullmatch(text)
-        return _checked(self._check, float(text) if number else text)
+        return _checked(self._check, float(text) if number else text, name)
 
 
 def _given(parameters: dict[str, _Checked], request: Request) -> dict[str, Any]:
@@ -172,7 +175,7 @@ def _given(parameters: dict[str, _Checked], request: Request) -> dict[str, Any]:
             there = ", ".join(n for n, p in parameters.items() if p.in_query) or "none"
             raise BadRequest(f"the parameter {name} is unknown or twice there; there are {there}")
         given[name] = text
-    return {name: parameters[name].read(text) for name, text in given.items()}
+    return {name: parameters[name].read(name, text) for name, text in given.items()}
 
 
 async def _body(request: Request, check: Callable[[Any], Any], most: int) -> Any:
@@ -185,7 +188,7 @@ async def _body(request: Request, check: Callable[[Any], Any], most: int) -> Any
         value = strict_json.parse(data) if data else {}
     except strict_json.NotJson as error:
         raise BadRequest(f"no JSON: {_quoted(str(error))}") from error
-    return _checked(check, value)
+    return _checked(check, value, "the body")
 
 
 def _is_json(kind: str) -> bool:
@@ -196,12 +199,12 @@ def _is_json(kind: str) -> bool:
     )
 
 
-def _checked(check: Callable[[Any], Any], value: Any) -> Any:
+def _checked(check: Callable[[Any], Any], value: Any, whole: str) -> Any:
     try:
         return check(value)
     except fastjsonschema.JsonSchemaValueException as error:
         name = str(error.name)
-        where = name.removeprefix("data").lstrip(".") or "it"
+        where = name.removeprefix("data").lstrip(".") or whole
         words = error.message.removeprefix(name).strip()
         raise BadRequest(_quoted(f"{where} {words}"), status=422) from error
 

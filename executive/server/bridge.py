@@ -16,7 +16,6 @@ from executive.goal import GoalStatus
 from hardware import Clock, Robot, states
 
 from . import rosbridge as ros
-from .bucket import Bucket
 from .hub import Hub
 from .stops import Stops
 
@@ -24,8 +23,6 @@ logger = logging.getLogger(__name__)
 
 MOST_CLIENTS = 16
 MOST_UNSENT = 1000  # messages that a client may be behind
-RATE, BURST = 200.0, 200.0  # messages a second, and at once, of all clients together
-COUNTED = 1024  # [bytes] of a message that count as one more
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
 
 
@@ -46,7 +43,6 @@ class Bridge:
         self.executive, self.stops = executive, stops
         self.robot, self.clock = robot, clock
         self._clients: set[_Client] = set()
-        self._bucket = Bucket(RATE, BURST, clock.now)
         self._joints: tuple[float, Mapping[str, float]] | None = None
         hub.listeners.append(self._tell)
 
@@ -62,11 +58,6 @@ class Bridge:
             await client.run()
         finally:
             self._clients.discard(client)
-
-    async def admit(self, text: str) -> None:
-        """Have a message wait where there are too many: the loop is there for stops, too."""
-        while not self._bucket.take(1 + len(text) / COUNTED):
-            await asyncio.sleep(1 / RATE)
 
     def now(self, topic: str) -> dict[str, Any] | None:
         """What a topic says now; None where it says nothing."""
@@ -196,7 +187,6 @@ class _Client:
     async def _receive(self) -> None:
         while True:
             text = await self._websocket.receive_text()
-            await self._bridge.admit(text)
             try:
                 await self._obey(ros.parse(text))
             except ros.BadGoal as error:

@@ -16,12 +16,12 @@ class Bucket:
         self._rate, self._burst, self._now = rate, burst, now
         self._left, self._at = burst, now()
 
-    def take(self, cost: float = 1.0) -> bool:
-        """Whether one more may pass, which counts for so many."""
+    def take(self) -> bool:
+        """Whether one more may pass."""
         now = self._now()
         self._left = min(self._burst, self._left + (now - self._at) * self._rate)
         self._at = now
-        if self._left < min(cost, self._burst):
+        if self._left < 1.0:
             return False
-        self._left -= cost
+        self._left -= 1.0
         return True

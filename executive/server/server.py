@@ -20,11 +20,12 @@ from . import access
 from .api import Api
 from .app import App
 from .bridge import Bridge
-from .connections import HttpConnection, WebSocketConnection
+from .connections import HttpConnection, State, WebSocketConnection
 from .hub import Hub
 from .security import Rules, is_loopback, names
 from .stops import Stops
 from .strict_json import MOST_BYTES
+from .turns import Turns
 
 logger = logging.getLogger(__name__)
 
@@ -70,8 +71,9 @@ class Place:
 class _Uvicorn(uvicorn.Server):
     """uvicorn without its ten looks a second at whether it is to end."""
 
-    def __init__(self, config: uvicorn.Config) -> None:
+    def __init__(self, config: uvicorn.Config, turns: Turns) -> None:
         super().__init__(config)
+        self.server_state = State(turns)
         self.ready, self._end = threading.Event(), asyncio.Event()
 
     async def main_loop(self) -> None:
@@ -162,7 +164,7 @@ class Server:
         api = Api(self._executive, stops, self._library, self._hub, self._questions)
         bridge = Bridge(self._executive, stops, self._hub, self._robot, self._clock)
         app = App(api, self._rules(), self._clock, bridge.serve if self._place.rosbridge else None)
-        self._server = _Uvicorn(_config(app))
+        self._server = _Uvicorn(_config(app), Turns(self._loop))
         self._thread = self._clock.spawn(self._run, "network")
         self._server.ready.wait()
 
