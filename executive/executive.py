@@ -213,9 +213,9 @@ class Executive:
         """
         return self._goals.find(identity).status
 
-    def goals(self) -> tuple[GoalStatus, ...]:
-        """All goals that are known, ended ones until they are forgotten."""
-        return self._goals.all()
+    def goals(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
+        """All goals that are known, or the newest of them; ended ones until they are forgotten."""
+        return self._goals.all(newest)
 
     def pause(self, identity: str) -> None:
         """Stop the arm where a goal has brought it, and keep the goal. Time-outs stand still too.

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from itertools import islice
 
 from hardware import Clock
 from trees import Located
@@ -265,11 +266,12 @@ class Goals:
         with self._signal:
             return tuple(goal.identity for goal in self._waiting)
 
-    def all(self) -> tuple[GoalStatus, ...]:
-        """All goals that are known, in the order in which they were accepted."""
+    def all(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
+        """All goals that are known, or the newest; in the order in which they were accepted."""
         with self._signal:
             self._forget()
-            return tuple(goal.status for goal in self._goals.values())
+            goals = [*islice(reversed(self._goals.values()), newest)]
+            return tuple(goal.status for goal in reversed(goals))
 
     def close(self) -> None:
         """Take no more goals."""

@@ -1,10 +1,12 @@
 """rosbridge clients written by others, for the original robot: unchanged, they work."""
 
 import base64
+import contextlib
 import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from executive.server import bridge, connections
+from executive.server import rosbridge as ros
 from tests.serving import Serve, Served
 
 pytest_plugins = ["tests.server_fixtures"]
@@ -175,6 +178,38 @@ def test_a_cancel_by_service_answers_as_ros_does(serve: Serve) -> None:
         assert heard(connection, "service_response")["values"]["return_code"] == 2
         say(connection, op="call_service", id="c", service="/rosapi/topics")
         assert heard(connection, "service_response")["result"] is False
+        say(connection, op="call_service", id="d", service=service, args={"goal_info": 1})
+        response = heard(connection, "service_response")
+        assert (response["id"], response["result"]) == ("d", False)
+
+
+def test_the_status_topic_is_made_once_for_all_who_hear_it(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+    array = ros.status_array
+
+    def counted(goals: Sequence[tuple[str, int, int]]) -> dict[str, Any]:
+        made.append(len(goals))
+        return array(goals)
+
+    monkeypatch.setattr(ros, "status_array", counted)
+    monkeypatch.setattr(bridge, "LISTED", 2)
+    served = serve(rosbridge=True)
+    with contextlib.ExitStack() as stack:
+        clients = [stack.enter_context(websocket(served)) for _ in range(5)]
+        for client in clients:
+            say(client, op="subscribe", topic=ros.STATUS)
+            assert heard(client, "publish")["msg"] == {"status_list": []}
+        for number in range(4):
+            say(clients[0], **GOAL, id=str(number), args={"task_number": 11})
+            assert heard(clients[0], "action_result")["status"] == 4
+        for client in clients[1:]:
+            for _ in range(12):
+                last = heard(client, "publish")["msg"]["status_list"]
+            assert [each["status"] for each in last] == [4, 4]
+    assert len(made) <= 1 + 4 * 3
+    assert max(made) == 2
 
 
 def test_a_topic_is_throttled_but_its_last_message_comes(serve: Serve) -> None:

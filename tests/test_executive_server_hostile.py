@@ -328,6 +328,30 @@ def test_strangers_who_wait_leave_room_for_others(
         assert b"CANCELED" in answer(waiting)
 
 
+def test_strangers_who_watch_leave_room_for_others(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(api, "MOST_WATCHERS", 1)
+    served = serve()
+    watch = ("GET /api/events HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "")
+    with raw(served, *watch) as stranger, served.client() as client:
+        assert stranger.recv(15) == b"HTTP/1.1 200 OK"
+        while served.ask("GET", "/api/events", token=False)[0] != 429:
+            pass
+        with client.events("goal"):
+            assert served.ask("GET", "/api/events")[0] == 429
+
+
+def test_a_list_of_goals_has_an_end(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(api, "LISTED", 2)
+    served = serve()
+    with served.client() as client:
+        assert all(client.run(11).success for _ in range(3))
+        listed = served.ask("GET", "/api/goals")[1]["goals"]
+        known = [goal.identity for goal in served.executive.goals()]
+    assert [goal["goal_id"] for goal in listed] == known[-2:]
+
+
 def test_a_watcher_who_reads_nothing_is_dropped(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -19,12 +19,13 @@ from executive.live_library import LiveLibrary
 from executive.questions import Questions
 
 from .errors import BadRequest, TooMuch, refusal, status_of
-from .hub import Hub
+from .hub import LISTED, Hub
 from .metrics import Metrics
 from .openapi import document
+from .security import SHOWS_TOKEN
 from .stops import Stops
 
-MOST_WATCHERS = 16
+MOST_WATCHERS = 16  # of those who show the token, and of all others
 HOLD_SECONDS = 1.0  # a hold of which nothing comes for so long has ended
 
 
@@ -50,6 +51,11 @@ class Call:
     request: Request
     given: Mapping[str, Any]
     body: Mapping[str, Any]
+
+    @property
+    def known(self) -> bool:
+        """Whether whoever asks shows the token."""
+        return SHOWS_TOKEN in self.request.scope["state"]
 
 
 class Api:
@@ -94,8 +100,8 @@ class Api:
             return JSONResponse({"tasks": await asyncio.to_thread(self._library.listed)})
 
     async def goals(self, _: Call) -> Response:
-        """Every goal that is known."""
-        return JSONResponse({"goals": [as_goal(goal) for goal in self._executive.goals()]})
+        """The newest goals."""
+        return JSONResponse({"goals": [as_goal(goal) for goal in self._executive.goals(LISTED)]})
 
     async def send(self, call: Call) -> Response:
         """Accept a goal, or refuse it."""
@@ -200,12 +206,12 @@ class Api:
 
     async def events(self, call: Call) -> Response:
         """What happens, as it happens."""
-        if len(self._hub.watchers) >= MOST_WATCHERS:
+        if sum(each.known is call.known for each in self._hub.watchers) >= MOST_WATCHERS:
             raise TooMuch(f"{MOST_WATCHERS} watch already", "close one of them")
         kinds = frozenset(filter(None, call.given.get("events", "").split(",")))
         if kinds - KINDS:
             raise BadRequest(f"events are {', '.join(sorted(KINDS))}", status=422)
-        return StreamingResponse(self._watched(kinds), media_type="text/event-stream")
+        return StreamingResponse(self._watched(kinds, call.known), media_type="text/event-stream")
 
     async def metrics(self, _: Call) -> Response:
         """Figures for Prometheus."""
@@ -215,8 +221,8 @@ class Api:
         """The document."""
         return JSONResponse(self._document)
 
-    async def _watched(self, kinds: frozenset[str]) -> AsyncIterator[bytes]:
-        watcher = self._hub.join(kinds)
+    async def _watched(self, kinds: frozenset[str], known: bool) -> AsyncIterator[bytes]:
+        watcher = self._hub.join(kinds, known)
         try:
             yield b": armtree\n\n"  # so that the client knows it is connected
             while text := await watcher.take():

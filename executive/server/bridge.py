@@ -16,7 +16,7 @@ from executive.goal import GoalStatus
 from hardware import Clock, Robot, states
 
 from . import rosbridge as ros
-from .hub import Hub
+from .hub import LISTED, Hub
 from .stops import Stops
 
 logger = logging.getLogger(__name__)
@@ -44,6 +44,7 @@ class Bridge:
         self.robot, self.clock = robot, clock
         self._clients: set[_Client] = set()
         self._joints: tuple[float, Mapping[str, float]] | None = None
+        self._statuses: dict[str, Any] | None = None  # as long as no goal changes
         hub.listeners.append(self._tell)
 
     async def serve(self, websocket: WebSocket) -> None:
@@ -62,8 +63,11 @@ class Bridge:
     def now(self, topic: str) -> dict[str, Any] | None:
         """What a topic says now; None where it says nothing."""
         if topic == ros.STATUS:
-            goals = self.executive.goals()
-            return ros.status_array([(g.identity, g.stamp_ns, g.state.value) for g in goals])
+            if self._statuses is None:
+                goals = self.executive.goals(LISTED)
+                told = [(g.identity, g.stamp_ns, g.state.value) for g in goals]
+                self._statuses = ros.status_array(told)
+            return self._statuses
         if self._joints is None:
             return None
         time, positions = self._joints
@@ -72,6 +76,7 @@ class Bridge:
     def _tell(self, event: Event) -> None:
         match event:
             case GoalStatus():
+                self._statuses = None
                 self._each(lambda client: client.goal_changed(event))
                 self._each(lambda client: client.published(ros.STATUS))
             case logs.Feedback():
@@ -191,6 +196,8 @@ class _Client:
                 await self._obey(ros.parse(text))
             except ros.BadGoal as error:
                 self._put(ros.refusal(error.identity or "", str(error)))
+            except ros.BadCall as error:
+                self._put(ros.service_response(error.call, str(error), done=False))
             except ros.BadMessage as error:
                 self._put(ros.complaint(error))
 
@@ -234,10 +241,8 @@ class _Client:
 
     async def _serve(self, call: ros.CallService) -> None:
         if call.service != ros.CANCEL_SERVICE:
-            words = f"no service {call.service}; there is {ros.CANCEL_SERVICE}"
-            self._put(ros.service_response(call, words, done=False))
-            return
-        identity, stamp_ns = ros.cancel_request(call.arguments)
+            raise ros.BadCall(f"no service {call.service}; there is {ros.CANCEL_SERVICE}", call)
+        identity, stamp_ns = ros.cancel_request(call)
         answer = await self._bridge.stops.cancel(identity, stamp_ns)
         stamps = {goal.identity: goal.stamp_ns for goal in self._bridge.executive.goals()}
         canceling = [(each, stamps.get(each, 0)) for each in answer.goals]

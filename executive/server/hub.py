@@ -10,6 +10,7 @@ from executive.events import as_event, kind_of
 from executive.executive import Event
 from executive.goal import GoalStatus, QuestionStatus
 
+LISTED = 150  # goals in a list, the newest: all that run or wait, and what has just ended
 MOST_WAITING = 4 * 1024 * 1024  # bytes of events that a watcher may be behind
 
 
@@ -18,10 +19,11 @@ class Watcher:
 
     Args:
         kinds: Of events that are wanted; empty for all.
+        known: Whether they show the token.
     """
 
-    def __init__(self, kinds: frozenset[str]) -> None:
-        self.kinds = kinds
+    def __init__(self, kinds: frozenset[str], known: bool) -> None:
+        self.kinds, self.known = kinds, known
         self._waiting: deque[bytes] = deque()
         self._bytes = 0
         self._some = asyncio.Event()
@@ -74,9 +76,9 @@ class Hub:
             self._called = True
             self._loop.call_soon_threadsafe(self._tell)
 
-    def join(self, kinds: frozenset[str]) -> Watcher:
+    def join(self, kinds: frozenset[str], known: bool) -> Watcher:
         """Begin to watch."""
-        watcher = Watcher(kinds)
+        watcher = Watcher(kinds, known)
         for event in self._holds.values():
             if not kinds or kind_of(event) in kinds:
                 watcher.put(_as_text(event))

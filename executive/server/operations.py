@@ -138,7 +138,7 @@ OPERATIONS = (
     Operation("GET", "/api/health", "health", "Whether the server answers.", "Health"),
     Operation("GET", "/api/status", "status", "What the arm and the goals are at.", "Status"),
     Operation("GET", "/api/tasks", "tasks", "The tasks there are.", "Tasks"),
-    Operation("GET", "/api/goals", "goals", "Every goal that is known.", "Goals"),
+    Operation("GET", "/api/goals", "goals", "The newest 150 goals that are known.", "Goals"),
     Operation("POST", "/api/goals", "send", "Run a task.", "Accepted", TASK, status=201),
     Operation(
         "GET", "/api/goals/{goal_id}", "goal", "What a goal is at.", "Goal", parameters=(_GOAL,)
