@@ -3,7 +3,8 @@
 `next_skill` and the idle server run on the virtual Arduino in real time; a cancel is timed at the
 bytes of a pseudo-terminal, by another process that reads them. Ten thousand cancels and a thousand
 goals run in simulated time, on the board in-process. `cancel_http` is the same cancel asked by a
-request, `rosbridge_result` an empty task asked as roslibpy does; both clients are in this process.
+request, `stop_in_flood` a stop on a new connection while strangers, in another process, send all they
+can. `rosbridge_result` is an empty task asked as roslibpy does; its client is in this process.
 """
 
 import dataclasses
@@ -48,7 +49,7 @@ from hardware import (
 from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
-from tests.network_doors import over_http, rosbridge_results, served
+from tests.network_doors import in_a_flood, over_http, rosbridge_results, served
 
 Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]
 
@@ -375,6 +376,7 @@ def main(runs: int, file: Path | None, cancels: int) -> None:
     """Measure and show."""
     following, canceled = next_skill_times(), cancel_times(200)
     asked, bridged = cancel_times(200, over_http), bridge_times(200)
+    flooded = cancel_times(100, in_a_flood)
     zombies, after_hold, stopped = leftovers(cancels)
     done, grown, threads, descriptors = soak(1000)
     rows = [
@@ -383,6 +385,8 @@ def main(runs: int, file: Path | None, cancels: int) -> None:
         Row("cancel_p99_ms", "ms", [percentile(canceled, 99)]),
         Row("cancel_http_p50_ms", "ms", [percentile(asked, 50)]),
         Row("cancel_http_p99_ms", "ms", [percentile(asked, 99)]),
+        Row("stop_in_flood_p50_ms", "ms", [percentile(flooded, 50)]),
+        Row("stop_in_flood_p99_ms", "ms", [percentile(flooded, 99)]),
         Row("rosbridge_result_p50_ms", "ms", [percentile(bridged, 50)]),
         Row("zombies", "1", [zombies]),
         Row("frames_after_hold", "1", [after_hold]),
