@@ -22,7 +22,7 @@ from hardware import RealClock, Robot
 Cancel = Callable[[], object]
 
 # Whatever costs a server most, from people without a token and without end: bodies and messages of
-# 64 KiB with thousands of keys, on eight connections of each kind.
+# 64 KiB with thousands of keys, on four connections of each kind.
 FLOOD = """
 import socket, sys, threading
 from websockets.exceptions import WebSocketException
@@ -47,7 +47,7 @@ def again(act):
             act()
         except (OSError, WebSocketException):
             pass
-for act in (request, publish) * 8:
+for act in (request, publish) * 4:
     threading.Thread(target=again, args=(act,), daemon=True).start()
 print(flush=True)
 sys.stdin.read()

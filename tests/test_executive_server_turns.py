@@ -4,7 +4,9 @@ import asyncio
 from collections.abc import Callable
 from typing import Any, cast
 
-from executive.server.turns import REST, Turns
+import pytest
+
+from executive.server.turns import OWED, REST, Turns
 
 
 class Loop:
@@ -13,6 +15,10 @@ class Loop:
     def __init__(self) -> None:
         self.soon: list[Callable[[], None]] = []
         self.later: list[tuple[float, Callable[[], None]]] = []
+        self.now = 10.0
+
+    def time(self) -> float:
+        return self.now
 
     def call_soon(self, act: Callable[..., None], *given: Any) -> None:
         self.soon.append(lambda: act(*given))
@@ -25,6 +31,7 @@ class Loop:
         for act in [self.soon.pop(0) for _ in self.soon]:
             act()
         ((delay, act),) = [self.later.pop(0) for _ in self.later]
+        self.now += delay
         act()
         return delay
 
@@ -86,10 +93,21 @@ def test_a_rest_is_as_long_as_the_work_wants_it() -> None:
     rig = Rig(work=0.25)
     a = rig.connection("a")
     a.send("1", "2")
-    assert rig.loop.go_on() == REST * 0.25
+    assert rig.loop.go_on() == pytest.approx(REST * 0.25 - OWED)
     assert rig.let_in == ["a1", "a2"]
     a.send("3")
     assert rig.let_in == ["a1", "a2"]  # it still rests
+    assert rig.loop.go_on() == pytest.approx(REST * 0.25)
+
+
+def test_a_little_work_is_rested_from_later() -> None:
+    work = OWED / REST / 4
+    rig = Rig(work)
+    a = rig.connection("a")
+    a.send(*"12345678")
+    rests = [rig.loop.go_on() for _ in range(7)]
+    assert rests[:4] == pytest.approx([0.0] * 4)
+    assert sum(rests) == pytest.approx(7 * work * REST - OWED)
 
 
 def test_what_comes_after_a_rest_is_let_in_at_once() -> None:

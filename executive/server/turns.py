@@ -7,6 +7,7 @@ from typing import Protocol
 
 PIECE = 1024  # [bytes] that are read at a time, so that no turn is long
 REST = 3.0  # times the work of a turn, before the next one: the loop is there for the arm, too
+OWED = 0.02  # [s] of rest that may be owed, so that who asks little need not wait for it
 
 
 class Connection(Protocol):
@@ -34,6 +35,7 @@ class Turns:
         self._lines: list[dict[Connection, list[bytes]]] = [{}, {}]
         self._first, self._others = self._lines
         self._under_way = False
+        self._rested = 0.0  # when all that is owed will have been rested [s]
 
     def wait(self, connection: Connection, data: bytes, first: bool) -> None:
         """Have a piece wait; those who are `first` and all others are heard by turns."""
@@ -68,4 +70,6 @@ class Turns:
                 self._loop.call_soon(self._rest, begun)
 
     def _rest(self, begun: float) -> None:
-        self._loop.call_later(REST * (self._worked() - begun), self._next)
+        now = self._loop.time()
+        self._rested = max(self._rested, now) + REST * (self._worked() - begun)
+        self._loop.call_later(max(0.0, self._rested - OWED - now), self._next)

@@ -3,8 +3,8 @@
 `next_skill` and the idle server run on the virtual Arduino in real time; a cancel is timed at the
 bytes of a pseudo-terminal, by another process that reads them. Ten thousand cancels and a thousand
 goals run in simulated time, on the board in-process. `cancel_http` is the same cancel asked by a
-request, `stop_in_flood` a stop on a new connection while strangers, in another process, send all they
-can. `rosbridge_result` is an empty task asked as roslibpy does; its client is in this process.
+request, `stop_in_flood` a stop on a new connection while strangers, in another process, send all
+they can. `rosbridge_result` is an empty task asked as roslibpy does; its client is in this process.
 """
 
 import dataclasses
