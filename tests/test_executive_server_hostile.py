@@ -147,6 +147,7 @@ def test_an_error_quotes_only_so_much_of_what_was_sent(serve: Serve) -> None:
     [
         ("/api/stop", b"", "application/x-www-form-urlencoded"),
         ("/api/stop", b"", "text/plain"),
+        ("/api/stop/", b"", "text/plain"),
         ("/api/stop?now=1", b"{}", "application/json"),
         ("/api/stop", b"what", "text/plain"),
         ("/api/stop", KEYS, "application/json"),

@@ -65,6 +65,11 @@ class App:
         routes: list[Any] = [
             self._route(path) for path in dict.fromkeys(o.path for o in OPERATIONS)
         ]
+        routes += [
+            Route(f"{o.path}/", self._endpoint(o), methods=[o.method])
+            for o in OPERATIONS
+            if o.blind
+        ]
         if rosbridge:
             routes.append(WebSocketRoute("/", rosbridge))
         starlette = Starlette(routes=routes, exception_handlers={HTTPException: _not_routed})
@@ -108,13 +113,12 @@ class App:
         check = None if operation.body is None else fastjsonschema.compile(dict(operation.body))
         parameters = {each.name: _Checked(each) for each in operation.parameters}
         answer = getattr(self._api, operation.name)
-        blind = operation.stops and check is None
         most = CANCEL_BYTES if operation.stops else strict_json.MOST_BYTES
 
         async def endpoint(request: Request) -> Response:
             try:
                 self._admit(operation, request)
-                given = {} if blind else _given(parameters, request)
+                given = {} if operation.blind else _given(parameters, request)
                 body = await _body(request, check, most) if check else {}
                 with self._counted(operation, request):
                     response: Response = await answer(Call(request, given, body))

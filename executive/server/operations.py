@@ -133,6 +133,11 @@ class Operation:
     status: int = 200
     media: str = "application/json"
 
+    @property
+    def blind(self) -> bool:
+        """Whether nothing that is sent along is looked at."""
+        return self.stops and self.body is None
+
 
 OPERATIONS = (
     Operation("GET", "/api/health", "health", "Whether the server answers.", "Health"),
