@@ -10,6 +10,7 @@ CANCELED = "goal.canceled"
 INTERNAL = "internal"
 DIFFERS = "replay.differs"
 BUSY = "goal.busy"
+QUEUE_FULL = "goal.queue_full"
 DUPLICATE = "goal.duplicate"
 BAD_IDENTITY = "goal.bad_id"
 CLOSING = "server.closing"
@@ -81,6 +82,7 @@ CODES = {
         "give the robot file it was recorded with",
     ),
     BUSY: Code(4, "Another goal is under way", "wait for it, cancel it, or choose another policy"),
+    QUEUE_FULL: Code(4, "Too many goals wait for their turn", "wait for some, or cancel them"),
     DUPLICATE: Code(4, "There is a goal of that name already", "give every goal a name of its own"),
     BAD_IDENTITY: Code(
         4,
@@ -89,14 +91,15 @@ CODES = {
     ),
     CANCELED: Code(7, "Somebody canceled it", "", "Canceled"),
     "goal.preempted": Code(4, "Another goal took its place", "send it again if it is still wanted"),
-    "goal.unknown": Code(
-        4, "There is no goal of that name, or it is forgotten", "ask sooner, or keep results longer"
-    ),
+    "goal.unknown": Code(4, "There is no goal of that name, or it is forgotten", "ask sooner"),
     "goal.result_timeout": Code(8, "The goal has not ended yet", "ask again"),
     "goal.not_executing": Code(
         4, "Only a goal that is executing can be paused", "`armtree status` shows which one is"
     ),
     "goal.not_paused": Code(4, "Only a paused goal can be gone on with", "pause it first"),
+    "goal.too_many_breakpoints": Code(
+        4, "There are as many breakpoints as there may be", "`armtree break NODE --off` lifts one"
+    ),
     # Planning
     "plan": Code(5, "No motion was found", "choose another goal", _PLANNERS),
     "plan.error": Code(5, "No motion was found", "choose another goal", _PLANNERS),

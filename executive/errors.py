@@ -1,12 +1,13 @@
 """What can go wrong with goals.
 
 GoalError
-├── UnknownGoal      there is no goal of that name, or it is forgotten
-├── ResultTimeout    TimeoutError: the goal has not ended yet
-├── NotExecuting     only a goal that is executing can be paused and gone on with
-├── NotPaused        only a paused goal can be gone on with
-├── GoalPreempted    another goal took its place
-└── ServerRestarted  its server ended before it did
+├── UnknownGoal         there is no goal of that name, or it is forgotten
+├── ResultTimeout       TimeoutError: the goal has not ended yet
+├── NotExecuting        only a goal that is executing can be paused and gone on with
+├── NotPaused           only a paused goal can be gone on with
+├── TooManyBreakpoints  there are as many as there may be
+├── GoalPreempted       another goal took its place
+└── ServerRestarted     its server ended before it did
 
 Every error carries a stable `code`, and its message says what to do next.
 """
@@ -52,6 +53,15 @@ class NotPaused(GoalError):
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"goal {identity} is not paused; pause it first")
+
+
+class TooManyBreakpoints(GoalError):
+    """There are as many as there may be."""
+
+    code = "goal.too_many_breakpoints"
+
+    def __init__(self, most: int) -> None:
+        super().__init__(f"there are {most} breakpoints already; take one away first")
 
 
 class GoalPreempted(GoalError):

@@ -24,6 +24,7 @@ EVENTS: dict[type, str] = {
     QuestionStatus: "question",
 }
 STATUS = "status"
+KINDS = frozenset({STATUS, *EVENTS.values()})
 
 UNITS = {"time": "time_s", "duration": "duration_s", "scheduled": "scheduled_s"}
 

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
@@ -12,61 +11,37 @@ from hardware import (
     ArmEvent,
     Clock,
     Faulted,
+    FrameSent,
     Link,
     NotActive,
     Robot,
     State,
+    StateChanged,
     TransitionRefused,
 )
 from skills import Context, NoOperator, Operator
 from skills.motion import Pool
 from trees import Library, Located
 
-from .errors import NotExecuting, NotPaused
+from .errors import NotExecuting, NotPaused, TooManyBreakpoints
 from .goal import Goal, GoalState, GoalStatus, Outcome
 from .goals import Acceptance, CancelAnswer, Goals, Policy
 from .mailbox import Mailbox
 from .owner import Owner
+from .pose import Standing
 from .recording.evidence import configuration_note
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
-from .restart import cut_off
+from .restart import earlier
+from .snapshot import Snapshot
 from .watchers import Event, Watchers
 
 logger = logging.getLogger(__name__)
 
 __all__ = ["TRANSITIONS", "Event", "Executive", "Snapshot"]
 
+BREAKPOINTS = 100  # so many may be marked
 TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
-
-
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """How things are at one moment.
-
-    Attributes:
-        arm: State of the hardware.
-        port: The line to the board; empty where none was named.
-        commanded: Where the arm was last commanded to, by joint [rad]; None while it is not active.
-        goal: The goal under way, if there is one.
-        progress: How far it is, if it has begun.
-        paused: Whether the goal under way stands still.
-        breakpoints: Paths of the nodes that are paused before.
-        waiting: Identities of those that wait for their turn.
-        policy: What becomes of a second goal.
-        uptime: Since the start [s].
-    """
-
-    arm: State
-    port: str
-    commanded: Mapping[str, float] | None
-    goal: GoalStatus | None
-    progress: logs.Feedback | None
-    paused: bool
-    breakpoints: tuple[str, ...]
-    waiting: tuple[str, ...]
-    policy: Policy
-    uptime: float
 
 
 class Executive:
@@ -83,11 +58,12 @@ class Executive:
         timeout: How long a planner may take [s].
         watch: The first that is told of everything, as by `subscribe`.
         policy: What becomes of a goal that comes while another one is under way.
-        result_timeout: How long the result of an ended goal is kept [s].
+        result_timeout: How long the result of an ended goal is kept [s]; see `Goals`.
         solo: Whether it is there for the goals of one caller alone: then a goal activates the arm
             by itself, and what follows a goal belongs to its recording, until `finish_recording`.
             Otherwise only `arm_to` activates the arm.
         operator: Who answers what tasks ask.
+        pose: What a person says of where the arm stands at its first activation; see `pose.py`.
     """
 
     def __init__(
@@ -105,19 +81,21 @@ class Executive:
         result_timeout: float = 900.0,
         solo: bool = False,
         operator: Operator | None = None,
+        pose: str | None = None,
     ) -> None:
         self._robot, self._clock, self._solo = robot, clock, solo
         self._port, self._began = link.port if link else "", clock.now()
         self._watchers = Watchers()
         self._watchers.add(watch)
         self._progress: logs.Feedback | None = None
-        self._folder, self._keep = recordings, result_timeout
+        self._standing = Standing(robot, self._port, recordings, pose)
+        self._folder = recordings
         self._marked = set[str]()
         noted = configuration_note(self._port, seed, timeout, policy.value, solo)
         self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail, noted)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
         self._arm = arm = Arm(robot, recorded, clock, self._arm_did)
-        self._goals = Goals(clock, policy, result_timeout, self._publish)
+        self._goals = Goals(clock, policy, result_timeout, self._goal_changed)
         context = Context(
             robot,
             arm,
@@ -127,7 +105,7 @@ class Executive:
             wake=_nobody,
             tell=self._recordings.skill_did,
             clock=clock,
-            wake_at=_never,
+            wake_at=_nobody,
             operator=operator or NoOperator(),
         )
         self._owner = Owner(
@@ -135,14 +113,17 @@ class Executive:
         )
 
     def start(self) -> None:
-        """Begin to execute goals. A server knows those that another one before it left unfinished.
+        """Begin to execute goals. A server knows those of another one before it.
 
         Raises:
             LogError: A server's recording cannot be made.
+            PoseUnconfirmed: Nobody has said where the arm stands, and it is to run at once.
         """
-        if not self._solo:
+        if self._solo:
+            self._arm.robot = self._standing.taken(None)
+        else:
             utc = self._clock.epoch_ns() / 1e9 + self._clock.now()
-            for goal in cut_off(self._folder, utc - self._keep):
+            for goal in earlier(self._folder, utc - self._goals.keep):
                 self._goals.add_ended(*goal)
             self._recordings.open_between()
         self._owner.start()
@@ -152,7 +133,7 @@ class Executive:
 
         Only before `start`.
         """
-        return next((task for task in tasks if not self._owner.judge(task, arguments)), None)
+        return next((task for task in tasks if self._owner.judge(task, arguments)), None)
 
     def close(self) -> None:
         """Take no more goals, cancel those there are, wait for them, and shut the arm down.
@@ -161,7 +142,7 @@ class Executive:
             LogError: A recording could not be finished.
         """
         self._goals.close()
-        _, running = self._goals.cancel("", 0)
+        *_, running = self._goals.cancel("", 0)
         self._stop_for(running)
         self._owner.join()
         try:
@@ -183,7 +164,9 @@ class Executive:
             arguments: Values of its parameters, by name; a text is read as it would be in a file.
             identity: 32 hexadecimal digits, made here where there are none.
         """
-        acceptance, preempted = self._goals.send(task, arguments, identity)
+        preempts = self._goals.policy is Policy.PREEMPT
+        wrong = self._owner.judge(task, arguments) if preempts else None
+        acceptance, preempted = self._goals.send(task, arguments, identity, wrong)
         self._stop_for(preempted)
         did = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
         logger.info("Received a goal for task %d (%s): %s", task, acceptance.identity, did)
@@ -197,14 +180,10 @@ class Executive:
             stamp_ns: All that were accepted up to then, UTC [ns since 1970]; 0 to name none. All
                 there are where neither is named; then the arm is stopped in any case.
         """
-        answer, running = self._goals.cancel(identity, stamp_ns)
+        answer, canceled, running = self._goals.cancel(identity, stamp_ns)
         if not (identity or stamp_ns or running):
             self._arm.stop()
-        self._stop_for(running)  # before a word is said
-        for goal in map(self._goals.find, answer.goals):
-            logger.info("Received a cancel of the goal for task %d (%s)", goal.task, goal.identity)
-        if not answer.goals:
-            logger.info("Received a cancel of %s: %s", identity or "all goals", answer.code.name)
+        self._stop_for(running, canceled)
         return answer
 
     def result(self, identity: str, timeout: float | None = None) -> Outcome:
@@ -228,9 +207,17 @@ class Executive:
         """
         self._goals.on_result(identity, callback)
 
-    def goals(self) -> tuple[GoalStatus, ...]:
-        """All goals that are known, ended ones until they are forgotten."""
-        return self._goals.all()
+    def goal(self, identity: str) -> GoalStatus:
+        """What a goal is at.
+
+        Raises:
+            UnknownGoal: There is none, or it is forgotten.
+        """
+        return self._goals.find(identity).status
+
+    def goals(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
+        """All goals that are known, or the newest of them; ended ones until they are forgotten."""
+        return self._goals.all(newest)
 
     def pause(self, identity: str) -> None:
         """Stop the arm where a goal has brought it, and keep the goal. Time-outs stand still too.
@@ -269,17 +256,23 @@ class Executive:
         Args:
             path: Of the node in its tree, such as `pick/reach/Execute`.
             on: False to have it no longer.
-        """
-        if on:
-            self._marked.add(path)
-        else:
-            self._marked.discard(path)
 
-    def arm_to(self, transition: str) -> State:
+        Raises:
+            TooManyBreakpoints: There are as many as there may be.
+        """
+        if not on:
+            self._marked.discard(path)
+        elif len(self._marked | {path}) > BREAKPOINTS:
+            raise TooManyBreakpoints(BREAKPOINTS)
+        else:
+            self._marked.add(path)
+
+    def arm_to(self, transition: str, pose: str | None = None) -> State:
         """Take the arm through a transition, to its end.
 
         Args:
             transition: configure, activate, deactivate, cleanup or shutdown.
+            pose: What a person says of where the arm stands when it is activated; see `pose.py`.
 
         Returns:
             Where it stands then.
@@ -293,7 +286,10 @@ class Executive:
             raise TransitionRefused(f"there is no transition {transition}; there are {known}")
         if transition == "activate":
             self._recordings.check_space()
+            self._arm.robot = self._standing.taken(pose)
         getattr(self._arm, transition)()
+        if transition == "activate":
+            self._standing.commanded(self._arm.commanded)
         return self._arm.state
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
@@ -338,13 +334,17 @@ class Executive:
         """
         self._recordings.close()
 
-    def _stop_for(self, goal: Goal | None) -> None:
-        """Stop the arm for a goal that is under way, if there is one."""
-        if goal:
-            try:
+    def _stop_for(self, running: Goal | None, canceled: Sequence[Goal] = ()) -> None:
+        """Stop the arm for a goal that is under way, if there is one; then say what is canceled."""
+        try:
+            if running:
                 self._arm.stop()
-            finally:
-                self._goals.stopped(goal)
+            for goal in canceled:
+                did = f"a cancel of the goal for task {goal.task} ({goal.identity})"
+                logger.info("Received %s", did)
+        finally:
+            if running:
+                self._goals.stopped(running)
 
     def _executing(self, identity: str) -> Mailbox:
         goal = self._goals.find(identity)
@@ -362,11 +362,20 @@ class Executive:
 
     def _arm_did(self, event: ArmEvent) -> None:
         self._recordings.arm_did(event)
-        if isinstance(event, Faulted):
-            self._fail(event.error)
+        match event:
+            case FrameSent():
+                self._standing.commanded(event.positions)
+            case Faulted():
+                self._fail(event.error)
+            case StateChanged(start=State.ACTIVE, goal=State.DEACTIVATING | State.SHUTTINGDOWN):
+                self._owner.interrupt(NotActive("the arm left *active* before the goal had ended"))
 
     def _fail(self, error: Exception) -> None:
         self._owner.fail(error)
+
+    def _goal_changed(self, status: GoalStatus) -> None:
+        self._recordings.goal_changed(status)
+        self._publish(status)
 
     def _publish(self, event: Event) -> None:
         if isinstance(event, logs.Feedback):
@@ -374,9 +383,5 @@ class Executive:
         self._watchers.tell(event)
 
 
-def _nobody() -> None:
-    """Wakes nobody."""
-
-
-def _never(time: float) -> None:
+def _nobody(*_: float) -> None:
     """Wakes nobody."""

@@ -4,18 +4,20 @@ The semantics are those of a ROS 2 action server, answer by answer; it knows no 
 """
 
 import logging
+import math
 import re
 import uuid
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from itertools import islice
 
 from hardware import Clock
 from trees import Located
 
 from .causes import CANCELED_CAUSE, cause_of
-from .codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, OK
+from .codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, OK, QUEUE_FULL
 from .errors import GoalPreempted, ResultTimeout, UnknownGoal
 from .goal import Cause, Goal, GoalState, GoalStatus, Outcome
 from .mailbox import Mailbox
@@ -23,6 +25,8 @@ from .mailbox import Mailbox
 logger = logging.getLogger(__name__)
 
 _IDENTITY = re.compile("[0-9a-f]{32}")
+WAITING = 100  # so many goals may wait for their turn
+KEPT = 1000  # so many ended goals are known, the newest, so that a server does not grow
 NOBODY = "0" * 32  # names no goal where one is to be canceled
 
 
@@ -81,7 +85,8 @@ class Goals:
     Args:
         clock: Whose time.
         policy: What becomes of a second goal.
-        keep: How long an ended goal is known [s].
+        keep: How long an ended goal is known [s], unless `KEPT` others have ended after it; where
+            it is negative, until they have.
         changed: Told of every change, in order and from any thread; it must be quick, and wait for
             no other thread.
     """
@@ -89,18 +94,30 @@ class Goals:
     def __init__(
         self, clock: Clock, policy: Policy, keep: float, changed: Callable[[GoalStatus], None]
     ) -> None:
-        self._clock, self.policy, self._keep, self._changed = clock, policy, keep, changed
+        self._clock, self.policy, self._changed = clock, policy, changed
+        self.keep = keep if keep >= 0 else math.inf
         self._signal = clock.signal()
         self._goals: dict[str, Goal] = {}
         self._waiting: deque[Goal] = deque()
+        self._ended: deque[Goal] = deque()
         self._running: Goal | None = None
         self._last_ns = 0
         self._closed = False
 
     def send(
-        self, task: int, arguments: Mapping[str, str | Located], identity: str
+        self,
+        task: int,
+        arguments: Mapping[str, str | Located],
+        identity: str,
+        wrong: Exception | None = None,
     ) -> tuple[Acceptance, Goal | None]:
         """Accept a goal, or refuse it.
+
+        Args:
+            task: Number of its task.
+            arguments: Values of its parameters.
+            identity: 32 hexadecimal digits, made here where there are none.
+            wrong: Why it can never be done, where that is known.
 
         Returns:
             The answer; and the goal that must make room for it, for which the caller stops the arm
@@ -111,6 +128,9 @@ class Goals:
             identity = identity or uuid.uuid4().hex
             if refused := self._refusal(identity):
                 return refused, None
+            if wrong:
+                cause = cause_of(wrong)
+                return _refused(identity, cause.code, cause.message), None
             preempted = self._preempt(identity) if self.policy is Policy.PREEMPT else None
             now, mailbox = self._clock.now(), Mailbox(self._clock)
             goal = Goal(identity, task, arguments, now, self._stamp(now), mailbox)
@@ -121,15 +141,16 @@ class Goals:
             return Acceptance(identity, True, goal.stamp_ns, OK, "accepted"), preempted
 
     def add_ended(self, identity: str, stamp_ns: int, outcome: Outcome) -> None:
-        """Know a goal of an earlier server, which was aborted."""
+        """Know a goal of an earlier server."""
         with self._signal:
             now = self._clock.now()
             goal = Goal(identity, outcome.task, {}, now, stamp_ns, Mailbox(self._clock))
             self._goals[identity] = goal
-            self._enter(goal, GoalState.EXECUTING)
+            canceled = outcome.state is GoalState.CANCELED
+            self._enter(goal, GoalState.CANCELING if canceled else GoalState.EXECUTING)
             self._end(goal, outcome)
 
-    def cancel(self, identity: str, stamp_ns: int) -> tuple[CancelAnswer, Goal | None]:
+    def cancel(self, identity: str, stamp_ns: int) -> tuple[CancelAnswer, list[Goal], Goal | None]:
         """Ask to cancel goals.
 
         Args:
@@ -138,14 +159,14 @@ class Goals:
                 All there are where neither is named.
 
         Returns:
-            The answer; and the goal under way where it is among them, for which the caller stops
-            the arm and then calls `stopped`.
+            The answer; the goals in it; and the one under way where it is among them, for which
+            the caller stops the arm and then calls `stopped`.
         """
         with self._signal:
             self._forget()
             identity = "" if identity == NOBODY else identity
             if identity and not stamp_ns and (code := self._uncancelable(identity)):
-                return CancelAnswer(code, ()), None
+                return CancelAnswer(code, ()), [], None
             chosen = [
                 goal
                 for goal in self._goals.values()
@@ -157,7 +178,7 @@ class Goals:
             for goal in canceled:
                 self._cancel(goal)
             answer = CancelAnswer(CancelCode.NONE, tuple(goal.identity for goal in canceled))
-            return answer, self._running if self._running in canceled else None
+            return answer, canceled, self._running if self._running in canceled else None
 
     def stopped(self, goal: Goal) -> None:
         """Note that the stop of the arm for a goal is done."""
@@ -176,12 +197,15 @@ class Goals:
             self._enter(goal, GoalState.EXECUTING)
             return goal
 
+    def settle(self, goal: Goal) -> None:
+        """Wait until no stop is under way for a goal."""
+        with self._signal:
+            self._settle(goal)
+
     def finish(self, goal: Goal, outcome: Outcome) -> None:
         """End the goal that is under way, and tell whoever waits for it."""
         with self._signal:
-            # A stop that is still under way must not hit the goal after this one.
-            while goal.stops:
-                self._signal.wait(None)
+            self._settle(goal)  # a stop must not hit the goal after this one
             self._running = None
             waiters = self._end(goal, outcome)
         _call(waiters, outcome)
@@ -242,17 +266,22 @@ class Goals:
         with self._signal:
             return tuple(goal.identity for goal in self._waiting)
 
-    def all(self) -> tuple[GoalStatus, ...]:
-        """All goals that are known, in the order in which they were accepted."""
+    def all(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
+        """All goals that are known, or the newest; in the order in which they were accepted."""
         with self._signal:
             self._forget()
-            return tuple(goal.status for goal in self._goals.values())
+            goals = [*islice(reversed(self._goals.values()), newest)]
+            return tuple(goal.status for goal in reversed(goals))
 
     def close(self) -> None:
         """Take no more goals."""
         with self._signal:
             self._closed = True
             self._signal.notify()
+
+    def _settle(self, goal: Goal) -> None:
+        while goal.stops:
+            self._signal.wait(None)
 
     def _refusal(self, identity: str) -> Acceptance | None:
         if self._closed:
@@ -267,6 +296,9 @@ class Goals:
         if busy and self.policy is Policy.REJECT:
             words = f"goal {busy.identity} for task {busy.task} is under way; wait, or cancel it"
             return _refused(identity, BUSY, words)
+        if self.policy is Policy.QUEUE and len(self._waiting) >= WAITING:
+            words = f"{WAITING} goals wait for their turn already; wait, or cancel some"
+            return _refused(identity, QUEUE_FULL, words)
         return None
 
     def _preempt(self, identity: str) -> Goal | None:
@@ -304,6 +336,8 @@ class Goals:
 
     def _end(self, goal: Goal, outcome: Outcome) -> list[Callable[[Outcome], None]]:
         goal.outcome, goal.ended = outcome, self._clock.now()
+        goal.arguments = {}  # as large as their sender liked, and nobody needs them any more
+        self._ended.append(goal)
         self._enter(goal, outcome.state)
         self._signal.notify()
         waiters, goal.waiters = goal.waiters, []
@@ -319,10 +353,10 @@ class Goals:
         return self._last_ns
 
     def _forget(self) -> None:
-        """Forget what was kept long enough."""
-        since = self._clock.now() - self._keep
-        for goal in [goal for goal in self._goals.values() if goal.over and goal.ended <= since]:
-            del self._goals[goal.identity]
+        """Forget what was kept long enough, and the oldest of too many."""
+        since = self._clock.now() - self.keep
+        while self._ended and (len(self._ended) > KEPT or self._ended[0].ended <= since):
+            del self._goals[self._ended.popleft().identity]
 
 
 def _refused(identity: str, code: str, message: str) -> Acceptance:

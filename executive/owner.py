@@ -4,7 +4,7 @@ import dataclasses
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from threading import Thread
+from threading import Lock, Thread
 
 import logs
 from hardware import ActivationStopped, Arm, Clock, HardwareError, NotActive, State
@@ -17,10 +17,11 @@ from .building.arguments import located
 from .building.builder import Tree, build
 from .codes import OK
 from .errors import GoalError
-from .goal import Cause, Goal, Outcome
+from .goal import Goal, Outcome
 from .goals import NOBODY, Goals
 from .mailbox import Mailbox
 from .recording.recordings import Recordings
+from .results import record_of
 from .run import Run
 from .verdict import judge
 
@@ -79,6 +80,7 @@ class Owner:
         self._recordings, self._context, self._clock = recordings, context, clock
         self._marked, self._solo = marked, solo
         self._signal = clock.signal()
+        self._blackboard = Lock()  # py_trees has one for all, and no lock
         self._ended = False
         self._thread: Thread | None = None
         self._fault: Exception | None = None
@@ -101,15 +103,19 @@ class Owner:
     def fail(self, error: Exception) -> None:
         """Say that the arm or a recording failed; ends the goal under way. From any thread."""
         self._fault = self._fault or error
+        self.interrupt(error)
+
+    def interrupt(self, error: Exception) -> None:
+        """End the goal under way, if there is one, for this error. From any thread."""
         if goal := self._goals.running:
             goal.mailbox.fail(error)
 
-    def judge(self, task: int, arguments: Mapping[str, str | Located]) -> bool:
-        """Whether nothing is wrong with a goal as far as that can be said without the arm."""
+    def judge(self, task: int, arguments: Mapping[str, str | Located]) -> Exception | None:
+        """What is wrong with a goal, as far as that goes without the arm; any thread asks."""
         attempt = _Attempt(Goal(NOBODY, task, arguments, 0.0, 0, Mailbox(self._clock)))
         self._try(attempt, self._build)
         self._discard(attempt)
-        return attempt.error is None
+        return attempt.error
 
     def _own(self) -> None:
         while goal := self._goals.take():
@@ -158,7 +164,8 @@ class Owner:
         )
         namespace = f"run_{goal.identity}"
         arguments = located(goal.arguments)
-        attempt.tree = build(draft, library, context, namespace, arguments)
+        with self._blackboard:
+            attempt.tree = build(draft, library, context, namespace, arguments)
         breakpoints.watch(attempt.tree)
 
     def _open(self, attempt: _Attempt) -> None:
@@ -208,33 +215,15 @@ class Owner:
             recording=recordings.path,
             cause=cause,
         )
+        self._goals.settle(goal)
         end = f"{state.name} ({outcome.code}) {outcome.message}"
         logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, end)
-        recordings.tell(_result(goal, outcome, now))
+        recordings.tell(record_of(goal.identity, outcome, now))
         self._goals.finish(goal, outcome)
         if not self._solo:
             recordings.goal_ended()
 
     def _discard(self, attempt: _Attempt) -> None:
         if attempt.tree:
-            attempt.tree.discard()
-
-
-def _result(goal: Goal, outcome: Outcome, now: float) -> logs.Result:
-    cause = outcome.cause or Cause(OK, "")
-    return logs.Result(
-        time=now,
-        goal_id=goal.identity,
-        task=goal.task,
-        state=outcome.state.name,
-        success=outcome.success,
-        code=outcome.code,
-        message=outcome.message,
-        frames=outcome.frames,
-        duration=outcome.duration,
-        node=cause.node,
-        joint=cause.joint,
-        value=cause.value,
-        limit=cause.limit,
-        hint=cause.hint,
-    )
+            with self._blackboard:
+                attempt.tree.discard()

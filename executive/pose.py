@@ -23,14 +23,16 @@ class Commanded:
 
     Attributes:
         positions: One value per actuated joint [rad].
-        recording: The file that tells.
+        told: By what.
     """
 
     positions: tuple[float, ...]
-    recording: Path
+    told: str
 
 
-def standing(robot: Robot, port: str, pose: str | None, recordings: Path) -> Robot:
+def standing(
+    robot: Robot, port: str, pose: str | None, recordings: Path, last: Commanded | None = None
+) -> Robot:
     """The robot, with the pose it stands in when its port is opened as its boot pose.
 
     Args:
@@ -38,6 +40,7 @@ def standing(robot: Robot, port: str, pose: str | None, recordings: Path) -> Rob
         port: Its serial port.
         pose: What a person says: `boot`, `last` for where it was commanded to last, or None.
         recordings: Folder that tells where that was.
+        last: Where this program itself has commanded it to, where it did.
 
     Raises:
         PoseUnconfirmed: The board is not reset, and a person has to say; or there is nothing to
@@ -52,7 +55,7 @@ def standing(robot: Robot, port: str, pose: str | None, recordings: Path) -> Rob
         return robot
     if pose == "boot":
         return robot
-    found = last_commanded(robot, recordings)
+    found = last or last_commanded(robot, recordings)
     if pose is None:
         raise PoseUnconfirmed(_offer(robot, found))
     if found is None:
@@ -68,6 +71,38 @@ def standing(robot: Robot, port: str, pose: str | None, recordings: Path) -> Rob
     return replace(robot, joints=tuple(joints))
 
 
+class Standing:
+    """Where the arm stands, from one activation to the next.
+
+    Args:
+        robot: As its file has it.
+        port: Its serial port.
+        recordings: Folder that tells where it was commanded to by others.
+        pose: What a person has said for the first activation.
+    """
+
+    def __init__(self, robot: Robot, port: str, recordings: Path, pose: str | None) -> None:
+        self._robot, self._port, self._recordings = robot, port, recordings
+        self._pose = pose
+        self._last: Commanded | None = None
+
+    def taken(self, pose: str | None) -> Robot:
+        """The robot to activate, as `standing` has it.
+
+        Args:
+            pose: What a person says now.
+
+        Raises:
+            PoseUnconfirmed: As of `standing`.
+        """
+        said = pose or self._pose
+        return standing(self._robot, self._port, said, self._recordings, self._last)
+
+    def commanded(self, positions: tuple[float, ...]) -> None:
+        """Note where the arm is commanded to [rad]; what was said of it before holds no longer."""
+        self._pose, self._last = None, Commanded(positions, "by this program")
+
+
 def last_commanded(robot: Robot, recordings: Path) -> Commanded | None:
     """Where the newest recording that moved this arm has left it; None where none did."""
     names = tuple(joint.name for joint in robot.actuated)
@@ -79,7 +114,7 @@ def last_commanded(robot: Robot, recordings: Path) -> Commanded | None:
             continue  # no recording of ours
         for record in reversed(sent):
             if isinstance(record, logs.Sent) and record.joints == names:
-                return Commanded(record.positions, path)
+                return Commanded(record.positions, str(path))
     return None
 
 
@@ -92,6 +127,6 @@ def _offer(robot: Robot, found: Commanded | None) -> str:
         f"{joint.name} {q:.3f}" for joint, q in zip(robot.actuated, found.positions, strict=True)
     )
     return (
-        f"{asked} It was commanded to {where} rad last ({found.recording}). "
+        f"{asked} It was commanded to {where} rad last ({found.told}). "
         f"Give --pose last where it still stands there, or {boot}"
     )

@@ -1,6 +1,7 @@
-"""The goals of a server that ended before they did: known, and never gone on with."""
+"""The goals of a server that ended, known by their recordings, and never gone on with."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import logs
@@ -8,31 +9,66 @@ import logs
 from .causes import cause_of
 from .errors import ServerRestarted
 from .goal import GoalState, Outcome
+from .recording.recordings import is_servers
+from .results import outcome_of
 
 
-def cut_off(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
-    """The goals that have no end.
+class _Goal:
+    """What the recordings say of one goal."""
 
-    Args:
-        folder: Where their recordings are.
-        since: Only those whose recording was changed since then [s since 1970].
+    def __init__(self, stamp_ns: int, record: logs.Goal) -> None:
+        self.stamp_ns, self.record = stamp_ns, record
+        self.own: logs.Recording | None = None
+        self.result: logs.Result | None = None
+        self.served = False
 
-    Yields:
-        Identity, stamp [ns since 1970], and what their end is said to be.
-    """
-    for recording in logs.cut_off(folder, since):
-        goal = next(recording.records(logs.Goal))
-        assert isinstance(goal, logs.Goal)
-        sent = [r for r in recording.records(logs.Sent) if isinstance(r, logs.Sent) and r.joints]
+    @property
+    def outcome(self) -> Outcome:
+        """How it ended; where nothing says so, its server ended before it did."""
+        path = str(self.own.path) if self.own else ""
+        if self.result:
+            return outcome_of(self.result, path)
+        sent = self.own.records(logs.Sent) if self.own else ()
+        frames = [r for r in sent if isinstance(r, logs.Sent) and r.joints]
         cause = cause_of(ServerRestarted())
-        outcome = Outcome(
-            task=goal.task,
+        return Outcome(
+            task=self.record.task,
             state=GoalState.ABORTED,
             code=cause.code,
             message=cause.message,
-            frames=len(sent),
-            duration=max(0.0, sent[-1].time - goal.time) if sent else 0.0,
-            recording=str(recording.path),
+            frames=len(frames),
+            duration=max(0.0, frames[-1].time - self.record.time) if frames else 0.0,
+            recording=path,
             cause=cause,
         )
-        yield goal.goal_id, recording.epoch_ns + round(goal.time * 1e9), outcome
+
+
+def earlier(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
+    """The goals of servers before this one, and those that were cut off.
+
+    Args:
+        folder: Where recordings are.
+        since: Only what was recorded since then [s since 1970].
+
+    Yields:
+        Identity, stamp [ns since 1970], and how it ended.
+    """
+    goals: dict[str, _Goal] = {}
+    for recording in logs.left(folder, since):
+        with suppress(logs.LogError):  # what can be read of it counts
+            _read(recording, goals)
+    for identity, goal in goals.items():
+        if goal.served or goal.result is None:
+            yield identity, goal.stamp_ns, goal.outcome
+
+
+def _read(recording: logs.Recording, goals: dict[str, _Goal]) -> None:
+    served = is_servers(recording.path)
+    for record in recording.records(logs.Goal, logs.Result):
+        if isinstance(record, logs.Goal):
+            stamp_ns = recording.epoch_ns + round(record.time * 1e9)
+            goal = goals.setdefault(record.goal_id, _Goal(stamp_ns, record))
+            goal.served |= served
+            goal.own = goal.own if served else recording
+        elif isinstance(record, logs.Result) and record.goal_id in goals:
+            goals[record.goal_id].result = record

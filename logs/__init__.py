@@ -34,7 +34,7 @@ from .records import (
     Sent,
     Transition,
 )
-from .recovery import cut_off, recover, recover_all
+from .recovery import left, recover, recover_all
 from .summary import Summary
 from .table import table
 
@@ -66,7 +66,7 @@ __all__ = [
     "Transition",
     "check_space",
     "compact",
-    "cut_off",
+    "left",
     "plot",
     "read",
     "recording_path",

@@ -19,6 +19,7 @@ from .records import Record, Sent
 from .summary import Summary
 
 if TYPE_CHECKING:
+    from .compactor import Compactor
     from .journal import Journal
 
 _log = logging.getLogger(__name__)
@@ -119,8 +120,11 @@ class Recorder:
         self._jobs.put(mark.set)
         return mark.wait(timeout)
 
-    def close(self) -> Summary:
+    def close(self, compactor: "Compactor | None" = None) -> Summary:
         """Writes what is queued, and makes the final recording.
+
+        Args:
+            compactor: What makes it; None to do it here.
 
         Raises:
             RecordingIncomplete: Something is missing from the file, or it stayed a journal.
@@ -131,7 +135,7 @@ class Recorder:
             self._ended.wait()
             if self._journal is not None:
                 self._finish(self._journal)
-            self._summary = self._compact()
+            self._summary = self._compact(compactor)
             with self._syncing:
                 os.close(self._file)
         if self._cause is not None:
@@ -212,8 +216,10 @@ class Recorder:
         except Exception:
             _log.exception("%s: the failure could not be reported", self.path)
 
-    def _compact(self) -> Summary | None:
+    def _compact(self, compactor: "Compactor | None") -> Summary | None:
         try:
+            if compactor:
+                return compactor.rewrite(self.path, self._file)
             return rewrite(self.path)
         except (OSError, LogError) as cause:
             self._cause = self._cause or cause

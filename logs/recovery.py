@@ -8,7 +8,6 @@ from pathlib import Path
 from .compaction import UNFINISHED, compact, locked, part_of
 from .errors import LogError, RecordingInUse, RecordingTruncated
 from .recording import Recording
-from .records import Goal, Result
 from .salvage import Salvage
 from .summary import Summary
 
@@ -64,8 +63,8 @@ def _remove_part(part: Path) -> None:
         part.unlink(missing_ok=True)
 
 
-def cut_off(folder: Path, since: float) -> Iterator[Recording]:
-    """Recordings of goals that have no end, and that nobody is writing: recovered or not.
+def left(folder: Path, since: float) -> Iterator[Recording]:
+    """Recordings that nobody is writing, in the order of their names: recovered or not.
 
     Args:
         folder: Where recordings are.
@@ -76,12 +75,9 @@ def cut_off(folder: Path, since: float) -> Iterator[Recording]:
             if path.stat().st_mtime < since:
                 continue
             with locked(path):
-                recording = Recording(path)
-            kinds = {type(record) for record in recording.records(Goal, Result)}
+                yield Recording(path)
         except (LogError, OSError):
             continue  # in use, or no recording of ours
-        if kinds == {Goal}:
-            yield recording
 
 
 def lacking(recording: Recording) -> str:

@@ -31,7 +31,7 @@ class Table:
         return acceptance
 
     def cancel(self, identity: str = "", stamp_ns: int = 0) -> tuple[CancelCode, list[str]]:
-        answer, running = self.goals.cancel(identity, stamp_ns)
+        answer, _, running = self.goals.cancel(identity, stamp_ns)
         if running:
             self.goals.stopped(running)
         return answer.code, list(answer.goals)

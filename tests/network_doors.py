@@ -3,6 +3,8 @@
 import http.client
 import json
 import os
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +20,38 @@ from executive.server.server import Place, Server
 from hardware import RealClock, Robot
 
 Cancel = Callable[[], object]
+
+# Whatever costs a server most, from people without a token and without end: bodies and messages of
+# 64 KiB with thousands of keys, on four connections of each kind.
+FLOOD = """
+import socket, sys, threading
+from websockets.exceptions import WebSocketException
+from websockets.sync.client import connect
+port = int(sys.argv[1])
+keys = "{" + ",".join(f'"{number}":1' for number in range(6500)) + "}"
+head = f"POST /api/cancel HTTP/1.1\\r\\nhost: 127.0.0.1:{port}\\r\\n"
+head += "content-type: application/json\\r\\n"
+ask = f"{head}content-length: {len(keys)}\\r\\n\\r\\n{keys}".encode()
+def request():
+    with socket.create_connection(("127.0.0.1", port), 10) as connection:
+        connection.sendall(ask)
+        while connection.recv(65536):
+            pass
+def publish():
+    with connect(f"ws://127.0.0.1:{port}/", compression=None) as bridge:
+        while True:
+            bridge.send('{"op":"publish",' + keys[1:])
+def again(act):
+    while True:
+        try:
+            act()
+        except (OSError, WebSocketException):
+            pass
+for act in (request, publish) * 4:
+    threading.Thread(target=again, args=(act,), daemon=True).start()
+print(flush=True)
+sys.stdin.read()
+"""
 
 
 @contextmanager
@@ -48,6 +82,26 @@ def over_http(arm: Executive, robot: Robot, folder: Path) -> Iterator[Cancel]:
 
         yield cancel
         connection.close()
+
+
+@contextmanager
+def in_a_flood(arm: Executive, robot: Robot, folder: Path) -> Iterator[Cancel]:
+    """What stops the arm by a request on a new connection, while strangers send all they can."""
+    with served(arm, robot, folder) as server:
+        command, pipe = [sys.executable, "-c", FLOOD, str(server.port)], subprocess.PIPE
+
+        def cancel() -> None:
+            connection = http.client.HTTPConnection("127.0.0.1", server.port)
+            connection.request("POST", "/api/stop")
+            assert connection.getresponse().status == 200
+            connection.close()
+
+        with subprocess.Popen(command, stdin=pipe, stdout=pipe) as flood:
+            assert flood.stdin
+            assert flood.stdout
+            flood.stdout.readline()
+            yield cancel
+            flood.stdin.close()
 
 
 def rosbridge_results(server: Server, task: int, count: int) -> list[float]:

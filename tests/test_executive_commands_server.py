@@ -145,7 +145,7 @@ def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
 def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
     served, type_in = typed
     served.executive.arm_to("activate")
-    assert type_in("pause")[0] == 2
+    assert type_in("pause")[0] == 4
     goal = type_in("send", "10")[1].strip()
     assert re.fullmatch("[0-9a-f]{32}", goal)
     assert json.loads(type_in("status", "--json")[1])["goal"]["goal_id"] == goal
@@ -158,6 +158,24 @@ def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
     assert type_in("cancel", goal)[0] == 4
     assert type_in("cancel")[1] == "there is nothing to cancel\n"
     assert json.loads(type_in("cancel", "--json")[1]) == {"return_code": 0, "goals": []}
+
+
+def test_breakpoints(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    assert type_in("break") == (0, "no breakpoints\n", "")
+    assert type_in("break", "pick/PlanArm") == (0, "pick/PlanArm\n", "")
+    assert type_in("break", "pick/Execute")[1] == "pick/Execute\npick/PlanArm\n"
+    assert type_in("break", "pick/PlanArm", "--off")[1] == "pick/Execute\n"
+    assert "Breaks    pick/Execute\n" in type_in("status")[1]
+    with served.client() as client, client.events("feedback") as events:
+        goal = type_in("send", "1")[1].strip()
+        assert any(event.phase == "paused" for event in events)  # type: ignore[union-attr]
+        assert "PAUSED" in type_in("status")[1]
+        assert type_in("break", "pick/Execute", "--off")[1] == "no breakpoints\n"
+        assert type_in("resume")[0] == 0
+        assert client.result(goal).success
+    assert type_in("break", "--off")[0] == 2
 
 
 def test_exit_statuses_are_those_of_run(typed: tuple[Served, Typed]) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goal import GoalState, Outcome
-from executive.goals import Acceptance, CancelCode, Policy
+from executive.goals import KEPT, WAITING, Acceptance, CancelCode, Policy
 from tests.goals_table import Table
 
 S, C = GoalState, CancelCode
@@ -177,7 +177,7 @@ def test_results_are_forgotten_in_time() -> None:
     assert table.goals.all() == ()
 
 
-@pytest.mark.parametrize(("keep", "known"), [(0.0, 0), (math.inf, 1)])
+@pytest.mark.parametrize(("keep", "known"), [(0.0, 0), (math.inf, 1), (-1.0, 1)])
 def test_results_can_be_kept_for_ever_or_not_at_all(keep: float, known: int) -> None:
     table = Table(keep=keep)
     goal = table.send().identity
@@ -188,6 +188,52 @@ def test_results_can_be_kept_for_ever_or_not_at_all(keep: float, known: int) -> 
     table.pass_time(1e6)
     assert len(told) == 1  # who has asked before is told in any case
     assert len(table.goals.all()) == known
+
+
+def test_so_many_wait_and_one_more_is_told_so() -> None:
+    table = Table()
+    table.send()
+    table.begin()
+    waiting = [table.send().identity for _ in range(WAITING)]
+    refused = table.send()
+    assert (refused.accepted, refused.stamp_ns, refused.code) == (False, 0, "goal.queue_full")
+    assert f"{WAITING} goals wait" in refused.message
+    table.cancel(waiting[0])
+    assert table.send().accepted
+    assert not table.send().accepted
+
+
+def test_so_many_results_are_kept_and_then_the_newest() -> None:
+    table = Table(keep=math.inf)
+    ended = []
+    for _ in range(KEPT + 10):
+        ended.append(table.send().identity)
+        table.begin()
+        table.end(S.SUCCEEDED)
+    left = table.send().identity
+    assert [status.identity for status in table.goals.all()] == [*ended[10:], left]
+    with pytest.raises(UnknownGoal):
+        table.goals.result(ended[9], None)
+    assert table.goals.result(ended[10], None).success
+
+
+def test_the_newest_results_are_those_of_the_goals_that_ended_last() -> None:
+    table = Table(keep=math.inf)
+    long = table.send().identity
+    table.begin()
+    for _ in range(KEPT):
+        table.cancel(table.send().identity)
+    table.pass_time(1.0)
+    table.end(S.SUCCEEDED)
+    assert table.goals.result(long, None).success
+
+
+def test_where_no_result_is_kept_a_goal_that_waits_can_be_canceled() -> None:
+    table = Table(keep=0.0)
+    goal = table.send().identity
+    _, canceled, _ = table.goals.cancel("", 0)
+    assert [each.identity for each in canceled] == [goal]
+    assert table.goals.all() == ()
 
 
 def test_asking_ends_in_time() -> None:
@@ -248,7 +294,7 @@ def test_no_goal_begins_before_the_stop_for_the_last_one_is_done() -> None:
     table = Table()
     table.send()
     table.begin()
-    _, running = table.goals.cancel("", 0)
+    *_, running = table.goals.cancel("", 0)
     assert running
     ended = threading.Event()
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.errors import NotExecuting, NotPaused, UnknownGoal
+from executive.errors import NotExecuting, NotPaused, TooManyBreakpoints, UnknownGoal
+from executive.executive import BREAKPOINTS
 from executive.goal import GoalState
 from executive.goals import Policy
 from executive.replay.proof import prove
@@ -278,6 +279,17 @@ def test_a_breakpoint(rig: RigMaker) -> None:
     (outcome,) = arm.run(1)
     assert outcome.success
     assert held == [0]
+
+
+def test_so_many_breakpoints_and_no_more(rig: RigMaker) -> None:
+    arm = rig()
+    paths = [f"pick/{number}" for number in range(BREAKPOINTS)]
+    for path in (*paths, *paths):
+        arm.executive.break_at(path)
+    with pytest.raises(TooManyBreakpoints, match="100 breakpoints"):
+        arm.executive.break_at("pick/Execute")
+    arm.executive.break_at(paths[0], on=False)
+    arm.executive.break_at("pick/Execute")
 
 
 def test_what_makes_no_sense_is_refused(rig: RigMaker) -> None:

@@ -10,9 +10,11 @@ from click.testing import CliRunner
 import logs
 from executive.commands.cli import cli
 from executive.goal import GoalState
+from executive.goals import Policy
 from executive.pose import PoseUnconfirmed, standing
-from hardware import DescriptionError, Robot, load_robot
+from hardware import DescriptionError, Robot, State, load_robot
 from tests.conftest import Rig, RigMaker
+from tests.server_acts import at_frame
 
 
 @pytest.fixture
@@ -62,7 +64,7 @@ def test_goals_that_were_cut_off_are_known(rig: RigMaker, killed: tuple[Path, st
         arm.executive.close()
 
 
-def test_what_is_being_written_or_ended_well_is_none_of_them(
+def test_what_is_being_written_is_left_alone(
     server: RigMaker, rig: RigMaker, tmp_path: Path
 ) -> None:
     arm = server()
@@ -70,13 +72,54 @@ def test_what_is_being_written_or_ended_well_is_none_of_them(
 
     def watch(record: logs.Record) -> None:
         if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 12:
-            seen.append(len(list(logs.cut_off(tmp_path, 0.0))))
+            seen.append(len(list(logs.left(tmp_path, 0.0))))
 
     arm.on_record = watch
     assert arm.executive.result(arm.executive.send(1).identity).success
     arm.executive.close()
     assert seen == [0]
-    assert list(logs.cut_off(tmp_path, 0.0)) == []
+    assert len(list(logs.left(tmp_path, 0.0))) == 2
+
+
+def test_goals_that_waited_or_had_ended_are_known_too(
+    server: RigMaker, rig: RigMaker, tmp_path: Path
+) -> None:
+    arm, folder = server(policy=Policy.QUEUE), tmp_path / "left"
+    done, failed, canceled, cut, waiting, gone = (f"{number:032x}" for number in range(1, 7))
+
+    def kill() -> None:
+        arm.executive.send(2, identity=waiting)
+        arm.executive.send(2, identity=gone)
+        arm.executive.cancel(gone)
+        arm.executive._recordings.caught_up(5.0)
+        arm.executive._recordings._between.caught_up(5.0)  # type: ignore[union-attr]
+        shutil.copytree(tmp_path, folder, ignore=shutil.ignore_patterns("left"))
+
+    for identity, task in ((done, 1), (failed, 7)):
+        arm.executive.result(arm.executive.send(task, identity=identity).identity)
+    at_frame(arm, len(arm.frames) + 5, lambda: arm.executive.cancel(canceled))
+    arm.executive.result(arm.executive.send(2, identity=canceled).identity)
+    at_frame(arm, len(arm.frames) + 5, kill)
+    before = [arm.executive.result(identity) for identity in (done, failed, canceled)]
+    arm.executive.result(arm.executive.send(1, identity=cut).identity)
+    stamps = {status.identity: status.stamp_ns for status in arm.executive.goals()}
+
+    after = again(rig, folder)
+    with after.clock.working():
+        known = {status.identity: status for status in after.executive.goals()}
+        assert list(known) == [done, failed, canceled, cut, waiting, gone]
+        assert {name: status.stamp_ns for name, status in known.items()} == stamps
+        for identity, outcome in zip((done, failed, canceled), before, strict=True):
+            found = after.executive.result(identity, 0.0)
+            name = Path(outcome.recording).name
+            assert Path(found.recording).name == name
+            assert dataclasses.replace(found, recording="") == dataclasses.replace(
+                outcome, recording=""
+            )
+        ends = [after.executive.result(name, 0.0).code for name in (cut, waiting, gone)]
+        assert ends == ["server.restarted", "server.restarted", "goal.canceled"]
+        assert after.executive.send(1, identity=waiting).code == "goal.duplicate"
+        after.executive.close()
 
 
 # Where the arm stands
@@ -99,16 +142,36 @@ def test_a_pose_is_offered_and_confirmed(robot: Robot, rig: RigMaker, tmp_path: 
     assert str(outcome.recording)
 
 
-def test_a_run_goes_on_from_a_confirmed_pose(
-    robot: Robot, rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_goes_on_from_a_confirmed_pose(robot: Robot, rig: RigMaker) -> None:
     first = rig()
     first.run(1)
-    confirmed = standing(unreset(robot), "/dev/ttyX", "last", tmp_path)
-    second = rig(robot=confirmed)
+    second = rig(robot=unreset(robot), pose="last")
     (outcome,) = second.run(1)
     assert outcome.success
     assert second.frames == []  # it is there already
+
+
+def test_a_later_activation_goes_on_from_where_the_arm_was_left(
+    robot: Robot, server: RigMaker
+) -> None:
+    arm = server(robot=unreset(robot), pose="boot")
+    assert arm.executive.result(arm.executive.send(1).identity).success
+    left = arm.told(logs.Sent)[-1].positions
+    arm.executive.arm_to("deactivate")
+    with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* --pose last .* --pose boot"):
+        arm.executive.arm_to("activate")
+    assert arm.executive.snapshot().arm is State.INACTIVE
+    assert arm.executive.arm_to("activate", "last") is State.ACTIVE
+    assert tuple((arm.executive.snapshot().commanded or {}).values()) == left
+    count = len(arm.frames)
+    assert arm.executive.result(arm.executive.send(1).identity).success
+    assert len(arm.frames) == count  # it is there already
+    arm.executive.arm_to("deactivate")
+    assert arm.executive.arm_to("activate", "boot") is State.ACTIVE
+    assert set((arm.executive.snapshot().commanded or {}).values()) == {0.0}
+    arm.executive.arm_to("deactivate")
+    with pytest.raises(PoseUnconfirmed, match=r"joint_1 0\.000"):
+        arm.executive.arm_to("activate")
 
 
 def test_there_is_nothing_to_confirm(robot: Robot, tmp_path: Path) -> None:

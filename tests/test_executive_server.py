@@ -9,7 +9,7 @@ import logs
 from executive.commands.log_handler import LogHandler
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goal import GoalState, GoalStatus, Outcome
-from executive.goals import Policy
+from executive.goals import Acceptance, Policy
 from executive.replay.proof import prove
 from hardware import NotActive, State, TransitionRefused
 from skills import PlanGripper
@@ -93,6 +93,25 @@ def test_deactivating_stops_a_goal(server: RigMaker) -> None:
     assert run(arm, 1).code == "hw.not_active"
 
 
+@pytest.mark.parametrize("transition", ["deactivate", "shutdown"])
+def test_a_goal_that_stands_still_does_not_outlive_that_either(
+    server: RigMaker, transition: str
+) -> None:
+    arm = server()
+    goal = arm.executive.send(1).identity
+
+    def act() -> None:
+        arm.executive.pause(goal)
+        arm.rest(1.0)
+        arm.executive.arm_to(transition)
+
+    at_frame(arm, 10, act)
+    outcome = arm.executive.result(goal, 60.0)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.not_active")
+    assert "left *active* before the goal had ended" in outcome.message
+    assert arm.frames[-1] == f"({arm.frames[-2]})"
+
+
 def test_a_fault_is_not_resumed_from_by_a_goal(server: RigMaker) -> None:
     arm = server()
     at_frame(arm, 10, arm.link.unplug)
@@ -102,6 +121,18 @@ def test_a_fault_is_not_resumed_from_by_a_goal(server: RigMaker) -> None:
     arm.rest(1.0)
     assert run(arm, 1).code == "hw.not_active"
     assert arm.opened == 1
+
+
+def test_the_log_tells_a_cancel_before_the_end(
+    server: RigMaker, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    arm = server()
+    at_frame(arm, 10, arm.executive.cancel)
+    assert run(arm, 1).state is GoalState.CANCELED
+    said = [record.message for record in caplog.records if "goal for task 1" in record.message]
+    words = ("Received a goal", "Executing the goal", "Received a cancel", "The goal")
+    assert [line.startswith(word) for line, word in zip(said, words, strict=True)] == [True] * 4
 
 
 def test_how_things_are(server: RigMaker) -> None:
@@ -202,6 +233,23 @@ def test_preempt_while_planning(server: RigMaker) -> None:
     assert arm.executive.result(last.identity).success
 
 
+def test_what_can_never_be_done_preempts_nothing(server: RigMaker) -> None:
+    arm = server(policy=Policy.PREEMPT)
+    answers: list[Acceptance] = []
+
+    def act() -> None:
+        answers.append(arm.executive.send(99, identity="ab" * 16))
+        answers.append(arm.executive.send(2, {"nonsense": "3"}))
+
+    at_frame(arm, 10, act)
+    assert run(arm, 1).success
+    assert [(each.accepted, each.code) for each in answers] == [
+        (False, "goal.unknown_task"),
+        (False, "file.task"),
+    ]
+    assert answers[0].identity == "ab" * 16
+
+
 # Results and recordings
 
 
@@ -237,6 +285,7 @@ def test_what_happens_between_goals_is_recorded_too(server: RigMaker, tmp_path: 
     for task in (1, 7):
         arm.executive.tell(logs.LogLine(arm.clock.now(), 20, "door", f"somebody asks for {task}"))
         run(arm, task)
+        arm.rest(0.1)
     arm.executive.arm_to("deactivate")
     arm.executive.close()
     (between,) = tmp_path.glob("*-server.mcap")
@@ -246,7 +295,7 @@ def test_what_happens_between_goals_is_recorded_too(server: RigMaker, tmp_path: 
     states = [record.goal for record in story if isinstance(record, logs.Transition)]
     assert states[:4] == ["configuring", "inactive", "activating", "active"]
     assert states[-4:] == ["deactivating", "inactive", "shuttingdown", "finalized"]
-    assert not [record for record in story if isinstance(record, logs.Goal)]
+    assert [record.task for record in story if isinstance(record, logs.Goal)] == [1, 7]
     goals = [logs.Recording(path) for path in sorted(tmp_path.glob("*Z-[0-9].mcap"))]
     ends = [[r.code for r in file.records(logs.Result)] for file in goals]  # type: ignore[union-attr]
     assert sorted(ends) == [["goal.unknown_task"], ["ok"]]

@@ -8,7 +8,7 @@ import pytest
 
 import logs
 from executive.goal import GoalStatus
-from executive.goals import Policy
+from executive.goals import Acceptance, Policy
 from executive.server import api
 from executive.server.operations import OPERATIONS
 from hardware import State
@@ -79,6 +79,17 @@ def test_a_second_goal_is_refused_by_the_policy(serve: Serve) -> None:
     assert set(error) == {"code", "message", "node", "joint", "value", "limit", "hint"}
 
 
+def test_whoever_floods_the_queue_is_told_so(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.goals.WAITING", 3)
+    served = serve(Policy.QUEUE)
+    send(served, 10)
+    answers = [served.ask("POST", "/api/goals", {"task": 11}) for _ in range(9)]
+    assert {(status, told.get("code")) for status, told in answers[5:]} == {
+        (429, "goal.queue_full")
+    }
+    assert served.ask("POST", "/api/stop")[1]["return_code"] == 0
+
+
 def test_arguments_are_checked_as_in_the_file(serve: Serve) -> None:
     served = serve()
 
@@ -93,6 +104,33 @@ def test_arguments_are_checked_as_in_the_file(serve: Serve) -> None:
     assert "4" in result(often=4)["message"]
     assert result(other=1)["code"] == "file.task"
     assert result(what=[1, {"a": None}])["code"] == "file.task"
+
+
+def test_a_number_is_an_integer_however_it_is_written(serve: Serve) -> None:
+    served = serve()
+    goal = served.ask("POST", "/api/goals", b'{"task": 11.0}')[1]["goal_id"]
+    result = served.ask("GET", f"/api/goals/{goal}/result")[1]
+    assert (repr(result["task_number"]), result["recording"][-8:]) == ("11", "-11.mcap")
+
+
+def test_who_joins_when_all_is_over_hears_of_no_goal(serve: Serve) -> None:
+    served = serve()
+    with served.client() as client, client.events("goal", "status") as early:
+        client.run(11)
+        assert any(isinstance(event, GoalStatus) and event.outcome for event in early)
+        with client.events() as late:
+            goal = client.send(10)
+            first = next(e for e in late if not isinstance(e, logs.Transition | logs.LogLine))
+            assert isinstance(first, GoalStatus)
+            assert first.identity == goal
+            client.cancel(goal)
+
+
+@pytest.mark.parametrize("kinds", ["nonsense", "result", "goal,nonsense"])
+def test_kinds_of_events_that_there_are_not(serve: Serve, kinds: str) -> None:
+    status, error = serve().ask("GET", f"/api/events?events={kinds}")
+    assert (status, error["code"]) == (422, "request.malformed")
+    assert "goal, " in error["message"]
 
 
 def test_a_failure_keeps_its_cause(serve: Serve) -> None:
@@ -216,11 +254,34 @@ def test_a_goal_with_a_handle_is_canceled_when_its_holder_lets_go(serve: Serve) 
         assert client.run(11, deadman=True).success
 
 
+def test_a_handle_that_is_let_go_while_its_goal_is_sent(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served = serve()
+    reached, let_go, accept = threading.Event(), threading.Event(), served.executive.send
+
+    def late(*goal: Any) -> Acceptance:
+        reached.set()
+        assert let_go.wait(10)
+        return accept(*goal)
+
+    monkeypatch.setattr(served.executive, "send", late)
+    with served.client() as client:
+        body = {"task": 10, "goal_id": NOBODY, "deadman": True}
+        sending = threading.Thread(target=served.ask, args=("POST", "/api/goals", body))
+        with client.hold(NOBODY):
+            sending.start()
+            assert reached.wait(10)
+        let_go.set()
+        sending.join()
+        assert client.result(NOBODY, 5.0).state.name == "CANCELED"
+
+
 def test_a_client_that_goes_leaves_its_goal_running(serve: Serve) -> None:
     served = serve()
     with served.client() as client:
         goal = client.send(10)
-    assert served.ask("GET", f"/api/goals/{goal}")[1]["state"] == "EXECUTING"
+    assert served.ask("GET", f"/api/goals/{goal}")[1]["result"] is None
 
 
 def test_many_may_wait_for_one_result(serve: Serve) -> None:

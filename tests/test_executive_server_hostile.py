@@ -11,7 +11,7 @@ import pytest
 
 import logs
 from executive.executive import Event
-from executive.server import access, api, app, connections, hub
+from executive.server import access, api, app, connections, hub, turns
 from executive.server.operations import OPERATIONS
 from executive.server.server import AddressInUse, ServerError
 from tests.serving import Serve, Served
@@ -84,7 +84,7 @@ def test_a_foreign_page_or_name_may_do_nothing(serve: Serve, headers: dict[str, 
         path = operation.path.format(goal_id=goal, transition="deactivate", question_id="01234567")
         status, error = served.ask(operation.method, path, headers=headers)
         assert (status, error["code"].partition(".")[0]) == (403, "request")
-    assert served.executive.goals()[0].state.name == "EXECUTING"
+    assert served.executive.goals()[0].outcome is None
     assert served.executive.snapshot().arm.value == "active"
 
 
@@ -117,6 +117,51 @@ def test_bad_bodies(serve: Serve, body: bytes, kind: str, status: int) -> None:
     assert found == status
     assert error["code"].startswith("request.")
     assert served.executive.goals() == ()
+
+
+KEYS = b"{" + b",".join(b'"%d":1' % number for number in range(6500)) + b"}"
+
+
+def test_a_large_body_of_a_stranger_is_refused_before_it_is_read(serve: Serve) -> None:
+    served = serve()
+    for path in ("/api/cancel", f"/api/goals/{GOAL}/cancel"):
+        status, error = served.ask("POST", path, KEYS, token=False)
+        assert (status, error["code"]) == (413, "request.too_large"), path
+    assert served.ask("POST", "/api/goals", KEYS, token=False)[0] == 401
+
+
+def test_an_error_quotes_only_so_much_of_what_was_sent(serve: Serve) -> None:
+    served = serve()
+    for body in (
+        KEYS,
+        b'{"task": "' + b"x" * 60_000 + b'"}',
+        b'{"%s":1,"%s":1}' % (2 * (b"x" * 9_000,)),
+    ):
+        status, error = served.ask("POST", "/api/goals", body)
+        assert status in (400, 422)
+        assert len(json.dumps(error)) < 600
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "kind"),
+    [
+        ("/api/stop", b"", "application/x-www-form-urlencoded"),
+        ("/api/stop", b"", "text/plain"),
+        ("/api/stop/", b"", "text/plain"),
+        ("/api/stop?now=1", b"{}", "application/json"),
+        ("/api/stop", b"what", "text/plain"),
+        ("/api/stop", KEYS, "application/json"),
+        ("/api/stop", b"x" * 70_000, "application/json"),
+        ("/api/cancel", b"", "application/x-www-form-urlencoded"),
+    ],
+)
+def test_nothing_but_its_source_keeps_a_stop_from_being_done(
+    serve: Serve, path: str, body: bytes, kind: str
+) -> None:
+    served = serve()
+    goal = served.executive.send(10).identity
+    status, answer = served.ask("POST", path, body, {"content-type": kind}, token=False)
+    assert (status, answer) == (200, {"return_code": 0, "goals": [goal]})
 
 
 @pytest.mark.parametrize(
@@ -190,6 +235,46 @@ def test_a_crowd_that_asks_for_nothing_makes_room(serve: Serve) -> None:
         assert served.server.connections <= connections.MOST_CONNECTIONS
 
 
+def test_a_stop_waits_for_no_turn(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    served = serve()
+    goal = served.executive.send(10).identity
+    monkeypatch.setattr(turns, "REST", 1e9)
+    with contextlib.ExitStack() as stack:
+        ask = ("GET /api/health HTTP/1.1", *head(served, "")[1:])
+        for _ in range(150):  # one is let in; that was enough for years
+            stack.enter_context(raw(served, *ask))
+        assert served.ask("POST", "/api/stop", token=False) == (
+            200,
+            {"return_code": 0, "goals": [goal]},
+        )
+
+
+def test_requests_in_advance_are_not_answered(serve: Serve) -> None:
+    served = serve()
+    ask = ("GET /api/health HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "")
+    with raw(served, *ask * 8) as connection:
+        assert answer(connection).count(b"HTTP/1.1 200") == 1
+
+
+def test_strangers_who_are_idle_do_not_end_a_hold(serve: Serve) -> None:
+    served = serve()
+    with contextlib.ExitStack() as stack:
+        hold = f"POST /api/goals/{GOAL}/hold HTTP/1.1"
+        lines = (hold, *head(served, "transfer-encoding: chunked", "")[1:])
+        holding = stack.enter_context(raw(served, *lines))
+        body = {"task": 10, "goal_id": GOAL, "deadman": True}
+        holding.sendall(b"1\r\n \r\n")
+        assert served.ask("POST", "/api/goals", body)[0] == 201
+        for number in range(150):
+            stack.enter_context(raw(served))
+            if number % 10 == 0:
+                holding.sendall(b"1\r\n \r\n")
+        assert served.ask("GET", "/api/health")[0] == 200
+        holding.sendall(b"0\r\n\r\n")
+        assert b'"canceled":true' in answer(holding)
+        assert served.server.connections <= connections.MOST_CONNECTIONS
+
+
 def test_an_arm_in_motion_notices_nothing(serve: Serve) -> None:
     served = serve()
     ended = threading.Event()
@@ -221,13 +306,51 @@ def test_an_arm_in_motion_notices_nothing(serve: Serve) -> None:
 def test_too_many_requests_but_never_too_many_stops(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(app, "BURST", 3.0)
-    monkeypatch.setattr(app, "RATE", 0.001)
+    monkeypatch.setattr(app, "LIMITS", dict.fromkeys((True, False), (0.001, 3.0)))
     served = serve()
     for token in (False, True):  # strangers use up what is theirs, and no more
         found = [served.ask("GET", "/api/health", token=token)[0] for _ in range(5)]
         assert found == [200, 200, 200, 429, 429]
     assert all(stops(served) for _ in range(20))
+
+
+def test_strangers_who_wait_leave_room_for_others(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(app, "MOST_STREAMS", 1)
+    served = serve()
+    goal = served.executive.send(10).identity
+    asked = f"GET /api/goals/{goal}/result HTTP/1.1"
+    with raw(served, asked, f"host: 127.0.0.1:{served.server.port}", "", "") as waiting:
+        while served.ask("GET", f"/api/goals/{goal}/result?timeout=0", token=False)[0] != 429:
+            pass
+        assert served.ask("GET", f"/api/goals/{goal}/result?timeout=0")[0] == 409
+        served.executive.cancel()
+        assert b"CANCELED" in answer(waiting)
+
+
+def test_strangers_who_watch_leave_room_for_others(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(api, "MOST_WATCHERS", 1)
+    served = serve()
+    watch = ("GET /api/events HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "")
+    with raw(served, *watch) as stranger, served.client() as client:
+        assert stranger.recv(15) == b"HTTP/1.1 200 OK"
+        while served.ask("GET", "/api/events", token=False)[0] != 429:
+            pass
+        with client.events("goal"):
+            assert served.ask("GET", "/api/events")[0] == 429
+
+
+def test_a_list_of_goals_has_an_end(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(api, "LISTED", 2)
+    served = serve()
+    with served.client() as client:
+        assert all(client.run(11).success for _ in range(3))
+        listed = served.ask("GET", "/api/goals")[1]["goals"]
+        known = [goal.identity for goal in served.executive.goals()]
+    assert [goal["goal_id"] for goal in listed] == known[-2:]
 
 
 def test_a_watcher_who_reads_nothing_is_dropped(
@@ -262,6 +385,14 @@ def test_where_it_may_not_listen(serve: Serve) -> None:
         serve(address="0.0.0.0", expose=True, rosbridge=True)
     with pytest.raises(ServerError, match="no address"):
         serve(address="localhost")
+
+
+@pytest.mark.parametrize(
+    "page", ["*", "null", "friend.example", "http://friend.example/", "HTTP://x", "http://x y", ""]
+)
+def test_an_origin_that_no_browser_would_name(serve: Serve, page: str) -> None:
+    with pytest.raises(ServerError, match="no origin, such as http://name:port"):
+        serve(origins=("http://friend.example:8080", page))
 
 
 def test_the_token_is_its_users_alone(serve: Serve, tmp_path: Path) -> None:

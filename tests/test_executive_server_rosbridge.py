@@ -130,11 +130,15 @@ def test_a_cancel_by_service_names_goals_as_the_status_topic_does(
     if as_list:
         info["goal_id"]["uuid"] = list(base64.b64decode(info["goal_id"]["uuid"]))
     wanted = identity.hex() if any(identity) else ""
-    assert ros.cancel_request({"goal_info": info}) == (wanted, stamp_ns)
+    assert ros.cancel_request(cancel({"goal_info": info})) == (wanted, stamp_ns)
+
+
+def cancel(arguments: dict[str, Any]) -> ros.CallService:
+    return ros.CallService("1", ros.CANCEL_SERVICE, arguments)
 
 
 def test_an_empty_cancel_means_all() -> None:
-    assert ros.cancel_request({}) == ("", 0)  # what roslib.js sends for cancelAllGoals
+    assert ros.cancel_request(cancel({})) == ("", 0)  # what roslib.js sends for cancelAllGoals
 
 
 @pytest.mark.parametrize(
@@ -149,5 +153,24 @@ def test_an_empty_cancel_means_all() -> None:
     ],
 )
 def test_another_cancel_is_refused(arguments: dict[str, Any]) -> None:
-    with pytest.raises(ros.BadMessage):
-        ros.cancel_request(arguments)
+    with pytest.raises(ros.BadCall) as caught:
+        ros.cancel_request(cancel(arguments))
+    assert caught.value.call == cancel(arguments)
+
+
+@pytest.mark.parametrize("wrong", ['"x": NaN', '"x": 1, "x": 1', '"x": 1e999'])
+def test_what_is_no_json_is_answered_to_whom_it_names(wrong: str) -> None:
+    with pytest.raises(ros.BadGoal) as goal:
+        ros.parse(f'{{"op": "send_action_goal", "id": "7", {wrong}}}')
+    assert goal.value.identity == "7"
+    with pytest.raises(ros.BadCall) as call:
+        ros.parse(f'{{"op": "call_service", "id": "7", "service": "a", {wrong}}}')
+    assert call.value.call == ros.CallService("7", "/a", {})
+    with pytest.raises(ros.BadMessage, match="no JSON"):
+        ros.parse(f'{{"op": "call_service", "id": 7, {wrong}}}')
+
+
+def test_an_error_quotes_only_so_much() -> None:
+    with pytest.raises(ros.BadGoal) as caught:
+        parsed(**{**GOAL, "action": "x" * 60_000})
+    assert len(str(caught.value)) < 400

@@ -120,9 +120,9 @@ class AsyncClient:
         """Answer a question; returns the answer that counts, which is the first."""
         return await self._do(asks.answer(question_id, words))
 
-    async def arm(self, transition: str) -> str:
-        """Take the arm through a transition; activating moves it."""
-        return await self._do(asks.arm(transition))
+    async def arm(self, transition: str, pose: str | None = None) -> str:
+        """Take the arm through a transition, as `Client.arm` does; activating moves it."""
+        return await self._do(asks.arm(transition, pose))
 
     async def status(self) -> Status:
         """What the arm and the goals are at."""

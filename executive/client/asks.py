@@ -218,9 +218,10 @@ def answer(question_id: str, words: str) -> Ask[str]:
     return Ask("POST", path, lambda told: str(told["answer"]), {"answer": words})
 
 
-def arm(transition: str) -> Ask[str]:
+def arm(transition: str, pose: str | None) -> Ask[str]:
     """Take the arm through a transition; booting takes its time."""
-    return Ask("POST", f"/api/arm/{transition}", lambda told: str(told["arm"]), {}, patience=30.0)
+    body = {"pose": pose} if pose else {}
+    return Ask("POST", f"/api/arm/{transition}", lambda told: str(told["arm"]), body, patience=30.0)
 
 
 def status() -> Ask[Status]:

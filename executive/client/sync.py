@@ -140,15 +140,16 @@ class Client:
         """Answer a question; returns the answer that counts, which is the first."""
         return self._do(asks.answer(question_id, words))
 
-    def arm(self, transition: str) -> str:
+    def arm(self, transition: str, pose: str | None = None) -> str:
         """Take the arm through configure, activate, deactivate, cleanup or shutdown.
 
-        Activating opens the port, which resets the board and moves the arm.
+        Activating opens the port, which resets the board and moves the arm. Where it is not reset,
+        `pose` says where the arm stands: `boot`, or `last` for where it was commanded to last.
 
         Returns:
             Where it stands then.
         """
-        return self._do(asks.arm(transition))
+        return self._do(asks.arm(transition, pose))
 
     def status(self) -> Status:
         """What the arm and the goals are at."""

@@ -176,6 +176,8 @@ def status_lines(status: Status) -> Iterator[str]:
         yield "Goal      none"
     if status.waiting:
         yield f"Waiting   {len(status.waiting)}"
+    if status.breakpoints:
+        yield f"Breaks    {', '.join(status.breakpoints)}"
     yield f"Policy    {status.policy}"
 
 

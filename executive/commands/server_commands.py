@@ -10,6 +10,7 @@ import click
 from executive.codes import look_up
 
 from .options import (
+    Finite,
     keep_days_option,
     keep_mb_option,
     port_option,
@@ -54,6 +55,14 @@ TCP_PORT = 8765
     show_default=True,
     help="0 for any that is free.",
 )
+@click.option(
+    "--result-timeout",
+    type=Finite(),
+    default=900.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="How long results are kept; negative: until 1000 others have come.",
+)
 @click.option("--host", "hosts", multiple=True, help="Another name of this server, for --expose.")
 @click.option("--origin", "origins", multiple=True, help="A page that may ask: http://name:port.")
 @click.option("--expose", is_flag=True, help="Let other machines in; all but a stop needs a token.")
@@ -71,6 +80,7 @@ def serve(
     recordings: Path,
     activate: bool,
     policy: str,
+    result_timeout: float,
     pose: str | None,
     seed: int,
     workers: int,
@@ -94,6 +104,7 @@ def serve(
         seed=seed,
         workers=workers,
         policy=Policy(policy),
+        result_timeout=result_timeout,
         activate=activate,
         pose=pose,
         keep=Rule(keep_days, keep_mb),
@@ -203,22 +214,23 @@ def watch(as_json: bool, server: str | None) -> None:
     "transition",
     type=click.Choice(["configure", "activate", "deactivate", "cleanup", "shutdown"]),
 )
+@pose_option
 @server_option
-def arm(transition: str, server: str | None) -> None:
+def arm(transition: str, pose: str | None, server: str | None) -> None:
     """Take a server's arm through its lifecycle; activate opens the port, which moves the arm."""
     from executive.client import Client
 
     with Client(server) as client:
-        click.echo(client.arm(transition))
+        click.echo(client.arm(transition, pose))
 
 
 def _change(verb: str, goal_id: str, server: str | None) -> None:
-    from executive.client import Client
+    from executive.client import Client, Refused
 
     with Client(server) as client:
         running = client.status().goal
         if not goal_id and running is None:
-            raise click.UsageError("no goal is under way")
+            raise Refused({"code": "goal.not_executing", "message": "no goal is under way"})
         goal = getattr(client, verb)(goal_id or (running and running.identity))
     click.echo(f"task {goal.task} ({goal.identity})")
 
@@ -247,6 +259,21 @@ def step(goal_id: str, server: str | None) -> None:
     _change("step", goal_id, server)
 
 
+@click.command("break")
+@click.argument("node", required=False)
+@click.option("--off", is_flag=True, help="Have it no longer.")
+@server_option
+def break_at(node: str | None, off: bool, server: str | None) -> None:
+    """Have goals of a server pause before NODE, such as pick/Execute; without NODE list all."""
+    from executive.client import Client
+
+    if off and not node:
+        raise click.UsageError("--off wants the NODE")
+    with Client(server) as client:
+        marked = client.break_at(node, not off) if node else client.status().breakpoints
+    click.echo("\n".join(marked) or "no breakpoints")
+
+
 @click.command()
 @click.argument("words", nargs=-1, metavar="[ID] [WORDS]...")
 @server_option
@@ -260,4 +287,4 @@ def answer(words: tuple[str, ...], server: str | None) -> None:
         click.echo(reply(client, words))
 
 
-COMMANDS = (serve, send, cancel, answer, pause, resume, step, status, watch, arm)
+COMMANDS = (serve, send, cancel, answer, pause, resume, step, break_at, status, watch, arm)

@@ -26,6 +26,9 @@ from .wiring import PLANNING_TIMEOUT, port_line, put_in_order
 
 logger = logging.getLogger(__name__)
 
+# For so long a busy thread keeps the interpreter from the streamer, and from a stop [s].
+_SWITCH = 0.0005
+
 
 @dataclass(frozen=True, slots=True)
 class ServeOptions:
@@ -39,6 +42,7 @@ class ServeOptions:
         seed: For whatever draws at random.
         workers: Planner processes.
         policy: What becomes of a second goal.
+        result_timeout: How long results are kept [s]; see `Goals`.
         activate: Whether to activate the arm at once.
         pose: Where the arm stands, where its board is not reset; see `executive.pose`.
         keep: Which recordings are kept.
@@ -52,6 +56,7 @@ class ServeOptions:
     seed: int
     workers: int
     policy: Policy
+    result_timeout: float
     activate: bool
     pose: str | None
     keep: Rule
@@ -67,11 +72,12 @@ def serve(options: ServeOptions) -> None:
         ServerError: It cannot listen as it was asked to.
         LogError: A recording cannot be made, or could not be finished.
     """
+    sys.setswitchinterval(_SWITCH)
     with Interrupts() as interrupts, _log():
         robot, clock = load_robot(options.robot), RealClock()
         library = LiveLibrary(options.trees, robot)
         port = robot.serial.port if options.port is None else options.port
-        robot = standing(robot, port, options.pose, options.recordings)
+        standing(robot, port, options.pose, options.recordings)  # refused before all else
         for words in put_in_order(options.recordings, options.keep, clock):
             logger.warning("%s", words)
         questions = Questions(clock)
@@ -87,7 +93,9 @@ def serve(options: ServeOptions) -> None:
                 PLANNING_TIMEOUT,
                 _nobody,
                 options.policy,
+                options.result_timeout,
                 operator=questions,
+                pose=options.pose,
             )
             with Server(executive, library, robot, clock, options.place, questions) as server:
                 logger.info("%s", port_line(robot, port))

@@ -10,7 +10,7 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 
-from executive.goal import Cause, GoalState, Outcome
+from executive.results import outcome_of
 from hardware import RealClock
 from logs import Record, Recording, Result
 
@@ -64,7 +64,7 @@ class Player:
     def _show(self, record: Record) -> None:
         self._view.watch(record)
         if isinstance(record, Result):
-            self._view.report(_outcome(record, self._recording.path))
+            self._view.report(outcome_of(record, str(self._recording.path)))
 
 
 def watch(path: Path, speed: float, at: float | None, view: View) -> None:
@@ -126,28 +126,3 @@ def _keys() -> Iterator[int | None]:
         yield handle
     finally:
         termios.tcsetattr(handle, termios.TCSADRAIN, before)
-
-
-def _outcome(result: Result, path: Path) -> Outcome:
-    return Outcome(
-        task=result.task,
-        state=GoalState[result.state],
-        code=result.code,
-        message=result.message,
-        frames=result.frames,
-        duration=result.duration,
-        recording=str(path),
-        cause=None if result.success else _cause(result),
-    )
-
-
-def _cause(result: Result) -> Cause:
-    return Cause(
-        code=result.code,
-        message=result.message,
-        node=result.node,
-        joint=result.joint,
-        value=result.value,
-        limit=result.limit,
-        hint=result.hint,
-    )

@@ -72,7 +72,7 @@ def execute(options: Options) -> list[Outcome]:
             robot, library = load_robot(options.robot), Library(options.trees)
             arguments = read_arguments(options.settings, options.numbers)
             port = robot.serial.port if options.port is None else options.port
-            robot = standing(robot, port, options.pose, options.recordings)
+            standing(robot, port, options.pose, options.recordings)  # refused before all else
         except (HardwareError, TreeError) as error:
             task = options.numbers[0]
             aborted, cause = GoalState.ABORTED, cause_of(error)
@@ -97,6 +97,7 @@ def execute(options: Options) -> list[Outcome]:
                 PLANNING_TIMEOUT,
                 partial(_show, view),
                 solo=True,
+                pose=options.pose,
                 operator=Terminal(_to_errors if options.json else view.say),
             )
             return _drive(executive, clock, options.numbers, arguments, view, interrupts)

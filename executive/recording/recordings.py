@@ -9,8 +9,10 @@ from pathlib import Path
 
 import logs
 from executive.building.builder import Tree
-from executive.goal import Goal
+from executive.goal import Goal, GoalState, GoalStatus
+from executive.results import record_of
 from hardware import ArmEvent, Clock, Robot
+from logs.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
 
 from .evidence import robot_note
@@ -21,6 +23,14 @@ from .versions import versions
 logger = logging.getLogger(__name__)
 
 _BETWEEN = "server"  # in the name of the recording of what happens between goals
+
+# So many goals' recordings may be unfinished, each with its descriptors; then the next goal waits.
+_UNFINISHED = 64
+
+
+def is_servers(recording: Path) -> bool:
+    """Whether a recording is one of what happens between goals, by its name."""
+    return recording.stem.endswith(f"-{_BETWEEN}")
 
 
 class Recordings:
@@ -55,6 +65,7 @@ class Recordings:
         self._configuration = configuration
         self._recorder: logs.Recorder | None = None
         self._between: logs.Recorder | None = None
+        self._compactor: Compactor | None = None
         self._closing: list[threading.Thread] = []
         self._wrong: list[logs.LogError] = []
         self._meshes: set[str] = set()  # that are in it already
@@ -67,6 +78,7 @@ class Recordings:
         Raises:
             LogError: It cannot be made.
         """
+        self._compactor = compactor()
         self._recorder = self._between = recorder = self._create(_BETWEEN)
         self._attach(recorder, None)
 
@@ -88,6 +100,17 @@ class Recordings:
         self._attach(recorder, tree)
         self.tell(logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed))
 
+    def goal_changed(self, status: GoalStatus) -> None:
+        """Note in a server's recording that there is a goal, and its end, whatever it came to."""
+        if self._between is None:
+            return
+        if status.state is GoalState.ACCEPTED:
+            accepted = (status.stamp_ns - self._clock.epoch_ns()) / 1e9
+            self._between.put(logs.Goal(accepted, status.identity, status.task, "", 0))
+        elif status.outcome:
+            now = self._clock.now()
+            self._between.put(record_of(status.identity, status.outcome, now))
+
     def check_space(self) -> None:
         """See that a run's recording has room.
 
@@ -101,6 +124,8 @@ class Recordings:
         recorder, self._recorder, self.path = self._recorder, self._between, ""
         self.frames = 0
         self._closing = [thread for thread in self._closing if thread.is_alive()]
+        if len(self._closing) >= _UNFINISHED:
+            self._closing.pop(0).join()
         if recorder and recorder is not self._between:
             finish = partial(self._finish, recorder)
             self._closing.append(self._clock.spawn(finish, "recording"))
@@ -122,7 +147,7 @@ class Recordings:
 
     def _finish(self, recorder: logs.Recorder) -> None:
         try:
-            recorder.close()
+            recorder.close(self._compactor)
         except logs.LogError as error:
             logger.error("%s", error)
             self._wrong.append(error)

@@ -10,8 +10,8 @@ from typing import Any
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
-from executive.errors import GoalError, ResultTimeout, UnknownGoal
-from executive.events import as_goal, as_result, as_status
+from executive.errors import GoalError, ResultTimeout
+from executive.events import KINDS, as_goal, as_result, as_status
 from executive.executive import Event, Executive
 from executive.goal import GoalStatus
 from executive.goals import CancelAnswer
@@ -19,12 +19,13 @@ from executive.live_library import LiveLibrary
 from executive.questions import Questions
 
 from .errors import BadRequest, TooMuch, refusal, status_of
-from .hub import Hub
+from .hub import LISTED, Hub
 from .metrics import Metrics
 from .openapi import document
+from .security import SHOWS_TOKEN
 from .stops import Stops
 
-MOST_WATCHERS = 16
+MOST_WATCHERS = 16  # of those who show the token, and of all others
 HOLD_SECONDS = 1.0  # a hold of which nothing comes for so long has ended
 
 
@@ -50,6 +51,11 @@ class Call:
     request: Request
     given: Mapping[str, Any]
     body: Mapping[str, Any]
+
+    @property
+    def known(self) -> bool:
+        """Whether whoever asks shows the token."""
+        return SHOWS_TOKEN in self.request.scope["state"]
 
 
 class Api:
@@ -94,8 +100,8 @@ class Api:
             return JSONResponse({"tasks": await asyncio.to_thread(self._library.listed)})
 
     async def goals(self, _: Call) -> Response:
-        """Every goal that is known."""
-        return JSONResponse({"goals": [as_goal(goal) for goal in self._executive.goals()]})
+        """The newest goals."""
+        return JSONResponse({"goals": [as_goal(goal) for goal in self._executive.goals(LISTED)]})
 
     async def send(self, call: Call) -> Response:
         """Accept a goal, or refuse it."""
@@ -104,27 +110,30 @@ class Api:
             raise NotHeld(identity)
         arguments = {name: _as_text(value) for name, value in body.get("arguments", {}).items()}
         acceptance = await asyncio.to_thread(
-            self._executive.send, body["task"], arguments, identity
+            self._executive.send, int(body["task"]), arguments, identity
         )
         if not acceptance.accepted:
             told = refusal(acceptance.code, acceptance.message)
             return JSONResponse(told, status_of(acceptance.code))
+        held = self._held.get(identity)
+        if body.get("deadman") and not (held and held.is_set()):  # let go before there was a goal
+            await self._stops.cancel(identity)
         made = {"goal_id": acceptance.identity, "stamp_ns": acceptance.stamp_ns}
         return JSONResponse(made, 201)
 
     async def goal(self, call: Call) -> Response:
         """What a goal is at."""
-        return JSONResponse(as_goal(self._find(call.given["goal_id"])))
+        return JSONResponse(as_goal(self._executive.goal(call.given["goal_id"])))
 
     async def result(self, call: Call) -> Response:
         """How a goal ended; waits for it as long as the client does."""
         identity, seconds = call.given["goal_id"], call.given.get("timeout")
-        goal = self._find(identity)
+        goal = self._executive.goal(identity)
         if goal.outcome is None:
             ended = self._ended.setdefault(identity, asyncio.Event())
             if not await _before_leaving(call.request, ended.wait(), seconds):
                 raise ResultTimeout(identity, seconds or 0.0)
-            goal = self._find(identity)
+            goal = self._executive.goal(identity)
         assert goal.outcome
         return JSONResponse({"goal_id": identity, **as_result(goal.outcome)})
 
@@ -144,13 +153,15 @@ class Api:
 
     async def cancel_goal(self, call: Call) -> Response:
         """Cancel a goal, and with a stamp all that were accepted until then."""
-        stamp_ns = call.body.get("stamp_ns", 0)
+        stamp_ns = int(call.body.get("stamp_ns", 0))
         return _canceled(await self._stops.cancel(call.given["goal_id"], stamp_ns))
 
     async def cancel(self, call: Call) -> Response:
         """Cancel all goals, or those that are named."""
         body = call.body
-        return _canceled(await self._stops.cancel(body.get("goal_id", ""), body.get("stamp_ns", 0)))
+        return _canceled(
+            await self._stops.cancel(body.get("goal_id", ""), int(body.get("stamp_ns", 0)))
+        )
 
     async def stop(self, _: Call) -> Response:
         """Stop the arm, cancel all."""
@@ -189,15 +200,18 @@ class Api:
 
     async def arm(self, call: Call) -> Response:
         """Take the arm through its lifecycle."""
-        state = await asyncio.to_thread(self._executive.arm_to, call.given["transition"])
+        asked = call.given["transition"], call.body.get("pose")
+        state = await asyncio.to_thread(self._executive.arm_to, *asked)
         return JSONResponse({"arm": state.value})
 
     async def events(self, call: Call) -> Response:
         """What happens, as it happens."""
-        if len(self._hub.watchers) >= MOST_WATCHERS:
+        if sum(each.known is call.known for each in self._hub.watchers) >= MOST_WATCHERS:
             raise TooMuch(f"{MOST_WATCHERS} watch already", "close one of them")
         kinds = frozenset(filter(None, call.given.get("events", "").split(",")))
-        return StreamingResponse(self._watched(kinds), media_type="text/event-stream")
+        if kinds - KINDS:
+            raise BadRequest(f"events are {', '.join(sorted(KINDS))}", status=422)
+        return StreamingResponse(self._watched(kinds, call.known), media_type="text/event-stream")
 
     async def metrics(self, _: Call) -> Response:
         """Figures for Prometheus."""
@@ -207,8 +221,8 @@ class Api:
         """The document."""
         return JSONResponse(self._document)
 
-    async def _watched(self, kinds: frozenset[str]) -> AsyncIterator[bytes]:
-        watcher = self._hub.join(kinds)
+    async def _watched(self, kinds: frozenset[str], known: bool) -> AsyncIterator[bytes]:
+        watcher = self._hub.join(kinds, known)
         try:
             yield b": armtree\n\n"  # so that the client knows it is connected
             while text := await watcher.take():
@@ -219,7 +233,7 @@ class Api:
     async def _do(self, call: Call, act: Callable[[str], None]) -> Response:
         identity = call.given["goal_id"]
         await asyncio.to_thread(act, identity)
-        return JSONResponse(as_goal(self._find(identity)))
+        return JSONResponse(as_goal(self._executive.goal(identity)))
 
     async def _is_held(self, identity: str) -> bool:
         """Whether somebody holds a goal; the hand and the goal may come in either order."""
@@ -230,12 +244,6 @@ class Api:
             if self._held.get(identity) is held and not held.is_set():
                 del self._held[identity]
         return held.is_set() and identity in self._held
-
-    def _find(self, identity: str) -> GoalStatus:
-        for goal in self._executive.goals():
-            if goal.identity == identity:
-                return goal
-        raise UnknownGoal(identity)
 
     def _wake(self, event: Event) -> None:
         if isinstance(event, GoalStatus) and event.outcome:

@@ -11,6 +11,7 @@ import fastjsonschema
 from starlette.applications import Starlette
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
+from starlette.middleware.cors import CORSMiddleware
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
@@ -25,13 +26,16 @@ from .api import Api, Call
 from .bucket import Bucket
 from .errors import BadRequest, Forbidden, RequestError, TooMuch, as_json, status_of
 from .operations import OPERATIONS, Operation, Parameter
-from .security import Rules, hardened
+from .security import SHOWS_TOKEN, Rules, hardened
 
 logger = logging.getLogger(__name__)
 
 BODY_SECONDS = 5.0  # a body must be whole by then
 MOST_STREAMS = 40  # requests that may last as long as their client stays
-RATE, BURST = 200.0, 1000.0  # requests a second, and at once; stops are not counted
+# Requests a second, and at once, by whether they show the token; stops are not counted.
+LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
+CANCEL_BYTES = 1024  # of the body of a cancel: whoever sends it needs no token
+_QUOTED = 200  # characters of what was wrong, in an answer
 
 _NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?")  # as in JSON
 
@@ -55,21 +59,37 @@ class App:
     ) -> None:
         self._api, self._rules = api, rules
         # Strangers must not use up what is meant for those who know the token.
-        self._buckets = {known: Bucket(RATE, BURST, clock.now) for known in (True, False)}
+        self._buckets = {known: Bucket(*each, clock.now) for known, each in LIMITS.items()}
         self._said = Bucket(0.1, 3.0, clock.now)  # strangers must not fill the log
-        self._streams = 0
+        self._streams = {True: 0, False: 0}  # of those who know the token, and of all others
         routes: list[Any] = [
             self._route(path) for path in dict.fromkeys(o.path for o in OPERATIONS)
         ]
+        routes += [
+            Route(f"{o.path}/", self._endpoint(o), methods=[o.method])
+            for o in OPERATIONS
+            if o.blind
+        ]
         if rosbridge:
             routes.append(WebSocketRoute("/", rosbridge))
-        self._starlette = Starlette(routes=routes, exception_handlers={HTTPException: _not_routed})
-        self._starlette.router.redirect_slashes = False
+        starlette = Starlette(routes=routes, exception_handlers={HTTPException: _not_routed})
+        starlette.router.redirect_slashes = False
+        # Has a browser show the answers to pages that may ask; others are refused before.
+        self._answers = CORSMiddleware(
+            starlette,
+            allow_origins=list(rules.origins),
+            allow_methods=("GET", "POST"),
+            allow_headers=("authorization",),
+            allow_private_network=True,
+        )
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request, or one WebSocket."""
+        headers = Headers(scope=scope)
+        if self._rules.knows_token(headers):
+            scope["state"][SHOWS_TOKEN] = True
         try:
-            self._rules.check_source(Headers(scope=scope))
+            self._rules.check_source(headers)
         except Forbidden as error:
             if scope["type"] == "websocket":
                 if self._said.take():
@@ -78,7 +98,7 @@ class App:
             else:
                 await _refused(error)(scope, receive, hardened(send))
             return
-        await self._starlette(scope, receive, hardened(send))
+        await self._answers(scope, receive, hardened(send))
 
     def _route(self, path: str) -> Route:
         """All that can be asked at a path; as one route, it knows which methods there are."""
@@ -93,13 +113,14 @@ class App:
         check = None if operation.body is None else fastjsonschema.compile(dict(operation.body))
         parameters = {each.name: _Checked(each) for each in operation.parameters}
         answer = getattr(self._api, operation.name)
+        most = CANCEL_BYTES if operation.stops else strict_json.MOST_BYTES
 
         async def endpoint(request: Request) -> Response:
             try:
                 self._admit(operation, request)
-                given = _given(parameters, request)
-                body = await _body(request, check) if check else {}
-                with self._counted(operation):
+                given = {} if operation.blind else _given(parameters, request)
+                body = await _body(request, check, most) if check else {}
+                with self._counted(operation, request):
                     response: Response = await answer(Call(request, given, body))
                     return response
             except ClientDisconnect:
@@ -118,20 +139,22 @@ class App:
     def _admit(self, operation: Operation, request: Request) -> None:
         if operation.stops:
             return
-        if not self._buckets[self._rules.knows_token(request.headers)].take():
-            raise TooMuch(f"more than {RATE:g} requests a second", "wait a moment")
+        known = SHOWS_TOKEN in request.scope["state"]
+        if not self._buckets[known].take():
+            raise TooMuch(f"more than {LIMITS[known][0]:g} requests a second", "wait a moment")
         if self._rules.exposed or operation.method != "GET":
             self._rules.check_token(request.headers)
 
     @contextmanager
-    def _counted(self, operation: Operation) -> Iterator[None]:
-        if operation.streams and self._streams >= MOST_STREAMS:
+    def _counted(self, operation: Operation, request: Request) -> Iterator[None]:
+        known = SHOWS_TOKEN in request.scope["state"]
+        if operation.streams and self._streams[known] >= MOST_STREAMS:
             raise TooMuch(f"{MOST_STREAMS} clients wait or watch already", "close one of them")
-        self._streams += operation.streams
+        self._streams[known] += operation.streams
         try:
             yield
         finally:
-            self._streams -= operation.streams
+            self._streams[known] -= operation.streams
 
 
 class _Checked:
@@ -142,10 +165,10 @@ class _Checked:
         self._number = parameter.schema["type"] == "number"
         self._check = fastjsonschema.compile(dict(parameter.schema))
 
-    def read(self, text: str) -> Any:
+    def read(self, name: str, text: str) -> Any:
         """Its value."""
         number = self._number and _NUMBER.fullmatch(text)
-        return _checked(self._check, float(text) if number else text)
+        return _checked(self._check, float(text) if number else text, name)
 
 
 def _given(parameters: dict[str, _Checked], request: Request) -> dict[str, Any]:
@@ -156,20 +179,20 @@ def _given(parameters: dict[str, _Checked], request: Request) -> dict[str, Any]:
             there = ", ".join(n for n, p in parameters.items() if p.in_query) or "none"
             raise BadRequest(f"the parameter {name} is unknown or twice there; there are {there}")
         given[name] = text
-    return {name: parameters[name].read(text) for name, text in given.items()}
+    return {name: parameters[name].read(name, text) for name, text in given.items()}
 
 
-async def _body(request: Request, check: Callable[[Any], Any]) -> Any:
+async def _body(request: Request, check: Callable[[Any], Any], most: int) -> Any:
     """The JSON object that was sent, checked; an empty body is an empty object."""
-    data = await _read(request)
+    data = await _read(request, most)
     kind = request.headers.get("content-type")
-    if (data or kind) and not _is_json(kind or ""):
+    if data and not _is_json(kind or ""):
         raise BadRequest(f"a body is application/json, not {kind or 'of no type'}", status=415)
     try:
         value = strict_json.parse(data) if data else {}
     except strict_json.NotJson as error:
-        raise BadRequest(f"no JSON: {error}") from error
-    return _checked(check, value)
+        raise BadRequest(f"no JSON: {_quoted(str(error))}") from error
+    return _checked(check, value, "the body")
 
 
 def _is_json(kind: str) -> bool:
@@ -180,18 +203,21 @@ def _is_json(kind: str) -> bool:
     )
 
 
-def _checked(check: Callable[[Any], Any], value: Any) -> Any:
+def _checked(check: Callable[[Any], Any], value: Any, whole: str) -> Any:
     try:
         return check(value)
     except fastjsonschema.JsonSchemaValueException as error:
         name = str(error.name)
-        where = name.removeprefix("data").lstrip(".") or "it"
+        where = name.removeprefix("data").lstrip(".") or whole
         words = error.message.removeprefix(name).strip()
-        raise BadRequest(f"{where} {words}", status=422) from error
+        raise BadRequest(_quoted(f"{where} {words}"), status=422) from error
 
 
-async def _read(request: Request) -> bytes:
-    most = strict_json.MOST_BYTES
+def _quoted(words: str) -> str:
+    return words if len(words) <= _QUOTED else f"{words[:_QUOTED]} …"
+
+
+async def _read(request: Request, most: int) -> bytes:
     declared = request.headers.get("content-length", "0")
     large = TooMuch(f"a body may have {most} bytes", status=413, code="request.too_large")
     if int(declared) > most:

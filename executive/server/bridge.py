@@ -16,15 +16,13 @@ from executive.goal import GoalStatus
 from hardware import Clock, Robot, states
 
 from . import rosbridge as ros
-from .bucket import Bucket
-from .hub import Hub
+from .hub import LISTED, Hub
 from .stops import Stops
 
 logger = logging.getLogger(__name__)
 
 MOST_CLIENTS = 16
 MOST_UNSENT = 1000  # messages that a client may be behind
-RATE, BURST = 200.0, 1000.0  # messages a second, and at once
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
 
 
@@ -46,6 +44,7 @@ class Bridge:
         self.robot, self.clock = robot, clock
         self._clients: set[_Client] = set()
         self._joints: tuple[float, Mapping[str, float]] | None = None
+        self._statuses: dict[str, Any] | None = None  # as long as no goal changes
         hub.listeners.append(self._tell)
 
     async def serve(self, websocket: WebSocket) -> None:
@@ -64,8 +63,11 @@ class Bridge:
     def now(self, topic: str) -> dict[str, Any] | None:
         """What a topic says now; None where it says nothing."""
         if topic == ros.STATUS:
-            goals = self.executive.goals()
-            return ros.status_array([(g.identity, g.stamp_ns, g.state.value) for g in goals])
+            if self._statuses is None:
+                goals = self.executive.goals(LISTED)
+                told = [(g.identity, g.stamp_ns, g.state.value) for g in goals]
+                self._statuses = ros.status_array(told)
+            return self._statuses
         if self._joints is None:
             return None
         time, positions = self._joints
@@ -74,6 +76,7 @@ class Bridge:
     def _tell(self, event: Event) -> None:
         match event:
             case GoalStatus():
+                self._statuses = None
                 self._each(lambda client: client.goal_changed(event))
                 self._each(lambda client: client.published(ros.STATUS))
             case logs.Feedback():
@@ -141,7 +144,6 @@ class _Client:
         self._topics: dict[str, _Subscription] = {}
         self._unsent: asyncio.Queue[str] = asyncio.Queue(MOST_UNSENT)
         self._sent_away: asyncio.Future[str] = self._loop.create_future()
-        self._bucket = Bucket(RATE, BURST, bridge.clock.now)
 
     async def run(self) -> None:
         """Read and write until either ends, or the client is sent away."""
@@ -190,13 +192,12 @@ class _Client:
     async def _receive(self) -> None:
         while True:
             text = await self._websocket.receive_text()
-            if not self._bucket.take():
-                self._send_away("too many messages")
-                return
             try:
                 await self._obey(ros.parse(text))
             except ros.BadGoal as error:
                 self._put(ros.refusal(error.identity or "", str(error)))
+            except ros.BadCall as error:
+                self._put(ros.service_response(error.call, str(error), done=False))
             except ros.BadMessage as error:
                 self._put(ros.complaint(error))
 
@@ -240,10 +241,8 @@ class _Client:
 
     async def _serve(self, call: ros.CallService) -> None:
         if call.service != ros.CANCEL_SERVICE:
-            words = f"no service {call.service}; there is {ros.CANCEL_SERVICE}"
-            self._put(ros.service_response(call, words, done=False))
-            return
-        identity, stamp_ns = ros.cancel_request(call.arguments)
+            raise ros.BadCall(f"no service {call.service}; there is {ros.CANCEL_SERVICE}", call)
+        identity, stamp_ns = ros.cancel_request(call)
         answer = await self._bridge.stops.cancel(identity, stamp_ns)
         stamps = {goal.identity: goal.stamp_ns for goal in self._bridge.executive.goals()}
         canceling = [(each, stamps.get(each, 0)) for each in answer.goals]

@@ -1,27 +1,77 @@
 """Connections that cannot hold the server up: uvicorn's protocols, with patience that ends.
 
-uvicorn waits for ever for the head of a request, and for a client that reads nothing.
+uvicorn waits for ever for the head of a request, and for a client that reads nothing; and it takes
+in whatever comes, at once.
 """
 
 import asyncio
 import json
+import re
+from typing import Any
 
 import h11
 from uvicorn.protocols.http.h11_impl import STATUS_PHRASES, H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from uvicorn.server import ServerState
 
 from .errors import BadRequest, as_json
+from .security import SHOWS_TOKEN
+from .turns import PIECE, Turns
 
 MOST_CONNECTIONS = 128  # more than may stay: those who wait, who watch, and rosbridge clients
 HEAD_SECONDS = 5.0  # a request's head must be whole by then, from its connection's last answer
 STALL_SECONDS = 5.0  # a client that reads nothing for so long is cut off
 
+_STOP = re.compile(rb"POST /api/stop[/? ]")
+_CANCEL = re.compile(rb"POST /api/(cancel|goals/[0-9a-f]{32}/cancel)[? ]")
 
-class _Writing(asyncio.Protocol):
-    """Cuts off a client that does not take what is written to it."""
+
+class State(ServerState):
+    """What uvicorn's connections share, and ours.
+
+    Args:
+        turns: Of what they bring in.
+    """
+
+    def __init__(self, turns: Turns) -> None:
+        super().__init__()
+        self.turns = turns
+
+
+class _Patient(asyncio.Protocol):
+    """Waits its turn with what comes, and cuts off a client that takes nothing."""
 
     transport: asyncio.Transport
     _stalled: asyncio.TimerHandle | None = None
+
+    def __init__(self, *, server_state: State, **more: Any) -> None:
+        super().__init__(server_state=server_state, **more)  # type: ignore[call-arg]
+        self.turns = server_state.turns
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Somebody has connected."""
+        super().connection_made(transport)
+        self.transport.max_size = PIECE  # type: ignore[attr-defined]  # of asyncio's every read
+
+    def data_received(self, data: bytes) -> None:
+        """Something has come."""
+        self.transport.pause_reading()
+        self.turns.wait(self, data, self.is_first(data))
+
+    def take_in(self, data: bytes) -> None:
+        """Its turn has come."""
+        super().data_received(data)
+        if not self.full:
+            self.transport.resume_reading()
+
+    def is_first(self, data: bytes) -> bool:
+        """Whether it need not stand in line with everybody."""
+        return False
+
+    @property
+    def full(self) -> bool:
+        """Whether uvicorn wants to read no more for now."""
+        raise NotImplementedError
 
     def pause_writing(self) -> None:
         """The transport's buffer is full."""
@@ -36,6 +86,7 @@ class _Writing(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """It is over."""
+        self.turns.leave(self)
         super().connection_lost(exc)
         self._end_patience()
 
@@ -45,17 +96,26 @@ class _Writing(asyncio.Protocol):
             self._stalled = None
 
 
-class WebSocketConnection(_Writing, WebSocketsSansIOProtocol):
+class WebSocketConnection(_Patient, WebSocketsSansIOProtocol):
     """A WebSocket."""
 
+    @property
+    def full(self) -> bool:
+        """Whether a message waits to be read."""
+        return self.read_paused
 
-class HttpConnection(_Writing, H11Protocol):
-    """An HTTP connection. Where there are too many, one that asks for nothing makes room."""
+
+class HttpConnection(_Patient, H11Protocol):
+    """An HTTP connection.
+
+    Where there are too many, one that asks for nothing makes room: of those who do not show the
+    token, if there is any.
+    """
 
     _waiting: asyncio.TimerHandle | None = None
     since = 0.0  # when it was accepted, or last answered [s]
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Somebody has connected."""
         super().connection_made(transport)
         self.since = self.loop.time()
@@ -69,13 +129,31 @@ class HttpConnection(_Writing, H11Protocol):
         self._asked()
 
     def data_received(self, data: bytes) -> None:
-        """Something has come."""
-        super().data_received(data)
+        """Something has come; a stop is taken in at once."""
+        if _STOP.match(data) and not self._under_way and not self.turns.waits(self):
+            self.take_in(data)
+        else:
+            super().data_received(data)
+
+    def take_in(self, data: bytes) -> None:
+        """Its turn has come."""
+        super().take_in(data)
         if self.transport.get_protocol() is self:  # else a WebSocket has taken over
             self._watch()
 
+    def is_first(self, data: bytes) -> bool:
+        """Whether it is a cancel, or of somebody who has shown the token."""
+        return self.shows_token or bool(_CANCEL.match(data))
+
+    @property
+    def full(self) -> bool:
+        """Whether enough of a body waits to be read."""
+        return self.flow.read_paused and self.transport.get_protocol() is self
+
     def on_response_complete(self) -> None:
-        """A request is answered."""
+        """A request is answered; what was sent before that is no request."""
+        if self.conn.trailing_data[0]:  # they would all be answered in one turn
+            self.transport.close()
         super().on_response_complete()
         self.since = self.loop.time()
         self._watch()
@@ -102,18 +180,25 @@ class HttpConnection(_Writing, H11Protocol):
     @property
     def asks(self) -> bool:
         """Whether a request is under way whose body has come in whole."""
-        cycle = self.cycle
-        return cycle is not None and not cycle.response_complete and not cycle.more_body
+        return self._under_way and not self.cycle.more_body
+
+    @property
+    def shows_token(self) -> bool:
+        """Whether its last request did."""
+        return self.cycle is not None and SHOWS_TOKEN in self.cycle.scope["state"]
 
     @property
     def leaving(self) -> bool:
         """Whether it is closed already."""
         return self.transport.is_closing()
 
+    @property
+    def _under_way(self) -> bool:
+        return self.cycle is not None and not self.cycle.response_complete
+
     def _watch(self) -> None:
         """Be patient only while a request is under way; its body is the application's matter."""
-        under_way = self.cycle is not None and not self.cycle.response_complete
-        if under_way:
+        if self._under_way:
             self._asked()
         elif self._waiting is None:
             self._waiting = self.loop.call_later(HEAD_SECONDS, self.transport.abort)
@@ -129,4 +214,4 @@ class HttpConnection(_Writing, H11Protocol):
             for each in self.connections
             if isinstance(each, HttpConnection) and not each.asks and not each.leaving
         ]
-        min(idle, key=lambda each: each.since, default=self).transport.abort()
+        min(idle, key=lambda each: (each.shows_token, each.since), default=self).transport.abort()

@@ -9,8 +9,9 @@ from collections.abc import Callable
 import logs
 from executive.events import as_event, kind_of
 from executive.executive import Event
-from executive.goal import QuestionStatus
+from executive.goal import GoalStatus, QuestionStatus
 
+LISTED = 150  # goals in a list, the newest: all that run or wait, and what has just ended
 MOST_WAITING = 4 * 1024 * 1024  # bytes of events that a watcher may be behind
 
 
@@ -19,10 +20,11 @@ class Watcher:
 
     Args:
         kinds: Of events that are wanted; empty for all.
+        known: Whether they show the token.
     """
 
-    def __init__(self, kinds: frozenset[str]) -> None:
-        self.kinds = kinds
+    def __init__(self, kinds: frozenset[str], known: bool) -> None:
+        self.kinds, self.known = kinds, known
         self._waiting: deque[bytes] = deque()
         self._bytes = 0
         self._some = asyncio.Event()
@@ -76,9 +78,9 @@ class Hub:
             self._called = True
             self._loop.call_soon_threadsafe(self._tell)
 
-    def join(self, kinds: frozenset[str]) -> Watcher:
+    def join(self, kinds: frozenset[str], known: bool) -> Watcher:
         """Begin to watch."""
-        watcher = Watcher(kinds)
+        watcher = Watcher(kinds, known)
         for event in self._holds.values():
             if not kinds or kind_of(event) in kinds:
                 watcher.put(_as_text(event))
@@ -111,9 +113,10 @@ class Hub:
     def _remember(self, event: Event) -> None:
         match event:
             case logs.Goal():
-                self._holds = {
-                    key: held for key, held in self._holds.items() if key == "lifecycle"
-                } | {"goal": event}
+                self._keep("lifecycle")
+                self._holds["goal"] = event
+            case GoalStatus() if event.outcome and self._shows(event.identity):
+                self._keep("lifecycle", "question")
             case logs.Transition():
                 self._holds["lifecycle"] = event
             case logs.NodeStatus():
@@ -126,6 +129,16 @@ class Hub:
                 self._holds[f"question {event.question_id}"] = event
             case QuestionStatus():
                 self._holds.pop(f"question {event.question_id}", None)
+
+    def _shows(self, identity: str) -> bool:
+        goal = self._holds.get("goal")
+        return isinstance(goal, logs.Goal) and goal.goal_id == identity
+
+    def _keep(self, *kinds: str) -> None:
+        """Hold only these kinds of events any longer."""
+        self._holds = {
+            key: event for key, event in self._holds.items() if key.partition(" ")[0] in kinds
+        }
 
 
 def _as_text(event: Event) -> bytes:

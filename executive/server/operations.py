@@ -36,6 +36,14 @@ WHICH = _object(
     stamp_ns={**_STAMP, "description": "All that were accepted at or before this [ns]."},
 )
 UP_TO = _object(stamp_ns=WHICH["properties"]["stamp_ns"])
+STANDS = _object(
+    pose={
+        "type": "string",
+        "enum": ["boot", "last"],
+        "description": "Where the arm stands, to activate one whose board is not reset: in its "
+        "boot pose, or where it was commanded to last.",
+    }
+)
 ANSWER = _object(
     ("answer",),
     answer={
@@ -125,12 +133,17 @@ class Operation:
     status: int = 200
     media: str = "application/json"
 
+    @property
+    def blind(self) -> bool:
+        """Whether nothing that is sent along is looked at."""
+        return self.stops and self.body is None
+
 
 OPERATIONS = (
     Operation("GET", "/api/health", "health", "Whether the server answers.", "Health"),
     Operation("GET", "/api/status", "status", "What the arm and the goals are at.", "Status"),
     Operation("GET", "/api/tasks", "tasks", "The tasks there are.", "Tasks"),
-    Operation("GET", "/api/goals", "goals", "Every goal that is known.", "Goals"),
+    Operation("GET", "/api/goals", "goals", "The newest 150 goals that are known.", "Goals"),
     Operation("POST", "/api/goals", "send", "Run a task.", "Accepted", TASK, status=201),
     Operation(
         "GET", "/api/goals/{goal_id}", "goal", "What a goal is at.", "Goal", parameters=(_GOAL,)
@@ -173,7 +186,12 @@ OPERATIONS = (
         stops=True,
     ),
     Operation(
-        "POST", "/api/stop", "stop", "Stop the arm, cancel all.", "Canceled", NOTHING, stops=True
+        "POST",
+        "/api/stop",
+        "stop",
+        "Stop the arm, cancel all. Whatever else is sent along is not looked at.",
+        "Canceled",
+        stops=True,
     ),
     Operation(
         "POST",
@@ -226,7 +244,7 @@ OPERATIONS = (
         "arm",
         "Take the arm through its lifecycle; activate opens the port, which moves the arm.",
         "Arm",
-        NOTHING,
+        STANDS,
         (_TRANSITION,),
     ),
     Operation(

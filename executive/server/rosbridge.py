@@ -8,6 +8,7 @@ import base64
 import binascii
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,7 @@ TOPICS = {JOINT_STATES: "sensor_msgs/msg/JointState", STATUS: "action_msgs/msg/G
 
 _MOST_TASKS = 2**31 - 1
 _MOST_TEXT = 1024  # of an id or a name
+_QUOTED = 300  # characters of what was wrong, in an answer
 # Said by clients on the way, and nothing that an action server needs to know.
 _IDLE = {"advertise", "unadvertise", "publish", "set_level", "unadvertise_action", "auth"}
 
@@ -35,12 +37,20 @@ class BadMessage(Exception):
     """
 
     def __init__(self, text: str, identity: str | None = None) -> None:
-        super().__init__(text)
+        super().__init__(text if len(text) <= _QUOTED else f"{text[:_QUOTED]} …")
         self.identity = identity
 
 
 class BadGoal(BadMessage):
     """A goal that is no goal for this server; its sender waits for a result."""
+
+
+class BadCall(BadMessage):
+    """A call of a service that cannot be done; its sender waits for a response."""
+
+    def __init__(self, text: str, call: "CallService") -> None:
+        super().__init__(text, call.identity)
+        self.call = call
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +106,7 @@ def parse(text: str) -> Message:
     try:
         message = strict_json.parse(text)
     except strict_json.NotJson as error:
-        raise BadMessage(f"no JSON: {error}") from error
+        raise _unread(text, f"no JSON: {error}") from error
     if not isinstance(message, dict):
         raise BadMessage("a message is a JSON object")
     operation, identity = message.get("op"), message.get("id")
@@ -105,6 +115,18 @@ def parse(text: str) -> Message:
     if not isinstance(operation, str) or operation not in _IDLE | _READERS.keys():
         raise BadMessage(f"op {operation!r} is not known here", identity)
     return None if operation in _IDLE else _READERS[operation](message)
+
+
+def _unread(text: str, why: str) -> BadMessage:
+    """What strict JSON refuses, by the names that its sender waits for."""
+    with suppress(ValueError, RecursionError, AttributeError, BadMessage):
+        message = json.loads(text)
+        operation, identity = message.get("op"), _text(message, "id")
+        if operation == "send_action_goal":
+            return BadGoal(why, identity)
+        if operation == "call_service":
+            return BadCall(why, CallService(identity, _slashed(_text(message, "service")), {}))
+    return BadMessage(why)
 
 
 def _send_goal(message: dict[str, Any]) -> SendGoal:
@@ -137,10 +159,10 @@ def _cancel_goal(message: dict[str, Any]) -> CancelGoal:
 
 def _call_service(message: dict[str, Any]) -> CallService:
     identity = message.get("id")
-    arguments = message.get("args") or {}
+    service, arguments = _slashed(_text(message, "service")), message.get("args") or {}
     if not isinstance(arguments, dict):
-        raise BadMessage("args of a service are an object", identity)
-    return CallService(identity, _slashed(_text(message, "service")), arguments)
+        raise BadCall("args of a service are an object", CallService(identity, service, {}))
+    return CallService(identity, service, arguments)
 
 
 def _subscribe(message: dict[str, Any]) -> Subscribe:
@@ -246,12 +268,13 @@ def status_array(goals: Sequence[tuple[str, int, int]]) -> dict[str, Any]:
     }
 
 
-def cancel_request(arguments: Mapping[str, Any]) -> tuple[str, int]:
+def cancel_request(call: CallService) -> tuple[str, int]:
     """Which goals a CancelGoal request means: an identity, empty for all, and a stamp [ns].
 
     Raises:
-        BadMessage: It is no such request.
+        BadCall: It is no such request.
     """
+    arguments = call.arguments
     try:
         info = arguments.get("goal_info", {})
         identity = _bytes(info.get("goal_id", {}).get("uuid", [0] * 16)).hex()
@@ -260,7 +283,7 @@ def cancel_request(arguments: Mapping[str, Any]) -> tuple[str, int]:
         if type(seconds) is not int or type(nanoseconds) is not int or len(identity) != 32:
             raise ValueError(arguments)
     except (AttributeError, TypeError, ValueError) as error:
-        raise BadMessage("args are no action_msgs/srv/CancelGoal request") from error
+        raise BadCall("args are no action_msgs/srv/CancelGoal request", call) from error
     return identity if any(bytes.fromhex(identity)) else "", seconds * 10**9 + nanoseconds
 
 

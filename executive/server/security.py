@@ -10,6 +10,8 @@ from starlette.types import Message, Send
 
 from .errors import Forbidden, Unauthorized
 
+SHOWS_TOKEN = "shows_token"  # of a request's state: whether its sender does
+
 _FOR_BROWSERS = {
     "cache-control": "no-store",
     "content-security-policy": "default-src 'none'; frame-ancestors 'none'",

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import os
+import re
 import socket
 import threading
 from dataclasses import dataclass
@@ -19,15 +20,17 @@ from . import access
 from .api import Api
 from .app import App
 from .bridge import Bridge
-from .connections import HttpConnection, WebSocketConnection
+from .connections import HttpConnection, State, WebSocketConnection
 from .hub import Hub
 from .security import Rules, is_loopback, names
 from .stops import Stops
 from .strict_json import MOST_BYTES
+from .turns import Turns
 
 logger = logging.getLogger(__name__)
 
 _BACKLOG = 128
+_ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # as browsers write one
 _SEND_BUFFER = 128 * 1024  # [bytes] that may be on their way to a client that reads nothing
 _LAST_ANSWERS = 0.05  # [s] for what is being answered when the server ends
 
@@ -68,8 +71,9 @@ class Place:
 class _Uvicorn(uvicorn.Server):
     """uvicorn without its ten looks a second at whether it is to end."""
 
-    def __init__(self, config: uvicorn.Config) -> None:
+    def __init__(self, config: uvicorn.Config, turns: Turns) -> None:
         super().__init__(config)
+        self.server_state = State(turns)
         self.ready, self._end = threading.Event(), asyncio.Event()
 
     async def main_loop(self) -> None:
@@ -160,7 +164,7 @@ class Server:
         api = Api(self._executive, stops, self._library, self._hub, self._questions)
         bridge = Bridge(self._executive, stops, self._hub, self._robot, self._clock)
         app = App(api, self._rules(), self._clock, bridge.serve if self._place.rosbridge else None)
-        self._server = _Uvicorn(_config(app))
+        self._server = _Uvicorn(_config(app), Turns(self._loop))
         self._thread = self._clock.spawn(self._run, "network")
         self._server.ready.wait()
 
@@ -201,6 +205,9 @@ def _check(place: Place) -> None:
             f"--bind {place.address} would let other machines move the arm; add --expose if they "
             "shall, and give the token to nobody else"
         )
+    for page in place.origins:
+        if not _ORIGIN.fullmatch(page):
+            raise ServerError(f"--origin {page} is no origin, such as http://name:port")
     if place.expose and place.rosbridge:
         raise ServerError("rosbridge knows no token, so --rosbridge does not go with --expose")
 

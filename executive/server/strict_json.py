@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections import Counter
 from typing import Any
 
 MOST_BYTES = 64 * 1024  # of a body or a message
@@ -23,7 +24,8 @@ def parse(data: bytes | str) -> Any:
         value = json.loads(
             text, object_pairs_hook=_unique, parse_constant=_no_constant, parse_float=_finite
         )
-        json.dumps(value, ensure_ascii=False).encode()  # refuses a surrogate that stands alone
+        if "\\u" in text:
+            json.dumps(value, ensure_ascii=False).encode()  # refuses half a surrogate pair
     except RecursionError as error:
         raise NotJson("too deep") from error
     except ValueError as error:
@@ -32,11 +34,10 @@ def parse(data: bytes | str) -> Any:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    made: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in made:
-            raise NotJson(f"the key {key!r} is given twice")
-        made[key] = value
+    made = dict(pairs)
+    if len(made) < len(pairs):
+        (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
+        raise NotJson(f"the key {twice!r} is given twice")
     return made
 
 

@@ -3,7 +3,8 @@
 `next_skill` and the idle server run on the virtual Arduino in real time; a cancel is timed at the
 bytes of a pseudo-terminal, by another process that reads them. Ten thousand cancels and a thousand
 goals run in simulated time, on the board in-process. `cancel_http` is the same cancel asked by a
-request, `rosbridge_result` an empty task asked as roslibpy does; both clients are in this process.
+request, `stop_in_flood` a stop on a new connection while strangers, in another process, send all
+they can. `rosbridge_result` is an empty task asked as roslibpy does; its client is in this process.
 """
 
 import dataclasses
@@ -48,7 +49,7 @@ from hardware import (
 from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
-from tests.network_doors import over_http, rosbridge_results, served
+from tests.network_doors import in_a_flood, over_http, rosbridge_results, served
 
 Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]
 
@@ -234,13 +235,27 @@ class _NotedRun(Run):
         self.trees[:] = [tree]
 
 
-def leftovers(cancels: int) -> tuple[int, int]:
-    """Cancels at random instants: nodes or work left alive, and frames sent after a hold."""
+class _TappedLink(BoardLink):
+    """A link that keeps what is written to it."""
+
+    written = 0
+
+    def write(self, data: bytes) -> None:
+        """Write a frame."""
+        super().write(data)
+        self.written += 1
+
+
+def leftovers(cancels: int) -> tuple[int, int, int]:
+    """Cancels at random instants: nodes or work left alive, frames after a hold, and holds.
+
+    What comes after a hold is looked for until long after the result, told or written.
+    """
     clock, robot, rng = SimulatedClock(), load_robot(), random.Random(1)
-    zombies = after_hold = 0
+    zombies = after_hold = stopped = 0
     setattr(executive.owner, "Run", _NotedRun)  # noqa: B010, for the time being
     with tempfile.TemporaryDirectory() as folder, clock.working():
-        link, sent = BoardLink(virtual_board(robot), clock), list[logs.Sent]()
+        link, sent = _TappedLink(virtual_board(robot), clock), list[logs.Sent]()
 
         def watch(event: Event) -> None:
             if isinstance(event, logs.Sent):
@@ -249,19 +264,23 @@ def leftovers(cancels: int) -> tuple[int, int]:
         with serving(robot, link, clock, watch, Path(folder)) as arm:
             for number in range(cancels):
                 sent.clear()
+                written = link.written
                 goal = arm.send(21 + number % 2).identity
-                rest(clock, rng.choice((0.0, rng.uniform(0.0, 4.0))))
+                rest(clock, rng.choice((0.0, *(rng.uniform(0.0, 3.0) for _ in range(9)))))
                 arm.cancel(rng.choice(("", goal)))
                 arm.result(goal)
+                rest(clock, 0.3)
                 for tree in _NotedRun.trees:
                     zombies += sum(s.status is Status.RUNNING or s.busy for s in tree.skills)
                     zombies += sum(node.status is Status.RUNNING for node in tree.root.iterate())
                 holds = [i for i, frame in enumerate(sent) if frame.hold]
-                after_hold += len(sent) - 1 - holds[0] if holds else 0
+                frames = max(len(sent), link.written - written)
+                after_hold += frames - 1 - holds[0] if holds else 0
+                stopped += bool(holds)
                 _NotedRun.trees.clear()
                 _sweep(Path(folder))
     setattr(executive.owner, "Run", Run)  # noqa: B010
-    return zombies, after_hold
+    return zombies, after_hold, stopped
 
 
 def rest(clock: Clock, seconds: float) -> None:
@@ -357,7 +376,8 @@ def main(runs: int, file: Path | None, cancels: int) -> None:
     """Measure and show."""
     following, canceled = next_skill_times(), cancel_times(200)
     asked, bridged = cancel_times(200, over_http), bridge_times(200)
-    zombies, after_hold = leftovers(cancels)
+    flooded = cancel_times(100, in_a_flood)
+    zombies, after_hold, stopped = leftovers(cancels)
     done, grown, threads, descriptors = soak(1000)
     rows = [
         Row("next_skill_p95_ms", "ms", [percentile(following, 95)]),
@@ -365,9 +385,12 @@ def main(runs: int, file: Path | None, cancels: int) -> None:
         Row("cancel_p99_ms", "ms", [percentile(canceled, 99)]),
         Row("cancel_http_p50_ms", "ms", [percentile(asked, 50)]),
         Row("cancel_http_p99_ms", "ms", [percentile(asked, 99)]),
+        Row("stop_in_flood_p50_ms", "ms", [percentile(flooded, 50)]),
+        Row("stop_in_flood_p99_ms", "ms", [percentile(flooded, 99)]),
         Row("rosbridge_result_p50_ms", "ms", [percentile(bridged, 50)]),
         Row("zombies", "1", [zombies]),
         Row("frames_after_hold", "1", [after_hold]),
+        Row("cancels_in_motion", "1", [stopped]),
         Row("goals_done", "1", [done]),
         Row("memory_growth_mib", "MiB", [grown]),
         Row("threads_growth", "1", [threads]),

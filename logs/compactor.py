@@ -1,0 +1,118 @@
+"""A process that compacts recordings, so that it takes no time from whoever runs the next task."""
+
+import contextlib
+import os
+import pickle
+import socket
+import subprocess
+import sys
+import threading
+from functools import cache
+from pathlib import Path
+from weakref import finalize
+
+from .compaction import rewrite
+from .summary import Summary
+
+_AT_ONCE = 4  # most of its time each of them waits for the disk
+_BEHIND = 10  # niceness
+_PATH_BYTES = 4096
+
+
+class Compactor:
+    """A process started now, and again where it has died. Any thread may call.
+
+    It has a session of its own, so a Ctrl-C on the terminal does not reach it, and it ends, after
+    what it was asked, when its end of the socket closes, that is, when this process ends.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._start()
+
+    def rewrite(self, journal: Path, lock: int) -> Summary:
+        """See `compaction.rewrite`, which does it here where the process cannot.
+
+        Args:
+            journal: Which.
+            lock: Descriptor that holds its lock; the process shares it until it is done, so that
+                nobody else takes the journal should this process be killed meanwhile.
+
+        Raises:
+            RecordingError: The new file does not hold what it should; nothing was changed.
+            OSError: The disk failed or is full; the journal is unchanged.
+        """
+        ours, theirs = socket.socketpair()
+        with ours:
+            with theirs:
+                self._send(os.fsencode(journal.absolute()), [lock, theirs.fileno()])
+            with ours.makefile("rb") as stream:
+                answer = stream.read()
+        return pickle.loads(answer) if answer else rewrite(journal)
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    def close(self) -> None:
+        """End the process once it has done what it was asked."""
+        self._end()
+
+    def _send(self, message: bytes, descriptors: list[int]) -> None:
+        with self._lock:
+            try:
+                socket.send_fds(self._socket, [message], descriptors)
+            except OSError:
+                self._end()
+                self._start()
+                socket.send_fds(self._socket, [message], descriptors)
+
+    def _start(self) -> None:
+        self._socket, theirs = socket.socketpair(type=socket.SOCK_SEQPACKET)
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", __name__],
+                stdin=theirs.fileno(),
+                stdout=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                start_new_session=True,
+            )
+        self._end = finalize(self, _end, self._socket, self._process)
+
+
+@cache
+def compactor() -> Compactor:
+    """The one of this process."""
+    return Compactor()
+
+
+def _end(requests: socket.socket, process: "subprocess.Popen[bytes]") -> None:
+    requests.close()
+    process.wait()
+
+
+def _serve(requests: socket.socket) -> None:
+    """Answer with a summary; with nothing where there is none, then it is tried by who asks."""
+    while True:
+        message, descriptors, *_ = socket.recv_fds(requests, _PATH_BYTES, 2)
+        if not message:
+            return
+        lock, answer = descriptors
+        with contextlib.suppress(Exception), open(answer, "wb") as stream:
+            stream.write(pickle.dumps(rewrite(Path(os.fsdecode(message)))))
+        os.close(lock)
+
+
+def _main() -> None:
+    import mcap.reader
+    import mcap.writer  # noqa: F401, now, not with the first recording
+
+    os.nice(_BEHIND)
+    requests = socket.socket(fileno=sys.stdin.fileno())
+    for _ in range(_AT_ONCE):
+        threading.Thread(target=_serve, args=(requests,)).start()
+
+
+if __name__ == "__main__":
+    _main()

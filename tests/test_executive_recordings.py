@@ -1,0 +1,44 @@
+"""Recordings of a server's goals: finished behind its back, and never too many unfinished."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from executive.goals import Policy
+from executive.recording import recordings
+from logs.compactor import compactor
+from logs.recovery import being_written, complete
+from tests.conftest import RigMaker
+from tests.server_acts import run
+from tests.test_logs_run import fail
+
+
+def test_another_process_finishes_them(
+    server: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("logs.recorder.rewrite", fail)
+    monkeypatch.setattr("logs.compactor.rewrite", fail)
+    arm = server()
+    ran = [Path(run(arm, 1).recording) for _ in range(3)]
+    arm.executive.close()
+    assert all(complete(path, every_byte=True) for path in ran)
+
+
+def test_where_they_are_not_finished_goals_wait_in_the_end(
+    server: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recordings, "_UNFINISHED", 2)
+    arm = server(policy=Policy.QUEUE)
+    pid = compactor().pid
+    os.kill(pid, signal.SIGSTOP)
+    sent = [arm.executive.send(7).identity for _ in range(4)]  # 7 is no task
+    third = arm.executive.result(sent[2])
+    unfinished = [Path(arm.executive.result(goal).recording) for goal in sent[:3]]
+    assert all(map(being_written, unfinished))
+    assert arm.executive.snapshot().waiting == (sent[3],)
+    os.kill(pid, signal.SIGCONT)
+    assert arm.executive.result(sent[3]).code == third.code == "goal.unknown_task"
+    arm.executive.close()
+    assert all(complete(path, every_byte=True) for path in unfinished)
