@@ -1,6 +1,7 @@
 """Start and goal in, a checked and timed Plan out: every rung in its place."""
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from .deadline import Deadline, Stopwatch
 from .ends import bounds, check_ends, columns, finite
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError
 from .model import Model
-from .path import find
+from .path import ways
 from .plan import Plan
 from .process import Answer, Request
 from .profile import Profile
@@ -106,12 +107,8 @@ class Planner:
             proved=0.5 * self._robot.collision.margin,
             deadline=deadline,
         )
-        waypoints, curve = find(space, group.search, stations, query.seed, watch)
-        if not curve.straight:
-            with deadline.paused():
-                load()
-        with watch.rung("time"):
-            curve, profile = _timed(waypoints, curve, group)
+        found = ways(space, group.search, stations, query.seed, watch)
+        waypoints, curve, profile = _timed(found, group, deadline, watch)
         plan = Plan(
             group=query.group,
             joints=group.joints,
@@ -232,16 +229,19 @@ class _Group:
         self.search = Search(*bounds(robot, name))
 
 
-def _timed(waypoints: Array, curve: Curve, group: _Group) -> tuple[Curve, Profile]:
-    """The curve and its time law; with a stop at every waypoint where bends cannot be timed."""
-    if not curve.length:
-        return curve, Profile.still()
-    profile = timed(curve, group.velocity, group.acceleration)
-    if profile is None:
-        curve = Curve.through(waypoints, np.zeros(len(waypoints) - 2))
-        profile = timed(curve, group.velocity, group.acceleration)
-    assert profile
-    return curve, profile
+def _timed(
+    found: Iterator[tuple[Array, Curve]], group: _Group, deadline: Deadline, watch: Stopwatch
+) -> tuple[Array, Curve, Profile]:
+    """The first way that can be timed, and its time law."""
+    for waypoints, curve in found:
+        if not curve.straight:
+            with deadline.paused():
+                load()
+        with watch.rung("time"):
+            profile = timed(curve, group.velocity, group.acceleration)
+        if profile:
+            return waypoints, curve, profile
+    raise AssertionError("what stops at every waypoint can be timed")
 
 
 def _check_limits(robot: Robot) -> None:

@@ -20,13 +20,15 @@ def timed(curve: Curve, velocity: Array, acceleration: Array) -> Profile | None:
     """The time law of a curve, at rest at both ends and at its stops.
 
     Args:
-        curve: Of length > 0.
+        curve: The path.
         velocity: Limits (J,) [rad/s].
         acceleration: Limits (J,) [rad/s2].
 
     Returns:
         The time law; None where the solver fails on a bend, as it never does on lines.
     """
+    if not curve.length:
+        return Profile.still()
     whole = None
     for begin, end in pairwise([0.0, *curve.stops, curve.length]):
         part = _section(curve, begin, end, velocity, acceleration)
