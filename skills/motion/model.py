@@ -57,9 +57,9 @@ class Model:
                 None,
                 packages(robot.urdf),
             )
+            self.outer = self._hulls()
         except (RuntimeError, ValueError) as error:
             raise ModelUnusable(str(robot.urdf), str(error)) from error
-        self.outer = self._hulls()
         self._check_names()
         for _, exact, outer in objects(self.kinematics, world):
             self.exact.addGeometryObject(exact)
