@@ -1,5 +1,7 @@
 """Arms that are not ours: six and seven axes, a mesh, sliding fingers, joints without an end."""
 
+import dataclasses
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -76,6 +78,9 @@ def test_points_for_the_tool(robot: Robot, planner: Planner) -> None:
     assert reached == pytest.approx(point, abs=2e-6)
     assert turned == pytest.approx(axis, abs=2e-4)
     assert planner.reach(query) == found
+    for length in (1e-200, 1e200):
+        asked = dataclasses.replace(query, direction=tuple(length * axis))
+        assert planner.reach(asked).positions == pytest.approx(found.positions, abs=1e-3)
     with pytest.raises(Unreachable) as caught:
         planner.reach(ToolQuery("arm", tuple(start), (9.0, 0.0, 0.0)))
     assert 7.0 < caught.value.distance < 9.0

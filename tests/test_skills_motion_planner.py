@@ -152,6 +152,8 @@ REFUSED = [
     (arm(HOME, PICK[:2]), BadQuery, "goal has 2 values; give one for each of joint_1"),
     (Query("legs", (0, 0, 0, 0), (0,)), BadQuery, "no group 'legs'; there are arm, gripper"),
     (arm(HOME, PICK, seed=-1), BadQuery, "seed is -1"),
+    (Query("arm", None, PICK), BadQuery, "start has 1 values"),  # type: ignore[arg-type]
+    (arm(HOME, ((0.0, 0.0, 0.0),)), BadQuery, "goal has 3 values"),  # type: ignore[arg-type]
 ]
 
 
@@ -160,6 +162,11 @@ def test_refusals(planner: Planner, query: Query, error: type[MotionError], mess
     with pytest.raises(error, match=message):
         planner.plan(query)
     assert planner.plan(arm(HOME, PICK)).duration > 3.0  # and the next is none the worse
+
+
+@pytest.mark.parametrize("far", [5e-324, 1e-300, 1e-160, 1e-12])
+def test_however_near_it_arrives(planner: Planner, far: float) -> None:
+    assert tuple(planner.plan(arm(HOME, (far, 0.0, 0.0))).state(1.0)) == (far, 0.0, 0.0)
 
 
 def test_a_limit_itself_is_within(planner: Planner, robot: Robot) -> None:
@@ -241,6 +248,8 @@ def test_limits_that_make_no_sense(robot: Robot) -> None:
     for odd in (
         dataclasses.replace(base, acceleration=0.0),
         dataclasses.replace(base, velocity=math.nan),
+        dataclasses.replace(base, acceleration=math.nan),
+        dataclasses.replace(base, acceleration=1e-300),
         dataclasses.replace(base, lower=2.0),
     ):
         with pytest.raises(ModelUnusable, match="joint_1 has limits"):

@@ -31,6 +31,7 @@ from .world import EMPTY, Body, World
 Array = NDArray[np.float64]
 
 _WORLDS = 4  # models at a time
+_SLOWEST = 1e-9  # limit that a joint can have [rad/s, rad/s2]
 _SAMPLES = 200  # of a motion, to find how far it has travelled when
 
 
@@ -246,7 +247,8 @@ def _timed(
 
 def _check_limits(robot: Robot) -> None:
     for joint in robot.joints:
-        if not (joint.velocity > 0.0 and joint.acceleration > 0.0 and joint.lower <= joint.upper):
+        moves = joint.velocity >= _SLOWEST and joint.acceleration >= _SLOWEST
+        if not (moves and joint.lower <= joint.upper):
             why = f"{joint.name} has limits [{joint.lower:g}, {joint.upper:g}] rad, "
             why += f"{joint.velocity:g} rad/s, {joint.acceleration:g} rad/s2"
             raise ModelUnusable(str(robot.path), why)

@@ -1,5 +1,6 @@
 """The quickest way along a curve that keeps every joint's velocity and acceleration limits."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -70,7 +71,7 @@ def trapezoid(begin: float, end: float, speed: float, push: float) -> Profile:
         push: Limit [1/s2].
     """
     length = end - begin
-    top = min(speed, float(np.sqrt(length * push)))
+    top = min(speed, math.sqrt(length) * math.sqrt(push))  # their product may be too small
     rising, way = top / push, 0.5 * top * top / push
     cruise = max(0.0, (length - 2.0 * way) / top)
     return Profile(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hardware import Robot, Tool
 
+from .arrays import norms
 from .bodies import frame_of
 from .contacts import Contact, Contacts
 from .deadline import Deadline
@@ -185,7 +186,7 @@ class _Arm:
 
 def _unit(vector: tuple[float, ...]) -> Array:
     array = np.array(vector)
-    unit: Array = array / np.linalg.norm(array)
+    unit: Array = array / norms(array[None, :])
     return unit
 
 
