@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 ou.setLogLevel(ou.LogLevel.LOG_NONE)
 
-_ITERATIONS = 20_000  # a count, not a time: the same query must give the same path
+_ITERATIONS = 5_000  # a count, not a time: the same query must give the same path
 _RANGE = 0.7  # longest new branch [rad]
 
 
