@@ -8,6 +8,7 @@ import pytest
 
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, Query, ToolQuery, Unreachable, World
+from skills.motion.blend import NEARNESS
 from skills.motion.contacts import Contacts
 from skills.motion.model import Model
 from skills.motion.planner import Planner
@@ -108,6 +109,16 @@ def test_sliding_fingers_with_a_follower() -> None:
     plan = planner.plan(Query("gripper", tuple(start), (0.04,)))
     assert plan.joints == ("finger_1",)
     assert Model(robot).levers[:, 7].max() == 1.0
+
+
+def test_a_slide_passes_near_its_via_point() -> None:
+    """It turns back there, so nothing but the via point keeps it from turning sooner."""
+    robot = foreign("seven_axes")
+    planner = planners.setdefault(robot.name, Planner(robot))
+    start = (0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.0)
+    plan = planner.plan(Query("gripper", start, (0.001,), via=((0.04,),)))
+    furthest = plan.sample(np.linspace(0.0, plan.duration, 400)).max()
+    assert 0.04 - NEARNESS - 1e-6 <= furthest <= 0.04
 
 
 def test_a_joint_without_an_end_turns_as_far_as_it_is_told() -> None:
