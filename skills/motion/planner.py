@@ -14,6 +14,7 @@ from .curve import Curve
 from .deadline import Deadline, Stopwatch
 from .ends import bounds, check_ends, columns, finite
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError
+from .links import Links
 from .model import Model
 from .path import ways
 from .plan import Plan
@@ -52,7 +53,7 @@ class Planner:
     def __init__(self, robot: Robot, clock: Clock | None = None) -> None:
         self._robot, self._clock = robot, clock or RealClock()
         _check_limits(robot)
-        self._scenes: dict[World, _Scene] = {}
+        self._links, self._scenes = Links(robot), dict[World, _Scene]()
         self._groups: dict[str, _Group] = {}
         self.contacts = self._scene(EMPTY).contacts
 
@@ -181,7 +182,7 @@ class Planner:
 
     def _scene(self, world: World) -> "_Scene":
         """The model of a world; the empty one is kept, and of others the last few asked for."""
-        scene = self._scenes.pop(world, None) or _Scene(self._robot, world)
+        scene = self._scenes.pop(world, None) or _Scene(self._robot, world, self._links)
         if len(self._scenes) >= _WORLDS:
             del self._scenes[next(other for other in self._scenes if other != EMPTY)]
         self._scenes[world] = scene
@@ -191,8 +192,8 @@ class Planner:
 class _Scene:
     """What is kept of a world between queries."""
 
-    def __init__(self, robot: Robot, world: World) -> None:
-        self.model = Model(robot, world)
+    def __init__(self, robot: Robot, world: World, links: Links) -> None:
+        self.model = Model(robot, world, links)
         self.contacts = Contacts(self.model)
 
 
