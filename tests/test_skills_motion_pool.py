@@ -285,6 +285,10 @@ def test_an_unusable_model_is_told(robot: Robot, tmp_path: Path) -> None:
     pool = Pool(dataclasses.replace(robot, urdf=broken), 1, RealClock())
     pool.start()
     assert isinstance(ask(pool, PICK), ModelUnusable)
+    worker = pid(pool)
+    for _ in range(5):
+        assert isinstance(ask(pool, PICK), ModelUnusable)
+    assert pid(pool) == worker  # it knows, so nobody need find out again
     pool.close()
 
 

@@ -127,8 +127,8 @@ class WorkerProcess:
     def _start(self) -> MotionError | None:
         """Wait until it has loaded the robot; the error where it cannot."""
         answer = self._answer(_START)
-        self._ready = answer is None
         if answer is None or isinstance(answer, MotionError):
+            self._ready = True
             return answer
         return self._nonsense(f"nothing within {_START:g} s of its start")
 
