@@ -35,7 +35,10 @@ class Cylinder:
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """Triangles from a file (STL, DAE, OBJ), with its units scaled to metres."""
+    """Triangles from a file (STL, DAE, OBJ), with its units scaled to metres.
+
+    They are a surface, as they may be a room: what is wholly inside touches nothing.
+    """
 
     path: str
     scale: Vector = (1.0, 1.0, 1.0)
