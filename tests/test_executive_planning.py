@@ -59,6 +59,27 @@ def test_a_task(tmp_path: Path) -> None:
     assert "Goal      joint_1 -1.400, joint_2 -0.600, joint_3 -0.070" in result.output
 
 
+def test_a_change_relative_to_the_start(tmp_path: Path) -> None:
+    result = plan(tmp_path, "joint_1+=-0.4", "joint_2=0.2", "--start", "joint_1=-1 joint_2=0.1")
+    assert result.exit_code == 0, result.exception
+    assert "Goal      joint_1 -1.400, joint_2 0.200, joint_3 0.000" in result.output
+
+
+def test_points_on_the_way(tmp_path: Path) -> None:
+    result = plan(tmp_path, "right", "--via", "joint_2=-0.3 joint_1=-0.2", "--via", "joint_1+=-1")
+    assert result.exit_code == 0, result.exception
+    assert "Path      by way of 2 points, 4 waypoints" in result.output
+
+
+def test_a_direction_for_the_tool(tmp_path: Path) -> None:
+    point = ("0.1", "0.05", "0.08")
+    free = plan(tmp_path, *point)
+    held = plan(tmp_path, *point, "--direction", "0.8", "0.4", "0.45")
+    assert isinstance(held.exception, Unreachable)  # three joints cannot do both
+    assert "askew" in str(held.exception)
+    assert free.exit_code == 0
+
+
 TWO_REACHES = """
 task: 7
 name: there_and_back
@@ -89,6 +110,10 @@ def test_a_task_of_several_motions(tmp_path: Path) -> None:
         (("1", "--group", "legs"), BadTarget),
         (("99",), UnknownTask),
         (("joint_1=x",), BadTarget),
+        (("joint_9+=1",), BadTarget),
+        (("1", "--via", "right"), BadTarget),
+        (("right", "--via", "joint_4=0"), BadTarget),
+        (("right", "--direction", "0", "0", "1"), BadTarget),
         (("1", "2"), BadTarget),
         (("joint_2=-1.5", "joint_3=-0.5"), GoalInCollision),
         (("0.9", "0", "0.1"), Unreachable),

@@ -1,11 +1,14 @@
 """Arms that are not ours: six and seven axes, a mesh, sliding fingers, joints without an end."""
 
+import dataclasses
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, Query, ToolQuery, Unreachable, World
+from skills.motion.blend import NEARNESS
 from skills.motion.contacts import Contacts
 from skills.motion.model import Model
 from skills.motion.planner import Planner
@@ -76,6 +79,9 @@ def test_points_for_the_tool(robot: Robot, planner: Planner) -> None:
     assert reached == pytest.approx(point, abs=2e-6)
     assert turned == pytest.approx(axis, abs=2e-4)
     assert planner.reach(query) == found
+    for length in (1e-200, 1e200):
+        asked = dataclasses.replace(query, direction=tuple(length * axis))
+        assert planner.reach(asked).positions == pytest.approx(found.positions, abs=1e-3)
     with pytest.raises(Unreachable) as caught:
         planner.reach(ToolQuery("arm", tuple(start), (9.0, 0.0, 0.0)))
     assert 7.0 < caught.value.distance < 9.0
@@ -103,6 +109,16 @@ def test_sliding_fingers_with_a_follower() -> None:
     plan = planner.plan(Query("gripper", tuple(start), (0.04,)))
     assert plan.joints == ("finger_1",)
     assert Model(robot).levers[:, 7].max() == 1.0
+
+
+def test_a_slide_passes_near_its_via_point() -> None:
+    """It turns back there, so nothing but the via point keeps it from turning sooner."""
+    robot = foreign("seven_axes")
+    planner = planners.setdefault(robot.name, Planner(robot))
+    start = (0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.0)
+    plan = planner.plan(Query("gripper", start, (0.001,), via=((0.04,),)))
+    furthest = plan.sample(np.linspace(0.0, plan.duration, 400)).max()
+    assert 0.04 - NEARNESS - 1e-6 <= furthest <= 0.04
 
 
 def test_a_joint_without_an_end_turns_as_far_as_it_is_told() -> None:

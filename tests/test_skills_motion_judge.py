@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 # Found by search: on the shipped robot the line between these would pass through its base.
 FOLDED = (-1.44023649, 0.16565795, -0.993262)
+NEAR_FOLDED = (-1.43, 0.17, -0.98)
 LEANING = (-1.33750881, 1.30914797, -1.10353502)
 
 POST = """
@@ -126,10 +127,16 @@ def least_distance(robot: Robot, plan: Plan) -> float:
     return min(min(judge.distances(row))[0] for row in rows)
 
 
-def test_detour_on_the_shipped_robot(robot: Robot) -> None:
-    plan = Planner(robot).plan(Query("arm", (*FOLDED, 0.0), LEANING))
+@pytest.mark.parametrize(
+    ("via", "rungs"),
+    [((), {"bend", "check"}), ((NEAR_FOLDED,), {"search", "shorten", "blend", "check"})],
+)
+def test_detour_on_the_shipped_robot(
+    robot: Robot, via: tuple[tuple[float, ...], ...], rungs: set[str]
+) -> None:
+    plan = Planner(robot).plan(Query("arm", (*FOLDED, 0.0), LEANING, via=via))
     assert len(plan.waypoints) > 2
-    assert {"search", "shorten", "blend", "check"} <= plan.milliseconds.keys()
+    assert plan.milliseconds.keys() == {"ends", "straight", "time"} | rungs
     assert least_distance(robot, plan) > 0.5 * robot.collision.margin
 
 

@@ -36,6 +36,7 @@ from skills.motion.planner import Planner
 HOME, PICK, REST = (0.0, 0.0, 0.0), (-1.4, -0.6, -0.07), (-1.57, 0.0, -0.9)
 UNDER_THE_TABLE = (0.0, -1.5, -0.5)
 DETOUR = Query("arm", (-1.44023649, 0.16565795, -0.993262, 0.0), (-1.337505, 1.30914797, -1.103535))
+SEARCHED = dataclasses.replace(DETOUR, via=((-1.43, 0.17, -0.98),))  # one bend is not enough
 
 
 @pytest.fixture(scope="module")
@@ -112,11 +113,26 @@ def test_derivatives_are_those_of_the_samples(planner: Planner) -> None:
 
 def test_every_seed_finds_a_way_within_the_limits(planner: Planner) -> None:
     for seed in range(40):
-        plan = planner.plan(dataclasses.replace(DETOUR, seed=seed))
+        plan = planner.plan(dataclasses.replace(SEARCHED, seed=seed))
+        assert "search" in plan.milliseconds
         times = np.arange(0.0, plan.duration, 0.001)
         assert np.all(abs(plan.velocities(times)) <= 1.001 * plan.velocity)
         assert np.all(abs(plan.accelerations(times)) <= 1.001 * plan.acceleration)
         assert np.array_equal(plan.sample([plan.duration])[0], plan.goal)
+
+
+def test_a_bend_does_not_depend_on_the_seed(planner: Planner) -> None:
+    plan = planner.plan(DETOUR)
+    assert list(plan.milliseconds) == ["ends", "straight", "bend", "time", "check"]
+    assert digest(planner.plan(dataclasses.replace(DETOUR, seed=2))) == digest(plan)
+
+
+def test_what_cannot_be_timed_is_not_all(planner: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The solver fails on the bend: a way is searched for; on that too: it stops at each corner."""
+    monkeypatch.setattr("skills.motion.toppra_timing.fastest", lambda *_: None)
+    plan = planner.plan(DETOUR)
+    assert {"bend", "search", "blend"} <= plan.milliseconds.keys()
+    assert len(plan.curve.stops) == len(plan.waypoints) - 2 > 0
 
 
 def test_arrays_are_read_only_on_both_sides_of_a_pipe(planner: Planner) -> None:
@@ -136,6 +152,8 @@ REFUSED = [
     (arm(HOME, PICK[:2]), BadQuery, "goal has 2 values; give one for each of joint_1"),
     (Query("legs", (0, 0, 0, 0), (0,)), BadQuery, "no group 'legs'; there are arm, gripper"),
     (arm(HOME, PICK, seed=-1), BadQuery, "seed is -1"),
+    (Query("arm", None, PICK), BadQuery, "start has 1 values"),  # type: ignore[arg-type]
+    (arm(HOME, ((0.0, 0.0, 0.0),)), BadQuery, "goal has 3 values"),  # type: ignore[arg-type]
 ]
 
 
@@ -144,6 +162,11 @@ def test_refusals(planner: Planner, query: Query, error: type[MotionError], mess
     with pytest.raises(error, match=message):
         planner.plan(query)
     assert planner.plan(arm(HOME, PICK)).duration > 3.0  # and the next is none the worse
+
+
+@pytest.mark.parametrize("far", [5e-324, 1e-300, 1e-160, 1e-12])
+def test_however_near_it_arrives(planner: Planner, far: float) -> None:
+    assert tuple(planner.plan(arm(HOME, (far, 0.0, 0.0))).state(1.0)) == (far, 0.0, 0.0)
 
 
 def test_a_limit_itself_is_within(planner: Planner, robot: Robot) -> None:
@@ -197,17 +220,17 @@ def digest(plan: Plan) -> str:
 
 ELSEWHERE = """
 import sys
-from tests_planner import DETOUR, digest, load_robot, Planner
+from tests_planner import SEARCHED, digest, load_robot, Planner
 planner = Planner(load_robot())
 planner.contacts.first_hit([(0.1 * i, 0.0, 0.0, 0.0) for i in range(10)], 0.001)
-print(digest(planner.plan(DETOUR)))
+print(digest(planner.plan(SEARCHED)))
 """
 
 
 def test_same_query_same_bytes_in_another_process(planner: Planner, tmp_path: Path) -> None:
-    here = digest(planner.plan(DETOUR))
-    assert digest(planner.plan(DETOUR)) == here
-    assert digest(planner.plan(dataclasses.replace(DETOUR, seed=2))) != here
+    here = digest(planner.plan(SEARCHED))
+    assert digest(planner.plan(SEARCHED)) == here
+    assert digest(planner.plan(dataclasses.replace(SEARCHED, seed=2))) != here
     (tmp_path / "tests_planner.py").write_text(Path(__file__).read_text())
     root = str(Path(__file__).parents[1])
     there = subprocess.run(
@@ -225,6 +248,8 @@ def test_limits_that_make_no_sense(robot: Robot) -> None:
     for odd in (
         dataclasses.replace(base, acceleration=0.0),
         dataclasses.replace(base, velocity=math.nan),
+        dataclasses.replace(base, acceleration=math.nan),
+        dataclasses.replace(base, acceleration=1e-300),
         dataclasses.replace(base, lower=2.0),
     ):
         with pytest.raises(ModelUnusable, match="joint_1 has limits"):

@@ -126,7 +126,8 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
     poison = dataclasses.replace(PICK, goal=(float("nan"), 0.0, 0.0))
     assert isinstance(ask(pool, poison), NotFinite)
     assert isinstance(ask(pool, dataclasses.replace(PICK, group="legs")), BadQuery)
-    assert isinstance(ask(pool, dataclasses.replace(PICK, timeout=float("nan"))), BadQuery)
+    for timeout in (float("nan"), float("inf"), 1e7):
+        assert isinstance(ask(pool, dataclasses.replace(PICK, timeout=timeout)), BadQuery)
     assert isinstance(ask(pool, PICK), Plan)
     assert pid(pool) == worker
 
@@ -284,6 +285,10 @@ def test_an_unusable_model_is_told(robot: Robot, tmp_path: Path) -> None:
     pool = Pool(dataclasses.replace(robot, urdf=broken), 1, RealClock())
     pool.start()
     assert isinstance(ask(pool, PICK), ModelUnusable)
+    worker = pid(pool)
+    for _ in range(5):
+        assert isinstance(ask(pool, PICK), ModelUnusable)
+    assert pid(pool) == worker  # it knows, so nobody need find out again
     pool.close()
 
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hardware import load_robot
 from skills.motion import BadQuery, Plan, Query, Rest
 from skills.motion.planner import Planner
+from skills.motion.timing import timed
 
 ROBOT = load_robot()
 PLANNER = Planner(ROBOT)
@@ -51,6 +52,15 @@ def test_the_rest_of_a_rest(first: float, second: float) -> None:
     rest = left(BENT, first * BENT.duration)
     time = second * rest.duration
     check(rest, time, left(rest, time))
+
+
+@pytest.mark.parametrize("short", [1e-15, 1e-12, 1e-10, 1e-8])
+def test_left_hardly_before_a_bend_begins_or_ends(short: float) -> None:
+    for end in BENT.curve.breaks[1:-1]:
+        rest = BENT.curve.after(end - short)
+        assert timed(rest, BENT.velocity, BENT.acceleration)
+        assert np.allclose(rest.positions(np.zeros(1)), BENT.curve.positions(np.array([end])))
+        assert rest.length == pytest.approx(BENT.curve.length - end, abs=2e-8)
 
 
 def test_from_its_beginning_it_is_all() -> None:

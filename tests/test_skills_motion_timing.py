@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from skills.motion.arrays import norms
 from skills.motion.curve import Curve
 from skills.motion.profile import Profile
 from skills.motion.timing import timed
@@ -83,6 +84,19 @@ def test_bent_keeps_every_limit(seed: int, count: int, rounding: float, stop: bo
     assert np.all(np.diff(profile.times) >= 0.0)
     assert profile.places[-1] == curve.length
     assert len(curve.stops) == stop
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=60, deadline=None)
+def test_a_corner_may_take_all_of_a_leg(seed: int) -> None:
+    """Then the curve begins or ends with it, and no sliver of the leg is left by rounding."""
+    waypoints = np.random.default_rng(seed).uniform(-1.5, 1.5, (3, 3))
+    radius = norms(np.diff(waypoints, axis=0)).min()
+    curve = Curve.through(waypoints, np.array([radius]))
+    assert curve.breaks[0] == 0.0
+    profile = timed(curve, ONES, 0.5 * ONES)
+    assert profile
+    assert excess(curve, profile, ONES, 0.5 * ONES) <= 0.001
 
 
 @given(

@@ -138,7 +138,9 @@ for command in (*TASK_COMMANDS, *SERVER_COMMANDS):
 @click.argument("goal", metavar="GOAL...", nargs=-1, required=True)
 @robot_option
 @trees_option
-@click.option("--start", multiple=True, help="JOINT=VALUE [rad] or a pose; default: the boot pose.")
+@click.option("--start", multiple=True, help="As GOAL: joints and poses; default: the boot pose.")
+@click.option("--via", multiple=True, help="A point on the way, as GOAL in quotes; repeatable.")
+@click.option("--direction", type=float, nargs=3, help="X Y Z where the tool is to point.")
 @click.option("--world", type=PATH, help="JSON file with a list of bodies around the arm.")
 @click.option("--group", help="Group that moves; default: that of the joints named, else the arm.")
 @click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning.")
@@ -148,6 +150,8 @@ def plan(
     robot: Path | None,
     trees: Path | None,
     start: tuple[str, ...],
+    via: tuple[str, ...],
+    direction: tuple[float, float, float] | None,
     world: Path | None,
     group: str | None,
     seed: int,
@@ -155,8 +159,8 @@ def plan(
 ) -> None:
     """Plan to GOAL, say why it takes as long as it does, and draw it. Nothing moves.
 
-    GOAL is JOINT=VALUE ... [rad], a pose such as right, x y z of the tool [m], or the number of a
-    task that spells out where it goes.
+    GOAL is JOINT=VALUE or JOINT+=CHANGE ... [rad], a pose such as right, x y z of the tool [m], or
+    the number of a task that spells out where it goes, as far as --world says what stands there.
     """
     from hardware import load_robot
     from trees import Library
@@ -164,8 +168,8 @@ def plan(
     from .plan_goal import Goal
     from .planning import explain
 
-    asked = Goal(load_robot(robot), Library(trees), goal, group, seed)
-    for line in explain(asked, start, world, output):
+    asked = Goal(load_robot(robot), Library(trees), goal, group, seed, via, direction)
+    for line in explain(asked, " ".join(start).split(), world, output):
         click.echo(line)
 
 

@@ -18,10 +18,13 @@ class Goal:
     Attributes:
         robot: Whose motion.
         library: Tasks and poses.
-        words: `JOINT=VALUE` [rad], joints not named staying; the name of a pose; three numbers,
-            where the tool shall be [m]; or the number of a task, for all that it spells out.
+        words: `JOINT=VALUE` or `JOINT+=CHANGE` [rad], joints not named staying; the name of a
+            pose; three numbers, where the tool shall be [m]; or the number of a task, for all that
+            it spells out.
         group: That moves; None for the one whose joints are named, else the arm.
         seed: Of the search.
+        via: Points on the way, each in words as a goal of joints and poses.
+        direction: Where the tool shall point, with a goal of three numbers.
     """
 
     robot: Robot
@@ -29,6 +32,8 @@ class Goal:
     words: Sequence[str]
     group: str | None
     seed: int
+    via: Sequence[str] = ()
+    direction: tuple[float, float, float] | None = None
 
     def queries(self, planner: Planner, start: Sequence[str], world: World) -> list[Query]:
         """The motions to be planned, each from where the one before ends.
@@ -42,14 +47,21 @@ class Goal:
             there = ", ".join(self.robot.groups)
             raise BadTarget(f"the robot has no group {self.group}; it has {there}")
         begin, group = self._start(start), self.group or "arm"
+        a_point = len(self.words) == 3 and not any("=" in word for word in self.words)
+        if self.direction and not a_point:
+            raise BadTarget("a direction goes with a point for the tool; give x y z")
         if len(self.words) == 1 and self.words[0].isdecimal():
+            if self.via:
+                raise BadTarget("a task goes its own way; leave out --via")
             return self._task(int(self.words[0]), group, begin, world)
-        if len(self.words) == 3 and not any("=" in word for word in self.words):
+        if a_point:
             point = three("point", [_number(word) for word in self.words])
-            tool = ToolQuery(group, begin, point, seed=self.seed, world=world)
-            return [Query(group, begin, planner.reach(tool).positions, self.seed, world=world)]
-        group, goal = self._joints(begin)
-        return [Query(group, begin, goal, self.seed, world=world)]
+            tool = ToolQuery(group, begin, point, self.direction, seed=self.seed, world=world)
+            goal = planner.reach(tool).positions
+        else:
+            group, goal = self._joints(self.words, begin, self.group)
+        via = tuple(self._joints(words.split(), begin, group)[1] for words in self.via)
+        return [Query(group, begin, goal, self.seed, via=via, world=world)]
 
     def _task(self, number: int, group: str, begin: tuple[float, ...], world: World) -> list[Query]:
         """As the skills move: the arm with the gripper as it is, the gripper where the arm goes."""
@@ -69,18 +81,20 @@ class Goal:
         return queries
 
     def _start(self, words: Sequence[str]) -> tuple[float, ...]:
-        values = self._values(words)
+        values = self._values(words, {joint.name: joint.boot for joint in self.robot.actuated})
         _check_names(values, [joint.name for joint in self.robot.actuated])
         return tuple(values.get(joint.name, joint.boot) for joint in self.robot.actuated)
 
-    def _joints(self, begin: tuple[float, ...]) -> tuple[str, tuple[float, ...]]:
+    def _joints(
+        self, words: Sequence[str], begin: tuple[float, ...], group: str | None
+    ) -> tuple[str, tuple[float, ...]]:
         """The group that moves, and where to."""
-        values = self._values(self.words)
-        group = self.group or self._group(values)
-        joints = self.robot.leaders(group)
-        _check_names(values, [joint.name for joint in joints])
         names = [joint.name for joint in self.robot.actuated]
         now = dict(zip(names, begin, strict=True))
+        values = self._values(words, now)
+        group = group or self._group(values)
+        joints = self.robot.leaders(group)
+        _check_names(values, [joint.name for joint in joints])
         target = Positions(
             (joint.name, values.get(joint.name, now[joint.name])) for joint in joints
         )
@@ -95,13 +109,14 @@ class Goal:
                 return group
         raise BadTarget(f"{', '.join(values)} are in several groups; plan for one at a time")
 
-    def _values(self, words: Sequence[str]) -> dict[str, float]:
-        """Joint values of `JOINT=VALUE` and of poses, the later ones counting."""
+    def _values(self, words: Sequence[str], now: Mapping[str, float]) -> dict[str, float]:
+        """Of `JOINT=VALUE`, of `JOINT+=CHANGE` from now, and of poses; the later ones count."""
         values, poses = dict[str, float](), self.library.poses()[0]
         for word in words:
             name, equals, number = word.partition("=")
             if equals:
-                values[name.strip()] = _number(number)
+                joint = name.removesuffix("+")
+                values[joint] = _number(number) + (now.get(joint, 0.0) if joint != name else 0.0)
             elif word in poses:
                 values |= poses[word]
             else:
@@ -111,8 +126,8 @@ class Goal:
 
 def _choices(poses: Mapping[str, object]) -> str:
     return (
-        f"pose; there are {', '.join(poses)}. Or give JOINT=VALUE [rad], x y z of the tool [m], "
-        "or the number of a task"
+        f"pose; there are {', '.join(poses)}. Or give JOINT=VALUE or JOINT+=CHANGE [rad], "
+        "x y z of the tool [m], or the number of a task"
     )
 
 

@@ -40,7 +40,7 @@ def explain(goal: Goal, start: Sequence[str], world: Path | None, output: Path) 
         plan = planner.plan(query)
         if len(queries) > 1:
             yield f"Motion {number} of {len(queries)}"
-        yield from _told(plan, loading)
+        yield from _told(plan, len(query.via), loading)
         picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
         _draw(robot, around, plan, picture)
         yield str(picture)
@@ -56,7 +56,7 @@ def _world(file: Path | None) -> World:
     return World.parse(bodies)
 
 
-def _told(plan: Plan, loading: float) -> Iterator[str]:
+def _told(plan: Plan, via: int, loading: float) -> Iterator[str]:
     """In words; the first time it took longer, as all had to be loaded [ms]."""
     spent = sum(plan.milliseconds.values())
     rungs = ", ".join(f"{name} {ms:.2f}" for name, ms in plan.milliseconds.items())
@@ -65,7 +65,8 @@ def _told(plan: Plan, loading: float) -> Iterator[str]:
     yield f"Goal      {goal}"
     if len(plan.waypoints) > 2:
         more = 100.0 * (plan.duration / line - 1.0) if line else 0.0
-        yield f"Path      round something, {len(plan.waypoints)} waypoints, {more:.0f} % longer"
+        how = f"by way of {via} point{'s' * (via > 1)}" if via else "round something"
+        yield f"Path      {how}, {len(plan.waypoints)} waypoints, {more:.0f} % longer"
     else:
         yield "Path      straight" if plan.duration else "Path      none: it is there already"
     yield f"Duration  {plan.duration:.3f} s; a straight line would take {line:.3f} s"

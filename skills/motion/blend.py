@@ -13,7 +13,7 @@ _HALVINGS = 5  # then the motion stops at the corner
 _LEAST = 1e-6  # as it does where it hardly could not [rad]
 
 
-NEARNESS = 0.05  # of the curve to a via point, at the most [rad]
+NEARNESS = 0.01  # of any part of the arm to where it is at a via point, at the most [m]
 
 
 def blended(space: Space, waypoints: Array, via: Array) -> Curve:
@@ -27,7 +27,7 @@ def blended(space: Space, waypoints: Array, via: Array) -> Curve:
     radii = _largest(waypoints)
     for i in range(len(radii)):
         if any(np.array_equal(waypoints[i + 1], point) for point in via):
-            radii[i] = min(radii[i], _near(waypoints[i : i + 3]))
+            radii[i] = min(radii[i], _near(space, waypoints[i : i + 3]))
     for i in range(len(radii)):
         radii[i] = _free_radius(space, waypoints[i : i + 3], radii[i])
     return Curve.through(waypoints, radii)
@@ -41,14 +41,15 @@ def _largest(waypoints: Array) -> Array:
     return np.minimum(shares[:-1], shares[1:])
 
 
-def _near(corner: Array) -> float:
+def _near(space: Space, corner: Array) -> float:
     """The radius whose curve comes as near to the corner as is asked of a via point.
 
-    In the middle of its parabola, r |e - d| / 4 away; see `curve`.
+    In the middle of its parabola, r (e - d) / 4 away; see `curve`.
     """
-    turn = np.diff(np.diff(corner, axis=0) / norms(np.diff(corner, axis=0))[:, None], axis=0)
-    bend = float(np.linalg.norm(turn))
-    return 4.0 * NEARNESS / bend if bend else np.inf
+    legs = np.diff(corner, axis=0)
+    turn = abs(np.diff(legs / norms(legs)[:, None], axis=0)[0])
+    travel = float((space.levers @ turn).max(initial=0.0))
+    return 4.0 * NEARNESS / travel if travel else np.inf
 
 
 def _free_radius(space: Space, corner: Array, radius: float) -> float:

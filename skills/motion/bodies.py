@@ -24,7 +24,10 @@ def objects(
         shape = geometry(body.shape)
         exact = pin.GeometryObject(body.name, joint, frame, place, shape)
         if isinstance(body.shape, Mesh):
-            around = hull([exact])
+            try:
+                around = hull([exact])
+            except ValueError as error:
+                raise BadWorld(f"The mesh {body.shape.path} is no body: {error}") from error
             outer = pin.GeometryObject(body.name, joint, frame, pin.SE3.Identity(), around)
         else:
             outer = exact

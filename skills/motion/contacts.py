@@ -122,6 +122,25 @@ class Contacts:
             found.update(close)
         return Look(None, near, frozenset(found))
 
+    def close(self, configurations: Array, margin: float) -> frozenset[int]:
+        """Pairs whose hulls are nearer than a margin [m] in some of the configurations (N, A)."""
+        q = self._coordinates(configurations)
+        self._all.keep(self.pairs, [margin] * len(self.pairs))
+        return frozenset(k for column in q.T for k in self._all.touching(column))
+
+    def doubtful(
+        self, configurations: Array, margin: float, pairs: frozenset[int]
+    ) -> NDArray[np.bool_]:
+        """In which configurations the hulls of some of these pairs are nearer than a margin (N,).
+
+        Args:
+            configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
+            margin: Distance to be kept [m].
+            pairs: Those of `Model.outer` to be looked at.
+        """
+        self._some.keep(pairs, [margin] * len(self.pairs))
+        return self._some.hits(self._coordinates(configurations), stop=False)
+
     def _first_hit(self, q: Array, margin: float, pairs: frozenset[int]) -> int | None:
         """Column of the first hit. One call if it is free; few looks if the first doubt is one."""
         outer = self._outer(pairs)

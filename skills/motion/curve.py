@@ -18,6 +18,8 @@ from .arrays import Rebuilt, norms, readonly
 
 Array = NDArray[np.float64]
 
+_SAME = 1e-9  # a break nearer ahead than this is passed: no piece is too short to be timed
+
 
 @dataclass(frozen=True, eq=False)
 class Curve(Rebuilt):
@@ -78,11 +80,14 @@ class Curve(Rebuilt):
 
     def after(self, s: float) -> "Curve":
         """What is left of it from s on; its own parameter begins at 0 there."""
-        first = int(np.searchsorted(self.breaks[1:-1], s, side="right"))
+        beyond = s + _SAME
+        first = int(np.searchsorted(self.breaks[1:-1], beyond, side="right"))
         base, slope = self.base[first:].copy(), self.slope[first:].copy()
-        base[0], slope[0] = self.positions(np.array([s]))[0], self.slopes(np.array([s]))[0]
+        u = max(0.0, s - self.breaks[first])
+        base[0] += u * (slope[0] + u * self.bend[first])
+        slope[0] += 2.0 * u * self.bend[first]
         breaks = np.concatenate(([0.0], self.breaks[first + 1 :] - s))
-        return Curve(breaks, base, slope, self.bend[first:], self.stops[self.stops > s] - s)
+        return Curve(breaks, base, slope, self.bend[first:], self.stops[self.stops > beyond] - s)
 
     @property
     def length(self) -> float:

@@ -78,12 +78,12 @@ def finite(what: str, values: Sequence[float], joints: Sequence[Joint]) -> Array
         NotFinite: One is a NaN or an infinity.
     """
     names = [joint.name for joint in joints]
-    if len(values) != len(joints):
-        raise BadQuery.count(what, len(values), names)
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise BadQuery(f"The {what} {values!r} is not all numbers; give radians") from error
+    if array.shape != (len(joints),):
+        raise BadQuery.count(what, array.size, names)
     for name, value in zip(names, array.tolist(), strict=True):
         if not np.isfinite(value):
             raise NotFinite(what, name, value)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from hardware import CollisionRules, Robot
 
 from .bodies import objects
-from .errors import BadWorld, ModelUnusable
-from .reach import levers
-from .shapes import hull, packages
+from .errors import BadWorld
+from .links import Links
+from .reach import travels
 from .world import EMPTY, World
 
 Array = NDArray[np.float64]
@@ -31,6 +31,7 @@ class Model:
     Args:
         robot: The robot.
         world: What stands around it, and what it holds.
+        links: The robot's, where they are at hand.
 
     Attributes:
         joints: Names of the actuated joints, the columns of all configurations (A).
@@ -45,31 +46,28 @@ class Model:
         BadWorld: A body names a link or body that is not there, or takes the name of one.
     """
 
-    def __init__(self, robot: Robot, world: World = EMPTY) -> None:
+    def __init__(self, robot: Robot, world: World = EMPTY, links: Links | None = None) -> None:
+        links = links or Links(robot)
         self.joints = tuple(joint.name for joint in robot.actuated)
+        self.kinematics = links.kinematics
         self._bodies = {body.name: body for body in world.bodies}
-        try:
-            self.kinematics = pin.buildModelFromUrdf(str(robot.urdf), True)
-            self.exact = pin.buildGeomFromUrdf(
-                self.kinematics,
-                str(robot.urdf),
-                pin.GeometryType.COLLISION,
-                None,
-                packages(robot.urdf),
-            )
-        except (RuntimeError, ValueError) as error:
-            raise ModelUnusable(str(robot.urdf), str(error)) from error
-        self.outer = self._hulls()
+        self.exact, self.outer, found = pin.GeometryModel(), pin.GeometryModel(), [*links.levers]
+        for shape in links.exact:
+            self.exact.addGeometryObject(shape)
+        for shape in links.outer:
+            self.outer.addGeometryObject(shape)
         self._check_names()
         for _, exact, outer in objects(self.kinematics, world):
             self.exact.addGeometryObject(exact)
             self.outer.addGeometryObject(outer)
+            found.append(links.levers_of(outer))
         for geometry in (self.exact, self.outer):
             self._add_floor(geometry, robot.collision)
             self._add_pairs(geometry, robot.collision)
             for shape in geometry.geometryObjects:
                 shape.geometry.computeLocalAABB()  # coal guesses from it where two shapes face
-        self.levers = levers(robot, self.kinematics, self.outer)
+        found += [{}] * (len(self.outer.geometryObjects) - len(found))  # the floor stands
+        self.levers = travels(robot, found, self.outer.collisionPairs)
         self._places = [self._place(name) for name in self.joints]
         # Whether pinocchio's coordinates are the configuration itself.
         self._plain = self._places == [(i, False) for i in range(self.kinematics.nq)]
@@ -122,18 +120,6 @@ class Model:
         """Index of a joint's coordinate, and whether it is stored as cosine and sine."""
         place = self.kinematics.joints[self.kinematics.getJointId(joint)]
         return place.idx_q, place.nq == 2
-
-    def _hulls(self) -> pin.GeometryModel:
-        outer, links = pin.GeometryModel(), dict[int, list[pin.GeometryObject]]()
-        for shape in self.exact.geometryObjects:
-            links.setdefault(shape.parentFrame, []).append(shape)
-        for frame, shapes in links.items():
-            joint, name = shapes[0].parentJoint, self.kinematics.frames[frame].name
-            around = hull(shapes)
-            outer.addGeometryObject(
-                pin.GeometryObject(name, joint, frame, pin.SE3.Identity(), around)
-            )
-        return outer
 
     def _add_floor(self, geometry: pin.GeometryModel, rules: CollisionRules) -> None:
         if rules.floor is not None:

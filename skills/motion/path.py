@@ -1,11 +1,13 @@
-"""The ladder of a path: straight if it is free, else searched for, shortened and rounded."""
+"""The ladder of a path: straight, else with one bend, else searched for, shortened and rounded."""
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import norms
+from .bend import bent
 from .blend import blended
 from .curve import Curve
 from .deadline import Stopwatch
@@ -18,14 +20,17 @@ Array = NDArray[np.float64]
 _SAME = 1e-9  # waypoints nearer than this are one [rad]
 
 
-def find(
+def ways(
     space: Space, search: Search, stations: Array, seed: int, watch: Stopwatch
-) -> tuple[Array, Curve]:
+) -> Iterator[tuple[Array, Curve]]:
     """Waypoints (N, J) [rad] and the curve through them, all of it free.
+
+    The first is the best. Those after it are for when a curve cannot be timed; the last stops at
+    every waypoint, so it can.
 
     Args:
         space: Where the group may move.
-        search: For when a line is not free.
+        search: For when a line is not free, nor one bend.
         stations: A free start, via points and goal (K, J) [rad].
         seed: Of the search.
         watch: Notes what each rung takes.
@@ -36,18 +41,25 @@ def find(
     """
     legs = [leg for leg in pairwise(stations) if not np.array_equal(*leg)]
     if not legs:
-        return stations[:1], Curve.point(stations[0])
+        yield stations[:1], Curve.point(stations[0])
+        return
     with watch.rung("straight"):
         straight = [space.edge(*leg) for leg in legs]
-    ways = [
+    if straight == [False]:
+        with watch.rung("bend"):
+            found = bent(space, search.lower, search.upper, legs[0])
+        if found:
+            yield found
+    parts = [
         np.array(leg) if free else _round(space, search, leg, seed, watch)
         for leg, free in zip(legs, straight, strict=True)
     ]
-    waypoints = _apart(np.vstack([ways[0], *(way[1:] for way in ways[1:])]))
-    if len(waypoints) == 2:
-        return waypoints, Curve.through(waypoints, np.empty(0))
-    with watch.rung("blend"):
-        return waypoints, blended(space, waypoints, stations[1:-1])
+    waypoints = _apart(np.vstack([parts[0], *(part[1:] for part in parts[1:])]))
+    if len(waypoints) > 2:
+        with watch.rung("blend"):
+            curve = blended(space, waypoints, stations[1:-1])
+        yield waypoints, curve
+    yield waypoints, Curve.through(waypoints, np.zeros(len(waypoints) - 2))
 
 
 def _round(

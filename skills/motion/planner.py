@@ -1,6 +1,7 @@
 """Start and goal in, a checked and timed Plan out: every rung in its place."""
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,9 @@ from .curve import Curve
 from .deadline import Deadline, Stopwatch
 from .ends import bounds, check_ends, columns, finite
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError
+from .links import Links
 from .model import Model
-from .path import find
+from .path import ways
 from .plan import Plan
 from .process import Answer, Request
 from .profile import Profile
@@ -30,6 +32,7 @@ from .world import EMPTY, Body, World
 Array = NDArray[np.float64]
 
 _WORLDS = 4  # models at a time
+_SLOWEST = 1e-9  # limit that a joint can have [rad/s, rad/s2]
 _SAMPLES = 200  # of a motion, to find how far it has travelled when
 
 
@@ -50,7 +53,7 @@ class Planner:
     def __init__(self, robot: Robot, clock: Clock | None = None) -> None:
         self._robot, self._clock = robot, clock or RealClock()
         _check_limits(robot)
-        self._scenes: dict[World, _Scene] = {}
+        self._links, self._scenes = Links(robot), dict[World, _Scene]()
         self._groups: dict[str, _Group] = {}
         self.contacts = self._scene(EMPTY).contacts
 
@@ -106,12 +109,8 @@ class Planner:
             proved=0.5 * self._robot.collision.margin,
             deadline=deadline,
         )
-        waypoints, curve = find(space, group.search, stations, query.seed, watch)
-        if not curve.straight:
-            with deadline.paused():
-                load()
-        with watch.rung("time"):
-            curve, profile = _timed(waypoints, curve, group)
+        found = ways(space, group.search, stations, query.seed, watch)
+        waypoints, curve, profile = _timed(found, group, deadline, watch)
         plan = Plan(
             group=query.group,
             joints=group.joints,
@@ -183,7 +182,7 @@ class Planner:
 
     def _scene(self, world: World) -> "_Scene":
         """The model of a world; the empty one is kept, and of others the last few asked for."""
-        scene = self._scenes.pop(world, None) or _Scene(self._robot, world)
+        scene = self._scenes.pop(world, None) or _Scene(self._robot, world, self._links)
         if len(self._scenes) >= _WORLDS:
             del self._scenes[next(other for other in self._scenes if other != EMPTY)]
         self._scenes[world] = scene
@@ -193,8 +192,8 @@ class Planner:
 class _Scene:
     """What is kept of a world between queries."""
 
-    def __init__(self, robot: Robot, world: World) -> None:
-        self.model = Model(robot, world)
+    def __init__(self, robot: Robot, world: World, links: Links) -> None:
+        self.model = Model(robot, world, links)
         self.contacts = Contacts(self.model)
 
 
@@ -209,7 +208,9 @@ def _check(space: Space, plan: Plan) -> None:
     """
     space = dataclasses.replace(space, margin=space.proved, proved=0.0)
     times = np.linspace(0.0, plan.duration, _SAMPLES)
-    travels = abs(np.diff(plan.sample(times), axis=0)) @ space.levers.T
+    # No joint can be faster between two samples than if it sped up and slowed down all it may.
+    speeds, gain = abs(plan.velocities(times)), plan.acceleration * times[1]
+    travels = 0.5 * times[1] * (speeds[1:] + speeds[:-1] + gain) @ space.levers.T
     places, travels = evenly(times, travels)
     share = space.hit(lambda shares: plan.sample(places(shares)), travels)
     if share is not None:
@@ -232,21 +233,25 @@ class _Group:
         self.search = Search(*bounds(robot, name))
 
 
-def _timed(waypoints: Array, curve: Curve, group: _Group) -> tuple[Curve, Profile]:
-    """The curve and its time law; with a stop at every waypoint where bends cannot be timed."""
-    if not curve.length:
-        return curve, Profile.still()
-    profile = timed(curve, group.velocity, group.acceleration)
-    if profile is None:
-        curve = Curve.through(waypoints, np.zeros(len(waypoints) - 2))
-        profile = timed(curve, group.velocity, group.acceleration)
-    assert profile
-    return curve, profile
+def _timed(
+    found: Iterator[tuple[Array, Curve]], group: _Group, deadline: Deadline, watch: Stopwatch
+) -> tuple[Array, Curve, Profile]:
+    """The first way that can be timed, and its time law."""
+    for waypoints, curve in found:
+        if not curve.straight:
+            with deadline.paused():
+                load()
+        with watch.rung("time"):
+            profile = timed(curve, group.velocity, group.acceleration)
+        if profile:
+            return waypoints, curve, profile
+    raise AssertionError("what stops at every waypoint can be timed")
 
 
 def _check_limits(robot: Robot) -> None:
     for joint in robot.joints:
-        if not (joint.velocity > 0.0 and joint.acceleration > 0.0 and joint.lower <= joint.upper):
+        moves = joint.velocity >= _SLOWEST and joint.acceleration >= _SLOWEST
+        if not (moves and joint.lower <= joint.upper):
             why = f"{joint.name} has limits [{joint.lower:g}, {joint.upper:g}] rad, "
             why += f"{joint.velocity:g} rad/s, {joint.acceleration:g} rad/s2"
             raise ModelUnusable(str(robot.path), why)

@@ -1,7 +1,6 @@
 """One worker process, as the parent holds it."""
 
 import contextlib
-import math
 import os
 import pickle
 import select
@@ -36,6 +35,7 @@ _NONSENSE = (
     TypeError,
     ValueError,
 )
+_LONGEST = 86_400.0  # time-out there can be [s]
 _GRACE = 0.008  # beyond its time-out, before a worker counts as hanging [s]
 _DYING = 0.2  # to say what was wrong, once it has hung up [s]
 _START = 30.0  # to load the model on a slow machine [s]
@@ -85,8 +85,8 @@ class WorkerProcess:
 
         A worker that died, hung or answered nonsense is no longer alive after it.
         """
-        if not math.isfinite(request.timeout):
-            return BadQuery(f"The time-out is {request.timeout} s; give a finite number")
+        if not abs(request.timeout) <= _LONGEST:  # nor if it is not a number
+            return BadQuery(f"The time-out is {request.timeout} s; give up to {_LONGEST:g}")
         try:
             if not self._ready and (broken := self._start()):
                 return broken
@@ -127,8 +127,8 @@ class WorkerProcess:
     def _start(self) -> MotionError | None:
         """Wait until it has loaded the robot; the error where it cannot."""
         answer = self._answer(_START)
-        self._ready = answer is None
         if answer is None or isinstance(answer, MotionError):
+            self._ready = True
             return answer
         return self._nonsense(f"nothing within {_START:g} s of its start")
 

@@ -22,7 +22,7 @@ class Query:
         seed: Of everything random; equal queries give equal plans.
         timeout: Time there is [s]; it can only fail a plan, never change one.
         via: Points on the way, each as `goal`; passed in their order, without a stop where that
-            is free, nearer than `blend.NEARNESS`.
+            is free, no part of the arm further off than `blend.NEARNESS`.
         world: What stands around the arm, and what it holds.
     """
 

@@ -16,6 +16,8 @@ and so by no more does the distance between them change. If they keep
 in the middle of a line that is dq long, they keep half the margin all along it.
 """
 
+from collections.abc import Iterable, Sequence
+
 import coal
 import numpy as np
 import pinocchio as pin
@@ -26,43 +28,19 @@ from hardware import Robot
 from .shapes import corners
 
 Array = NDArray[np.float64]
+Levers = dict[str, float]  # by the name of each joint that a shape hangs from
 
 
-def levers(robot: Robot, kinematics: pin.Model, geometry: pin.GeometryModel) -> Array:
-    """Largest travel of two shapes against each other, per unit of each actuated joint.
+def levers(robot: Robot, model: pin.Model, joint: int, shape: pin.GeometryObject) -> Levers:
+    """Of a shape on a joint; all is [m/rad].
 
     Args:
         robot: Whose joints.
-        kinematics: Its joints by name.
-        geometry: The shapes, and the pairs of them that are meant (P).
-
-    Returns:
-        (P, A) [m/rad].
+        model: Of them; followers have coordinates of their own.
+        joint: Its index there.
+        shape: What hangs from it.
     """
-    model = pin.buildModelFromUrdf(str(robot.urdf))  # where followers have coordinates of their own
-    of_shapes = [
-        _levers(robot, model, model.getJointId(kinematics.names[shape.parentJoint]), shape)
-        for shape in geometry.geometryObjects
-    ]
-    columns = {joint.name: (i, 1.0) for i, joint in enumerate(robot.actuated)}
-    for joint in robot.joints:
-        if joint.mimic:
-            leader, _ = columns[joint.mimic.leader]
-            columns[joint.name] = leader, abs(joint.mimic.multiplier)
-    found = np.zeros((len(geometry.collisionPairs), len(robot.actuated)))
-    for row, pair in zip(found, geometry.collisionPairs, strict=True):
-        first, second = of_shapes[pair.first], of_shapes[pair.second]
-        for name in first.keys() ^ second.keys():
-            column, share = columns[name]
-            row[column] += share * (first | second)[name]
-    return found
-
-
-def _levers(
-    robot: Robot, model: pin.Model, joint: int, shape: pin.GeometryObject
-) -> dict[str, float]:
-    """Of a shape on a joint, by the name of each joint that it hangs from; all is [m/rad]."""
-    found, data, reach = dict[str, float](), model.createData(), 0.0
+    found, data, reach = Levers(), model.createData(), 0.0
     places = np.zeros((0, 3)) if isinstance(shape.geometry, coal.Halfspace) else corners(shape)
     while joint:
         name = model.names[joint]
@@ -73,6 +51,32 @@ def _levers(
         places = model.jointPlacements[joint].translation[None, :]
         joint = model.parents[joint]
     return found
+
+
+def travels(robot: Robot, shapes: Sequence[Levers], pairs: Iterable[pin.CollisionPair]) -> Array:
+    """Largest travel of two shapes against each other, per unit of each actuated joint.
+
+    Args:
+        robot: Whose joints.
+        shapes: The levers of each.
+        pairs: Of shapes (P).
+
+    Returns:
+        (P, A) [m/rad].
+    """
+    columns = {joint.name: (i, 1.0) for i, joint in enumerate(robot.actuated)}
+    for joint in robot.joints:
+        if joint.mimic:
+            leader, _ = columns[joint.mimic.leader]
+            columns[joint.name] = leader, abs(joint.mimic.multiplier)
+    rows = []
+    for pair in pairs:
+        first, second = shapes[pair.first], shapes[pair.second]
+        rows.append(np.zeros(len(robot.actuated)))
+        for name in sorted(first.keys() ^ second.keys()):
+            column, share = columns[name]
+            rows[-1][column] += share * (first | second)[name]
+    return np.array(rows).reshape(-1, len(robot.actuated))
 
 
 def _axis(model: pin.Model, data: pin.Data, joint: int) -> Array:

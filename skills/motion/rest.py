@@ -9,7 +9,6 @@ from .arrays import norms
 from .curve import Curve
 from .errors import BadQuery
 from .plan import Plan
-from .profile import Profile
 from .timing import timed
 
 Array = NDArray[np.float64]
@@ -28,7 +27,7 @@ def rest_of(plan: Plan, time: float, start: Array, columns: NDArray[np.intp]) ->
         columns: Those of the plan's joints (J,).
 
     Raises:
-        BadQuery: The arm does not stand on the path.
+        BadQuery: The arm does not stand on the path, or what is left of it cannot be timed.
     """
     place = float(plan.profile.at(np.clip(np.array([time]), 0.0, plan.duration))[0][0])
     curve, origin = plan.curve.after(place), start[columns]
@@ -36,12 +35,10 @@ def rest_of(plan: Plan, time: float, start: Array, columns: NDArray[np.intp]) ->
         raise BadQuery("the arm does not stand where the motion was stopped; plan again")
     waypoints = np.vstack((origin, _ahead(plan.waypoints, curve.length)))
     if curve.length <= _NOTHING:
-        curve, profile = Curve.point(plan.goal), Profile.still()
-    elif (found := timed(curve, plan.velocity, plan.acceleration)) is not None:
-        profile = found
-    else:  # bends that cannot be timed: with a stop at every waypoint
-        curve = Curve.through(waypoints, np.zeros(len(waypoints) - 2))
-        profile = timed(curve, plan.velocity, plan.acceleration) or Profile.still()
+        curve = Curve.point(plan.goal)
+    profile = timed(curve, plan.velocity, plan.acceleration)
+    if profile is None:
+        raise BadQuery("what is left of the motion cannot be timed; plan again")
     return replace(
         plan, start=start, origin=origin, waypoints=waypoints, curve=curve, profile=profile
     )

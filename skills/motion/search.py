@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 ou.setLogLevel(ou.LogLevel.LOG_NONE)
 
-_ITERATIONS = 20_000  # a count, not a time: the same query must give the same path
+_ITERATIONS = 5_000  # a count, not a time: the same query must give the same path
 _RANGE = 0.7  # longest new branch [rad]
 
 
@@ -31,7 +31,7 @@ class Search:
     """
 
     def __init__(self, lower: Array, upper: Array) -> None:
-        self._lower, self._upper = lower, upper
+        self.lower, self.upper = lower, upper
         self._bounds: tuple[float, ...] = ()
         self._space = ob.RealVectorStateSpace(len(lower))
         self._information = ob.SpaceInformation(self._space)
@@ -69,8 +69,8 @@ class Search:
         return np.array([start, *(s[0 : len(start)] for s in states[1:-1]), goal])
 
     def _bound(self, start: Array, goal: Array) -> None:
-        lower = np.where(np.isfinite(self._lower), self._lower, np.minimum(start, goal) - np.pi)
-        upper = np.where(np.isfinite(self._upper), self._upper, np.maximum(start, goal) + np.pi)
+        lower = np.where(np.isfinite(self.lower), self.lower, np.minimum(start, goal) - np.pi)
+        upper = np.where(np.isfinite(self.upper), self.upper, np.maximum(start, goal) + np.pi)
         if self._bounds == (ends := (*lower.tolist(), *upper.tolist())):
             return
         self._bounds, bounds = ends, ob.RealVectorBounds(len(start))

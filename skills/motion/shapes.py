@@ -1,6 +1,6 @@
 """Points around shapes, and the convex hull around several."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 
 import coal
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_THIN = 1e-4  # [m]
 _SIDES = 8  # of the prism around a cylinder: the fewer, the quicker every check of the hull
 
 
@@ -29,16 +30,41 @@ def corners(shape: pin.GeometryObject) -> Array:
         points = np.asarray(geometry.points())
     else:
         points = _box(geometry)
+    return _placed(points, shape)
+
+
+def hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
+    """A convex shape around shapes on one joint, in the frame of the joint.
+
+    It is their hull, at least `_THIN` thick, as coal crashes on a flat one. Where that has a point
+    with more neighbours than coal can hold, it is the hull of the boxes around them.
+
+    Raises:
+        ValueError: A corner is not finite.
+    """
+    points = np.vstack([corners(shape) for shape in shapes])
+    if not np.isfinite(points).all():
+        raise ValueError("a corner is not at finite numbers")
+    try:
+        return _convex(points)
+    except RuntimeError:
+        return _convex(np.vstack([_placed(_box(shape.geometry), shape) for shape in shapes]))
+
+
+def _placed(points: Array, shape: pin.GeometryObject) -> Array:
     placed: Array = points @ shape.placement.rotation.T + shape.placement.translation
     return placed
 
 
-def hull(shapes: Iterable[pin.GeometryObject]) -> coal.ConvexBase:
-    """The convex hull around shapes on one joint, in the frame of the joint."""
-    points = coal.StdVec_Vec3s()
-    for point in np.vstack([corners(shape) for shape in shapes]):
-        points.append(point)
-    return coal.Convex.convexHull(points, True, "Qt")
+def _convex(points: Array) -> coal.ConvexBase:
+    middled = points - points.mean(axis=0)
+    _, axes = np.linalg.eigh(middled.T @ middled)
+    for axis in axes.T[np.ptp(middled @ axes, axis=0) < _THIN]:
+        points = np.vstack((points - 0.5 * _THIN * axis, points + 0.5 * _THIN * axis))
+    vertices = coal.StdVec_Vec3s()
+    for point in points:
+        vertices.append(point)
+    return coal.Convex.convexHull(vertices, True, "Qt")
 
 
 def _prism(cylinder: coal.Cylinder) -> Array:

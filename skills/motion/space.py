@@ -66,11 +66,16 @@ class Space:
 
     def curve(self, curve: Curve) -> bool:
         """Whether a curve between free points is free."""
+        return self.meets(curve) is None
+
+    def meets(self, curve: Curve) -> Array | None:
+        """A point of a curve between free points that is not free (J,) [rad]; None if all are."""
         lengths = np.diff(curve.breaks)
         before, after = abs(curve.slope), abs(curve.slope + 2.0 * lengths[:, None] * curve.bend)
         travels = (lengths[:, None] * np.maximum(before, after)) @ self.levers.T
         places, travels = evenly(curve.breaks, travels)
-        return self.hit(lambda shares: curve.positions(places(shares)), travels) is None
+        share = self.hit(lambda shares: curve.positions(places(shares)), travels)
+        return None if share is None else curve.positions(places(np.array([share])))[0]
 
     def hit(self, at: Way, travels: Array) -> float | None:
         """Where on a way two links are nearer than the margin, as a share of it; None if nowhere.

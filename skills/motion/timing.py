@@ -1,5 +1,6 @@
 """The quickest way along a curve that keeps every joint's velocity and acceleration limits."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -20,13 +21,15 @@ def timed(curve: Curve, velocity: Array, acceleration: Array) -> Profile | None:
     """The time law of a curve, at rest at both ends and at its stops.
 
     Args:
-        curve: Of length > 0.
+        curve: The path.
         velocity: Limits (J,) [rad/s].
         acceleration: Limits (J,) [rad/s2].
 
     Returns:
         The time law; None where the solver fails on a bend, as it never does on lines.
     """
+    if not curve.length:
+        return Profile.still()
     whole = None
     for begin, end in pairwise([0.0, *curve.stops, curve.length]):
         part = _section(curve, begin, end, velocity, acceleration)
@@ -68,7 +71,7 @@ def trapezoid(begin: float, end: float, speed: float, push: float) -> Profile:
         push: Limit [1/s2].
     """
     length = end - begin
-    top = min(speed, float(np.sqrt(length * push)))
+    top = min(speed, math.sqrt(length) * math.sqrt(push))  # their product may be too small
     rising, way = top / push, 0.5 * top * top / push
     cruise = max(0.0, (length - 2.0 * way) / top)
     return Profile(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hardware import Robot, Tool
 
+from .arrays import norms
 from .bodies import frame_of
 from .contacts import Contact, Contacts
 from .deadline import Deadline
@@ -26,6 +27,7 @@ Array = NDArray[np.float64]
 
 _PLACES = 16  # counts, not times: the same query must give the same answer
 _STEPS = 60
+_GAIN = 1e-3  # share of the squared error that a step must be worth
 _NEAR = 1e-6  # a point is reached [m]
 _TRUE = 1e-4  # a direction is kept [rad]
 _WORTH = 0.1  # of a radian beside a metre
@@ -123,8 +125,8 @@ class _Arm:
     def pose(self, configuration: Array) -> tuple[Array, Array]:
         """Place and axis of the tool, all actuated joints being at (A,) [rad]."""
         q = self._model.coordinates(configuration[None, :])[:, 0]
-        pin.framesForwardKinematics(self._model.kinematics, self._data, q)
-        frame = self._data.oMf[self._frame]
+        pin.computeJointJacobians(self._model.kinematics, self._data, q)
+        frame = pin.updateFramePlacement(self._model.kinematics, self._data, self._frame)
         return frame.act(self._offset), frame.rotation @ self._axis
 
     def solve(self, start: Array, begin: Array, point: Array) -> _Found:
@@ -146,10 +148,12 @@ class _Arm:
             if abs(there - joints).max() < 1e-12:
                 break
             ahead = self._look(whole, there, point)
-            if ahead[0] @ ahead[0] < error @ error:
+            gain = 1.0 - (ahead[0] @ ahead[0]) / (error @ error)
+            if gain > 0.0:
                 joints, damping = there, max(0.2 * damping, 1e-12)
                 error, slope, found = ahead
-                if found.distance < 0.01 * _NEAR and found.askew < 0.01 * _TRUE:
+                arrived = found.distance < 0.01 * _NEAR and found.askew < 0.01 * _TRUE
+                if arrived or gain < _GAIN:
                     break
             else:
                 damping *= 5.0
@@ -161,17 +165,14 @@ class _Arm:
         """The error with the group's joints there, its derivative, and it in words."""
         whole[self.columns] = joints
         place, axis = self.pose(whole)
-        q = self._model.coordinates(whole[None, :])[:, 0]
-        jacobian = pin.computeFrameJacobian(
-            self._model.kinematics, self._data, q, self._frame, pin.LOCAL_WORLD_ALIGNED
+        jacobian = pin.getFrameJacobian(
+            self._model.kinematics, self._data, self._frame, pin.LOCAL_WORLD_ALIGNED
         )[:, self._speeds]
-        arm = place - self._data.oMf[self._frame].translation
-        moves = jacobian[:3] + np.cross(jacobian[3:].T, arm).T
-        error, slope, askew = place - point, moves, 0.0
+        arm, turns = place - self._data.oMf[self._frame].translation, jacobian[3:]
+        error, slope, askew = place - point, jacobian[:3] - pin.skew(arm) @ turns, 0.0
         if self._wanted is not None:
-            turns = np.cross(jacobian[3:].T, axis).T
             error = np.concatenate((error, _WORTH * (axis - self._wanted)))
-            slope = np.vstack((slope, _WORTH * turns))
+            slope = np.vstack((slope, -_WORTH * pin.skew(axis) @ turns))
             askew = 2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(axis - self._wanted))))
         distance = float(np.linalg.norm(place - point))
         return error, slope, _Found(joints, place, distance, askew)
@@ -185,7 +186,7 @@ class _Arm:
 
 def _unit(vector: tuple[float, ...]) -> Array:
     array = np.array(vector)
-    unit: Array = array / np.linalg.norm(array)
+    unit: Array = array / norms(array[None, :])
     return unit
 
 

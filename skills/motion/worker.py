@@ -2,8 +2,9 @@
 
 It is sent a pickled Robot, answers None when it has loaded it, and then answers every request that
 it is sent, in turn, until the other end closes. Meanwhile it loads TOPP-RA, and says when it has;
-a request that comes before waits for it only if it needs it. Errors of ours are answers; any other
-ends the process, and the parent starts a new one. So does taking too much memory.
+a request that comes before waits for it only if it needs it. Errors of ours are answers, that there
+is no planning with this Robot to every request; any other ends the process, and the parent starts a
+new one. So does taking too much memory.
 """
 
 import contextlib
@@ -41,7 +42,9 @@ def _serve(connection: Connection) -> None:
         planner = Planner(robot, RealClock())
     except MotionError as error:
         send(connection, error)
-        return
+        while True:
+            receive(connection)
+            send(connection, error)
     send(connection, None)
     lock = Lock()
     Thread(target=_load, args=(connection, lock), daemon=True).start()

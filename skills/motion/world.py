@@ -1,7 +1,7 @@
 """What stands around the arm, and what it holds: bodies that are checked like its own links."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -35,7 +35,10 @@ class Cylinder:
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """Triangles from a file (STL, DAE, OBJ), with its units scaled to metres."""
+    """Triangles from a file (STL, DAE, OBJ), with its units scaled to metres.
+
+    They are a surface, as they may be a room: what is wholly inside touches nothing.
+    """
 
     path: str
     scale: Vector = (1.0, 1.0, 1.0)
@@ -74,16 +77,25 @@ class Body:
     touches: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        if not self.name:
-            raise BadWorld("A body has no name; give it one")
-        sizes = [v for f in fields(self.shape) for v in _numbers(getattr(self.shape, f.name))]
-        for value in sizes:
-            if not (math.isfinite(value) and value > 0.0):
-                raise BadWorld(f"A size of {self.name} is {value:g} m; give a number above 0")
-        if len(self.position) != 3 or not all(map(math.isfinite, self.position)):
-            raise BadWorld(f"The position of {self.name} is {self.position}; give x, y, z in m")
-        if len(self.rotation) != 4 or not abs(math.hypot(*self.rotation) - 1.0) < 1e-6:
-            raise BadWorld(f"The rotation of {self.name} is {self.rotation}, no unit quaternion")
+        if not _word(self.name):
+            raise BadWorld(f"A body is called {self.name!r}; give it a name")
+        what = f"of {self.name} is"
+        for part in fields(self.shape):
+            value, vector = getattr(self.shape, part.name), part.type == Vector
+            if part.type is str:
+                if not _word(value):
+                    raise BadWorld(f"The {part.name} {what} {value!r}; give that of a file")
+            elif not _reals(value if vector else [value], 3 if vector else 1, least=0.0):
+                form = "x, y, z, each" if vector else "a number"
+                raise BadWorld(f"The {part.name} {what} {value!r}; give {form} above 0")
+        if not _reals(self.position, 3):
+            raise BadWorld(f"The position {what} {self.position!r}; give x, y, z in m")
+        if not _reals(self.rotation, 4) or not abs(math.hypot(*self.rotation) - 1.0) < 1e-6:
+            raise BadWorld(f"The rotation {what} {self.rotation!r}, no unit quaternion x, y, z, w")
+        if not isinstance(self.link, str):
+            raise BadWorld(f"The link {what} {self.link!r}; give a name, or none")
+        if not all(map(_word, self.touches)):
+            raise BadWorld(f"The touches {what} {set(self.touches)!r}; give names")
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +149,13 @@ class World:
 
     @classmethod
     def parse(cls, bodies: Iterable[Mapping[str, Any]]) -> "World":
-        """The world that `plain` wrote down."""
+        """The world that `plain` wrote down.
+
+        Raises:
+            BadWorld: It is no list of bodies.
+        """
+        if not isinstance(bodies, Iterable):
+            raise BadWorld(f"{bodies!r} is no list of bodies")
         return cls(tuple(_parsed(body) for body in bodies))
 
 
@@ -171,30 +189,42 @@ def _plain(body: Body) -> dict[str, Any]:
 
 
 def _parsed(plain: Mapping[str, Any]) -> Body:
+    kinds = ", ".join(_SHAPES)
     try:
-        kind = next(name for name in _SHAPES if name in plain)
-        shape = {key: tuple(v) if isinstance(v, list) else v for key, v in plain[kind].items()}
-        x, y, z = plain["position"]
-        a, b, c, d = plain.get("rotation", (0.0, 0.0, 0.0, 1.0))
-        touches = frozenset(plain.get("touches", ()))
-        return Body(
-            plain["name"],
-            _SHAPES[kind](**shape),
-            (x, y, z),
-            (a, b, c, d),
-            plain.get("link", ""),
-            touches,
-        )
-    except (StopIteration, LookupError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, BadWorld):
-            raise
-        kinds = ", ".join(_SHAPES)
+        what = plain.keys() & _SHAPES.keys()
+        unknown = sorted(plain.keys() - _SHAPES.keys() - {f.name for f in fields(Body)})
+        if len(what) != 1 or unknown:
+            raise TypeError
+        (kind,) = what
+        shape = {key: _tupled(value) for key, value in plain[kind].items()}
+        rest = {key: _tupled(value) for key, value in plain.items() if key != kind}
+        if not isinstance(touches := rest.pop("touches", ()), tuple):
+            raise TypeError
+        return Body(shape=_SHAPES[kind](**shape), touches=frozenset(touches), **rest)
+    except (TypeError, AttributeError) as error:
         raise BadWorld(
             f"{plain!r} is no body; give a name, a position and one of {kinds}"
         ) from error
 
 
-def _numbers(value: Any) -> tuple[float, ...]:
-    if isinstance(value, str):
-        return ()
-    return tuple(value) if isinstance(value, tuple) else (value,)
+def _tupled(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _word(value: object) -> bool:
+    return isinstance(value, str) and bool(value)
+
+
+def _reals(values: Any, count: int, least: float = -math.inf) -> bool:
+    """Whether they are so many finite numbers above the least."""
+    return (
+        isinstance(values, Sequence)
+        and len(values) == count
+        and all(
+            isinstance(v, int | float)
+            and not isinstance(v, bool)
+            and math.isfinite(v)
+            and v > least
+            for v in values
+        )
+    )

@@ -39,10 +39,10 @@ class Judge:
 def excess(rows: Array, velocity: Array, acceleration: Array) -> float:
     """Largest speed or acceleration over its limit between positions a tick apart, less 1.
 
-    The first row is repeated, as the arm stands before it.
+    The first and the last row are repeated, as the arm stands before and after.
     """
     if len(rows) < 2:
         return -1.0
-    speeds = np.diff(np.vstack((rows[:1], rows)), axis=0) / TICK
+    speeds = np.diff(np.vstack((rows[:1], rows, rows[-1:])), axis=0) / TICK
     pushes = np.diff(speeds, axis=0) / TICK
     return float(max((abs(speeds) / velocity).max(), (abs(pushes) / acceleration).max())) - 1.0

@@ -200,7 +200,7 @@ def _judged(stack: str, problem: Problem, answers: Answers) -> Score:
         spent.append(ms)
         ratios.append((len(rows) - 1) * TICK / line.duration)
         colliding += judge.collides(rows)
-        over.append(excess(rows[:-1], velocity, acceleration))  # the last comes sooner than a tick
+        over.append(excess(rows, velocity, acceleration))
     return Score(stack, problem.name, len(problem.pairs), spent, ratios, colliding, over, detours)
 
 

@@ -1,0 +1,58 @@
+"""Hulls around whatever a mesh file holds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hardware import load_robot
+from skills.motion import BadWorld, Body, Mesh, MotionCollides, Query, Verify, World
+from skills.motion.planner import Planner
+
+ROBOT = load_robot()
+SHEET = ([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2), (0, 2, 3)])
+TRIANGLE = (SHEET[0][:3], SHEET[1][:1])
+
+
+def rod(sides: int) -> tuple[list[object], list[object]]:
+    """As drawing programs write a cylinder: fans around the middle of both ends."""
+    turns = 2.0 * np.pi / sides * np.arange(sides)
+    ring = [(np.cos(a), np.sin(a)) for a in turns]
+    points: list[object] = [(*xy, z) for z in (-1.0, 1.0) for xy in ring]
+    points += [(0.0, 0.0, -1.0), (0.0, 0.0, 1.0)]
+    faces = list[object]()
+    for i in range(sides):
+        j = (i + 1) % sides
+        faces += [(i, j, sides + i), (sides + j, sides + i, j)]
+        faces += [(j, i, 2 * sides), (sides + i, sides + j, 2 * sides + 1)]
+    return points, faces
+
+
+def mesh(folder: Path, points: object, faces: object, size: float = 0.1) -> Mesh:
+    file = folder / "mesh.obj"
+    lines = [f"v {x} {y} {z}" for x, y, z in np.asarray(points, float)]
+    lines += ["f {} {} {}".format(*row) for row in np.asarray(faces) + 1]
+    file.write_text("\n".join(lines) + "\n")
+    return Mesh(str(file), (size, size, size))
+
+
+@pytest.mark.parametrize("form", [SHEET, TRIANGLE, rod(64), rod(300), rod(1000)])
+@pytest.mark.parametrize("height", [0.6, 0.15])
+def test_thin_and_round_bodies_are_checked_as_they_are(
+    tmp_path: Path, form: tuple[object, object], height: float
+) -> None:
+    """Above the arm nothing is in the way, through the arm it is."""
+    there = World((Body("thing", mesh(tmp_path, *form), (0.0, 0.0, height)),))
+    planner, stand = Planner(ROBOT), (0.0,) * 4
+    if height > 0.5:
+        assert planner.plan(Query("arm", stand, (0.5, 0.0, 0.0), world=there)).duration
+    else:
+        with pytest.raises(MotionCollides, match="thing"):
+            planner.verify(Verify([stand, (0.5, 0.0, 0.0, 0.0)], 0.005, world=there))
+
+
+def test_a_mesh_of_no_numbers_is_refused(tmp_path: Path) -> None:
+    points = [(float("nan"), 0.0, 0.0), *SHEET[0][1:]]
+    there = World((Body("thing", mesh(tmp_path, points, SHEET[1]), (0.0, 0.0, 0.6)),))
+    with pytest.raises(BadWorld, match=r"mesh\.obj"):
+        Planner(ROBOT).plan(Query("arm", (0.0,) * 4, (0.5, 0.0, 0.0), world=there))

@@ -1,0 +1,72 @@
+"""Worlds from files: what is no body is refused, and says why."""
+
+from typing import Any
+
+import pytest
+
+from skills.motion import BadWorld, Body, Box, Cylinder, Mesh, Shape, Sphere, World
+
+BALL: dict[str, Any] = {"name": "b", "sphere": {"radius": 0.1}, "position": [0.0, 0.0, 0.5]}
+
+
+def test_written_down_and_read_again() -> None:
+    shapes: tuple[Shape, ...] = (Box((0.1, 0.2, 0.3)), Sphere(0.1), Cylinder(0.1, 1), Mesh("a.stl"))
+    world = World(
+        tuple(
+            Body(f"b{i}", shape, (0.0, 1.0, i), touches=frozenset({"floor"}))
+            for i, shape in enumerate(shapes)
+        )
+    )
+    assert World.parse(world.plain()) == world
+    assert World.parse([BALL]).bodies[0].shape == Sphere(0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"sphere": {"radius": "0.1"}}, "radius of b is '0.1'; give a number above 0"),
+        ({"sphere": {"radius": True}}, "radius of b is True"),
+        ({"sphere": {"radius": 0}}, "radius of b is 0"),
+        ({"sphere": {"radius": float("nan")}}, "radius of b is nan"),
+        ({"sphere": {}}, "is no body"),
+        ({"sphere": 0.1}, "is no body"),
+        ({"sphere": {"size": 0.1}}, "is no body"),
+        ({"box": {"size": [1, 1, 1]}}, "is no body"),
+        ({"extra": 3}, "is no body"),
+        ({"name": ["b"]}, "give it a name"),
+        ({"name": ""}, "give it a name"),
+        ({"position": [0, 0]}, r"position of b is \(0, 0\); give x, y, z"),
+        ({"position": 7}, "position of b is 7"),
+        ({"position": [0, 0, "x"]}, "give x, y, z in m"),
+        ({"rotation": [0, 0, 0]}, "no unit quaternion"),
+        ({"rotation": [0, 0, 0, "1"]}, "no unit quaternion"),
+        ({"link": 7}, "link of b is 7"),
+        ({"touches": "floor"}, "is no body"),
+        ({"touches": [7]}, "give names"),
+    ],
+)
+def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadWorld, match=message):
+        World.parse([BALL | change])
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ({"box": {"size": [0.1, 0.1]}}, r"size of b is \(0.1, 0.1\); give x, y, z"),
+        ({"box": {"size": 0.1}}, "size of b is 0.1; give x, y, z, each above 0"),
+        ({"mesh": {"path": 7}}, "path of b is 7; give that of a file"),
+        ({"mesh": {"path": ""}}, "path of b is ''"),
+        ({"mesh": {"path": "a.stl", "scale": [1, -1, 1]}}, "scale of b"),
+        ({"cylinder": {"radius": 0.1}}, "is no body"),
+    ],
+)
+def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadWorld, match=message):
+        World.parse([{"name": "b", "position": [0, 0, 0], **shape}])
+
+
+@pytest.mark.parametrize("bodies", [7, [7], {"name": "b"}, [[]], "b", None])
+def test_what_is_no_list_of_bodies(bodies: Any) -> None:
+    with pytest.raises(BadWorld):
+        World.parse(bodies)
