@@ -68,8 +68,8 @@ def test_a_cancel_at_every_node_at_every_tick(
     while ticks.came:
         arm.records.clear()
         swing = "0.1" if number % 2 else "-0.1"
-        goal = arm.executive.send(14, {"swing": swing}).identity
         ticks.cancel_at(number, arm)
+        goal = arm.executive.send(14, {"swing": swing}).identity
         outcome = arm.executive.result(goal)
         check_ended(arm, outcome, 0)
         states.append(outcome.state)
