@@ -9,7 +9,6 @@ they can. `rosbridge_result` is an empty task asked as roslibpy does; its client
 
 import dataclasses
 import json
-import os
 import random
 import statistics
 import subprocess
@@ -50,6 +49,7 @@ from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
 from tests.network_doors import in_a_flood, over_http, rosbridge_results, served
+from tests.resources import descriptors_used, memory_used, threads_used
 
 Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]
 
@@ -305,38 +305,14 @@ def soak(goals: int) -> tuple[int, float, int, int]:
         with serving(robot, link, clock, lambda _: None, Path(folder)) as arm:
             for number in range(20):  # what is loaded once is loaded
                 arm.result(arm.send(21 + number % 2).identity)
-            memory, threads, descriptors = _memory(), _threads(), _descriptors()
+            memory, threads, descriptors = memory_used(), threads_used(), descriptors_used()
             for number in range(goals):
                 done += arm.result(arm.send(21 + number % 2).identity).success
                 if number % 50 == 0:
                     _sweep(Path(folder))
-            grown = _memory() - memory
+            grown = memory_used() - memory
             rest(clock, 1.0)
-            return done, grown, _threads() - threads, _descriptors() - descriptors
-
-
-def _memory() -> float:
-    """Of this process, resident [MiB]."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
-
-
-def _threads() -> int:
-    """Threads but those that still finish a recording."""
-    return sum(thread.name != "recording" for thread in threading.enumerate())
-
-
-def _descriptors() -> int:
-    """Open descriptors but those of recordings."""
-    links = (Path("/proc/self/fd") / name for name in os.listdir("/proc/self/fd"))
-    return sum(not _target(link).endswith((".mcap", ".part")) for link in links)
-
-
-def _target(link: Path) -> str:
-    try:
-        return os.readlink(link)
-    except OSError:  # it was the one that listed them
-        return ".part"
+            return done, grown, threads_used() - threads, descriptors_used() - descriptors
 
 
 def idle_load(seconds: float) -> float:
