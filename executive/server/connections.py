@@ -48,11 +48,6 @@ class _Patient(asyncio.Protocol):
         super().__init__(server_state=server_state, **more)  # type: ignore[call-arg]
         self.turns = server_state.turns
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Somebody has connected."""
-        super().connection_made(transport)
-        self.transport.max_size = PIECE  # type: ignore[attr-defined]  # of asyncio's every read
-
     def data_received(self, data: bytes) -> None:
         """Something has come."""
         self.transport.pause_reading()
@@ -99,6 +94,12 @@ class _Patient(asyncio.Protocol):
 class WebSocketConnection(_Patient, WebSocketsSansIOProtocol):
     """A WebSocket."""
 
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Somebody has connected."""
+        super().connection_made(transport)
+        # As much as asyncio reads at a time, so that not too many messages come in one turn.
+        self.transport.max_size = PIECE  # type: ignore[attr-defined]
+
     @property
     def full(self) -> bool:
         """Whether a message waits to be read."""
@@ -115,7 +116,7 @@ class HttpConnection(_Patient, H11Protocol):
     _waiting: asyncio.TimerHandle | None = None
     since = 0.0  # when it was accepted, or last answered [s]
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Somebody has connected."""
         super().connection_made(transport)
         self.since = self.loop.time()
@@ -212,6 +213,6 @@ class HttpConnection(_Patient, H11Protocol):
         idle = [
             each
             for each in self.connections
-            if isinstance(each, HttpConnection) and not each.asks and not each.leaving
+            if isinstance(each, HttpConnection) and not (each is self or each.asks or each.leaving)
         ]
         min(idle, key=lambda each: (each.shows_token, each.since), default=self).transport.abort()

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-PIECE = 1024  # [bytes] that are read at a time, so that no turn is long
+PIECE = 1024  # [bytes] of messages that are read at a time, so that no turn is long
 REST = 3.0  # times the work of a turn, before the next one: the loop is there for the arm, too
 OWED = 0.02  # [s] of rest that may be owed, so that who asks little need not wait for it
 

@@ -49,7 +49,7 @@ from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
 from tests.network_doors import in_a_flood, over_http, rosbridge_results, served
-from tests.own_process import descriptors, memory, threads
+from tests.resources import descriptors_used, memory_used, threads_used
 
 Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]
 
@@ -305,14 +305,14 @@ def soak(goals: int) -> tuple[int, float, int, int]:
         with serving(robot, link, clock, lambda _: None, Path(folder)) as arm:
             for number in range(20):  # what is loaded once is loaded
                 arm.result(arm.send(21 + number % 2).identity)
-            before = memory(), threads(), descriptors()
+            memory, threads, descriptors = memory_used(), threads_used(), descriptors_used()
             for number in range(goals):
                 done += arm.result(arm.send(21 + number % 2).identity).success
                 if number % 50 == 0:
                     _sweep(Path(folder))
-            grown = memory() - before[0]
+            grown = memory_used() - memory
             rest(clock, 1.0)
-            return done, grown, threads() - before[1], descriptors() - before[2]
+            return done, grown, threads_used() - threads, descriptors_used() - descriptors
 
 
 def idle_load(seconds: float) -> float:
@@ -354,7 +354,7 @@ def main(runs: int, file: Path | None, cancels: int) -> None:
     asked, bridged = cancel_times(200, over_http), bridge_times(200)
     flooded = cancel_times(100, in_a_flood)
     zombies, after_hold, stopped = leftovers(cancels)
-    done, *grown = soak(1000)
+    done, grown, threads, descriptors = soak(1000)
     rows = [
         Row("next_skill_p95_ms", "ms", [percentile(following, 95)]),
         Row("cancel_p50_ms", "ms", [percentile(canceled, 50)]),
@@ -368,9 +368,9 @@ def main(runs: int, file: Path | None, cancels: int) -> None:
         Row("frames_after_hold", "1", [after_hold]),
         Row("cancels_in_motion", "1", [stopped]),
         Row("goals_done", "1", [done]),
-        Row("memory_growth_mib", "MiB", [grown[0]]),
-        Row("threads_growth", "1", [grown[1]]),
-        Row("descriptors_growth", "1", [grown[2]]),
+        Row("memory_growth_mib", "MiB", [grown]),
+        Row("threads_growth", "1", [threads]),
+        Row("descriptors_growth", "1", [descriptors]),
         Row("idle_cpu_percent", "%", [idle_load(5.0) for _ in range(min(runs, 3))]),
     ]
     show(rows, file)
