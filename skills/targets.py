@@ -102,7 +102,8 @@ def _check_distances(robot: Robot, by: Mapping[str, float]) -> None:
     for name, distance in by.items():
         span = joints[name].upper - joints[name].lower
         if not abs(distance) <= span:  # not a number, too
-            why = f"{name} by {distance:g} rad is further than its limits are apart, {span:g} rad"
+            unit = joints[name].unit
+            why = f"{name} by {distance:g} {unit} is further than its limits are apart, {span:g}"
             limit = math.copysign(span, distance) if math.isfinite(distance) else None
             far.append(BadPosition(why, name, distance, limit))
     if far:

@@ -1,4 +1,4 @@
-"""Arms that are not ours, as Robot values."""
+"""Arms that are not ours: robot files without a wire, or just a URDF."""
 
 import dataclasses
 from itertools import combinations
@@ -12,17 +12,13 @@ from numpy.typing import NDArray
 from hardware import CollisionRules, Joint, Mimic, Robot, WireField, load_robot
 from skills.motion.contacts import Contacts
 
-# Name to the joints of its gripper; all others that move are the arm. The URDFs are in `data/`.
-ARMS: dict[str, tuple[str, ...]] = {
-    "six_axes": (),
-    "seven_axes": ("finger_1", "finger_2"),
-    "endless": (),
-}
+DATA = Path(__file__).parent / "data"
+ARMS = ("six_axes", "seven_axes", "endless")
 
 
 def foreign(name: str) -> Robot:
     """An arm with a mesh, one with sliding fingers, or one that turns without end."""
-    return robot_of(Path(__file__).parent / "data" / f"{name}.urdf", ARMS[name])
+    return load_robot(DATA / f"{name}.toml")
 
 
 def robot_of(urdf: Path, gripper: tuple[str, ...] = (), margin: float = 0.01) -> Robot:

@@ -96,4 +96,4 @@ def _bounded(robot: Robot, configuration: Array, error: type[OutOfBounds]) -> No
     for joint in robot.joints:
         value = joint.mimic.value(own[joint.mimic.leader]) if joint.mimic else own[joint.name]
         if not joint.lower <= value <= joint.upper:
-            raise error(joint.name, value, joint.lower, joint.upper)
+            raise error(joint.name, value, joint.lower, joint.upper, joint.unit)

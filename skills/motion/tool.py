@@ -197,7 +197,7 @@ def _checked(robot: Robot, query: ToolQuery) -> Array:
     start = finite("start", query.start, robot.actuated)
     for joint, value in zip(robot.actuated, start.tolist(), strict=True):
         if not joint.lower <= value <= joint.upper:
-            raise StartOutOfBounds(joint.name, value, joint.lower, joint.upper)
+            raise StartOutOfBounds(joint.name, value, joint.lower, joint.upper, joint.unit)
     for what in ("point", "direction", "offset", "axis"):
         vector = getattr(query, what)
         if vector is None:
