@@ -1,7 +1,7 @@
 """`armtree plan`: a motion found, explained and drawn, without an arm."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +19,11 @@ _POSES = 14  # of the sweep
 _GRID = 0.005  # of the curves [s]
 
 
-def explain(goal: Goal, start: Sequence[str], world: Path | None, output: Path) -> Iterator[str]:
+def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
     """Plan, draw, and say what was found, line by line.
 
     Args:
         goal: What to plan for.
-        start: `JOINT=VALUE` [rad] or a pose; joints not named are at their boot pose.
         world: JSON file with a list of bodies, as `World.plain` writes them.
         output: The PNG to write; where there are several motions, the others beside it.
 
@@ -34,7 +33,7 @@ def explain(goal: Goal, start: Sequence[str], world: Path | None, output: Path) 
     """
     robot, around = goal.robot, _world(world)
     planner = Planner(robot)
-    queries = goal.queries(planner, start, around)
+    queries = goal.queries(planner, around)
     for number, query in enumerate(queries, 1):
         loading = sum(planner.plan(query).milliseconds.values())
         plan = planner.plan(query)
