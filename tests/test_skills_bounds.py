@@ -165,5 +165,5 @@ def test_a_target_out_of_bounds_fails_the_skill(bench: Bench) -> None:
 def test_a_joint_without_an_end_is_moved_half_a_turn_at_the_most(turns: float) -> None:
     """It would go the short way, which is the other."""
     Shift.judge(foreign("endless"), {"by": {"turn": math.copysign(3.1, turns)}})
-    with pytest.raises(OutOfBounds, match="further than half a turn, 3.14159 rad"):
+    with pytest.raises(OutOfBounds, match="further than half a turn"):
         Shift.judge(foreign("endless"), {"by": {"turn": turns}})
