@@ -23,7 +23,7 @@ class PlanPicture:
     Attributes:
         title: Above it.
         joints: Their names (J,).
-        units: Of their positions: rad, m, or both.
+        units: Of their positions: rad or m (J,).
         times: Of the samples (N,) [s].
         positions: (N, J).
         speeds: Per second (N, J).
@@ -85,7 +85,7 @@ def _path(axes: Axes, picture: PlanPicture) -> None:
         return
     columns = list(zip(*picture.positions, strict=True))
     corners = list(zip(*picture.waypoints, strict=True))
-    axes.set_xlabel(f"{picture.joints[0]} {_unit(picture)}", fontsize=7)
+    axes.set_xlabel(f"{picture.joints[0]} [{picture.units[0]}]", fontsize=7)
     axes.set_ylabel(f"other joints {_unit(picture)}", fontsize=7)
     axes.tick_params(labelsize=6)
     for line, name, column, corner in zip(
@@ -97,7 +97,7 @@ def _path(axes: Axes, picture: PlanPicture) -> None:
 
 
 def _unit(picture: PlanPicture, per: str = "") -> str:
-    return "[" + " or ".join(unit + per for unit in picture.units) + "]"
+    return "[" + " or ".join(unit + per for unit in dict.fromkeys(picture.units)) + "]"
 
 
 def _over_time(

@@ -70,3 +70,11 @@ def test_doctor_says_so(trees: Path) -> None:
     result = CliRunner().invoke(cli, ["doctor", "--robot", ARM, "--recordings", str(trees)])
     assert "NO  driver" in result.output
     assert "port " not in result.output
+
+
+def test_what_turns_without_end_is_moved_as_the_skill_does(tmp_path: Path) -> None:
+    arm = ("--robot", str(DATA / "endless.toml"), "-o", str(tmp_path / "plan.png"))
+    result = CliRunner().invoke(cli, ["plan", "turn=-170deg", "--start", "turn=3", *arm])
+    assert "Goal      turn 3.316" in result.output
+    result = CliRunner().invoke(cli, ["plan", "turn+=200deg", *arm])
+    assert "further than half a turn" in str(result.exception)

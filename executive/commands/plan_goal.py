@@ -7,7 +7,7 @@ from typing import Any
 from executive.building.check import targets_of
 from executive.building.port_types import declarations
 from hardware import Robot
-from skills import BadTarget, Positions, ReachPoint, check_targets, three
+from skills import BadTarget, Positions, ReachPoint, Shift, check_targets, three
 from skills.motion import Query, ToolQuery, World
 from skills.motion.planner import Planner
 from trees import Declaration, FileError, Library, Place, fit, parse_value
@@ -146,7 +146,10 @@ class _Asked:
                 _check_names((joint,), units)
                 kind = "length" if units[joint] == "m" else "angle"
                 value: float = _read(joint, text, Declaration(kind))
-                named[joint] = value + (0.0 if joint == name else (begin | named)[joint])
+                if joint != name:
+                    Shift.judge(self.robot, {"by": {joint: value}})
+                    value += (begin | named)[joint]
+                named[joint] = value
             elif word in self.poses:
                 named |= self.poses[word]
             else:

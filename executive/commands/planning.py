@@ -95,7 +95,7 @@ def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
         PlanPicture(
             title=f"{robot.name}: {plan.group}, {plan.duration:.2f} s",
             joints=plan.joints,
-            units=tuple(dict.fromkeys(robot.joint(name).unit for name in plan.joints)),
+            units=[robot.joint(name).unit for name in plan.joints],
             times=times.tolist(),
             positions=plan.sample(times).tolist(),
             speeds=plan.velocities(times).tolist(),
