@@ -312,7 +312,7 @@ def test_files_that_are_others_business(robot: Robot, tmp_path: Path, name: str)
 
 MESH = "solid x\nfacet normal 0 0 1\nouter loop\n{}vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
 BODIES = [
-    ("{AddMesh: {body: b, file: PATH/none.stl, position: [1, 0, 0]}}", "there is no file .*none.stl"),
+    ("{AddMesh: {body: b, file: PATH/none.stl, position: [1, 0, 0]}}", "no file .*none.stl"),
     ("{AddMesh: {body: b, file: PATH/nan.stl, position: [1, 0, 0]}}", "b: The mesh .*nan.stl"),
     ("{AddBox: {body: base_link, size: [1, 1, 1], position: [1, 0, 0]}}", "has a base_link"),
     ("{AddMesh: {body: b, file: PATH/flat.stl, position: [1, 0, 0]}}", ""),
