@@ -150,6 +150,9 @@ CODES = {
     "hw.error": Code(6, "The arm failed", "see the message"),
     "hw.link": Code(6, "The serial port failed", "check the cable and the power"),
     "hw.no_port": Code(3, "Nobody said which serial port", "give --port, or ARMTREE_PORT"),
+    "hw.no_driver": Code(
+        3, "The robot file names no driver, so its arm cannot be moved", "write one, or plan only"
+    ),
     "hw.port_missing": Code(
         6, "There is no such serial port", "`armtree doctor` shows those there are"
     ),

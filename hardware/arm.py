@@ -13,6 +13,7 @@ from .door import Door
 from .errors import (
     ActivationStopped,
     HardwareError,
+    NoDriver,
     NotActive,
     PortLost,
     PortNotGiven,
@@ -289,7 +290,7 @@ class Arm:
     def _configure(self) -> Result:
         self._look_out_no_longer()
         if self._link is None:
-            self._refusal = PortNotGiven()
+            self._refusal = PortNotGiven() if self.robot.wired else NoDriver(self.robot.path)
             logger.error("%s", self._refusal)
             return Result.FAILURE
         return Result.SUCCESS

@@ -8,6 +8,8 @@ from xml.etree import ElementTree
 from .driver import Driver, load_driver
 from .errors import DescriptionError
 from .joints import Joint, Mimic
+from .no_board import NoBoard
+from .profiles import NO_FIRMWARE, Firmware
 from .robot import CollisionRules, Robot, Serial, Tool
 from .toml_table import TomlTable
 
@@ -25,18 +27,19 @@ def load_robot(path: Path | None = None) -> Robot:
     root = TomlTable.read(path)
     urdf_path = path.parent / root.text("urdf")
     urdf = _read_urdf(root, urdf_path)
-    driver = load_driver(root)
+    driver = load_driver(root) if "driver" in root or "serial" in root else NoBoard(path)
     joints = _joints(root, urdf, driver)
     groups = _groups(root, joints)
+    serial, firmware = _board(root, driver)
     robot = Robot(
         name=root.text("name"),
         path=path,
         urdf=urdf_path,
         joints=joints,
         groups=groups,
-        serial=_serial(root.table("serial")),
+        serial=serial,
         driver=driver,
-        firmware=driver.firmwares[root.table("serial").choice("firmware", driver.firmwares)],
+        firmware=firmware,
         collision=_collision(root.table("collision"), urdf.links),
         tool=_tool(root.table("tool"), urdf.links) if "tool" in root else None,
         links=urdf.links,
@@ -44,8 +47,17 @@ def load_robot(path: Path | None = None) -> Robot:
     )
     root.done()
     driver.check(root, robot.actuated, robot.firmware)
-    _check_line(root.table("serial"), robot)
+    if firmware is not NO_FIRMWARE:
+        _check_line(root.table("serial"), robot)
     return robot
+
+
+def _board(root: TomlTable, driver: Driver | NoBoard) -> tuple[Serial, Firmware]:
+    """The line to the board, and what runs on it."""
+    if isinstance(driver, NoBoard):
+        return Serial(port="", baud=0, boot_wait=0.0), NO_FIRMWARE
+    table = root.table("serial")
+    return _serial(table), driver.firmwares[table.choice("firmware", driver.firmwares)]
 
 
 def _check_line(serial: TomlTable, robot: Robot) -> None:
@@ -66,6 +78,7 @@ class _UrdfJoint:
     upper: float
     velocity: float
     mimic: Mimic | None
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -102,7 +115,8 @@ def _urdf_joint(path: Path, element: ElementTree.Element) -> _UrdfJoint:
         raise DescriptionError(path, 0, f"joint {name}: {error}") from error
     if not lower <= upper:
         raise DescriptionError(path, 0, f"joint {name}: lower {lower:g} is above upper {upper:g}")
-    return _UrdfJoint(lower, upper, velocity, leader)
+    unit = "m" if element.get("type") == "prismatic" else "rad"
+    return _UrdfJoint(lower, upper, velocity, leader, unit)
 
 
 def _mimic(element: ElementTree.Element) -> Mimic:
@@ -143,12 +157,13 @@ def _joint(name: str, table: TomlTable, urdf: _UrdfJoint, driver: Driver) -> Joi
         boot=table.number("boot"),
         mimic=None,
         wire=driver.wire(table, urdf.lower, urdf.upper),
+        unit=urdf.unit,
     )
     if not joint.lower <= joint.boot <= joint.upper:
         table.fail("boot", f"{joint.boot:g} is outside [{joint.lower:g}, {joint.upper:g}]")
     if joint.velocity > urdf.velocity:
-        most = f"the URDF's limit, {urdf.velocity:g} rad/s"
-        table.fail("velocity", f"{joint.velocity:g} rad/s is more than {most}")
+        most = f"the URDF's limit, {urdf.velocity:g} {urdf.unit}/s"
+        table.fail("velocity", f"{joint.velocity:g} {urdf.unit}/s is more than {most}")
     table.done()
     return joint
 
@@ -165,6 +180,7 @@ def _mimic_joint(name: str, urdf: _UrdfJoint, leader: Joint) -> Joint:
         boot=urdf.mimic.value(leader.boot),
         mimic=urdf.mimic,
         wire=None,
+        unit=urdf.unit,
     )
 
 

@@ -2,6 +2,7 @@
 
     HardwareError
     ├── DescriptionError          the robot file or its URDF is wrong
+    ├── NoDriver                  the robot file names no driver, so nothing can be moved
     ├── LinkError                 the serial port
     │   ├── PortNotGiven          nobody said which
     │   ├── PortMissing           there is no such port
@@ -55,6 +56,24 @@ class DescriptionError(HardwareError):
     def __init__(self, path: Path, line: int, message: str) -> None:
         self.path, self.line = path, line
         super().__init__(f"{path}:{line}: {message}" if line else f"{path}: {message}")
+
+
+class NoDriver(HardwareError):
+    """The robot file names no driver: its arm can be planned for, and not moved.
+
+    Attributes:
+        path: The file.
+    """
+
+    code = "hw.no_driver"
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        super().__init__(
+            f"{path} names no driver, so this arm can be planned for and not moved, not by a "
+            "virtual board either. To move it write driver, [serial], and a wire for each joint; "
+            "hardware/README.md explains them. `armtree plan`, `check` and `show` do without"
+        )
 
 
 class LinkError(HardwareError):

@@ -129,9 +129,9 @@ def check_position(joint: Joint, q: object) -> float:
     if not math.isfinite(value):
         raise BadPosition(f"{joint.name} = {q!r} is not a finite number", joint.name, q)
     if not joint.lower <= value <= joint.upper:
-        limits = f"[{joint.lower!r}, {joint.upper!r}]"
+        limits = f"[{joint.lower!r}, {joint.upper!r}] {joint.unit}"
         limit = min(max(value, joint.lower), joint.upper)
-        words = f"{joint.name} = {q} rad is outside its limits {limits} rad"
+        words = f"{joint.name} = {q} {joint.unit} is outside its limits {limits}"
         raise BadPosition(words, joint.name, q, limit)
     return value
 

@@ -1,5 +1,9 @@
-"""Joints as data: limits, whom they follow, how they travel."""
+"""Joints as data: limits, whom they follow, how they travel.
 
+Positions are in rad, and in m for a joint that slides; wherever these files say rad, this is meant.
+"""
+
+import math
 from dataclasses import dataclass
 
 
@@ -35,7 +39,8 @@ class Joint:
         boot: Where a reset of the board puts it [rad].
         mimic: Whom it follows; None for a joint of its own.
         wire: How it travels in a frame, as its driver read it; None for a joint that has no servo
-            of its own.
+            of its own, or whose robot file names no driver.
+        unit: Of its position: `rad`, or `m` where it slides.
     """
 
     name: str
@@ -46,3 +51,9 @@ class Joint:
     boot: float
     mimic: Mimic | None
     wire: object | None
+    unit: str = "rad"
+
+    @property
+    def endless(self) -> bool:
+        """Whether it turns without end, so that it stands the same a whole turn on."""
+        return self.unit == "rad" and self.lower == -math.inf and self.upper == math.inf

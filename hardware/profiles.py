@@ -67,4 +67,7 @@ ARMTREE = Firmware(
     "armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ", letters="bseg", baud=115200
 )
 
+# Of a robot file that names no driver.
+NO_FIRMWARE = Firmware("none", 10.0, 0.0, 0, 0, 0.0, b"")
+
 FIRMWARES = {firmware.name: firmware for firmware in (STOCK, ARMTREE)}

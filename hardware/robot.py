@@ -8,6 +8,7 @@ from pathlib import Path
 from .driver import Driver, WireFormat
 from .joints import Joint
 from .link import Link
+from .no_board import NoBoard
 from .profiles import Firmware
 
 
@@ -94,12 +95,21 @@ class Robot:
 
     @property
     def actuated(self) -> tuple[Joint, ...]:
-        """Joints with a servo, in the order of their fields in a frame."""
-        return tuple(joint for joint in self.joints if joint.wire)
+        """Joints that move of their own, in the order of their fields in a frame."""
+        return tuple(joint for joint in self.joints if joint.mimic is None)
+
+    @property
+    def wired(self) -> bool:
+        """Whether its file names a driver, so that it can be moved."""
+        return not isinstance(self.driver, NoBoard)
 
     @cached_property
     def wire_format(self) -> WireFormat:
-        """Joint positions to frames and back."""
+        """Joint positions to frames and back.
+
+        Raises:
+            NoDriver: Its robot file names none.
+        """
         return self.driver.wire_format(self.actuated)
 
     @property
@@ -113,7 +123,11 @@ class Robot:
         return self.firmware.on_reset if self.serial.resets else "stays where it is"
 
     def link(self, port: str) -> Link:
-        """The line to its board on a port."""
+        """The line to its board on a port.
+
+        Raises:
+            NoDriver: Its robot file names none.
+        """
         return self.driver.link(self.actuated, self.firmware, self.serial.baud, port)
 
     def joint(self, name: str) -> Joint:

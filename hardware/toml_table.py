@@ -124,6 +124,7 @@ class TomlTable:
         return iter(self._values)
 
     def __contains__(self, key: str) -> bool:
+        self._asked.add(key)  # it may stand there
         return key in self._values
 
     def done(self) -> None:

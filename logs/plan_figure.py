@@ -23,19 +23,21 @@ class PlanPicture:
     Attributes:
         title: Above it.
         joints: Their names (J,).
+        units: Of their positions: rad or m (J,).
         times: Of the samples (N,) [s].
-        positions: (N, J) [rad].
-        speeds: (N, J) [rad/s].
-        accelerations: (N, J) [rad/s2].
-        waypoints: Of the polyline (W, J) [rad].
-        speed_limits: (J,) [rad/s].
-        acceleration_limits: (J,) [rad/s2].
+        positions: (N, J).
+        speeds: Per second (N, J).
+        accelerations: Per second squared (N, J).
+        waypoints: Of the polyline (W, J).
+        speed_limits: (J,).
+        acceleration_limits: (J,).
         sweep: By pose, the points around every shape, in the root frame [m].
         bodies: The points around everything that is no part of the arm [m].
     """
 
     title: str
     joints: Sequence[str]
+    units: Sequence[str]
     times: Sequence[float]
     positions: Sequence[Sequence[float]]
     speeds: Sequence[Sequence[float]]
@@ -58,13 +60,15 @@ def draw_plan(picture: PlanPicture, output: Path) -> None:
     figure.suptitle(picture.title, fontsize=9)
     axes = figure.subplots(3, 2, height_ratios=(1.0, 1.0, 1.5))
     _path(axes[0, 0], picture)
-    _over_time(axes[0, 1], picture, picture.positions, "position [rad]", ())
-    _over_time(axes[1, 0], picture, picture.speeds, "speed [rad/s]", picture.speed_limits)
+    _over_time(axes[0, 1], picture, picture.positions, f"position {_unit(picture)}", ())
+    _over_time(
+        axes[1, 0], picture, picture.speeds, f"speed {_unit(picture, '/s')}", picture.speed_limits
+    )
     _over_time(
         axes[1, 1],
         picture,
         picture.accelerations,
-        "acceleration [rad/s²]",
+        f"acceleration {_unit(picture, '/s²')}",
         picture.acceleration_limits,
     )
     for axis, (across, up) in zip(axes[2], ((0, 2), (0, 1)), strict=True):
@@ -81,8 +85,8 @@ def _path(axes: Axes, picture: PlanPicture) -> None:
         return
     columns = list(zip(*picture.positions, strict=True))
     corners = list(zip(*picture.waypoints, strict=True))
-    axes.set_xlabel(f"{picture.joints[0]} [rad]", fontsize=7)
-    axes.set_ylabel("other joints [rad]", fontsize=7)
+    axes.set_xlabel(f"{picture.joints[0]} [{picture.units[0]}]", fontsize=7)
+    axes.set_ylabel(f"other joints {_unit(picture)}", fontsize=7)
     axes.tick_params(labelsize=6)
     for line, name, column, corner in zip(
         _LINES[1:] * len(columns), picture.joints[1:], columns[1:], corners[1:], strict=False
@@ -90,6 +94,10 @@ def _path(axes: Axes, picture: PlanPicture) -> None:
         axes.plot(columns[0], column, color=line, linewidth=1, label=name)
         axes.plot(corners[0], corner, "o:", color=line, linewidth=0.5, markersize=2)
     axes.set_title("path in joint space, dots: waypoints", fontsize=7)
+
+
+def _unit(picture: PlanPicture, per: str = "") -> str:
+    return "[" + " or ".join(unit + per for unit in dict.fromkeys(picture.units)) + "]"
 
 
 def _over_time(

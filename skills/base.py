@@ -12,7 +12,7 @@ from hardware import Arm, Clock, HardwareError, Robot, Schedule
 
 from .errors import SkillError
 from .merged import Merged
-from .motion import EMPTY, MotionError, Plan, Pool, Query, World
+from .motion import EMPTY, Body, MotionError, Plan, Pool, Query, World
 from .operator import NoOperator, Operator
 
 logger = logging.getLogger(__name__)
@@ -161,6 +161,14 @@ class Skill(BehaviourWithPorts):
         Only whole configurations count; they are what can be checked for collision beforehand.
         """
         return []
+
+    @classmethod
+    def body(cls, inputs: Mapping[str, Any]) -> Body | None:
+        """What the inputs written in the task put into the world; None where not all is written.
+
+        It is what can be loaded beforehand.
+        """
+        return None
 
     @property
     def busy(self) -> bool:

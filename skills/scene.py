@@ -51,25 +51,42 @@ class _Add(Skill, register=False):
 
     OUTPUT_PORTS: Ports = {}
 
-    def shape(self) -> Shape:
-        """Its form."""
+    @classmethod
+    def shape(cls, given: Mapping[str, Any]) -> Shape:
+        """Its form, of all inputs."""
         raise NotImplementedError
+
+    @classmethod
+    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Make it, where it is spelled out."""
+        cls.body(inputs)
+
+    @classmethod
+    def body(cls, inputs: Mapping[str, Any]) -> Body | None:
+        """What is put there."""
+        ports = cls.INPUT_PORTS.items()
+        given = {name: port.default_value for name, port in ports if port.default_value is not None}
+        given |= inputs
+        if len(given) < len(ports):
+            return None
+        rotation = three("rotation", given["rotation"])
+        if not all(map(math.isfinite, rotation)):
+            why = f"the rotation of {given['body']} is not finite; give radians"
+            raise BadTarget(why).at("rotation")
+        return Body(
+            given["body"],
+            cls.shape(given),
+            three("position", given["position"]),
+            quaternion(*rotation),
+            touches=frozenset(given["touches"]),
+        )
 
     def on_start(self) -> Status:
         """Put it into the world."""
-        scene, name = self.context.scene, self.get_input("body")
-        roll, pitch, yaw = three("rotation", self.get_input("rotation"))
-        for angle in (roll, pitch, yaw):
-            if not math.isfinite(angle):
-                raise BadTarget(f"the rotation of {name} is not finite; give radians")
-        body = Body(
-            name,
-            self.shape(),
-            three("position", self.get_input("position")),
-            quaternion(roll, pitch, yaw),
-            touches=frozenset(self.get_input("touches")),
-        )
-        there = any(other.name == name for other in scene.world.bodies)
+        scene = self.context.scene
+        body = self.body({port: self.get_input(port) for port in self.INPUT_PORTS})
+        assert body
+        there = any(other.name == body.name for other in scene.world.bodies)
         scene.world = scene.world.replacing(body) if there else scene.world.adding(body)
         return Status.SUCCESS
 
@@ -84,9 +101,10 @@ class AddBox(_Add):
         ),
     }
 
-    def shape(self) -> Box:
+    @classmethod
+    def shape(cls, given: Mapping[str, Any]) -> Box:
         """Its form."""
-        return Box(three("size", self.get_input("size")))
+        return Box(three("size", given["size"]))
 
 
 class AddSphere(_Add):
@@ -94,9 +112,10 @@ class AddSphere(_Add):
 
     INPUT_PORTS = {**_PLACE, "radius": _LENGTH}
 
-    def shape(self) -> Sphere:
+    @classmethod
+    def shape(cls, given: Mapping[str, Any]) -> Sphere:
         """Its form."""
-        return Sphere(self.get_input("radius"))
+        return Sphere(given["radius"])
 
 
 class AddCylinder(_Add):
@@ -108,9 +127,10 @@ class AddCylinder(_Add):
         "length": _LENGTH,
     }
 
-    def shape(self) -> Cylinder:
+    @classmethod
+    def shape(cls, given: Mapping[str, Any]) -> Cylinder:
         """Its form."""
-        return Cylinder(self.get_input("radius"), self.get_input("length"))
+        return Cylinder(given["radius"], given["length"])
 
 
 class AddMesh(_Add):
@@ -137,10 +157,12 @@ class AddMesh(_Add):
         if "file" in inputs and not Path(inputs["file"]).is_file():
             where = "a path counts from where armtree is started"
             raise BadTarget(f"there is no file {inputs['file']}; {where}").at("file")
+        super().judge(robot, inputs)
 
-    def shape(self) -> Mesh:
+    @classmethod
+    def shape(cls, given: Mapping[str, Any]) -> Mesh:
         """Its form."""
-        return Mesh(self.get_input("file"), three("scale", self.get_input("scale")))
+        return Mesh(given["file"], three("scale", given["scale"]))
 
 
 class RemoveBody(Skill):

@@ -100,9 +100,11 @@ def _check_distances(robot: Robot, by: Mapping[str, float]) -> None:
         )
     far = []
     for name, distance in by.items():
-        span = joints[name].upper - joints[name].lower
+        span = math.pi if joints[name].endless else joints[name].upper - joints[name].lower
         if not abs(distance) <= span:  # not a number, too
-            why = f"{name} by {distance:g} rad is further than its limits are apart, {span:g} rad"
+            unit = joints[name].unit
+            most = "half a turn" if joints[name].endless else "its limits are apart"
+            why = f"{name} by {distance:g} {unit} is further than {most}, {span:g} {unit}"
             limit = math.copysign(span, distance) if math.isfinite(distance) else None
             far.append(BadPosition(why, name, distance, limit))
     if far:

@@ -1,4 +1,4 @@
-"""Arms that are not ours, as Robot values."""
+"""Arms that are not ours: robot files without a wire, or just a URDF."""
 
 import dataclasses
 from itertools import combinations
@@ -9,43 +9,31 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hardware import CollisionRules, Joint, Mimic, Robot, WireField, load_robot
+from hardware import CollisionRules, Joint, Robot, WireField, load_robot
 from skills.motion.contacts import Contacts
 
-# Name to the joints of its gripper; all others that move are the arm. The URDFs are in `data/`.
-ARMS: dict[str, tuple[str, ...]] = {
-    "six_axes": (),
-    "seven_axes": ("finger_1", "finger_2"),
-    "endless": (),
-}
+DATA = Path(__file__).parent / "data"
+ARMS = ("six_axes", "seven_axes", "endless")
 
 
 def foreign(name: str) -> Robot:
     """An arm with a mesh, one with sliding fingers, or one that turns without end."""
-    return robot_of(Path(__file__).parent / "data" / f"{name}.urdf", ARMS[name])
+    return load_robot(DATA / f"{name}.toml")
 
 
-def robot_of(urdf: Path, gripper: tuple[str, ...] = (), margin: float = 0.01) -> Robot:
-    """A Robot that can be planned for; there is no board to it."""
+def robot_of(urdf: Path, margin: float = 0.01) -> Robot:
+    """A Robot of joints that all turn by themselves, out of a URDF that has no robot file."""
     model = pin.buildModelFromUrdf(str(urdf), True)
     root = ElementTree.parse(urdf).getroot()
     elements = {e.get("name", ""): e for e in root.findall("joint")}
-    ordered = [n for n in model.names[1:] if elements[n].find("mimic") is None]
-    joints = {name: _joint(elements[name], None) for name in ordered}
-    for name, element in elements.items():
-        mimic = element.find("mimic")
-        if mimic is not None:
-            scale, offset = (float(mimic.get(k, d)) for k, d in (("multiplier", 1), ("offset", 0)))
-            joints[name] = _joint(element, Mimic(mimic.get("joint", ""), scale, offset))
-    arm = tuple(name for name in joints if name not in gripper)
-    rules = CollisionRules(margin, _neighbours(model), None, frozenset())
+    joints = tuple(_joint(elements[name]) for name in model.names[1:])
     return dataclasses.replace(
         load_robot(),
         name=root.get("name", ""),
         urdf=urdf,
-        joints=tuple(joints.values()),
-        groups={"arm": arm, "gripper": gripper},
-        collision=rules,
+        joints=joints,
+        groups={"arm": tuple(joint.name for joint in joints), "gripper": ()},
+        collision=CollisionRules(margin, _neighbours(model), None, frozenset()),
         tool=None,
     )
 
@@ -62,19 +50,18 @@ def free_poses(robot: Robot, count: int, seed: int, contacts: Contacts) -> NDArr
     return np.array(found)
 
 
-def _joint(element: ElementTree.Element, mimic: Mimic | None) -> Joint:
+def _joint(element: ElementTree.Element) -> Joint:
     limit = element.find("limit")
-    bounds = {} if limit is None else limit.attrib
-    endless = element.get("type") == "continuous"
+    assert limit is not None
     return Joint(
         name=element.get("name", ""),
-        lower=-np.inf if endless else float(bounds["lower"]),
-        upper=np.inf if endless else float(bounds["upper"]),
-        velocity=min(2.0, float(bounds.get("velocity", 1.0))),
+        lower=float(limit.attrib["lower"]),
+        upper=float(limit.attrib["upper"]),
+        velocity=min(2.0, float(limit.get("velocity", 1.0))),
         acceleration=2.0,
         boot=0.0,
-        mimic=mimic,
-        wire=None if mimic else WireField("x", 1, 0.0, np.pi, False),
+        mimic=None,
+        wire=WireField("x", 1, 0.0, np.pi, False),
     )
 
 

@@ -1,5 +1,6 @@
 """`armtree check`: parameters whose values are not known yet, and files that are no tasks."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -307,3 +308,24 @@ def test_files_that_are_others_business(robot: Robot, tmp_path: Path, name: str)
     findings = check(robot, tmp_path)
     assert findings.mistakes == []
     assert [note.place.path.name for note in findings.notes] == [name] * (name[0] != ".")
+
+
+MESH = "solid x\nfacet normal 0 0 1\nouter loop\n{}vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+BODIES = [
+    ("{AddMesh: {body: b, file: PATH/none.stl, position: [1, 0, 0]}}", "no file .*none.stl"),
+    ("{AddMesh: {body: b, file: PATH/nan.stl, position: [1, 0, 0]}}", "b: The mesh .*nan.stl"),
+    ("{AddBox: {body: base_link, size: [1, 1, 1], position: [1, 0, 0]}}", "has a base_link"),
+    ("{AddMesh: {body: b, file: PATH/flat.stl, position: [1, 0, 0]}}", ""),
+    ("{AddBox: {body: b, size: [1, 1, 1], position: [1, 0, 0], touches: [later]}}", ""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "why"), BODIES)
+def test_a_body_that_no_planner_can_load_is_refused(
+    robot: Robot, tmp_path: Path, text: str, why: str
+) -> None:
+    (tmp_path / "nan.stl").write_text(MESH.format("vertex nan 0 0\n"))
+    (tmp_path / "flat.stl").write_text(MESH.format("vertex 0 0 0\n"))
+    mistakes = found(robot, tmp_path, tree(text.replace("PATH", str(tmp_path))))
+    assert len(mistakes) == bool(why)
+    assert not why or re.search(why, str(mistakes[0]))

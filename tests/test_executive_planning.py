@@ -1,12 +1,14 @@
 """`armtree plan`: what it says, what it draws, and what it refuses."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 from matplotlib.image import imread
 
+from executive.codes import look_up
 from executive.commands.cli import cli
 from skills import BadTarget
 from skills.motion import BadWorld, GoalInCollision, Unreachable
@@ -78,6 +80,63 @@ def test_a_direction_for_the_tool(tmp_path: Path) -> None:
     assert isinstance(held.exception, Unreachable)  # three joints cannot do both
     assert "askew" in str(held.exception)
     assert free.exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("goal", "found"),
+    [
+        (("joint_1=-40deg", "joint_2='20 deg'"), "joint_1 -0.698, joint_2 0.349, joint_3 0.000"),
+        (("right", "joint_1+=10 deg"), "joint_1 -1.225, joint_2 -0.600, joint_3 -0.070"),
+        (("joint_1+=-0.1", "joint_1+=-0.1"), "joint_1 -0.200, joint_2 0.000, joint_3 0.000"),
+        (("10cm", "50 mm", "0.08"), "joint_1 -1.242"),
+        (("joint_1+=0", "--start", "10cm 50mm 0.08"), "joint_1 -1.242"),
+        (("0", "0", "-1cm", "--relative", "--start", "10cm 50mm 9cm"), "joint_1 -1.242"),
+        (("0", "0", "0", "--relative", "--tool", "claw_support"), "joint_1 0.000"),
+        (("right", "--via", "10cm 50mm 8cm"), "joint_1 -1.400"),
+    ],
+)
+def test_goals_are_written_as_in_task_files(
+    tmp_path: Path, goal: tuple[str, ...], found: str
+) -> None:
+    result = plan(tmp_path, *goal)
+    assert result.exit_code == 0, result.exception
+    assert f"Goal      {found}" in result.output
+
+
+def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
+    point = ("0.1", "0.05", "0.08")
+    there = plan(tmp_path, *point, "--offset", "0", "1cm", "0").output
+    assert there.startswith("Goal")
+    assert there.splitlines()[0] != plan(tmp_path, *point).output.splitlines()[0]
+    other = ("--tool", "claw_support", "--axis", "0", "0", "1", "--direction", "0", "0", "1")
+    assert "askew" in str(plan(tmp_path, *point, *other).exception)
+
+
+@pytest.mark.parametrize(
+    ("goal", "why"),
+    [
+        (("joint_1=70dag",), "joint_1: '70dag': no unit dag; there are deg, rad; did you mean deg"),
+        (("joint_1=5cm",), "joint_1: '5cm': no unit cm; there are deg, rad"),
+        (("joint_1=",), "joint_1 is given no value"),
+        (("joint_1=.nan",), "joint_1: nan is not finite"),
+        (("joint_1=[1",), "joint_1: .*expected ',' or ']'"),
+        (("1", "2", "3deg"), "point: '3deg': no unit deg; there are cm, m, mm"),
+        (("1", "2", "x"), "point: 'x' is not a length in m, cm or mm"),
+        (("right", "--relative"), "--relative goes with a point for the tool"),
+        (("1", "--tool", "claw_support"), "--tool goes with a point for the tool"),
+        (("0", "0", "0", "--axis", "0", "x", "0"), "--axis: 'x' is not a number"),
+        (("0.1", "0", "0.1", "--tool", "claw"), "claw"),
+        (("right", "--start", "joint_1=1 joint_2"), "'joint_2' is no pose"),
+        (("right", "--start", "joint_1=7"), "start of joint_1, 7 rad, is outside"),
+        (("right", "--start", "joint_7=7"), "joint_7 is no joint"),
+        (("joint_5=0.1",), "joint_5 is no joint that can be set"),
+        (("right", "--via", "1"), "'1' is no pose"),
+    ],
+)
+def test_what_is_written_wrong_is_named(tmp_path: Path, goal: tuple[str, ...], why: str) -> None:
+    result = plan(tmp_path, *goal)
+    assert re.search(why, str(result.exception)), result.exception
+    assert look_up(getattr(result.exception, "code", "")).exit not in (0, 1)
 
 
 TWO_REACHES = """

@@ -6,8 +6,9 @@ import pytest
 from py_trees.common import Status
 
 from hardware import Robot
-from skills import BadTarget, CheckBounds, OutOfBounds, Positions, SkillError, check_targets
+from skills import BadTarget, CheckBounds, OutOfBounds, Positions, Shift, SkillError, check_targets
 from skills.bounds import by_group, check_whole
+from tests.arms import foreign
 from tests.conftest import Bench
 
 ZERO = {"arm": {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0}, "gripper": {"joint_4": 0.0}}
@@ -158,3 +159,11 @@ def test_a_target_out_of_bounds_fails_the_skill(bench: Bench) -> None:
     skill.tick_once()
     assert skill.status is Status.FAILURE
     assert isinstance(skill.failure, OutOfBounds)
+
+
+@pytest.mark.parametrize("turns", [3.2, -3.2])
+def test_a_joint_without_an_end_is_moved_half_a_turn_at_the_most(turns: float) -> None:
+    """It would go the short way, which is the other."""
+    Shift.judge(foreign("endless"), {"by": {"turn": math.copysign(3.1, turns)}})
+    with pytest.raises(OutOfBounds, match="further than half a turn"):
+        Shift.judge(foreign("endless"), {"by": {"turn": turns}})

@@ -16,6 +16,7 @@ from skills.motion.tool import _Arm
 from tests.arms import ARMS, foreign, free_poses
 
 POST = World((Body("post", Box((0.1, 0.1, 1.2)), (0.4, 0.0, 0.4)),))
+TURN = 2.0 * np.pi
 planners: dict[str, Planner] = {}
 
 
@@ -47,7 +48,8 @@ def test_random_pairs_are_planned_free_and_within_the_limits(
         assert contacts.first_hit(rows, 0.0) is None
         assert np.all(abs(plan.velocities(times)) <= 1.001 * plan.velocity)
         assert np.all(abs(plan.accelerations(times)) <= 1.001 * plan.acceleration)
-        assert np.array_equal(rows[-1, own], goal[own])
+        turns = (rows[-1, own] - goal[own]) / TURN * [j.endless for j in robot.leaders("arm")]
+        assert rows[-1, own] == pytest.approx(goal[own] + TURN * np.round(turns), abs=1e-12)
 
 
 def test_what_a_margin_proves_holds_between_the_samples(robot: Robot, planner: Planner) -> None:
@@ -121,10 +123,38 @@ def test_a_slide_passes_near_its_via_point() -> None:
     assert 0.04 - NEARNESS - 1e-6 <= furthest <= 0.04
 
 
-def test_a_joint_without_an_end_turns_as_far_as_it_is_told() -> None:
+@pytest.mark.parametrize(
+    ("begins", "asked", "ends"),
+    [
+        (0.0, 7.0, 7.0 - TURN),
+        (3.1, -3.1, TURN - 3.1),
+        (0.1, -0.2, -0.2),
+        (20.0, 0.5, 3 * TURN + 0.5),
+    ],
+)
+def test_a_joint_without_an_end_goes_the_short_way(
+    begins: float, asked: float, ends: float
+) -> None:
     robot = foreign("endless")
     planner = planners.setdefault(robot.name, Planner(robot))
-    start = (0.0, 0.5, 0.5, 0.0, 1.0, 0.0)
-    plan = planner.plan(Query("arm", start, (7.0, 0.5, 0.5, 0.0, 1.0, 0.0)))
-    assert plan.goal[0] == 7.0
-    assert plan.sample([plan.duration])[0][0] == 7.0
+    rest = (0.5, 0.5, 0.0, 1.0, 0.0)
+    plan = planner.plan(Query("arm", (begins, *rest), (asked, *rest)))
+    assert plan.goal.tolist() == pytest.approx([ends, *rest], abs=1e-12)
+    assert plan.sample([plan.duration])[0].tolist() == plan.goal.tolist()
+
+
+def test_via_points_let_it_turn_all_the_way() -> None:
+    robot, rest = foreign("endless"), (0.5, 0.5, 0.0, 1.0, 0.0)
+    planner = planners.setdefault(robot.name, Planner(robot))
+    via = ((2.0, *rest), (4.0, *rest))
+    plan = planner.plan(Query("arm", (0.0, *rest), (0.0, *rest), via=via))
+    assert plan.goal[0] == pytest.approx(TURN)
+
+
+def test_where_the_short_way_is_blocked_it_goes_the_other() -> None:
+    robot, rest = foreign("endless"), (1.2, 0.0, 0.0, 0.0, 0.0)
+    planner = planners.setdefault(robot.name, Planner(robot))
+    wall = World((Body("wall", Box((2.0, 0.04, 6.0)), (1.08, 0.0, 0.0)),))
+    query = Query("arm", (1.2, *rest), (-1.2, *rest), world=wall)
+    assert planner.plan(Query("arm", query.start, query.goal)).goal[0] == -1.2
+    assert planner.plan(query).goal[0] == pytest.approx(TURN - 1.2)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -10,7 +10,7 @@ from py_trees.behaviour import Behaviour
 
 from hardware import Arm, RealClock, Robot
 from skills import Context, Positions, SkillError, Target
-from skills.motion import MotionError, Pool, Result, Verify
+from skills.motion import BadWorld, Body, MotionError, Pool, Result, Verify, WorkerDied, World
 from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, TreeError
 
 from .assembly import Assembly
@@ -50,6 +50,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     context = _context(robot)
     findings = Findings()
     places: dict[Pose, list[Place]] = {}
+    bodies: dict[Body, list[Place]] = {}
     try:
         jobs = list(_jobs(folder, files))
     except TreeError as error:
@@ -63,9 +64,9 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.notes += [] if files else library.notes
     for path, library, name in jobs:
         findings.files.append(path)
-        checker = _Checker(library, context, places)
+        checker = _Checker(library, context, places, bodies)
         findings.mistakes += checker.check(path, name)
-    findings.mistakes += _collisions(robot, places, context)
+    findings.mistakes += _refused(robot, places, bodies, context)
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
 
@@ -139,10 +140,18 @@ class _Checker:
         library: The library.
         context: Of a robot that does nothing.
         places: Filled with the poses that are spelled out, and where.
+        bodies: The same of bodies.
     """
 
-    def __init__(self, library: Library, context: Context, places: dict[Pose, list[Place]]) -> None:
-        self._library, self._context, self._places = library, context, places
+    def __init__(
+        self,
+        library: Library,
+        context: Context,
+        places: dict[Pose, list[Place]],
+        bodies: dict[Body, list[Place]],
+    ) -> None:
+        self._library, self._context = library, context
+        self._places, self._bodies = places, bodies
 
     def check(self, path: Path, name: Named) -> list[Mistake]:
         """What is wrong with a file."""
@@ -171,6 +180,9 @@ class _Checker:
         if not refused:
             for place, pose in poses(assembly.leaves, robot):
                 self._places.setdefault(pose, []).append(place)
+            for leaf in assembly.leaves:
+                if body := type(leaf.skill).body(leaf.known):
+                    self._bodies.setdefault(body, []).append(leaf.place)
         return refused
 
     def _reachable(self, file: PosesFile) -> list[Mistake]:
@@ -197,10 +209,14 @@ def _mistakes(error: TreeError) -> list[Mistake]:
     return [Mistake(Place(path, 1, 1) if path else Place(Path(), 0, 0), str(error))]
 
 
-def _collisions(
-    robot: Robot, places: dict[Pose, list[Place]], context: Context
+def _refused(
+    robot: Robot,
+    places: dict[Pose, list[Place]],
+    bodies: dict[Body, list[Place]],
+    context: Context,
 ) -> Iterator[Mistake]:
-    if not places:
+    """What a planner says of every pose, and of every body by itself."""
+    if not (places or bodies):
         return
     answers: SimpleQueue[Result] = SimpleQueue()
     with closing(context.pool) as pool:
@@ -210,6 +226,12 @@ def _collisions(
             answer = answers.get()
             if isinstance(answer, MotionError):
                 yield from (Mistake(place, f"this pose collides: {answer}") for place in where)
+        for body, where in bodies.items():
+            alone = World((replace(body, touches=frozenset()),))  # others may be there by then
+            pool.submit(Verify([robot.boot_pose], 0.0, world=alone), answers.put)
+            answer = answers.get()
+            if isinstance(answer, (BadWorld, WorkerDied)):
+                yield from (Mistake(place, f"{body.name}: {answer}") for place in where)
 
 
 def _context(robot: Robot) -> Context:

@@ -138,9 +138,13 @@ for command in (*TASK_COMMANDS, *SERVER_COMMANDS):
 @click.argument("goal", metavar="GOAL...", nargs=-1, required=True)
 @robot_option
 @trees_option
-@click.option("--start", multiple=True, help="As GOAL: joints and poses; default: the boot pose.")
+@click.option("--start", multiple=True, help="As GOAL, in quotes; default: the boot pose.")
 @click.option("--via", multiple=True, help="A point on the way, as GOAL in quotes; repeatable.")
-@click.option("--direction", type=float, nargs=3, help="X Y Z where the tool is to point.")
+@click.option("--relative", is_flag=True, help="Let x y z count from where the tool is.")
+@click.option("--direction", nargs=3, metavar="X Y Z", help="Where the tool is to point.")
+@click.option("--tool", help="Link that is to go there; default: the robot file's tool.")
+@click.option("--offset", nargs=3, metavar="X Y Z", help="The tool on its link [m].")
+@click.option("--axis", nargs=3, metavar="X Y Z", help="The tool's axis on its link.")
 @click.option("--world", type=PATH, help="JSON file with a list of bodies around the arm.")
 @click.option("--group", help="Group that moves; default: that of the joints named, else the arm.")
 @click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning.")
@@ -151,7 +155,11 @@ def plan(
     trees: Path | None,
     start: tuple[str, ...],
     via: tuple[str, ...],
-    direction: tuple[float, float, float] | None,
+    relative: bool,
+    direction: tuple[str, str, str] | None,
+    tool: str | None,
+    offset: tuple[str, str, str] | None,
+    axis: tuple[str, str, str] | None,
     world: Path | None,
     group: str | None,
     seed: int,
@@ -159,8 +167,9 @@ def plan(
 ) -> None:
     """Plan to GOAL, say why it takes as long as it does, and draw it. Nothing moves.
 
-    GOAL is JOINT=VALUE or JOINT+=CHANGE ... [rad], a pose such as right, x y z of the tool [m], or
-    the number of a task that spells out where it goes, as far as --world says what stands there.
+    GOAL is JOINT=VALUE and JOINT+=CHANGE ... such as joint_1=70deg joint_2+=0.1, a pose such as
+    right, x y z of the tool such as 0.1 0 8cm, or the number of a task that spells out where it
+    goes, as far as --world says what stands there. Numbers without a unit are in rad and m.
     """
     from hardware import load_robot
     from trees import Library
@@ -168,8 +177,12 @@ def plan(
     from .plan_goal import Goal
     from .planning import explain
 
-    asked = Goal(load_robot(robot), Library(trees), goal, group, seed, via, direction)
-    for line in explain(asked, " ".join(start).split(), world, output):
+    of_point = {"direction": direction, "offset": offset, "axis": axis}
+    point = {port: f"[{', '.join(words)}]" for port, words in of_point.items() if words}
+    point |= ({"relative": "true"} if relative else {}) | ({"tool": tool} if tool else {})
+    words = " ".join(start).split()
+    asked = Goal(load_robot(robot), Library(trees), goal, group, seed, words, via, point)
+    for line in explain(asked, world, output):
         click.echo(line)
 
 

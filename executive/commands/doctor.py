@@ -11,6 +11,7 @@ from hardware import (
     Arm,
     Check,
     HardwareError,
+    NoDriver,
     PortNotGiven,
     RealClock,
     Robot,
@@ -46,12 +47,16 @@ def examine(
         return
     yield Check("robot", True, f"{robot.name}, firmware {robot.firmware.name}")
     port = robot.serial.port if port is None else port
-    yield _pose(robot, port)
-    yield _boot_wait(robot)
+    if robot.wired:
+        yield _pose(robot, port)
+        yield _boot_wait(robot)
+    else:
+        yield Check("driver", False, str(NoDriver(robot.path)), code=NoDriver.code)
     yield _tasks(trees)
     yield _planner(robot)
     yield from _recordings(recordings)
-    yield from _port(robot, port, really_open)
+    if robot.wired:
+        yield from _port(robot, port, really_open)
 
 
 def _resets(robot: Robot, port: str) -> bool:

@@ -1,30 +1,36 @@
 """What `armtree plan` is asked for: joints, a pose, a point for the tool, or a task."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 from executive.building.check import targets_of
+from executive.building.port_types import declarations
 from hardware import Robot
-from skills import BadTarget, Positions, check_targets, three
+from skills import BadTarget, Positions, ReachPoint, Shift, check_targets, three
 from skills.motion import Query, ToolQuery, World
 from skills.motion.planner import Planner
-from trees import Library
+from trees import Declaration, FileError, Library, Place, fit, parse_value
+
+_PORTS = declarations(ReachPoint)
 
 
 @dataclass(frozen=True)
 class Goal:
-    """A goal as it was typed.
+    """A goal as it was typed; values are written as in task files.
 
     Attributes:
         robot: Whose motion.
         library: Tasks and poses.
-        words: `JOINT=VALUE` or `JOINT+=CHANGE` [rad], joints not named staying; the name of a
-            pose; three numbers, where the tool shall be [m]; or the number of a task, for all that
-            it spells out.
+        words: `JOINT=VALUE`, `JOINT+=CHANGE` and names of poses, each on top of those before it,
+            joints not named staying; x, y, z, where the tool shall be; or the number of a task, for
+            all that it spells out.
         group: That moves; None for the one whose joints are named, else the arm.
         seed: Of the search.
-        via: Points on the way, each in words as a goal of joints and poses.
-        direction: Where the tool shall point, with a goal of three numbers.
+        start: Where the arm stands, as `words` without a task; joints not named are at their boot
+            pose.
+        via: Points on the way, each as `start`; joints not named are as at the start.
+        tool: What else is said of the point: values of ReachPoint's ports, by port.
     """
 
     robot: Robot
@@ -32,10 +38,11 @@ class Goal:
     words: Sequence[str]
     group: str | None
     seed: int
+    start: Sequence[str] = ()
     via: Sequence[str] = ()
-    direction: tuple[float, float, float] | None = None
+    tool: Mapping[str, str] = field(default_factory=dict)
 
-    def queries(self, planner: Planner, start: Sequence[str], world: World) -> list[Query]:
+    def queries(self, planner: Planner, world: World) -> list[Query]:
         """The motions to be planned, each from where the one before ends.
 
         Raises:
@@ -46,22 +53,24 @@ class Goal:
         if self.group and self.group not in self.robot.groups:
             there = ", ".join(self.robot.groups)
             raise BadTarget(f"the robot has no group {self.group}; it has {there}")
-        begin, group = self._start(start), self.group or "arm"
-        a_point = len(self.words) == 3 and not any("=" in word for word in self.words)
-        if self.direction and not a_point:
-            raise BadTarget("a direction goes with a point for the tool; give x y z")
+        boot = {joint.name: joint.boot for joint in self.robot.actuated}
+        asked = _Asked(planner, self.robot, self.library.poses()[0], "arm", self.seed, world)
+        begin = boot | asked.named(self.start, boot, {})
+        if self.tool and not asked.is_point(self.words):
+            options = ", ".join(f"--{port}" for port in self.tool)
+            raise BadTarget(f"{options} goes with a point for the tool; give x y z")
         if len(self.words) == 1 and self.words[0].isdecimal():
             if self.via:
                 raise BadTarget("a task goes its own way; leave out --via")
-            return self._task(int(self.words[0]), group, begin, world)
-        if a_point:
-            point = three("point", [_number(word) for word in self.words])
-            tool = ToolQuery(group, begin, point, self.direction, seed=self.seed, world=world)
-            goal = planner.reach(tool).positions
-        else:
-            group, goal = self._joints(self.words, begin, self.group)
-        via = tuple(self._joints(words.split(), begin, group)[1] for words in self.via)
-        return [Query(group, begin, goal, self.seed, via=via, world=world)]
+            start = tuple(begin.values())
+            return self._task(int(self.words[0]), self.group or "arm", start, world)
+        asked.group = self.group or "arm"
+        named = asked.named(self.words, begin, self.tool)
+        asked.group = self.group or self._group(named)
+        stations = [asked.named(words.split(), begin, {}) for words in self.via]
+        *via, goal = (self._target(asked.group, each, begin) for each in (*stations, named))
+        start = tuple(begin.values())
+        return [Query(asked.group, start, goal, self.seed, via=tuple(via), world=world)]
 
     def _task(self, number: int, group: str, begin: tuple[float, ...], world: World) -> list[Query]:
         """As the skills move: the arm with the gripper as it is, the gripper where the arm goes."""
@@ -80,65 +89,117 @@ class Goal:
             begin = pose
         return queries
 
-    def _start(self, words: Sequence[str]) -> tuple[float, ...]:
-        values = self._values(words, {joint.name: joint.boot for joint in self.robot.actuated})
-        _check_names(values, [joint.name for joint in self.robot.actuated])
-        return tuple(values.get(joint.name, joint.boot) for joint in self.robot.actuated)
-
-    def _joints(
-        self, words: Sequence[str], begin: tuple[float, ...], group: str | None
-    ) -> tuple[str, tuple[float, ...]]:
-        """The group that moves, and where to."""
-        names = [joint.name for joint in self.robot.actuated]
-        now = dict(zip(names, begin, strict=True))
-        values = self._values(words, now)
-        group = group or self._group(values)
-        joints = self.robot.leaders(group)
-        _check_names(values, [joint.name for joint in joints])
-        target = Positions(
-            (joint.name, values.get(joint.name, now[joint.name])) for joint in joints
-        )
+    def _target(
+        self, group: str, named: Mapping[str, float], begin: Mapping[str, float]
+    ) -> tuple[float, ...]:
+        """Of every joint of a group."""
+        joints = [joint.name for joint in self.robot.leaders(group)]
+        _check_names(named, joints)
+        target = Positions((name, named.get(name, begin[name])) for name in joints)
         check_targets(self.robot, {group: target})
-        return group, tuple(target.values())
+        return tuple(target.values())
 
-    def _group(self, values: Mapping[str, float]) -> str:
+    def _group(self, named: Mapping[str, float]) -> str:
         """The one that all named joints belong to."""
-        _check_names(values, [joint.name for joint in self.robot.actuated])
         for group, members in self.robot.groups.items():
-            if values.keys() <= set(members):
+            if named.keys() <= set(members):
                 return group
-        raise BadTarget(f"{', '.join(values)} are in several groups; plan for one at a time")
+        raise BadTarget(f"{', '.join(named)} are in several groups; plan for one at a time")
 
-    def _values(self, words: Sequence[str], now: Mapping[str, float]) -> dict[str, float]:
-        """Of `JOINT=VALUE`, of `JOINT+=CHANGE` from now, and of poses; the later ones count."""
-        values, poses = dict[str, float](), self.library.poses()[0]
+
+@dataclass
+class _Asked:
+    """Reads places."""
+
+    planner: Planner
+    robot: Robot
+    poses: Mapping[str, Mapping[str, float]]
+    group: str
+    seed: int
+    world: World
+
+    def is_point(self, words: Sequence[str]) -> bool:
+        """Whether these are x, y, z."""
+        return len(words) == 3 and not any("=" in word or word in self.poses for word in words)
+
+    def named(
+        self,
+        words: Sequence[str],
+        begin: dict[str, float],
+        tool: Mapping[str, str],
+    ) -> dict[str, float]:
+        """Positions of the joints that words speak of.
+
+        Args:
+            words: As in a Goal.
+            begin: Where the arm stands, all actuated joints.
+            tool: What else is said of a point.
+        """
+        if self.is_point(words):
+            return self._reached(words, begin, tool)
+        units = {joint.name: joint.unit for joint in self.robot.actuated}
+        named = dict[str, float]()
         for word in words:
-            name, equals, number = word.partition("=")
+            name, equals, text = word.partition("=")
+            joint = name.removesuffix("+")
             if equals:
-                joint = name.removesuffix("+")
-                values[joint] = _number(number) + (now.get(joint, 0.0) if joint != name else 0.0)
-            elif word in poses:
-                values |= poses[word]
+                _check_names((joint,), units)
+                kind = "length" if units[joint] == "m" else "angle"
+                value: float = _read(joint, text, Declaration(kind))
+                if joint != name:
+                    Shift.judge(self.robot, {"by": {joint: value}})
+                    value += (begin | named)[joint]
+                named[joint] = value
+            elif word in self.poses:
+                named |= self.poses[word]
             else:
-                raise BadTarget(f"{word!r} is no {_choices(poses)}")
-        return values
+                raise BadTarget(f"{word!r} is no {_choices(self.poses)}")
+        _check_names(named, units)
+        return named
+
+    def _reached(
+        self, words: Sequence[str], begin: Mapping[str, float], tool: Mapping[str, str]
+    ) -> dict[str, float]:
+        given = {port: _read(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
+        point = _read("point", f"[{', '.join(words)}]", _PORTS["point"])
+        query = ToolQuery(
+            group=self.group,
+            start=tuple(begin.values()),
+            point=three("point", point),
+            direction=given.get("direction"),
+            link=given.get("tool", ""),
+            offset=given.get("offset", (0.0, 0.0, 0.0)),
+            axis=given.get("axis"),
+            relative=given.get("relative", False),
+            seed=self.seed,
+            world=self.world,
+        )
+        joints = (joint.name for joint in self.robot.leaders(self.group))
+        return dict(zip(joints, self.planner.reach(query).positions, strict=True))
+
+
+def _read(what: str, text: str, wanted: Declaration) -> Any:
+    """A value as it would stand in a task file."""
+    if not text:
+        raise BadTarget(f"{what} is given no value")
+
+    def wrong(place: Place, why: str) -> None:
+        raise BadTarget(f"{what}: {why}")
+
+    try:
+        return fit(parse_value(text, what), wanted, {}, wrong)
+    except FileError as error:
+        raise BadTarget(f"{what}: {error.mistakes[0].message}") from error
 
 
 def _choices(poses: Mapping[str, object]) -> str:
     return (
-        f"pose; there are {', '.join(poses)}. Or give JOINT=VALUE or JOINT+=CHANGE [rad], "
-        "x y z of the tool [m], or the number of a task"
+        f"pose; there are {', '.join(poses)}. Or give JOINT=VALUE or JOINT+=CHANGE, x y z of the "
+        "tool, or the number of a task"
     )
 
 
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise BadTarget(f"{text!r} is no number; write JOINT=VALUE, or x y z") from error
-
-
-def _check_names(values: Mapping[str, float], names: Sequence[str]) -> None:
-    for name in values:
-        if name not in names:
-            raise BadTarget(f"{name} is no joint that can be set; there are {', '.join(names)}")
+def _check_names(named: Collection[str], there: Collection[str]) -> None:
+    for name in named:
+        if name not in there:
+            raise BadTarget(f"{name} is no joint that can be set; there are {', '.join(there)}")

@@ -1,7 +1,7 @@
 """`armtree plan`: a motion found, explained and drawn, without an arm."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +19,11 @@ _POSES = 14  # of the sweep
 _GRID = 0.005  # of the curves [s]
 
 
-def explain(goal: Goal, start: Sequence[str], world: Path | None, output: Path) -> Iterator[str]:
+def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
     """Plan, draw, and say what was found, line by line.
 
     Args:
         goal: What to plan for.
-        start: `JOINT=VALUE` [rad] or a pose; joints not named are at their boot pose.
         world: JSON file with a list of bodies, as `World.plain` writes them.
         output: The PNG to write; where there are several motions, the others beside it.
 
@@ -34,13 +33,13 @@ def explain(goal: Goal, start: Sequence[str], world: Path | None, output: Path) 
     """
     robot, around = goal.robot, _world(world)
     planner = Planner(robot)
-    queries = goal.queries(planner, start, around)
+    queries = goal.queries(planner, around)
     for number, query in enumerate(queries, 1):
         loading = sum(planner.plan(query).milliseconds.values())
         plan = planner.plan(query)
         if len(queries) > 1:
             yield f"Motion {number} of {len(queries)}"
-        yield from _told(plan, len(query.via), loading)
+        yield from _told(robot, plan, len(query.via), loading)
         picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
         _draw(robot, around, plan, picture)
         yield str(picture)
@@ -56,7 +55,7 @@ def _world(file: Path | None) -> World:
     return World.parse(bodies)
 
 
-def _told(plan: Plan, via: int, loading: float) -> Iterator[str]:
+def _told(robot: Robot, plan: Plan, via: int, loading: float) -> Iterator[str]:
     """In words; the first time it took longer, as all had to be loaded [ms]."""
     spent = sum(plan.milliseconds.values())
     rungs = ", ".join(f"{name} {ms:.2f}" for name, ms in plan.milliseconds.items())
@@ -72,7 +71,7 @@ def _told(plan: Plan, via: int, loading: float) -> Iterator[str]:
     yield f"Duration  {plan.duration:.3f} s; a straight line would take {line:.3f} s"
     yield f"Found in  {spent:.2f} ms ({rungs}); with all to be loaded, {loading:.0f} ms"
     for limit in limits_met(plan):
-        unit = "rad/s" if limit.kind == "speed" else "rad/s²"
+        unit = robot.joint(limit.joint).unit + ("/s" if limit.kind == "speed" else "/s²")
         share = 100.0 * limit.seconds / plan.duration
         what = f"{limit.joint} at its {limit.kind} limit, {limit.value:g} {unit}"
         yield f"Held by   {what}: {limit.seconds:.2f} s ({share:.0f} %)"
@@ -96,6 +95,7 @@ def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
         PlanPicture(
             title=f"{robot.name}: {plan.group}, {plan.duration:.2f} s",
             joints=plan.joints,
+            units=[robot.joint(name).unit for name in plan.joints],
             times=times.tolist(),
             positions=plan.sample(times).tolist(),
             speeds=plan.velocities(times).tolist(),

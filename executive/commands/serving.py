@@ -67,7 +67,7 @@ def serve(options: ServeOptions) -> None:
     """Serve until a signal comes; then stop the arm, end the goals and leave in order.
 
     Raises:
-        HardwareError: The robot file is wrong.
+        HardwareError: The robot file is wrong, or names no driver.
         TreeError: The folder of tasks is.
         ServerError: It cannot listen as it was asked to.
         LogError: A recording cannot be made, or could not be finished.
@@ -78,13 +78,14 @@ def serve(options: ServeOptions) -> None:
         library = LiveLibrary(options.trees, robot)
         port = robot.serial.port if options.port is None else options.port
         standing(robot, port, options.pose, options.recordings)  # refused before all else
+        link = robot.link(port) if port else None
         for words in put_in_order(options.recordings, options.keep, clock):
             logger.warning("%s", words)
         questions = Questions(clock)
         with closing(Pool(robot, options.workers, clock)) as pool:
             executive = Executive(
                 robot,
-                robot.link(port) if port else None,
+                link,
                 library,
                 pool,
                 options.recordings,

@@ -73,6 +73,7 @@ def execute(options: Options) -> list[Outcome]:
             arguments = read_arguments(options.settings, options.numbers)
             port = robot.serial.port if options.port is None else options.port
             standing(robot, port, options.pose, options.recordings)  # refused before all else
+            link = robot.link(port) if port else None
         except (HardwareError, TreeError) as error:
             task = options.numbers[0]
             aborted, cause = GoalState.ABORTED, cause_of(error)
@@ -88,7 +89,7 @@ def execute(options: Options) -> list[Outcome]:
         with closing(Pool(robot, options.workers, clock)) as pool:
             executive = Executive(
                 robot,
-                robot.link(port) if port else None,
+                link,
                 library,
                 pool,
                 options.recordings,

@@ -70,7 +70,8 @@ def geometry(shape: Shape) -> coal.CollisionGeometry:
             try:
                 return coal.MeshLoader().load(path, np.array(scale))
             except (RuntimeError, ValueError) as error:
-                raise BadWorld(f"The mesh {path} cannot be read: {error}") from error
+                why = str(error).partition("message: ")[2].splitlines() or [str(error)]
+                raise BadWorld(f"The mesh {path} cannot be read: {why[0]}") from error
 
 
 def _seat(kinematics: pin.Model, body: Body) -> tuple[int, int, pin.SE3]:

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 def check_ends(robot: Robot, contacts: Contacts, query: Query) -> tuple[Array, Array]:
     """All actuated joints at the start (A,), and the group's at start, via points and goal (K, J).
 
-    All of them in [rad]; to be passed in that order.
+    All of them in [rad]; to be passed in that order, joints without an end the short way each time.
 
     Raises:
         BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision, GoalInCollision:
@@ -36,11 +36,12 @@ def check_ends(robot: Robot, contacts: Contacts, query: Query) -> tuple[Array, A
     if not (isinstance(query.seed, int) and query.seed >= 0):
         raise BadQuery(f"The seed is {query.seed!r}; give a whole number from 0")
     own, joints = columns(robot, query.group), robot.leaders(query.group)
+    endless = turning(robot, query.group)
     start = finite("start", query.start, robot.actuated)
     rows = [start]
     for what, goal in (*(("via point", via) for via in query.via), ("goal", query.goal)):
         rows.append(start.copy())
-        rows[-1][own] = finite(what, goal, joints)
+        rows[-1][own] = short_way(endless, rows[-2][own], finite(what, goal, joints))
     for number, row in enumerate(rows):
         _bounded(robot, row, GoalOutOfBounds if number else StartOutOfBounds)
     stations = np.array(rows)
@@ -57,6 +58,19 @@ def columns(robot: Robot, group: str) -> NDArray[np.intp]:
     """Where the group's own joints are among the actuated (J,)."""
     names = [joint.name for joint in robot.actuated]
     return np.array([names.index(joint.name) for joint in robot.leaders(group)], dtype=np.intp)
+
+
+def turning(robot: Robot, group: str) -> NDArray[np.bool_]:
+    """Which of the group's own joints stand the same a whole turn on (J,)."""
+    followed = {joint.mimic.leader for joint in robot.joints if joint.mimic}
+    joints = robot.leaders(group)
+    return np.array([joint.endless and joint.name not in followed for joint in joints], dtype=bool)
+
+
+def short_way(endless: NDArray[np.bool_], start: Array, goal: Array) -> Array:
+    """A goal with endless joints turned back to within half a turn of the start, (J,) [rad]."""
+    turns = np.where(endless, np.round((goal - start) / (2.0 * np.pi)), 0.0)
+    return goal - 2.0 * np.pi * turns
 
 
 def bounds(robot: Robot, group: str) -> tuple[Array, Array]:
@@ -96,4 +110,4 @@ def _bounded(robot: Robot, configuration: Array, error: type[OutOfBounds]) -> No
     for joint in robot.joints:
         value = joint.mimic.value(own[joint.mimic.leader]) if joint.mimic else own[joint.name]
         if not joint.lower <= value <= joint.upper:
-            raise error(joint.name, value, joint.lower, joint.upper)
+            raise error(joint.name, value, joint.lower, joint.upper, joint.unit)

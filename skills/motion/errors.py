@@ -107,17 +107,21 @@ class OutOfBounds(MotionError, ValueError):
 
     Attributes:
         joint: Its name.
-        value: Where it would be [rad].
-        lower: Its smallest position [rad].
-        upper: Its largest position [rad].
+        value: Where it would be.
+        lower: Its smallest position.
+        upper: Its largest position.
+        unit: Of all three.
     """
 
     what = "position"
 
-    def __init__(self, joint: str, value: float, lower: float, upper: float) -> None:
-        self.joint, self.value, self.lower, self.upper = joint, value, lower, upper
+    def __init__(
+        self, joint: str, value: float, lower: float, upper: float, unit: str = "rad"
+    ) -> None:
+        self.joint, self.value, self.unit = joint, value, unit
+        self.lower, self.upper = lower, upper
         super().__init__(
-            f"The {self.what} of {joint}, {value:.6g} rad, is outside "
+            f"The {self.what} of {joint}, {value:.6g} {unit}, is outside "
             f"[{lower:.6g}, {upper:.6g}]; choose a value within"
         )
 

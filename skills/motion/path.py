@@ -50,9 +50,10 @@ def ways(
             found = bent(space, search.lower, search.upper, legs[0])
         if found:
             yield found
+    goals = [*(leg[1:] for leg in np.array(legs[:-1])), search.other_ways(*legs[-1])]
     parts = [
-        np.array(leg) if free else _round(space, search, leg, seed, watch)
-        for leg, free in zip(legs, straight, strict=True)
+        np.array(leg) if free else _round(space, search, leg[0], ends, seed, watch)
+        for leg, ends, free in zip(legs, goals, straight, strict=True)
     ]
     waypoints = _apart(np.vstack([parts[0], *(part[1:] for part in parts[1:])]))
     if len(waypoints) > 2:
@@ -63,10 +64,10 @@ def ways(
 
 
 def _round(
-    space: Space, search: Search, ends: tuple[Array, Array], seed: int, watch: Stopwatch
+    space: Space, search: Search, start: Array, goals: Array, seed: int, watch: Stopwatch
 ) -> Array:
     with watch.rung("search"):
-        found = search.find(space, *ends, seed + 1)  # OMPL ignores a seed of 0
+        found = search.find(space, start, goals, seed + 1)  # OMPL ignores a seed of 0
     with watch.rung("shorten"):
         return shortened(space, found)
 

@@ -12,7 +12,7 @@ from .carry import carried
 from .contacts import Contacts
 from .curve import Curve
 from .deadline import Deadline, Stopwatch
-from .ends import bounds, check_ends, columns, finite
+from .ends import bounds, check_ends, columns, finite, turning
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError
 from .links import Links
 from .model import Model
@@ -116,7 +116,7 @@ class Planner:
             joints=group.joints,
             start=start,
             origin=stations[0],
-            goal=stations[-1],
+            goal=waypoints[-1],
             seed=query.seed,
             velocity=group.velocity,
             acceleration=group.acceleration,
@@ -230,7 +230,7 @@ class _Group:
         self.columns = columns(robot, name)
         self.velocity = np.array([joint.velocity for joint in joints])
         self.acceleration = np.array([joint.acceleration for joint in joints])
-        self.search = Search(*bounds(robot, name))
+        self.search = Search(*bounds(robot, name), turning(robot, name))
 
 
 def _timed(

@@ -28,10 +28,11 @@ class Search:
     Args:
         lower: Of its joints (J,) [rad].
         upper: Of its joints (J,) [rad]; where infinite, half a turn beyond the ends is searched.
+        turning: Which of them stand the same a whole turn on (J,).
     """
 
-    def __init__(self, lower: Array, upper: Array) -> None:
-        self.lower, self.upper = lower, upper
+    def __init__(self, lower: Array, upper: Array, turning: NDArray[np.bool_]) -> None:
+        self.lower, self.upper, self._turning = lower, upper, turning
         self._bounds: tuple[float, ...] = ()
         self._space = ob.RealVectorStateSpace(len(lower))
         self._information = ob.SpaceInformation(self._space)
@@ -39,13 +40,18 @@ class Search:
         self._information.setMotionValidator(self._edges)
         self._information.setStateValidityChecker(_any)
 
-    def find(self, space: Space, start: Array, goal: Array, seed: int) -> Array:
-        """A path of free edges from start to goal (N, J) [rad].
+    def other_ways(self, start: Array, goal: Array) -> Array:
+        """A goal, and where one joint without an end turns to it the other way (G, J) [rad]."""
+        turns = np.where(self._turning, np.sign(goal - start), 0.0)
+        return np.vstack([goal, (goal - 2.0 * np.pi * np.diag(turns))[turns != 0.0]])
+
+    def find(self, space: Space, start: Array, goals: Array, seed: int) -> Array:
+        """A path of free edges from start to one of the goals (N, J) [rad].
 
         Args:
             space: Where the group may move.
             start: A free point (J,) [rad].
-            goal: Another (J,) [rad].
+            goals: Others (G, J) [rad].
             seed: Equal seeds give equal paths; at least 1.
 
         Raises:
@@ -53,8 +59,8 @@ class Search:
             PlanTimeout: The time is up.
         """
         self._edges.space = space
-        self._bound(start, goal)
-        problem = self._problem(start, goal)
+        self._bound(np.vstack([start, goals]))
+        problem = self._problem(start, goals)
         ou.RNG.setSeed(seed)
         planner = og.RRTConnect(self._information)
         planner.setRange(_RANGE)
@@ -66,28 +72,33 @@ class Search:
         if not problem.hasExactSolution():
             raise NoPath(_ITERATIONS)
         states = problem.getSolutionPath().getStates()
-        return np.array([start, *(s[0 : len(start)] for s in states[1:-1]), goal])
+        return np.array([s[0 : len(start)] for s in states])
 
-    def _bound(self, start: Array, goal: Array) -> None:
-        lower = np.where(np.isfinite(self.lower), self.lower, np.minimum(start, goal) - np.pi)
-        upper = np.where(np.isfinite(self.upper), self.upper, np.maximum(start, goal) + np.pi)
-        if self._bounds == (ends := (*lower.tolist(), *upper.tolist())):
+    def _bound(self, ends: Array) -> None:
+        lower = np.where(np.isfinite(self.lower), self.lower, ends.min(axis=0) - np.pi)
+        upper = np.where(np.isfinite(self.upper), self.upper, ends.max(axis=0) + np.pi)
+        if self._bounds == (known := (*lower.tolist(), *upper.tolist())):
             return
-        self._bounds, bounds = ends, ob.RealVectorBounds(len(start))
-        for i in range(len(start)):
+        self._bounds, bounds = known, ob.RealVectorBounds(len(lower))
+        for i in range(len(lower)):
             bounds.setLow(i, float(lower[i]))
             bounds.setHigh(i, float(upper[i]))
         self._space.setBounds(bounds)
         self._information.setup()
 
-    def _problem(self, start: Array, goal: Array) -> ob.ProblemDefinition:
-        ends = [self._information.allocState() for _ in range(2)]
-        for end, values in zip(ends, (start, goal), strict=True):
-            for i, value in enumerate(values):
-                end[i] = float(value)
-        problem = ob.ProblemDefinition(self._information)
-        problem.setStartAndGoalStates(*ends)
+    def _problem(self, start: Array, goals: Array) -> ob.ProblemDefinition:
+        problem, ends = ob.ProblemDefinition(self._information), ob.GoalStates(self._information)
+        problem.addStartState(self._state(start))
+        for goal in goals:
+            ends.addState(self._state(goal))
+        problem.setGoal(ends)
         return problem
+
+    def _state(self, values: Array) -> ob.State:
+        state = self._information.allocState()
+        for i, value in enumerate(values.tolist()):
+            state[i] = value
+        return state
 
 
 class _Edges(ob.MotionValidator):  # type: ignore[misc]

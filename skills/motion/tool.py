@@ -18,7 +18,7 @@ from .arrays import norms
 from .bodies import frame_of
 from .contacts import Contact, Contacts
 from .deadline import Deadline
-from .ends import bounds, columns, finite
+from .ends import bounds, columns, finite, short_way, turning
 from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable
 from .model import Model
 from .query import Reached, ToolQuery
@@ -84,6 +84,7 @@ class _Arm:
         self._model, self._data = model, model.kinematics.createData()
         self.columns = columns(robot, query.group)
         self.lower, self.upper = bounds(robot, query.group)
+        self._endless = turning(robot, query.group)
         joints = robot.leaders(query.group)
         self._velocity = np.array([joint.velocity for joint in joints])
         indices = [model.kinematics.getJointId(joint.name) for joint in joints]
@@ -159,7 +160,8 @@ class _Arm:
                 damping *= 5.0
                 if damping > 1e6:
                     break
-        return _Found(self._near(start, joints), found.point, found.distance, found.askew)
+        joints = short_way(self._endless, start[self.columns], joints)
+        return _Found(joints, found.point, found.distance, found.askew)
 
     def _look(self, whole: Array, joints: Array, point: Array) -> tuple[Array, Array, _Found]:
         """The error with the group's joints there, its derivative, and it in words."""
@@ -177,12 +179,6 @@ class _Arm:
         distance = float(np.linalg.norm(place - point))
         return error, slope, _Found(joints, place, distance, askew)
 
-    def _near(self, start: Array, joints: Array) -> Array:
-        """With endless joints turned back to within half a turn of the start."""
-        endless = np.isinf(self.lower) & np.isinf(self.upper)
-        turns = np.round((joints - start[self.columns]) / (2.0 * np.pi))
-        return np.where(endless, joints - 2.0 * np.pi * turns, joints)
-
 
 def _unit(vector: tuple[float, ...]) -> Array:
     array = np.array(vector)
@@ -197,7 +193,7 @@ def _checked(robot: Robot, query: ToolQuery) -> Array:
     start = finite("start", query.start, robot.actuated)
     for joint, value in zip(robot.actuated, start.tolist(), strict=True):
         if not joint.lower <= value <= joint.upper:
-            raise StartOutOfBounds(joint.name, value, joint.lower, joint.upper)
+            raise StartOutOfBounds(joint.name, value, joint.lower, joint.upper, joint.unit)
     for what in ("point", "direction", "offset", "axis"):
         vector = getattr(query, what)
         if vector is None:

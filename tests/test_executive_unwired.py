@@ -1,0 +1,80 @@
+"""What a robot file without a driver is good for on the command line, and what it refuses."""
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from executive.codes import look_up
+from executive.commands.cli import cli
+from hardware import NoDriver
+from tests.arms import DATA
+
+ARM = str(DATA / "seven_axes.toml")
+TASK = """
+task: 7
+name: wave
+description: Moves.
+tree:
+  subtree: reach
+  with:
+    arm: {axis_1: 1, axis_2: 0, axis_3: 0, axis_4: -90 deg, axis_5: 0, axis_6: 0, axis_7: 0}
+    gripper: {finger_1: 0.02}
+"""
+
+
+@pytest.fixture
+def trees(tmp_path: Path) -> Path:
+    (tmp_path / "7_wave.yaml").write_text(TASK)
+    return tmp_path
+
+
+def test_check_and_show(trees: Path) -> None:
+    checked = CliRunner().invoke(cli, ["check", str(trees / "7_wave.yaml"), "--robot", ARM])
+    assert checked.output == "1 files are right\n"
+    shown = CliRunner().invoke(cli, ["show", "7", "--trees", str(trees), "--robot", ARM])
+    assert "PlanArm" in shown.output
+
+
+def test_plan(trees: Path) -> None:
+    arguments = ["7", "--trees", str(trees), "--robot", ARM, "-o", str(trees / "plan.png")]
+    result = CliRunner().invoke(cli, ["plan", *arguments])
+    assert result.exit_code == 0, result.exception
+    assert (trees / "plan.png").exists()
+    arguments = ["finger_1=0.02", "--robot", ARM, "-o", str(trees / "plan.png")]
+    result = CliRunner().invoke(cli, ["plan", *arguments])
+    assert "finger_1 at its acceleration limit, 2 m/s²:" in result.output
+    assert "rad" not in result.output
+    result = CliRunner().invoke(cli, ["plan", "finger_1=1", *arguments[1:]])
+    assert "finger_1 = 1.0 m is outside its limits [0.0, 0.04] m" in str(result.exception)
+
+
+@pytest.mark.parametrize("port", [(), ("--port", "virtual")], ids=["no port", "virtual"])
+def test_run_refuses(trees: Path, port: tuple[str, ...]) -> None:
+    folders = ("--trees", str(trees), "--recordings", str(trees / "recordings"))
+    arguments = ["run", "7", "--robot", ARM, *folders, "--json", *port]
+    result = CliRunner().invoke(cli, arguments)
+    assert result.exit_code == look_up(NoDriver.code).exit
+    outcome = [json.loads(line) for line in result.output.splitlines()][-1]
+    assert "names no driver" in str(outcome)
+    assert NoDriver.code in str(outcome)
+
+
+def test_serve_refuses(trees: Path) -> None:
+    result = CliRunner().invoke(cli, ["serve", "--robot", ARM, "--port", "virtual"])
+    assert isinstance(result.exception, NoDriver)
+
+
+def test_doctor_says_so(trees: Path) -> None:
+    result = CliRunner().invoke(cli, ["doctor", "--robot", ARM, "--recordings", str(trees)])
+    assert "NO  driver" in result.output
+    assert "port " not in result.output
+
+
+def test_what_turns_without_end_is_moved_as_the_skill_does(tmp_path: Path) -> None:
+    arm = ("--robot", str(DATA / "endless.toml"), "-o", str(tmp_path / "plan.png"))
+    result = CliRunner().invoke(cli, ["plan", "turn=-170deg", "--start", "turn=3", *arm])
+    assert "Goal      turn 3.316" in result.output
+    result = CliRunner().invoke(cli, ["plan", "turn+=200deg", *arm])
+    assert "further than half a turn" in str(result.exception)
