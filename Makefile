@@ -55,8 +55,8 @@ $(PEERS): tests/peers/package-lock.json
 	@touch $@
 
 # BehaviorTree.CPP for the tests; where there is no C++ compiler, its test says that it is skipped.
-$(GROOT): tests/peers/behaviortree tests/peers/behaviortree.cpp tests/peers/behaviortree.txt $(TOOLS)
-	@command -v g++ >/dev/null || exit 0; tests/peers/behaviortree $(VENV)/bin/pip $(CURDIR)/$@
+$(GROOT): tests/peers/build_behaviortree tests/peers/behaviortree.cpp tests/peers/behaviortree.txt $(TOOLS)
+	@command -v g++ >/dev/null || exit 0; tests/peers/build_behaviortree $(VENV)/bin/pip $(CURDIR)/$@
 
 # For maintainers, with uv: pin everything anew, all in one go, then in the two parts.
 lock:
