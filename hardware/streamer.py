@@ -111,6 +111,7 @@ class Streamer:
         self._playback: Playback | None = None
         self._braking: tuple[float, float] | None = None  # since when and for how long [s]
         self._closing = False
+        self._why: HardwareError | None = None  # it was closed
         self.thread = clock.spawn(self._run, "streamer")
 
     def play(
@@ -190,10 +191,11 @@ class Streamer:
         Args:
             error: Why, where a fault is the reason.
         """
-        self._door.close()
         with self._signal:
             self._closing = True
-        self._drop(PlaybackState.FAILED if error else PlaybackState.STOPPED, error)
+            self._why = self._why or error  # known before a frame can come to a shut door
+        self._door.close()
+        self._drop(PlaybackState.FAILED if self._why else PlaybackState.STOPPED, self._why)
 
     @property
     def playing(self) -> bool:

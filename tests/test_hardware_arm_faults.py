@@ -25,6 +25,7 @@ from hardware import (
     TransitionRefused,
 )
 from hardware.connection import Connection
+from hardware.door import Door
 from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 
 
@@ -70,6 +71,25 @@ def test_a_fault_ends_the_motion_with_that_fault_named(rig: Rig, cause: type[Por
     written = len(rig.frames)
     rig.wait(5)
     assert len(rig.frames) == written
+
+
+def test_a_frame_that_comes_to_a_shut_door_does_not_hide_why_it_is_shut(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig.start()
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+    rig.wait(1.0)
+    close = Door.close
+
+    def close_before_the_next_frame(door: Door) -> None:
+        monkeypatch.setattr(Door, "close", close)
+        close(door)
+        rig.until(lambda: playback.state is not PlaybackState.PLAYING)
+
+    monkeypatch.setattr(Door, "close", close_before_the_next_frame)
+    error = PortLost("board", "it")
+    rig.arm.fault(error)
+    assert (playback.state, playback.error) == (PlaybackState.FAILED, error)
 
 
 def test_a_hold_that_cannot_be_written_is_a_fault(
@@ -299,6 +319,7 @@ def test_an_arm_that_is_gone_leaves_nothing_behind() -> None:
 def test_an_arm_that_nobody_shut_down_is_shut_down_at_the_exit() -> None:
     program = """
 from hardware.connection import Connection
+from hardware.door import Door
 from tests.hardware_rigs import Rig
 from hardware import StateChanged
 rig = Rig()
