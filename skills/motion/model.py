@@ -111,8 +111,10 @@ class Model:
         return geometry
 
     def _check_names(self) -> None:
-        links = {frame.name for frame in self.kinematics.frames} | {FLOOR}
-        taken = links | {shape.name for shape in self.exact.geometryObjects}
+        frames = self.kinematics.frames
+        links = {frame.name for frame in frames if frame.type == pin.FrameType.BODY} | {FLOOR}
+        shapes = {shape.name for shape in self.exact.geometryObjects}
+        taken = {frame.name for frame in frames} | links | shapes
         for name, body in self._bodies.items():
             if name in taken:
                 raise BadWorld(f"The robot has a {name} already; give the body another name")
