@@ -37,7 +37,10 @@ TOP = 2  # triangles of the last face, which is that of z = 1
 
 
 def cube(folder: Path, sizes: tuple[float, ...], open_top: bool = False) -> Mesh:
-    """Half its edges [m], one cube in the next, as an STL: every triangle with its own corners."""
+    """One in the next, as an STL: every triangle with its own corners.
+
+    Sizes are half the edges [m]; those below 0 face inward.
+    """
     lines = ["solid"]
     for size in sizes:
         for triangle in TRIANGLES[: -TOP if open_top else None]:
@@ -62,8 +65,14 @@ def test_a_body_in_a_mesh_link_is_seen_and_how_deep() -> None:
 
 @pytest.mark.parametrize(
     ("sizes", "open_top", "free"),
-    [((1.0,), False, False), ((1.0,), True, True), ((1.0, 1.1), False, True)],
-    ids=["solid", "tray", "room with thick walls"],
+    [
+        ((1.0,), False, False),
+        ((-1.0,), False, False),
+        ((1.0, 1.1), False, False),
+        ((1.0,), True, True),
+        ((1.1, -1.0), False, True),
+    ],
+    ids=["solid", "inside out", "of two parts", "tray", "room with thick walls"],
 )
 def test_an_arm_in_a_mesh_of_the_world(
     tmp_path: Path, sizes: tuple[float, ...], open_top: bool, free: bool
@@ -97,7 +106,7 @@ def test_a_held_body_in_a_mesh(tmp_path: Path, shape: Shape) -> None:
 
 
 @given(st.tuples(*[st.floats(-1.5, 1.5)] * 3))
-def test_rays_tell_inside_from_outside(point: tuple[float, float, float]) -> None:
+def test_inside_and_outside(point: tuple[float, float, float]) -> None:
     if not np.isclose(np.abs(point), 1.0).any():
         solid = Solid(CUBE, np.array(TRIANGLES))
         assert solid.closed

@@ -124,7 +124,7 @@ def test_what_is_in_a_link_touches_it(robot: Robot, planner: Planner) -> None:
         rows = map(shape.geometry.tri_indices, range(shape.geometry.num_tris))
         triangles = corners[np.array([(row[0], row[1], row[2]) for row in rows])]
         middle = _middle(triangles)
-        if abs(_windings(triangles, middle)) < 0.9:
+        if not _enclosed(triangles, middle):
             continue
         pea = World((Body("pea", Sphere(0.001), tuple(place.act(middle).tolist())),))
         goal = [joint.boot for joint in robot.leaders("arm")]
@@ -143,14 +143,15 @@ def _middle(triangles: Array) -> Array:
     return middle
 
 
-def _windings(triangles: Array, point: Array) -> float:
-    """How often they go round a point; A. Van Oosterom and J. Strackee, 1983."""
-    a, b, c = np.swapaxes(triangles - point, 0, 1)
-    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    dots = [np.einsum("fi,fi->f", *pair) for pair in ((a, b), (b, c), (c, a))]
-    top = np.einsum("fi,fi->f", a, np.cross(b, c))
-    bottom = la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb
-    return float(np.arctan2(top, bottom).sum() / (2.0 * np.pi))
+def _enclosed(triangles: Array, point: Array) -> bool:
+    """Whether rays from a point pass through them an odd number of times, whichever way they go."""
+    corner, first, second = triangles[:, 0], *np.moveaxis(triangles[:, 1:] - triangles[:, :1], 1, 0)
+    counts = []
+    for ray in np.array([[0.301, 0.507, 0.807], [-0.613, 0.211, 0.761], [0.107, -0.893, 0.437]]):
+        planes = np.stack([first, second, np.broadcast_to(-ray, first.shape)], axis=2)
+        u, v, distance = np.linalg.solve(planes, (point - corner)[..., None])[..., 0].T
+        counts.append(np.sum((u >= 0.0) & (v >= 0.0) & (u + v < 1.0) & (distance > 0.0)))
+    return all(count % 2 for count in counts)
 
 
 def test_ends_that_cannot_be(robot: Robot, planner: Planner) -> None:

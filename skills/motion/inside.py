@@ -13,12 +13,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from .arrays import norms
 from .model import Model
 
 Array = NDArray[np.float64]
-
-# None of them along what a drawing program would draw.
-_RAYS = np.array([[0.301, 0.507, 0.807], [-0.613, 0.211, 0.761], [0.107, -0.893, 0.437]])
 
 
 class Insides:
@@ -76,7 +74,7 @@ class Insides:
             geometry = self._model.exact.geometryObjects[mesh].geometry
             rows = map(geometry.tri_indices, range(geometry.num_tris))
             triangles = np.array([(row[0], row[1], row[2]) for row in rows])
-            self._solids[mesh] = Solid(np.asarray(geometry.vertices()), triangles)
+            self._solids[mesh] = Solid(np.array(geometry.vertices()), triangles)
         return self._solids[mesh]
 
 
@@ -90,8 +88,6 @@ class Solid:
 
     def __init__(self, points: Array, triangles: NDArray[np.intp]) -> None:
         self._points, self._triangles = points, triangles
-        self._corner = points[triangles[:, 0]]
-        self._first, self._second = (points[triangles[:, i]] - self._corner for i in (1, 2))
 
     @cached_property
     def closed(self) -> bool:
@@ -104,24 +100,21 @@ class Solid:
         return not (counts % 2).any()
 
     def contains(self, point: Array) -> bool:
-        """Whether all of three rays from a point (3,) pass through the surface an odd time.
+        """Whether the surface goes round a point (3,) [m].
 
-        If the mesh is closed, all three say the same. By T. Moeller and B. Trumbore, "Fast, minimum
-        storage ray/triangle intersection", 1997.
+        How often it does is the sum of the solid angles under which the triangles are seen (A. Van
+        Oosterom and J. Strackee, "The solid angle of a plane triangle", 1983): once inside, twice
+        where two parts of a link overlap, not at all in a hollow.
         """
-        away = point - self._corner
-        across = np.cross(away, self._first)
-        for ray in _RAYS:
-            normal = np.cross(ray, self._second)
-            scale = np.einsum("fi,fi->f", self._first, normal)
-            with np.errstate(divide="ignore", invalid="ignore"):  # triangles along the ray
-                u = np.einsum("fi,fi->f", away, normal) / scale
-                v = across @ ray / scale
-                distance = np.einsum("fi,fi->f", self._second, across) / scale
-            hits = (u >= 0.0) & (v >= 0.0) & (u + v < 1.0) & (distance > 0.0)
-            if not np.count_nonzero(hits) % 2:
-                return False
-        return True
+        a, b, c = (self._points - point)[self._triangles.T]
+        la, lb, lc = norms(a), norms(b), norms(c)
+        volume = _dots(a, np.cross(b, c))
+        rest = la * lb * lc + _dots(a, b) * lc + _dots(b, c) * la + _dots(c, a) * lb
+        return bool(abs(np.arctan2(volume, rest).sum()) > np.pi)  # halves of solid angles
+
+
+def _dots(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("fi,fi->f", a, b))
 
 
 def _point(shape: coal.CollisionGeometry) -> Array:
