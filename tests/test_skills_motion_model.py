@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hardware import Robot, load_robot
-from skills.motion import ModelUnusable, NotFinite
+from skills.motion import BadWorld, Body, ModelUnusable, NotFinite, Sphere, World
 from skills.motion.contacts import Contacts
 from skills.motion.model import Model
 from skills.motion.shapes import corners
@@ -104,3 +104,12 @@ def test_unusable_urdf(robot: Robot, tmp_path: Path) -> None:
     broken.write_text("<robot name='x'><link name='a'/><link name='b'/></robot>")
     with pytest.raises(ModelUnusable, match=r"broken\.urdf cannot be planned with"):
         Model(dataclasses.replace(robot, urdf=broken))
+
+
+@pytest.mark.parametrize("other", ["joint_1", "universe", "nosuch"])
+def test_a_body_may_touch_links_and_bodies_alone(robot: Robot, other: str) -> None:
+    body = Body("b", Sphere(0.1), (0.0, 0.0, 1.0), touches=frozenset({other}))
+    with pytest.raises(BadWorld, match=f"may touch {other}, but there is no such") as caught:
+        Model(robot, World((body,)))
+    assert "base_link" in str(caught.value)
+    assert "joint_2" not in str(caught.value)

@@ -101,6 +101,21 @@ def test_ends_are_exact_and_limits_kept(
     assert np.all(abs(plan.accelerations(grid)) <= 1.001 * plan.acceleration)
 
 
+@given(start=ANGLES, goal=ANGLES, shares=st.lists(st.floats(-0.1, 1.1), min_size=1, max_size=50))
+@settings(max_examples=100, deadline=None)
+def test_every_sample_of_a_straight_motion_is_on_the_line_that_was_proved(
+    planner: Planner, start: tuple[float, ...], goal: tuple[float, ...], shares: list[float]
+) -> None:
+    """Which is why it is not checked again once it is timed."""
+    plan = planner.plan(arm(start, goal))
+    assert "check" not in plan.milliseconds
+    rows, line = plan.sample(plan.duration * np.array(shares)), np.subtract(goal, start)
+    longest = int(np.argmax(abs(line)))
+    along = (rows[:, longest] - start[longest]) / (line[longest] or 1.0)
+    on_it = np.array(start) + np.clip(along, 0.0, 1.0)[:, None] * line
+    assert abs(rows - on_it).max() <= 1e-14
+
+
 def test_derivatives_are_those_of_the_samples(planner: Planner) -> None:
     plan = planner.plan(DETOUR)
     times = np.arange(0.001, plan.duration - 0.001, 0.001)

@@ -9,6 +9,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import NotFinite
+from .inside import Insides
 from .model import Model
 
 Array = NDArray[np.float64]
@@ -22,7 +23,7 @@ class Contact(NamedTuple):
     Attributes:
         first: One, or `floor`.
         second: The other.
-        distance: Between them, negative where they overlap [m].
+        distance: Between them, negative where they overlap, or one is inside the other [m].
     """
 
     first: str
@@ -59,6 +60,7 @@ class Contacts:
         self._exact = dict[tuple[int, bool], _Exact]()
         self._data = model.kinematics.createData()
         self._shapes = model.exact.createData()
+        self._insides = Insides(model, self._data, self._shapes)
 
     def first_hit(
         self, configurations: ArrayLike, margin: float, pairs: frozenset[int] | None = None
@@ -80,6 +82,27 @@ class Contacts:
             if row is not None:
                 return begin + row
         return None
+
+    def blocked(self, configurations: Array, margin: float) -> tuple[int, Contact] | None:
+        """Row of the first configuration that can be no end of a motion, and why.
+
+        Unlike `first_hit` it sees what is inside a mesh.
+
+        Args:
+            configurations: All actuated joints (N, A) [rad].
+            margin: Distance to be kept [m].
+
+        Raises:
+            NotFinite: As `first_hit`.
+        """
+        hit = self.first_hit(configurations, margin)
+        before = self._coordinates(configurations[:hit]).T
+        row = next((i for i, q in enumerate(before) if self._insides.pairs(q)), hit)
+        if row is None:
+            return None
+        nearest = self.nearest(configurations[row])
+        assert nearest
+        return row, nearest
 
     def look(
         self,
@@ -177,6 +200,8 @@ class Contacts:
             self._model.kinematics, self._data, geometry, self._shapes, coordinates
         )
         distances = [result.min_distance for result in self._shapes.distanceResults]
+        for k in self._insides.pairs(coordinates):
+            distances[k] = -abs(distances[k])
         k = int(np.argmin(distances))
         pair = geometry.collisionPairs[k]
         names = [self._model.link(geometry, i) for i in (pair.first, pair.second)]

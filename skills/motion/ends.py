@@ -45,11 +45,10 @@ def check_ends(robot: Robot, contacts: Contacts, query: Query) -> tuple[Array, A
     for number, row in enumerate(rows):
         _bounded(robot, row, GoalOutOfBounds if number else StartOutOfBounds)
     stations = np.array(rows)
-    hit = contacts.first_hit(stations, robot.collision.margin)
-    if hit is not None:
-        nearest = contacts.nearest(stations[hit])
-        assert nearest
-        error = GoalInCollision if hit else StartInCollision
+    blocked = contacts.blocked(stations, robot.collision.margin)
+    if blocked:
+        number, nearest = blocked
+        error = GoalInCollision if number else StartInCollision
         raise error(*nearest, robot.collision.margin)
     return start, stations[:, own]
 

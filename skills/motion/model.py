@@ -88,9 +88,13 @@ class Model:
     def link(self, geometry: pin.GeometryModel, index: int) -> str:
         """The link or body that a shape belongs to; `floor` for the floor."""
         shape = geometry.geometryObjects[index]
-        if shape.name == FLOOR or shape.name in self._bodies:
+        if shape.name == FLOOR or self.is_body(geometry, index):
             return str(shape.name)
         return str(self.kinematics.frames[shape.parentFrame].name)
+
+    def is_body(self, geometry: pin.GeometryModel, index: int) -> bool:
+        """Whether a shape is a body of the world, not a part of the robot."""
+        return geometry.geometryObjects[index].name in self._bodies
 
     def between(self, pair: pin.CollisionPair) -> pin.GeometryModel:
         """The primitives of the two links of a pair of `outer`, and their pairs."""
@@ -107,8 +111,10 @@ class Model:
         return geometry
 
     def _check_names(self) -> None:
-        links = {frame.name for frame in self.kinematics.frames} | {FLOOR}
-        taken = links | {shape.name for shape in self.exact.geometryObjects}
+        frames = self.kinematics.frames
+        links = {frame.name for frame in frames if frame.type == pin.FrameType.BODY} | {FLOOR}
+        shapes = {shape.name for shape in self.exact.geometryObjects}
+        taken = {frame.name for frame in frames} | links | shapes
         for name, body in self._bodies.items():
             if name in taken:
                 raise BadWorld(f"The robot has a {name} already; give the body another name")

@@ -200,8 +200,10 @@ class _Scene:
 def _check(space: Space, plan: Plan) -> None:
     """Look at a bent motion once more, as it is timed.
 
-    A line was looked at whole. What was found free has half the margin proved all along, so that
-    is what it is held to here; see `reach`.
+    A line needs no second look, in time neither: its motion passes through the points between its
+    ends and no others, to 1e-14 rad, and for all of these half the margin was proved before it was
+    timed, where a sample would prove it for one. What is bent has been proved half the margin all
+    along too, so that is what it is held to here; see `reach` and `Space.hit`.
 
     Raises:
         MotionCollides: It is not free, by a fault of ours.

@@ -60,9 +60,10 @@ def reached(
     whole[:, arm.columns] = [answer.joints for answer in answers]
     margin, touching = robot.collision.margin, None
     for row, answer in zip(whole, answers, strict=True):
-        if contacts.first_hit(row[None, :], margin) is None:
+        blocked = contacts.blocked(row[None, :], margin)
+        if not blocked:
             return Reached(tuple(answer.joints.tolist()), len(answers))
-        touching = touching or contacts.nearest(row)
+        touching = touching or blocked[1]
     assert isinstance(touching, Contact)
     raise GoalInCollision(*touching, margin)
 

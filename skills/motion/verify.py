@@ -29,6 +29,10 @@ def check_motion(
     """
     rows, times = _checked(request, joints)
     step = max(request.margin, LEAST_STEP)
+    blocked = contacts.blocked(rows[:1], request.margin)
+    if blocked:
+        time = None if times is None else float(times[0])
+        raise MotionCollides(0, time, *blocked[1], request.margin)
     places = _places(rows, levers, step)
     for begin in range(0, len(places), _CHUNK):
         deadline.check()

@@ -37,7 +37,8 @@ class Cylinder:
 class Mesh:
     """Triangles from a file (STL, DAE, OBJ), with its units scaled to metres.
 
-    They are a surface, as they may be a room: what is wholly inside touches nothing.
+    A closed mesh is solid: an arm inside it touches it. One with a hole is a surface, as it may be
+    a tray, or a room with a door; a room without one has walls with two sides.
     """
 
     path: str

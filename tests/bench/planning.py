@@ -66,11 +66,10 @@ def _told(score: Score) -> Score:
 def grown(count: int) -> Iterator[Growth]:
     """How our cost grows, printed as it comes."""
     for growth in growths(count):
-        for n, ms, solved in zip(growth.counts, growth.spent, growth.solved, strict=True):
-            times = ms / growth.spent[0]
-            sys.stdout.write(
-                f"{n:>3} {growth.what:<6} {ms:9.3f} ms, {times:6.2f} times, {solved} of {count}\n"
-            )
+        each = zip(growth.counts, growth.spent, growth.solved, growth.searched, strict=True)
+        for n, ms, solved, searched in each:
+            told = f"{ms:9.3f} ms, {ms / growth.spent[0]:6.2f} times, {solved} of {count}"
+            sys.stdout.write(f"{n:>3} {growth.what:<6} {told}, {searched} of them searched\n")
         yield growth
 
 

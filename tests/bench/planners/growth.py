@@ -1,27 +1,40 @@
-"""How our cost grows with axes, obstacles and the length of the path, to ten times of each."""
+"""How our cost grows with axes, obstacles and the length of the path, to ten times of each.
+
+Nothing asked here is a straight move: on the line of every leg something is in the way.
+"""
 
 import statistics
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware import Robot, load_robot
-from skills.motion import EMPTY, Body, Box, NoPath, PlanTimeout, Query, World
+from skills.motion import Body, Box, NoPath, PlanTimeout, Query, World
 from skills.motion.contacts import Contacts
 from skills.motion.model import Model
 from skills.motion.planner import Planner
 from tests.arms import robot_of
+from tests.bench.planners.problems import POST
 
+Array = NDArray[np.float64]
 Case = Callable[[int], tuple[Robot, World, int]]
 
 FACTORS = (1, 2, 5, 10)
 AXES, BOXES, LEGS = 3, 3, 1  # at factor 1
 _LENGTH = 0.6  # of the chain, whatever its axes [m]
+_LINE = np.linspace(0.0, 1.0, 100)[:, None]
+POSTS = World(
+    tuple(
+        Body(f"post_{i}", Box((0.06, 0.06, 1.2)), (0.25 * np.cos(a), 0.25 * np.sin(a), 0.6))
+        for i, a in enumerate(np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False).tolist())
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -33,57 +46,65 @@ class Growth:
         counts: How many there are.
         spent: Medians [ms].
         solved: Of all, how many were found.
+        searched: Of these, how many needed a search, as one bend was not enough.
     """
 
     what: str
     counts: Sequence[int]
     spent: Sequence[float]
     solved: Sequence[int]
+    searched: Sequence[int]
 
 
 def growths(count: int) -> Iterator[Growth]:
     """All three, with so many queries at each factor."""
-    yield _growth("axes", AXES, count, lambda n: (chain(n), EMPTY, 1))
+    yield _growth("axes", AXES, count, lambda n: (chain(n), POSTS, 1))
     yield _growth("boxes", BOXES, count, lambda n: (load_robot(), around(n), 1))
-    yield _growth("legs", LEGS, count, lambda n: (load_robot(), EMPTY, n))
+    yield _growth("legs", LEGS, count, lambda n: (load_robot(), POST, n))
 
 
 def _growth(what: str, base: int, count: int, case: Case) -> Growth:
     counts = [base * factor for factor in FACTORS]
-    medians, solved = [], []
-    for n in counts:
-        spent = list(_spent(*case(n), count))
-        medians.append(statistics.median(spent))
-        solved.append(len(spent))
-    return Growth(what, counts, medians, solved)
+    found = [list(_found(*case(n), count)) for n in counts]
+    medians = [statistics.median(spent for spent, _ in each) for each in found]
+    searched = [sum(searched for _, searched in each) for each in found]
+    return Growth(what, counts, medians, [len(each) for each in found], searched)
 
 
-def _spent(robot: Robot, world: World, legs: int, count: int) -> Iterator[float]:
-    """What each query that is solved within ten seconds takes [ms]."""
-    planner, poses = Planner(robot), _free(robot, world)
+def _found(robot: Robot, world: World, legs: int, count: int) -> Iterator[tuple[float, bool]]:
+    """What each query that is solved within ten seconds takes [ms], and whether by a search."""
+    planner, poses = Planner(robot), _stations(robot, world)
     own = [robot.actuated.index(joint) for joint in robot.leaders("arm")]
     for seed in range(count + 1):
-        way = [next(poses) for _ in range(legs + 1)]
+        way = list(islice(poses, legs + 1))
         _, *via, goal = (tuple(pose[own].tolist()) for pose in way)
         query = Query("arm", tuple(way[0].tolist()), goal, seed, 10.0, tuple(via), world)
         begun = time.perf_counter()
         try:
-            planner.plan(query)
+            plan = planner.plan(query)
         except (NoPath, PlanTimeout):
             continue
+        spent = 1e3 * (time.perf_counter() - begun)
         if seed:  # the first one warms up
-            yield 1e3 * (time.perf_counter() - begun)
+            yield spent, "search" in plan.milliseconds
 
 
-def _free(robot: Robot, world: World) -> Iterator[NDArray[np.float64]]:
-    """Random free configurations, all but the arm at zero (A,) [rad]."""
+def _stations(robot: Robot, world: World) -> Iterator[Array]:
+    """Random free configurations, none to be reached from the last by a line (A,) [rad].
+
+    All but the arm is at zero.
+    """
     contacts, draw = Contacts(Model(robot, world)), np.random.default_rng(3)
     moves = np.isin([j.name for j in robot.actuated], [j.name for j in robot.leaders("arm")])
     lower, upper = np.array([(joint.lower, joint.upper) for joint in robot.actuated]).T
+    margin, last = robot.collision.margin, None
     while True:
         pose = np.where(moves, draw.uniform(lower, upper), 0.0)
-        if contacts.first_hit(pose[None, :], robot.collision.margin) is None:
+        if contacts.first_hit(pose[None, :], margin) is not None:
+            continue
+        if last is None or contacts.first_hit(last + _LINE * (pose - last), margin) is not None:
             yield pose
+            last = pose
 
 
 def around(count: int) -> World:
