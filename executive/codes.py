@@ -75,6 +75,9 @@ CODES = {
         "name every joint of the group once",
         "The target makes no sense",
     ),
+    "goal.bad_arguments": Code(
+        4, "What a task is called with is wrong", "`armtree tasks` shows what each task takes"
+    ),
     "goal.bad_question": Code(4, "A question cannot be asked as it stands", "correct the task"),
     "goal.not_replayable": Code(
         4,

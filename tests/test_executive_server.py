@@ -49,7 +49,7 @@ def test_parameters_as_texts(server: RigMaker) -> None:
     assert arm.executive.result(sent.identity).success
     assert "b095" in {frame[:4] for frame in arm.frames}
     wrong = arm.executive.send(3, {"swing": "["})
-    assert arm.executive.result(wrong.identity).code == "file.task"
+    assert arm.executive.result(wrong.identity).code == "goal.bad_arguments"
 
 
 def test_an_arm_of_which_a_person_takes_care(server: RigMaker) -> None:
@@ -245,7 +245,7 @@ def test_what_can_never_be_done_preempts_nothing(server: RigMaker) -> None:
     assert run(arm, 1).success
     assert [(each.accepted, each.code) for each in answers] == [
         (False, "goal.unknown_task"),
-        (False, "file.task"),
+        (False, "goal.bad_arguments"),
     ]
     assert answers[0].identity == "ab" * 16
 
@@ -314,6 +314,7 @@ def test_the_cause_is_in_the_recording(server: RigMaker, tmp_path: Path) -> None
     assert outcome.cause
     cause = outcome.cause
     assert (cause.code, cause.joint, cause.value) == ("goal.out_of_bounds", "joint_1", 2.0)
+    assert cause.node == "out/CheckBounds"
     arm.executive.close()
     (result,) = logs.Recording(Path(outcome.recording)).records(logs.Result)
     assert isinstance(result, logs.Result)

@@ -100,10 +100,10 @@ def test_arguments_are_checked_as_in_the_file(serve: Serve) -> None:
 
     assert result(what="hello", often=2)["success"]
     assert result(often="3")["success"]
-    assert result(often=4)["code"] == "file.task"
+    assert result(often=4)["code"] == "goal.bad_arguments"
     assert "4" in result(often=4)["message"]
-    assert result(other=1)["code"] == "file.task"
-    assert result(what=[1, {"a": None}])["code"] == "file.task"
+    assert result(other=1)["code"] == "goal.bad_arguments"
+    assert result(what=[1, {"a": None}])["code"] == "goal.bad_arguments"
 
 
 def test_a_number_is_an_integer_however_it_is_written(serve: Serve) -> None:
