@@ -274,7 +274,9 @@ CODES = {
     "goal.bad_answer": Code(4, "An answer is none of the choices", "give one of the choices"),
     # Requests
     "request": Code(13, "The server refused a request", "`/openapi.json` lists all there is"),
-    "request.malformed": Code(13, "A request cannot be understood", "see the message"),
+    "request.malformed": Code(
+        13, "A request cannot be understood", "`/openapi.json` says how to ask"
+    ),
     "request.forbidden": Code(13, "A request from a foreign page or name", "see the message"),
     "request.host": Code(
         13, "Host is no name of this server", "ask it by its address, or serve --host NAME"

@@ -154,12 +154,11 @@ class Arm:
         Raises:
             TransitionRefused: That transition does not end.
         """
-        if self.state is State.FINALIZED:
-            return
         self._come_to_rest()
         self._cancel()
         self._settle()
-        self._request("shutdown", State.FINALIZED)
+        if self.state is not State.FINALIZED:
+            self._request("shutdown", State.FINALIZED)
 
     def read(self) -> Mapping[str, float]:
         """The state interfaces, such as `joint_1/position`, and their values [rad].

@@ -183,11 +183,11 @@ def test_exit_statuses_are_those_of_run(typed: tuple[Served, Typed]) -> None:
     served.executive.arm_to("activate")
     for words, status in [
         (("send", "99", "--wait"), 4),
-        (("send", "12", "--wait", "--set", "often=9"), 3),
-        (("send", "12", "--wait", "--set", "often"), 3),
+        (("send", "12", "--wait", "--set", "often=9"), 4),
+        (("send", "12", "--wait", "--set", "often"), 4),
         (("send", "12", "--deadman", "--set", "what=hello"), 0),
         (("send", "13", "--wait"), 11),
-        (("cancel", "x"), 13),
+        (("cancel", "zz"), 2),
         (("arm", "explode"), 2),
     ]:
         assert type_in(*words)[0] == status, words

@@ -66,6 +66,10 @@ def test_an_arm_of_which_a_person_takes_care(server: RigMaker) -> None:
         arm.arm_to("fly")
     assert arm.arm_to("deactivate") is State.INACTIVE
     assert arm.arm_to("cleanup") is State.UNCONFIGURED
+    assert arm.arm_to("shutdown") is State.FINALIZED
+    assert arm.arm_to("shutdown") is State.FINALIZED
+    with pytest.raises(TransitionRefused, match=r"while finalized, .* start armtree again"):
+        arm.arm_to("activate")
 
 
 def test_a_stop_ends_the_wait_for_the_boot(server: RigMaker) -> None:

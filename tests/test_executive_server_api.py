@@ -68,7 +68,9 @@ def test_identities_of_the_clients_making(serve: Serve) -> None:
     status, error = served.ask("POST", "/api/goals", {"task": 11, "goal_id": NOBODY})
     assert (status, error["code"]) == (409, "goal.duplicate")
     for wrong in ("", "x", NOBODY.upper(), NOBODY + "0"):
-        assert served.ask("POST", "/api/goals", {"task": 11, "goal_id": wrong})[0] == 422
+        status, error = served.ask("POST", "/api/goals", {"task": 11, "goal_id": wrong})
+        words = "goal_id must be 32 lower-case hexadecimal digits"
+        assert (status, error["message"]) == (422, words)
 
 
 def test_a_second_goal_is_refused_by_the_policy(serve: Serve) -> None:
