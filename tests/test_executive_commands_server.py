@@ -218,7 +218,7 @@ def test_a_changed_task_is_picked_up_and_a_wrong_one_is_not(
     root, handler = logging.getLogger(), LogHandler(served.executive.tell, served.clock)
     monkeypatch.setattr(root, "handlers", [*root.handlers, handler])
     file = served.tasks / "12_say.yaml"
-    assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 3
+    assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 4
     file.write_text(file.read_text().replace("max: 3", "max: 9"))
     assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 0
     file.write_text("task: 12\nname: [")
