@@ -103,6 +103,9 @@ CODES = {
     "goal.too_many_breakpoints": Code(
         4, "There are as many breakpoints as there may be", "`armtree break NODE --off` lifts one"
     ),
+    "goal.no_such_node": Code(
+        4, "No task has a node of that path", "`armtree run N --json` prints the paths of nodes"
+    ),
     # Planning
     "plan": Code(5, "No motion was found", "choose another goal", _PLANNERS),
     "plan.error": Code(5, "No motion was found", "choose another goal", _PLANNERS),

@@ -164,9 +164,17 @@ def test_breakpoints(typed: tuple[Served, Typed]) -> None:
     served, type_in = typed
     served.executive.arm_to("activate")
     assert type_in("break") == (0, "no breakpoints\n", "")
-    assert type_in("break", "pick/PlanArm") == (0, "pick/PlanArm\n", "")
-    assert type_in("break", "pick/Execute")[1] == "pick/Execute\npick/PlanArm\n"
-    assert type_in("break", "pick/PlanArm", "--off")[1] == "pick/Execute\n"
+    for wrong, words in [
+        ("pick/Exceute", "no node pick/Exceute; there are pick, pick/SetStart, "),
+        ("pick/Exceute", "; did you mean pick/Execute?"),
+        ("pic/Execute", "no task is called pic; did you mean pick?"),
+        ("Execute", "no task is called Execute; it begins with a task's name: home, pick, "),
+    ]:
+        status, _, error = type_in("break", wrong)
+        assert (status, words in error) == (4, True), error
+    assert type_in("break", "pick/parallel/PlanArm") == (0, "pick/parallel/PlanArm\n", "")
+    assert type_in("break", "pick/Execute")[1] == "pick/Execute\npick/parallel/PlanArm\n"
+    assert type_in("break", "pick/parallel/PlanArm", "--off")[1] == "pick/Execute\n"
     assert "Breaks    pick/Execute\n" in type_in("status")[1]
     with served.client() as client, client.events("feedback") as events:
         goal = type_in("send", "1")[1].strip()
