@@ -133,7 +133,11 @@ class Lifecycle:
     def _check(self, label: str) -> None:
         legal = self.legal()
         if label not in legal:
-            there = f"; legal: {', '.join(legal)}" if legal else ", for good; start armtree again"
+            there = (
+                f"; legal: {', '.join(legal)}"
+                if legal
+                else ", which is for good; start armtree again"
+            )
             raise TransitionRefused(f"cannot {label} while {self.state.value}{there}")
 
     def _run(self, label: str) -> None:

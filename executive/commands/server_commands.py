@@ -123,7 +123,9 @@ server_option = click.option(
 
 def _identity(context: click.Context, parameter: click.Parameter, value: str) -> str:
     if value and not re.fullmatch("[0-9a-f]{32}", value):
-        raise click.BadParameter(f"{value!r} is no goal's id, which is 32 digits from 0 to f")
+        raise click.BadParameter(
+            f"{value!r} is no goal's id, which is 32 digits, 0 to 9 and a to f"
+        )
     return value
 
 
