@@ -1,5 +1,19 @@
-"""`python -m executive` is `armtree`."""
+"""`armtree`, and `python -m executive`."""
 
-from .commands.cli import main
+import sys
 
-main()
+
+def main() -> None:
+    """Begin; Ctrl-C while the command line is being loaded ends as quietly as later."""
+    try:
+        from .commands import cli
+
+        cli.main()
+    except KeyboardInterrupt:
+        from .codes import INTERRUPTED_EXIT
+
+        sys.exit(INTERRUPTED_EXIT)
+
+
+if __name__ == "__main__":
+    main()

@@ -24,7 +24,7 @@ def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
     return Cause(
         code=code,
         message=f"{known.heading}: {said}" if known.heading else said,
-        node=node,
+        node=node or str(getattr(error, "node", None) or ""),
         joint=str(getattr(error, "joint", "")),
         value=_number(error, _VALUES),
         limit=_limit(error),

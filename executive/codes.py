@@ -75,6 +75,9 @@ CODES = {
         "name every joint of the group once",
         "The target makes no sense",
     ),
+    "goal.bad_arguments": Code(
+        4, "What a task is called with is wrong", "`armtree tasks` shows what each task takes"
+    ),
     "goal.bad_question": Code(4, "A question cannot be asked as it stands", "correct the task"),
     "goal.not_replayable": Code(
         4,
@@ -99,6 +102,9 @@ CODES = {
     "goal.not_paused": Code(4, "Only a paused goal can be gone on with", "pause it first"),
     "goal.too_many_breakpoints": Code(
         4, "There are as many breakpoints as there may be", "`armtree break NODE --off` lifts one"
+    ),
+    "goal.no_such_node": Code(
+        4, "No task has a node of that path", "`armtree run N --json` prints the paths of nodes"
     ),
     # Planning
     "plan": Code(5, "No motion was found", "choose another goal", _PLANNERS),
@@ -271,7 +277,9 @@ CODES = {
     "goal.bad_answer": Code(4, "An answer is none of the choices", "give one of the choices"),
     # Requests
     "request": Code(13, "The server refused a request", "`/openapi.json` lists all there is"),
-    "request.malformed": Code(13, "A request cannot be understood", "see the message"),
+    "request.malformed": Code(
+        13, "A request cannot be understood", "`/openapi.json` says how to ask"
+    ),
     "request.forbidden": Code(13, "A request from a foreign page or name", "see the message"),
     "request.host": Code(
         13, "Host is no name of this server", "ask it by its address, or serve --host NAME"

@@ -6,6 +6,7 @@ GoalError
 ├── NotExecuting        only a goal that is executing can be paused and gone on with
 ├── NotPaused           only a paused goal can be gone on with
 ├── TooManyBreakpoints  there are as many as there may be
+├── NoSuchNode          no task has a node of that path
 ├── GoalPreempted       another goal took its place
 └── ServerRestarted     its server ended before it did
 
@@ -62,6 +63,12 @@ class TooManyBreakpoints(GoalError):
 
     def __init__(self, most: int) -> None:
         super().__init__(f"there are {most} breakpoints already; take one away first")
+
+
+class NoSuchNode(GoalError):
+    """No task has a node of that path."""
+
+    code = "goal.no_such_node"
 
 
 class GoalPreempted(GoalError):

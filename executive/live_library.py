@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from hardware import Robot
-from trees import FileError, Library, TreeError, UnknownTask, read_text
+from trees import FileError, Library, TreeError, UnknownTask, meant, read_text
 
 from .building.check import outline_of
+from .building.paths import paths
+from .errors import NoSuchNode
 
 KEPT = 16  # states of the folders; the oldest are forgotten
+_SHOWN = 20  # nodes in a message
 
 _Seen = tuple[int, int, int] | None
 
@@ -126,6 +129,25 @@ class LiveLibrary(Library):
                 library = now.library
                 self._rows = now, [_listed(library, number) for number in library.numbers()]
             return self._rows[1]
+
+    def check_node(self, path: str) -> None:
+        """See that some task has a node of that path.
+
+        Raises:
+            NoSuchNode: None has.
+            FileError: The folder cannot be read.
+        """
+        tasks = {row["name"]: row["task"] for row in self.listed() if not row["wrong"]}
+        name = path.partition("/")[0]
+        if name not in tasks:
+            likely = meant(name, [*tasks]) or f"; it begins with a task's name: {', '.join(tasks)}"
+            raise NoSuchNode(f"no task is called {name}{likely}")
+        library, _ = self.for_task(tasks[name])
+        root = outline_of(self._robot, library, tasks[name]).node
+        nodes = [each for _, each in paths(root)] if root else []
+        if path not in nodes:
+            there = ", ".join(nodes[:_SHOWN]) + meant(path, nodes)
+            raise NoSuchNode(f"{name} has no node {path}; there are {there}")
 
     def _now(self) -> deque[_Look]:
         """The looks so far, the first of them as things are now."""

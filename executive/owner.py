@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from threading import Lock, Thread
 
 import logs
-from hardware import ActivationStopped, Arm, Clock, HardwareError, NotActive, State
+from hardware import ActivationStopped, Arm, Clock, HardwareError, State
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, Located, TaskFile, TreeError
@@ -183,13 +183,11 @@ class Owner:
         """See that the arm is active."""
         if goal.mailbox.canceled:
             raise ActivationStopped("canceled before the arm moved")
-        if goal.mailbox.fault:
-            raise goal.mailbox.fault
         if self._solo:
             self._activate()
-        if self._arm.state is not State.ACTIVE:
-            state = self._arm.state.value
-            raise NotActive(f"the arm is {state}; configure and activate it first")
+        self._arm.check_active()  # first: a fault that is still being told hit the goal before
+        if goal.mailbox.fault:
+            raise goal.mailbox.fault
 
     def _activate(self) -> None:
         if self._fault:  # coming back from a fault is a person's act

@@ -100,6 +100,15 @@ class Arm:
         """
         return self._open_door().commanded
 
+    def check_active(self) -> None:
+        """See that a motion may begin.
+
+        Raises:
+            NotActive: The arm is not active, or has failed and is about to be no longer.
+        """
+        if self._failure or self.state is not State.ACTIVE:
+            raise self._not_active()
+
     def configure(self) -> None:
         """Check that all that is needed is there; never touches the port.
 
@@ -154,12 +163,11 @@ class Arm:
         Raises:
             TransitionRefused: That transition does not end.
         """
-        if self.state is State.FINALIZED:
-            return
         self._come_to_rest()
         self._cancel()
         self._settle()
-        self._request("shutdown", State.FINALIZED)
+        if self.state is not State.FINALIZED:
+            self._request("shutdown", State.FINALIZED)
 
     def read(self) -> Mapping[str, float]:
         """The state interfaces, such as `joint_1/position`, and their values [rad].
@@ -285,7 +293,8 @@ class Arm:
         return connection.door
 
     def _not_active(self) -> NotActive:
-        return NotActive(f"the arm is {self.state.value}; configure and activate it first")
+        state = "failing" if self.state is State.ACTIVE else self.state.value
+        return NotActive(f"the arm is {state}; configure and activate it first")
 
     def _configure(self) -> Result:
         self._look_out_no_longer()

@@ -131,10 +131,14 @@ class Lifecycle:
         return [label for label, start, _ in REQUESTS if start is self.state]
 
     def _check(self, label: str) -> None:
-        if label not in self.legal():
-            raise TransitionRefused(
-                f"cannot {label} while {self.state.value}; legal: {', '.join(self.legal())}"
+        legal = self.legal()
+        if label not in legal:
+            there = (
+                f"; legal: {', '.join(legal)}"
+                if legal
+                else ", which is for good; start armtree again"
             )
+            raise TransitionRefused(f"cannot {label} while {self.state.value}{there}")
 
     def _run(self, label: str) -> None:
         """Take an edge, and those that the callbacks answer, to a primary state."""

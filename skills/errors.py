@@ -25,9 +25,11 @@ class SkillError(Exception):
     Attributes:
         way: To the value that is wrong: its port, then names and numbers within; empty where it
             is none that a task can spell out.
+        node: Path of the node that refuses it, where it is refused before the tree runs.
     """
 
     code = "skill.error"
+    node = ""
     way: tuple[str | int, ...] = ()
 
     def at(self, *way: str | int) -> Self:

@@ -1,5 +1,6 @@
 """Moving: the plans become frames, the frames go out."""
 
+import math
 from dataclasses import replace
 
 from py_trees.common import Status
@@ -42,6 +43,7 @@ class Execute(Skill):
     _playback: Playback | None = None
     _schedule: Schedule | None = None
     _motion: Merged | None = None
+    _start: tuple[float, ...] = ()
     _generation = 0
     _frames_before = 0  # that were sent of this motion before it was paused,
     _share: float | None = None  # and how far it was then
@@ -104,7 +106,8 @@ class Execute(Skill):
 
     def _check(self, schedule: Schedule, motion: Merged | None, resumed: float | None) -> Status:
         context = self.context
-        self._generation, start = context.arm.generation, context.arm.commanded
+        self._generation, self._start = context.arm.generation, context.arm.commanded
+        start = self._start
         self._schedule, self._motion, self._playback = schedule, motion, None
         context.tell(Scheduled(schedule, start, motion, resumed))
         times, rows = played(context.robot, start, schedule)
@@ -127,11 +130,15 @@ class Execute(Skill):
         self._held = False
         if playback.state is not PlaybackState.STOPPED:
             return self._follow(playback)
+        stands = self.context.arm.commanded
+        if not _left_at(playback, self._start, stands):
+            raise StartMoved("the arm was moved while the motion was paused; plan again")
         self._share = self.progress
         self._frames_before += playback.written
         if self._motion is None:
-            return self._check(_frames_left(playback), None, None)
-        stands = self.context.arm.commanded
+            joints = self.context.robot.actuated
+            ramp = max(joint.velocity / joint.acceleration for joint in joints)
+            return self._check(_frames_left(playback, ramp), None, None)
         self._resumed, self._playback = _reached(playback, self._motion, stands), None
         left = self._motion.rest(self._resumed, stands)
         self._rest = [Pending(self.context, r) if isinstance(r, Rest) else r for r in left]
@@ -187,10 +194,26 @@ def _reached(playback: Playback, motion: Merged, stands: tuple[float, ...]) -> f
     return min(there, key=lambda time: abs(time - about))
 
 
-def _frames_left(playback: Playback) -> Schedule:
-    """What was not sent, for frames that no motion is known of: at their own times."""
-    schedule = playback.schedule
-    left = schedule.setpoints[playback.written :]
-    passed = left[0].time if left else schedule.duration
-    setpoints = tuple(replace(setpoint, time=setpoint.time - passed) for setpoint in left)
-    return replace(schedule, setpoints=setpoints, duration=schedule.duration - passed)
+def _left_at(playback: Playback, start: tuple[float, ...], stands: tuple[float, ...]) -> bool:
+    """Whether the arm stands where a stopped playback has left it [rad]."""
+    schedule, written = playback.schedule, playback.written
+    last = schedule.setpoints[written - 1].positions if written else start
+    return stands == last or (written == len(schedule.setpoints) and stands == schedule.end)
+
+
+def _frames_left(playback: Playback, ramp: float) -> Schedule:
+    """What was not sent, for frames that no motion is known of: at their pace, from standstill.
+
+    Within the ramp [s] the pace grows evenly up to that of the frames' own times.
+    """
+    schedule, written = playback.schedule, playback.written
+    if not written:
+        return schedule
+    left, passed = schedule.setpoints[written:], schedule.setpoints[written - 1].time
+
+    def later(time: float) -> float:
+        ahead = time - passed
+        return math.sqrt(2 * ramp * ahead) if ahead < ramp / 2 else ahead + ramp / 2
+
+    setpoints = tuple(replace(setpoint, time=later(setpoint.time)) for setpoint in left)
+    return replace(schedule, setpoints=setpoints, duration=later(schedule.duration))

@@ -164,9 +164,17 @@ def test_breakpoints(typed: tuple[Served, Typed]) -> None:
     served, type_in = typed
     served.executive.arm_to("activate")
     assert type_in("break") == (0, "no breakpoints\n", "")
-    assert type_in("break", "pick/PlanArm") == (0, "pick/PlanArm\n", "")
-    assert type_in("break", "pick/Execute")[1] == "pick/Execute\npick/PlanArm\n"
-    assert type_in("break", "pick/PlanArm", "--off")[1] == "pick/Execute\n"
+    for wrong, words in [
+        ("pick/Exceute", "no node pick/Exceute; there are pick, pick/SetStart, "),
+        ("pick/Exceute", "; did you mean pick/Execute?"),
+        ("pic/Execute", "no task is called pic; did you mean pick?"),
+        ("Execute", "no task is called Execute; it begins with a task's name: home, pick, "),
+    ]:
+        status, _, error = type_in("break", wrong)
+        assert (status, words in error) == (4, True), error
+    assert type_in("break", "pick/parallel/PlanArm") == (0, "pick/parallel/PlanArm\n", "")
+    assert type_in("break", "pick/Execute")[1] == "pick/Execute\npick/parallel/PlanArm\n"
+    assert type_in("break", "pick/parallel/PlanArm", "--off")[1] == "pick/Execute\n"
     assert "Breaks    pick/Execute\n" in type_in("status")[1]
     with served.client() as client, client.events("feedback") as events:
         goal = type_in("send", "1")[1].strip()
@@ -183,11 +191,11 @@ def test_exit_statuses_are_those_of_run(typed: tuple[Served, Typed]) -> None:
     served.executive.arm_to("activate")
     for words, status in [
         (("send", "99", "--wait"), 4),
-        (("send", "12", "--wait", "--set", "often=9"), 3),
-        (("send", "12", "--wait", "--set", "often"), 3),
+        (("send", "12", "--wait", "--set", "often=9"), 4),
+        (("send", "12", "--wait", "--set", "often"), 4),
         (("send", "12", "--deadman", "--set", "what=hello"), 0),
         (("send", "13", "--wait"), 11),
-        (("cancel", "x"), 13),
+        (("cancel", "zz"), 2),
         (("arm", "explode"), 2),
     ]:
         assert type_in(*words)[0] == status, words
@@ -218,7 +226,7 @@ def test_a_changed_task_is_picked_up_and_a_wrong_one_is_not(
     root, handler = logging.getLogger(), LogHandler(served.executive.tell, served.clock)
     monkeypatch.setattr(root, "handlers", [*root.handlers, handler])
     file = served.tasks / "12_say.yaml"
-    assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 3
+    assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 4
     file.write_text(file.read_text().replace("max: 3", "max: 9"))
     assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 0
     file.write_text("task: 12\nname: [")

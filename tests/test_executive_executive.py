@@ -250,6 +250,29 @@ def test_a_wrong_file(rig: RigMaker, tasks: Path) -> None:
     assert arm.opened == 0
 
 
+@pytest.mark.parametrize(
+    ("wrong", "settings", "code", "words"),
+    [
+        ("", ["far=1"], "ok", ""),
+        ("", [], "goal.bad_arguments", "arguments: the parameter far must be given"),
+        ("", ["far=yes"], "goal.bad_arguments", "--set far=yes:1:1: "),
+        ("", ["far=1", "near=2"], "goal.bad_arguments", "has no parameter near"),
+        ("Sukseed", ["far=yes"], "file.task", "no skill Sukseed"),
+    ],
+)
+def test_who_is_to_blame_for_arguments(
+    rig: RigMaker, tasks: Path, wrong: str, settings: list[str], code: str, words: str
+) -> None:
+    (tasks / "10_far.yaml").write_text(
+        "task: 10\nname: far\ndescription: x\nparameters: {far: {type: number}}\n"
+        f"tree:\n  sequence: [Wait: {{duration: $far}}, {wrong or 'Succeed'}]\n"
+    )
+    (outcome,) = rig(tasks).run(10, settings=settings)
+    assert outcome.code == code, outcome.message
+    assert words in outcome.message
+    assert not outcome.cause or "armtree check" not in outcome.cause.hint or code == "file.task"
+
+
 def test_both_planners_fail(rig: RigMaker, tasks: Path) -> None:
     arm = rig(reach(tasks, 10, (0.0, -1.5, 0.0)))
     (outcome,) = arm.run(10)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from executive.errors import NoSuchNode
 from executive.live_library import LiveLibrary
 from hardware import Robot
 from trees import FileError, UnknownTask
@@ -40,6 +41,17 @@ def test_a_change_shows_at_the_next_goal(files: Files) -> None:
     files.path.write_text(TASK % "three")
     assert held.draft(7)[0].text == TASK % "one"
     assert files.says() == "three"
+
+
+def test_where_a_goal_can_pause_is_known_of_the_tasks_there_are_now(
+    files: Files, tmp_path: Path
+) -> None:
+    files.library.check_node("say")
+    files.library.check_node("pick/parallel/PlanArm")
+    with pytest.raises(NoSuchNode, match="no task is called hush"):
+        files.library.check_node("hush")
+    (tmp_path / "8_hush.yaml").write_text("task: 8\nname: hush\ndescription: x\ntree: Succeed\n")
+    files.library.check_node("hush")
 
 
 def test_a_change_by_renaming_too(files: Files, tmp_path: Path) -> None:

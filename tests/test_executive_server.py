@@ -49,7 +49,7 @@ def test_parameters_as_texts(server: RigMaker) -> None:
     assert arm.executive.result(sent.identity).success
     assert "b095" in {frame[:4] for frame in arm.frames}
     wrong = arm.executive.send(3, {"swing": "["})
-    assert arm.executive.result(wrong.identity).code == "file.task"
+    assert arm.executive.result(wrong.identity).code == "goal.bad_arguments"
 
 
 def test_an_arm_of_which_a_person_takes_care(server: RigMaker) -> None:
@@ -66,6 +66,10 @@ def test_an_arm_of_which_a_person_takes_care(server: RigMaker) -> None:
         arm.arm_to("fly")
     assert arm.arm_to("deactivate") is State.INACTIVE
     assert arm.arm_to("cleanup") is State.UNCONFIGURED
+    assert arm.arm_to("shutdown") is State.FINALIZED
+    assert arm.arm_to("shutdown") is State.FINALIZED
+    with pytest.raises(TransitionRefused, match=r"while finalized, .* start armtree again"):
+        arm.arm_to("activate")
 
 
 def test_a_stop_ends_the_wait_for_the_boot(server: RigMaker) -> None:
@@ -116,11 +120,38 @@ def test_a_fault_is_not_resumed_from_by_a_goal(server: RigMaker) -> None:
     arm = server()
     at_frame(arm, 10, arm.link.unplug)
     assert run(arm, 1).code == "hw.port_lost"
-    # It may come while the arm is still at giving up.
-    assert run(arm, 1).code in ("hw.port_lost", "hw.not_active")
-    arm.rest(1.0)
-    assert run(arm, 1).code == "hw.not_active"
+    for _ in range(3):
+        assert run(arm, 1).code == "hw.not_active"
     assert arm.opened == 1
+
+
+def test_a_fault_ends_the_goal_that_it_hit_and_no_other(server: RigMaker, tmp_path: Path) -> None:
+    (tmp_path / "10_wait.yaml").write_text(
+        "task: 10\nname: wait\ndescription: x\ntree: {Wait: {duration: 60 s}}\n"
+    )
+    arm = server(tasks=tmp_path)
+    second: list[str] = []
+
+    class Telling(logging.Handler):
+        """The arm is still at telling of the fault when its goal has ended, and another comes."""
+
+        def emit(self, _: logging.LogRecord) -> None:
+            arm.executive.result(first)
+            second.append(arm.executive.send(10).identity)
+            arm.rest(1.0)
+
+    telling, log = Telling(logging.ERROR), logging.getLogger("hardware.arm")
+    log.addHandler(telling)
+    try:
+        at_frame(arm, 10, arm.link.unplug)
+        first = arm.executive.send(1).identity
+        assert arm.executive.result(first).code == "hw.port_lost"
+        arm.rest(2.0)
+    finally:
+        log.removeHandler(telling)
+    outcome = arm.executive.result(second[0])
+    assert (outcome.code, outcome.duration) == ("hw.not_active", 0.0)
+    assert outcome.message == "the arm is failing; configure and activate it first"
 
 
 def test_the_log_tells_a_cancel_before_the_end(
@@ -245,7 +276,7 @@ def test_what_can_never_be_done_preempts_nothing(server: RigMaker) -> None:
     assert run(arm, 1).success
     assert [(each.accepted, each.code) for each in answers] == [
         (False, "goal.unknown_task"),
-        (False, "file.task"),
+        (False, "goal.bad_arguments"),
     ]
     assert answers[0].identity == "ab" * 16
 
@@ -314,6 +345,7 @@ def test_the_cause_is_in_the_recording(server: RigMaker, tmp_path: Path) -> None
     assert outcome.cause
     cause = outcome.cause
     assert (cause.code, cause.joint, cause.value) == ("goal.out_of_bounds", "joint_1", 2.0)
+    assert cause.node == "out/CheckBounds"
     arm.executive.close()
     (result,) = logs.Recording(Path(outcome.recording)).records(logs.Result)
     assert isinstance(result, logs.Result)

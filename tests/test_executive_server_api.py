@@ -68,7 +68,9 @@ def test_identities_of_the_clients_making(serve: Serve) -> None:
     status, error = served.ask("POST", "/api/goals", {"task": 11, "goal_id": NOBODY})
     assert (status, error["code"]) == (409, "goal.duplicate")
     for wrong in ("", "x", NOBODY.upper(), NOBODY + "0"):
-        assert served.ask("POST", "/api/goals", {"task": 11, "goal_id": wrong})[0] == 422
+        status, error = served.ask("POST", "/api/goals", {"task": 11, "goal_id": wrong})
+        words = "goal_id must be 32 lower-case hexadecimal digits"
+        assert (status, error["message"]) == (422, words)
 
 
 def test_a_second_goal_is_refused_by_the_policy(serve: Serve) -> None:
@@ -100,10 +102,10 @@ def test_arguments_are_checked_as_in_the_file(serve: Serve) -> None:
 
     assert result(what="hello", often=2)["success"]
     assert result(often="3")["success"]
-    assert result(often=4)["code"] == "file.task"
+    assert result(often=4)["code"] == "goal.bad_arguments"
     assert "4" in result(often=4)["message"]
-    assert result(other=1)["code"] == "file.task"
-    assert result(what=[1, {"a": None}])["code"] == "file.task"
+    assert result(other=1)["code"] == "goal.bad_arguments"
+    assert result(what=[1, {"a": None}])["code"] == "goal.bad_arguments"
 
 
 def test_a_number_is_an_integer_however_it_is_written(serve: Serve) -> None:

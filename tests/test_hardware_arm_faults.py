@@ -222,6 +222,29 @@ def test_shutdown_waits_for_the_fault_that_another_thread_is_at() -> None:
     assert arm.state is State.FINALIZED
 
 
+def test_shutdown_is_harmless_while_another_thread_shuts_down(rig: Rig) -> None:
+    failed: list[HardwareError] = []
+    seconds = []
+
+    def shut_down() -> None:
+        try:
+            rig.arm.shutdown()
+        except HardwareError as error:
+            failed.append(error)
+
+    def see(event: ArmEvent) -> None:
+        if isinstance(event, StateChanged) and event.goal is State.SHUTTINGDOWN:
+            seconds.append(rig.clock.spawn(shut_down, "second"))
+            rig.wait(0.01)  # the second one waits for this one then
+
+    rig.arm._observe = see
+    rig.arm.shutdown()
+    (second,) = seconds
+    second.join(5)
+    assert rig.arm.state is State.FINALIZED
+    assert failed == []
+
+
 def test_shutdown_ends_the_boot_of_another_thread(rig: Rig) -> None:
     rig.arm.configure()
     ends: list[HardwareError] = []

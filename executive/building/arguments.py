@@ -1,12 +1,19 @@
 """Values of a task's parameters, given when it is called."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from trees import FileError, Located, Mistake, Place, parse_value
 
 FILE = "arguments.yaml"  # what a recording keeps them as
+MISSING = Place(Path("arguments"), 0, 0)  # of one that is not given
+
+
+class BadArguments(FileError):
+    """What a task is called with is wrong, and not its file."""
+
+    code = "goal.bad_arguments"
 
 
 def read_arguments(settings: Sequence[str], tasks: Sequence[int]) -> dict[str, Located]:
@@ -17,7 +24,7 @@ def read_arguments(settings: Sequence[str], tasks: Sequence[int]) -> dict[str, L
         tasks: Which tasks are called.
 
     Raises:
-        FileError: A setting is wrong, or it is not clear for which task it is.
+        BadArguments: A setting is wrong, or it is not clear for which task it is.
     """
     arguments: dict[str, Located] = {}
     for setting in settings:
@@ -29,7 +36,7 @@ def read_arguments(settings: Sequence[str], tasks: Sequence[int]) -> dict[str, L
             raise _wrong(source, "is not NAME=VALUE")
         if name in arguments:
             raise _wrong(source, f"{name} is given twice")
-        arguments[name] = parse_value(text, source)
+        arguments[name] = _parsed(text, source)
     return arguments
 
 
@@ -37,10 +44,10 @@ def located(arguments: Mapping[str, str | Located]) -> dict[str, Located]:
     """Values of which some are still text, as it would stand in a file.
 
     Raises:
-        FileError: A text cannot be read.
+        BadArguments: A text cannot be read.
     """
     return {
-        name: parse_value(value, f"argument {name}") if isinstance(value, str) else value
+        name: _parsed(value, f"argument {name}") if isinstance(value, str) else value
         for name, value in arguments.items()
     }
 
@@ -50,5 +57,20 @@ def as_text(arguments: Mapping[str, Located]) -> str:
     return "".join(f"{name}: {json.dumps(value.plain())}\n" for name, value in arguments.items())
 
 
-def _wrong(source: str, message: str) -> FileError:
-    return FileError([Mistake(Place(Path(source), 0, 0), message)])
+def wrong(mistakes: Iterable[Mistake], arguments: Mapping[str, Located]) -> FileError:
+    """What is wrong with a task, or with nothing but what it is called with."""
+    found = tuple(mistakes)
+    given = {MISSING.path, *(value.place.path for value in arguments.values())}
+    callers = all(mistake.place.path in given for mistake in found)
+    return (BadArguments if callers else FileError)(found)
+
+
+def _parsed(text: str, source: str) -> Located:
+    try:
+        return parse_value(text, source)
+    except FileError as error:
+        raise BadArguments(error.mistakes) from None
+
+
+def _wrong(source: str, message: str) -> BadArguments:
+    return BadArguments([Mistake(Place(Path(source), 0, 0), message)])

@@ -33,6 +33,7 @@ from trees import (
     words,
 )
 
+from .arguments import MISSING
 from .branches import Branches
 from .flow import check_flow
 from .keys import Keys
@@ -122,7 +123,7 @@ class Assembly:
         self._sources.load_poses(self.mistakes)
         given = self._arguments(task, arguments)
         unknown = {name: p for name, p in task.parameters.items() if name not in given}
-        stand_ins = self._stand_ins(unknown, namespace) if arguments is None else {}
+        stand_ins = self._stand_ins(unknown, namespace)
         scope = Scope(namespace, given, (), stand_ins, fixed(task.parameters, "parameter"))
         root = self.node(task.tree, scope, task.name)
         self._finish(root)
@@ -172,9 +173,7 @@ class Assembly:
             if taken is not None:
                 given[name] = taken
             elif arguments is not None:
-                place = task.tree.place
-                at = Place(place.path, 1, 1, "parameters", place.lines)
-                self.wrong(at, f"the parameter {name} must be given, with --set {name}=VALUE")
+                self.wrong(MISSING, f"the parameter {name} must be given, with --set {name}=VALUE")
         return given
 
     def _given(self, name: str, declared: Declaration, value: Value | None) -> Value | None:

@@ -11,10 +11,11 @@ from py_trees.common import Access, Status
 from hardware import Robot
 from skills import Context, Positions, Skill, SkillError
 from skills.motion import MotionError
-from trees import FileError, Library, Located, Mistake, Place, TaskFile, meant
+from trees import Library, Located, Mistake, Place, TaskFile, meant
 
-from .arguments import FILE, as_text
+from .arguments import FILE, as_text, wrong
 from .assembly import Assembly, Leaf
+from .paths import paths
 from .resolved import RESOLVED, resolved
 
 
@@ -70,6 +71,7 @@ def build(
     Raises:
         FileError: With every mistake: unknown skills, ports, subtrees; wrong types; keys that
             nothing writes.
+        BadArguments: Only the arguments are wrong.
         SkillError: A skill refuses what the task spells out, such as a target out of bounds.
     """
     assembly = Assembly(library, context)
@@ -77,7 +79,7 @@ def build(
         assembly.files[FILE] = as_text(arguments)
     root = assembly.task(*draft, f"/{namespace}", arguments or {})
     if found := [*assembly.mistakes.found, *hidden(draft, library, context)]:
-        raise FileError(found)
+        raise wrong(found, arguments or {})
     for leaf in assembly.leaves:
         try:
             type(leaf.skill).judge(context.robot, leaf.known)
@@ -85,6 +87,7 @@ def build(
             place = _place(leaf, error)
             at = f"{place.path.name}:{place.line}:{place.column}"
             error.args = (f"{error}{_meant(error, context.robot)} ({at})",)
+            error.node = dict(paths(root))[leaf.skill]
             raise
     for leaf in assembly.leaves:
         _wire(leaf)

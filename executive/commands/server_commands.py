@@ -1,6 +1,7 @@
 """`armtree serve`, and its clients."""
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -118,6 +119,17 @@ server_option = click.option(
     envvar="ARMTREE_SERVER",
     help="URL of the server; default: the one on this machine, on ARMTREE_TCP_PORT.",
 )
+
+
+def _identity(context: click.Context, parameter: click.Parameter, value: str) -> str:
+    if value and not re.fullmatch("[0-9a-f]{32}", value):
+        raise click.BadParameter(
+            f"{value!r} is no goal's id, which is 32 digits, 0 to 9 and a to f"
+        )
+    return value
+
+
+goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callback=_identity)
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 
@@ -162,7 +174,7 @@ def send(
 
 
 @click.command()
-@click.argument("goal_id", metavar="[GOAL]", default="")
+@goal_argument
 @json_option
 @server_option
 def cancel(goal_id: str, as_json: bool, server: str | None) -> None:
@@ -236,7 +248,7 @@ def _change(verb: str, goal_id: str, server: str | None) -> None:
 
 
 @click.command()
-@click.argument("goal_id", metavar="[GOAL]", default="")
+@goal_argument
 @server_option
 def pause(goal_id: str, server: str | None) -> None:
     """Stop a server's arm and keep the goal; without GOAL the one under way."""
@@ -244,7 +256,7 @@ def pause(goal_id: str, server: str | None) -> None:
 
 
 @click.command()
-@click.argument("goal_id", metavar="[GOAL]", default="")
+@goal_argument
 @server_option
 def resume(goal_id: str, server: str | None) -> None:
     """Go on with a paused goal; without GOAL the one under way."""
@@ -252,7 +264,7 @@ def resume(goal_id: str, server: str | None) -> None:
 
 
 @click.command()
-@click.argument("goal_id", metavar="[GOAL]", default="")
+@goal_argument
 @server_option
 def step(goal_id: str, server: str | None) -> None:
     """Go on with a paused goal up to the next skill; without GOAL the one under way."""

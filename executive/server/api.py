@@ -181,7 +181,10 @@ class Api:
 
     async def break_at(self, call: Call) -> Response:
         """Have every goal pause before a node, or no longer."""
-        self._executive.break_at(call.body["node"], call.body.get("on", True))
+        node, on = call.body["node"], call.body.get("on", True)
+        if on:
+            await asyncio.to_thread(self._library.check_node, node)
+        self._executive.break_at(node, on)
         return JSONResponse({"breakpoints": self._executive.snapshot().breakpoints})
 
     async def questions(self, _: Call) -> Response:

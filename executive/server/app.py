@@ -209,7 +209,8 @@ def _checked(check: Callable[[Any], Any], value: Any, whole: str) -> Any:
     except fastjsonschema.JsonSchemaValueException as error:
         name = str(error.name)
         where = name.removeprefix("data").lstrip(".") or whole
-        words = error.message.removeprefix(name).strip()
+        title = error.definition.get("title")
+        words = f"must be {title}" if title else error.message.removeprefix(name).strip()
         raise BadRequest(_quoted(f"{where} {words}"), status=422) from error
 
 

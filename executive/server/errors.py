@@ -76,6 +76,7 @@ STATUS = {
     "goal.not_executing": 409,
     "goal.not_paused": 409,
     "goal.too_many_breakpoints": 409,
+    "goal.no_such_node": 404,
     "goal.not_held": 409,
     "file": 422,
     "hw": 409,

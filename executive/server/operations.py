@@ -6,7 +6,13 @@ from typing import Any
 
 Schema = Mapping[str, Any]
 
-IDENTITY = {"type": "string", "pattern": "^[0-9a-f]{32}$", "maxLength": 32, "minLength": 32}
+IDENTITY = {
+    "title": "32 lower-case hexadecimal digits",
+    "type": "string",
+    "pattern": "^[0-9a-f]{32}$",
+    "maxLength": 32,
+    "minLength": 32,
+}
 _STAMP = {"type": "integer", "minimum": 0, "maximum": 2**63 - 1}
 
 
