@@ -1,7 +1,7 @@
 """`armtree plan`: a motion found, explained and drawn, without an arm."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,17 +31,18 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
         BadTarget: Goal or start cannot be read, or name no joint.
         MotionError: There is no plan.
     """
-    robot, around = goal.robot, _world(world)
+    robot = goal.robot
     planner = Planner(robot)
-    queries = goal.queries(planner, around)
-    for number, query in enumerate(queries, 1):
+    queries = goal.queries(planner, _world(world))
+    for number, (query, left_out) in enumerate(queries, 1):
         loading = sum(planner.plan(query).milliseconds.values())
         plan = planner.plan(query)
         if len(queries) > 1:
             yield f"Motion {number} of {len(queries)}"
         yield from _told(robot, plan, len(query.via), loading)
+        yield from _around(query.world, left_out)
         picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
-        _draw(robot, around, plan, picture)
+        _draw(robot, query.world, plan, picture)
         yield str(picture)
 
 
@@ -75,6 +76,14 @@ def _told(robot: Robot, plan: Plan, via: int, loading: float) -> Iterator[str]:
         share = 100.0 * limit.seconds / plan.duration
         what = f"{limit.joint} at its {limit.kind} limit, {limit.value:g} {unit}"
         yield f"Held by   {what}: {limit.seconds:.2f} s ({share:.0f} %)"
+
+
+def _around(world: World, left_out: Sequence[str]) -> Iterator[str]:
+    bodies = (f"{b.name} on {b.link}" if b.link else b.name for b in world.bodies)
+    if world.bodies:
+        yield f"Around    {', '.join(bodies)}"
+    if left_out:
+        yield f"Left out  {', '.join(left_out)}: only a run of the task tells whether and where"
 
 
 def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
