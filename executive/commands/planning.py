@@ -9,13 +9,10 @@ import numpy as np
 from hardware import Robot
 from skills.motion import EMPTY, BadWorld, Plan, World
 from skills.motion.explain import limits_met, straight_duration
-from skills.motion.model import Model
-from skills.motion.outline import outlines
 from skills.motion.planner import Planner
 
 from .plan_goal import Goal
 
-_POSES = 14  # of the sweep
 _GRID = 0.005  # of the curves [s]
 
 
@@ -89,17 +86,12 @@ def _around(world: World, left_out: Sequence[str]) -> Iterator[str]:
 def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
     from logs.plan_figure import PlanPicture, draw_plan  # matplotlib takes half a second
 
+    from .sweeps import POSES, sweep_of
+
     times = np.append(np.arange(0.0, plan.duration, _GRID), plan.duration)
-    model, columns = Model(robot, world), [_column(robot, name) for name in plan.joints]
-    fixed = {body.name for body in world.bodies if not body.link}
-    sweep: list[list[list[list[float]]]] = []
-    bodies: list[list[list[float]]] = []
-    for state in plan.sample(np.linspace(0.0, plan.duration, _POSES)):
-        row = np.array(plan.start)
-        row[columns] = state
-        shapes = [(name, points.tolist()) for name, points in outlines(model, row)]
-        sweep.append([points for name, points in shapes if name not in fixed])
-        bodies = [points for name, points in shapes if name in fixed]
+    columns = [_column(robot, name) for name in plan.joints]
+    rows = np.tile(np.array(plan.start), (POSES, 1))
+    rows[:, columns] = plan.sample(np.linspace(0.0, plan.duration, POSES))
     draw_plan(
         PlanPicture(
             title=f"{robot.name}: {plan.group}, {plan.duration:.2f} s",
@@ -112,8 +104,7 @@ def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
             waypoints=plan.waypoints.tolist(),
             speed_limits=plan.velocity.tolist(),
             acceleration_limits=plan.acceleration.tolist(),
-            sweep=sweep,
-            bodies=bodies,
+            sweep=sweep_of(robot, world, rows),
         ),
         output,
     )
