@@ -39,6 +39,7 @@ _LEFT, _RIGHT, _TOP, _BOTTOM, _GAP = 1.25, 0.75, 0.48, 0.42, 0.07
 _CURVE, _CURVES, _RUG, _NODE, _BAND = 0.22, 0.75, 0.2, 0.165, 0.18
 _LETTER, _LINE, _INDENT, _EDGE = 0.066, 0.125, 0.12, 0.1
 _LETTERS_PER_LINE = 125
+_MARK_LEVELS = 3  # that words above the curves have room for
 _SCENE, _SCENE_TITLE, _MOST_SCENES = 3.0, 0.35, 12
 
 
@@ -275,14 +276,15 @@ def _draw_lifecycle(panel: Axes, run: Timeline) -> None:
 
 
 def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
-    taken = -1.0
-    level = 0
+    taken, level, written = -1.0, 0, ""
     for time, what in run.marks:
         for panel in panels[:-1]:
             panel.axvline(time, color=_INK, linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
         place = (time - run.start) / (run.end - run.start)
-        level = level + 1 if place < taken else 0
-        taken = place + 0.02 * len(what)
+        if place < taken and what == written:
+            continue  # one after the other, the same: words once
+        level = (level + 1) % _MARK_LEVELS if place < taken else 0
+        taken, written = place + 0.012 * len(what), what
         panels[0].annotate(
             what,
             (time, 1.0),

@@ -76,6 +76,13 @@ def test_curves_follow_one_motion_after_the_other(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+def test_the_marks_of_many_motions_leave_the_title_alone(tmp_path: Path) -> None:
+    more = [item for number in range(9) for item in back(48.0 + 4 * number)]
+    run, picture = drawn(tmp_path, [*RUNS["ok"][:-2], *more, *RUNS["ok"][-2:]])
+    assert len(run.marks) == 10
+    assert (picture[:130, 700:1500] == 255).all()  # between the task and the outcome
+
+
 def test_a_plan_that_fails_after_a_motion_is_marked_beside_it(tmp_path: Path) -> None:
     none = dataclasses.replace(back(50.0)[0], code="plan.none", times=(), positions=())
     run, _ = drawn(tmp_path, [*RUNS["ok"][:-2], none, *RUNS["ok"][-2:]])
