@@ -246,13 +246,13 @@ def _refused(asked: _Asked, context: Context) -> Iterator[Mistake]:
             if isinstance(answer, (BadWorld, WorkerDied)):
                 broken.add(body)
                 yield from (Mistake(place, f"{body.name}: {answer}") for place in where)
-        for (pose, world), where in _poses(asked, context).items():
+        for (pose, world), told in _poses(asked, context).items():
             if not broken.isdisjoint(world.bodies):
                 continue
             answer = _ask(pool, Verify([pose], context.robot.collision.margin, world=world))
             # What a body may touch may be there only where a subtree is used.
             if isinstance(answer, MotionError) and not isinstance(answer, BadWorld):
-                yield from (Mistake(place, f"this pose collides: {answer}") for place in where)
+                yield from (Mistake(place, f"{words}: {answer}") for place, words in told)
 
 
 def _bodies(asked: _Asked) -> dict[Body, list[Place]]:
@@ -265,8 +265,8 @@ def _bodies(asked: _Asked) -> dict[Body, list[Place]]:
     return bodies
 
 
-def _poses(asked: _Asked, context: Context) -> dict[tuple[Pose, World], list[Place]]:
-    """Where the arm goes, among which bodies, and where that is written."""
+def _poses(asked: _Asked, context: Context) -> dict[tuple[Pose, World], list[tuple[Place, str]]]:
+    """Where the arm is among which bodies; where that is written, and what is wrong if it hits."""
 
     def carry(request: Carry) -> Body:
         answer = _ask(context.pool, request)
@@ -275,12 +275,15 @@ def _poses(asked: _Asked, context: Context) -> dict[tuple[Pose, World], list[Pla
         assert isinstance(answer, Body)
         return answer
 
-    poses: dict[tuple[Pose, World], list[Place]] = {}
+    poses: dict[tuple[Pose, World], list[tuple[Place, str]]] = {}
+    goal, start = "this pose collides", "before it moves here, the arm collides"
     for place, pose in asked.poses:
-        poses.setdefault((pose, EMPTY), []).append(place)
+        poses.setdefault((pose, EMPTY), []).append((place, goal))
     for root, leaves in asked.trees:
         for motion in foresee(root, leaves, context.robot, carry):
-            poses.setdefault((motion.pose, motion.world), []).append(motion.place)
+            if motion.start and (motion.start, motion.world) not in poses:
+                poses[motion.start, motion.world] = [(motion.place, start)]
+            poses.setdefault((motion.pose, motion.world), []).append((motion.place, goal))
     return poses
 
 

@@ -19,7 +19,7 @@ from .control import Guard, Repeat, Retry, Timeout, WaitFor
 Pose = tuple[float, ...]
 
 # What these hold has been done, in its order, wherever the tree goes on behind them.
-_IN_TURN = (composites.Sequence, Guard, Repeat, Retry, Timeout, WaitFor)
+_IN_TURN = (composites.Sequence, Guard, Retry, Timeout, WaitFor)
 _ADDS = (AddBox, AddCylinder, AddMesh, AddSphere)
 _UNNAMED = "bodies named at run time"
 
@@ -31,6 +31,7 @@ class Motion:
     Attributes:
         place: Where it is written.
         pose: Values of the actuated joints [rad].
+        start: Where the arm stands before [rad]; None where only the run tells.
         world: What is around the arm when it goes there.
         left_out: Names of bodies that are not in that world, as only the run tells whether they are
             there, and where.
@@ -38,6 +39,7 @@ class Motion:
 
     place: Place
     pose: Pose
+    start: Pose | None
     world: World
     left_out: tuple[str, ...]
 
@@ -110,17 +112,31 @@ class _Walk:
             for child in node.children:
                 now = self.through(child, now)
             return now
+        if isinstance(node, Repeat):
+            return self._repeated(node, now)
         ways = [now]  # of a selector, a parallel: nobody knows how far each child comes
         for child in node.children:
             ways.append(self.through(child, _common(ways)))
         return _common(ways)
+
+    def _repeated(self, node: Repeat, now: _Now) -> _Now:
+        """What every round leaves; of the second one, the motions that the first has not."""
+        once = self.through(node.decorated, now)
+        if node.times == 1:
+            return once
+        first = len(self.motions)
+        twice = self.through(node.decorated, once)
+        known = {(motion.pose, motion.world) for motion in self.motions[:first]}
+        again = self.motions[first:]
+        self.motions[first:] = [m for m in again if (m.pose, m.world) not in known]
+        return _common((once, twice))
 
     def _after(self, leaf: Leaf, now: _Now) -> _Now:
         kind = type(leaf.skill)
         poses = kind.poses(self._robot, leaf.known)
         for pose in poses:
             left_out = tuple(sorted(now.unsure))
-            self.motions.append(Motion(target_of(leaf), pose, now.world, left_out))
+            self.motions.append(Motion(target_of(leaf), pose, now.pose, now.world, left_out))
             now = replace(now, pose=pose)
         if not poses and "goal" in kind.output_ports():  # one that is found at run time
             now = replace(now, pose=None)
