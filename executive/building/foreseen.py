@@ -77,8 +77,10 @@ class _Now:
 
     def having(self, body: Body) -> "_Now":
         """With a body, in place of one of its name."""
-        known = {each.name: each for each in self.world.bodies} | {body.name: body}
-        return replace(self, world=World(tuple(known.values())), unsure=self.unsure - {body.name})
+        unsure = self.unsure - {body.name}
+        new = replace(body, touches=body.touches - unsure)
+        known = {each.name: each for each in self.world.bodies} | {body.name: new}
+        return replace(self, world=World(tuple(known.values())), unsure=unsure)
 
     def without(self, names: Iterable[str]) -> "_Now":
         """With these bodies gone."""
@@ -138,7 +140,7 @@ class _Walk:
             left_out = tuple(sorted(now.unsure))
             self.motions.append(Motion(target_of(leaf), pose, now.pose, now.world, left_out))
             now = replace(now, pose=pose)
-        if not poses and "goal" in kind.output_ports():  # one that is found at run time
+        if not poses and "goal" in (*kind.output_ports(), *leaf.inputs):  # found by other means
             now = replace(now, pose=None)
         if isinstance(leaf.skill, (*_ADDS, Attach, Detach, RemoveBody)):
             now = self._changed(leaf.skill, leaf.known, now)
