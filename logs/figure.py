@@ -1,6 +1,7 @@
 """Drawing a timeline with matplotlib."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from itertools import cycle, pairwise
 from math import degrees
 from pathlib import Path
@@ -12,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from .sweep import Sweep, draw_sweep
 from .timeline import Row, Timeline, Trace
 
 # Okabe and Ito's colours: told apart by colour-blind readers, and in grey print.
@@ -37,10 +39,30 @@ _LEFT, _RIGHT, _TOP, _BOTTOM, _GAP = 1.25, 0.75, 0.48, 0.42, 0.07
 _CURVE, _CURVES, _RUG, _NODE, _BAND = 0.22, 0.75, 0.2, 0.165, 0.18
 _LETTER, _LINE, _INDENT, _EDGE = 0.066, 0.125, 0.12, 0.1
 _LETTERS_PER_LINE = 125
+_MARK_LEVELS = 3  # that words above the curves have room for
+_SCENE, _SCENE_TITLE, _MOST_SCENES = 3.0, 0.35, 12
 
 
-def draw(run: Timeline, output: Path) -> None:
+@dataclass(frozen=True)
+class Scene:
+    """Motions in one world.
+
+    Attributes:
+        title: Above it.
+        sweep: What to draw.
+    """
+
+    title: str
+    sweep: Sweep
+
+
+def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = ()) -> None:
     """Draws a run to a PNG.
+
+    Args:
+        run: The run.
+        output: The PNG.
+        scenes: Its motions in space; of many, the first.
 
     Raises:
         OSError: The PNG cannot be written.
@@ -62,18 +84,19 @@ def draw(run: Timeline, output: Path) -> None:
         }
     )
     with style:
-        figure = _figure(run)
+        figure = _figure(run, _fewer(scenes))
         FigureCanvasAgg(figure)
         figure.savefig(output, format="png")
 
 
-def _figure(run: Timeline) -> Figure:
+def _figure(run: Timeline, scenes: Sequence[Scene]) -> Figure:
     groups = _by_group(run.traces)
     curves = [_CURVES + _CURVE * len(traces) for traces in groups.values()]
     heights = [*curves, _RUG, _NODE * _tree_lines(run.rows), _BAND]
     cause = _cause(run)
     top = _TOP + _LINE * len(cause)
-    figure = Figure(figsize=(_WIDTH, top + sum(heights) + _GAP * len(heights) + _BOTTOM), dpi=_DPI)
+    tall = top + sum(heights) + _GAP * len(heights) + _BOTTOM + _SCENE * len(scenes)
+    figure = Figure(figsize=(_WIDTH, tall), dpi=_DPI)
     panels = _panels(figure, heights, top, run)
     colours = dict(zip((trace.joint for trace in run.traces), cycle(_LINES), strict=False))
     for panel, (group, traces) in zip(panels, groups.items(), strict=False):
@@ -83,7 +106,18 @@ def _figure(run: Timeline) -> Figure:
     _draw_lifecycle(panels[-1], run)
     _draw_marks(panels, run)
     _draw_title(figure, run, cause)
+    for number, scene in enumerate(reversed(scenes)):
+        _draw_scene(figure, scene, _SCENE * number)
     return figure
+
+
+def _fewer(scenes: Sequence[Scene]) -> Sequence[Scene]:
+    """Those there is room for: a picture must not grow without end."""
+    if len(scenes) <= _MOST_SCENES:
+        return scenes
+    *before, last = scenes[:_MOST_SCENES]
+    title = f"{last.title} (of {len(scenes)} worlds, {_MOST_SCENES} are drawn)"
+    return [*before, replace(last, title=title)]
 
 
 def _by_group(traces: Iterable[Trace]) -> dict[str, list[Trace]]:
@@ -242,14 +276,15 @@ def _draw_lifecycle(panel: Axes, run: Timeline) -> None:
 
 
 def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
-    taken = -1.0
-    level = 0
+    taken, level, written = -1.0, 0, ""
     for time, what in run.marks:
         for panel in panels[:-1]:
             panel.axvline(time, color=_INK, linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
         place = (time - run.start) / (run.end - run.start)
-        level = level + 1 if place < taken else 0
-        taken = place + 0.02 * len(what)
+        if place < taken and what == written:
+            continue  # one after the other, the same: words once
+        level = (level + 1) % _MARK_LEVELS if place < taken else 0
+        taken, written = place + 0.012 * len(what), what
         panels[0].annotate(
             what,
             (time, 1.0),
@@ -259,6 +294,22 @@ def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
             fontsize=7,
             style="italic",
         )
+
+
+def _draw_scene(figure: Figure, scene: Scene, floor: float) -> None:
+    """From two sides, on a floor that is so far from the bottom [in]."""
+    tall = figure.get_figheight()
+    left, across = 0.5, _WIDTH / 2 - 0.6
+    up = _SCENE - _SCENE_TITLE - 0.55
+    sides = [
+        figure.add_axes(
+            ((left + _WIDTH / 2 * side) / _WIDTH, (floor + 0.4) / tall, across / _WIDTH, up / tall)
+        )
+        for side in range(2)
+    ]
+    draw_sweep(sides, scene.sweep)
+    place = (floor + _SCENE - 0.1) / tall
+    figure.text(_EDGE / _WIDTH, place, scene.title, va="top")
 
 
 def _draw_title(figure: Figure, run: Timeline, cause: Sequence[str]) -> None:

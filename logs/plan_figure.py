@@ -8,12 +8,11 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Polygon
+
+from .sweep import Sweep, draw_sweep
 
 _LINES = ("#0072B2", "#E69F00", "#CC79A7", "#000000", "#009E73", "#D55E00", "#56B4E9")
-_START, _ARM, _BODY, _LIMIT = "#777777", "#0072B2", "#D55E00", "#999999"
-
-Point = tuple[float, float]
+_LIMIT = "#999999"
 
 
 @dataclass(frozen=True)
@@ -31,8 +30,7 @@ class PlanPicture:
         waypoints: Of the polyline (W, J).
         speed_limits: (J,).
         acceleration_limits: (J,).
-        sweep: By pose, the points around every shape, in the root frame [m].
-        bodies: The points around everything that is no part of the arm [m].
+        sweep: The motion in space.
     """
 
     title: str
@@ -45,8 +43,7 @@ class PlanPicture:
     waypoints: Sequence[Sequence[float]]
     speed_limits: Sequence[float]
     acceleration_limits: Sequence[float]
-    sweep: Sequence[Sequence[Sequence[Sequence[float]]]]
-    bodies: Sequence[Sequence[Sequence[float]]]
+    sweep: Sweep
 
 
 def draw_plan(picture: PlanPicture, output: Path) -> None:
@@ -71,8 +68,7 @@ def draw_plan(picture: PlanPicture, output: Path) -> None:
         f"acceleration {_unit(picture, '/s²')}",
         picture.acceleration_limits,
     )
-    for axis, (across, up) in zip(axes[2], ((0, 2), (0, 1)), strict=True):
-        _sweep(axis, picture, across, up)
+    draw_sweep(axes[2], picture.sweep)
     axes[0, 1].legend(fontsize=6, loc="best")
     figure.savefig(output, format="png")
 
@@ -118,56 +114,3 @@ def _over_time(
         axes.axhline(limit, color=_LIMIT, linewidth=0.7, linestyle="--")
     if limits:
         axes.set_title("dashed: limits", fontsize=7)
-
-
-def _sweep(axes: Axes, picture: PlanPicture, across: int, up: int) -> None:
-    """All poses over each other: the first grey, the last blue, those between faint."""
-    axes.set_aspect("equal")
-    axes.tick_params(labelsize=6)
-    axes.set_xlabel(f"{'xyz'[across]} [m]", fontsize=7)
-    axes.set_ylabel(f"{'xyz'[up]} [m]", fontsize=7)
-    axes.set_title("sweep from the front" if up == 2 else "sweep from above", fontsize=7)
-    for shape in picture.bodies:
-        _shape(axes, shape, (across, up), _BODY, 0.5)
-    first, *between, last = picture.sweep
-    for poses, color, alpha in (
-        (between, _ARM, 0.06),
-        ((first,), _START, 0.3),
-        ((last,), _ARM, 0.3),
-    ):
-        for pose in poses:
-            for shape in pose:
-                _shape(axes, shape, (across, up), color, alpha)
-    handles = [Patch(color=_START, alpha=0.5, label="start"), Patch(color=_ARM, label="goal")]
-    if picture.bodies:
-        handles.append(Patch(color=_BODY, alpha=0.5, label="bodies"))
-    axes.legend(handles=handles, fontsize=6, loc="best")
-    axes.autoscale_view()
-
-
-def _shape(
-    axes: Axes, points: Sequence[Sequence[float]], plane: Point, color: str, alpha: float
-) -> None:
-    flat = [(point[int(plane[0])], point[int(plane[1])]) for point in points]
-    axes.add_patch(Polygon(_hull(flat), facecolor=color, alpha=alpha, edgecolor=color, lw=0.3))
-
-
-def _hull(points: Sequence[Point]) -> list[Point]:
-    """Corners of the convex hull, in turn (A. M. Andrew's monotone chain, 1979)."""
-    ordered = sorted(set(points))
-    if len(ordered) < 3:
-        return ordered
-    lower, upper = _chain(ordered), _chain(ordered[::-1])
-    return lower[:-1] + upper[:-1]
-
-
-def _chain(points: Sequence[Point]) -> list[Point]:
-    chain: list[Point] = []
-    for x, y in points:
-        while len(chain) > 1:
-            (ax, ay), (bx, by) = chain[-2:]
-            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
-                break
-            chain.pop()
-        chain.append((x, y))
-    return chain

@@ -1,9 +1,10 @@
 """A recording told: in figures, and as a story."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from .conversions import LATE
 from .recording import Recording
@@ -148,9 +149,10 @@ def in_words(record: Told) -> str:  # noqa: C901, a table of words
             return f"tree: {record.path} {record.status} {record.message}".rstrip()
         case Plan(code=""):
             spent = sum(record.milliseconds.values())
-            return f"plan: {record.group}, {record.duration:.2f} s of motion in {spent:.1f} ms"
+            motion = f"{record.duration:.2f} s of motion in {spent:.1f} ms"
+            return f"plan: {record.group}, {motion}{_around(record)}"
         case Plan():
-            return f"no plan: {record.group}, {record.message}"
+            return f"no plan: {record.group}, {record.message}{_around(record)}"
         case Schedule():
             return f"schedule: {len(record.frames)} frames, {record.firmware}"
         case Sent() if not record.joints:
@@ -167,3 +169,12 @@ def in_words(record: Told) -> str:  # noqa: C901, a table of words
             return f"progress: {share}{record.phase} {record.node}"
         case LogLine():
             return f"log: {record.logger}: {record.message}"
+
+
+def bodies_in_words(world: Sequence[Mapping[str, Any]]) -> str:
+    """The bodies around the arm, and what holds them."""
+    return ", ".join(f"{b['name']} on {b['link']}" if b["link"] else b["name"] for b in world)
+
+
+def _around(plan: Plan) -> str:
+    return f"; around it: {bodies_in_words(plan.world)}" if plan.world else ""

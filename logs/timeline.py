@@ -12,6 +12,8 @@ _PLAN = "/plan/"
 _INVALID = "INVALID"
 _FAULT = "errorprocessing"
 
+_Plans = dict[str, tuple[int, dict[str, Any]]]  # when the last of each group was made [ns], and it
+
 
 @dataclass(frozen=True)
 class Span:
@@ -96,8 +98,10 @@ class _Events:
     goal_ns: int | None = None
     first_ns: int | None = None
     last_ns: int = 0
-    plans: dict[str, tuple[int, dict[str, Any]]] = field(default_factory=dict)
-    joints: list[tuple[int, Any]] = field(default_factory=list)
+    motions: list[_Plans] = field(default_factory=list)  # what was planned between any two frames
+    moved: bool = True  # since what was planned last
+    starts: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
+    joints: dict[str, list[tuple[int, float]]] = field(default_factory=dict)
     timing: list[tuple[int, bool]] = field(default_factory=list)
     tree: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
@@ -111,21 +115,35 @@ class _Events:
         if take is not None:
             take(self, message)
         elif message.topic.startswith(_PLAN) and hasattr(message.data, "data"):
-            fields = message.fields()
-            self.plans[fields["group"]] = (message.time_ns, fields)
+            self._take_plan(message)
         if self.first_ns is None:
             self.first_ns = message.time_ns
         self.last_ns = max(self.last_ns, message.time_ns)
 
     def take_goal(self, message: Message) -> None:
         self.goal, self.goal_ns = message.fields(), message.time_ns
-        self.result, self.plans, self.cancel_ns, self.faults_ns = {}, {}, None, []
+        self.result, self.cancel_ns, self.faults_ns = {}, None, []
+        self.motions, self.moved = [], True
 
     def take_result(self, message: Message) -> None:
         self.result = message.fields()
 
     def take_joints(self, message: Message) -> None:
-        self.joints.append((message.time_ns, message.data))
+        self.moved = True
+        state = message.data
+        for joint, position in zip(state.name, state.position, strict=True):
+            known = self.joints.setdefault(joint, self.starts.get(joint, []))
+            known.append((message.time_ns, float(position)))
+
+    def _take_plan(self, message: Message) -> None:
+        plan = message.fields()
+        if self.moved:
+            self.motions.append({})
+            self.moved = False
+        self.motions[-1][plan["group"]] = (message.time_ns, plan)
+        if plan["positions"]:  # where a joint stands before its first frame
+            for joint, position in zip(plan["joints"], plan["positions"][0], strict=True):
+                self.starts.setdefault(joint, [(message.time_ns, position)])
 
     def take_timing(self, message: Message) -> None:
         self.timing.append((message.time_ns, message.fields()["hold"]))
@@ -179,32 +197,21 @@ class _Events:
         return Row(self.names[path], depth, self._spans(_begun(self.tree[path]), end))
 
     def _traces(self, end: float) -> list[Trace]:
-        groups = {joint: name for name, (_, plan) in self.plans.items() for joint in plan["joints"]}
-        starts = self._starts()
-        points: dict[str, list[tuple[float, float]]] = {}
-        for time_ns, state in self.joints:
-            for joint, position in zip(state.name, state.position, strict=True):
-                known = points.setdefault(joint, starts.get(joint, []))
-                known.append((self._since(time_ns), float(position)))
+        plans = [plan for motion in self.motions for _, plan in motion.values()]
+        groups = {joint: plan["group"] for plan in plans for joint in plan["joints"]}
         traces = []
-        for joint, known in points.items():
-            times, positions = zip(*known, (end, known[-1][1]), strict=True)
-            traces.append(Trace(joint, groups.get(joint, "joints"), times, positions))
+        for joint, known in self.joints.items():
+            times, positions = zip(*known, strict=True)
+            since = (*map(self._since, times), end)
+            group = groups.get(joint, "joints")
+            traces.append(Trace(joint, group, since, (*positions, positions[-1])))
         return traces
-
-    def _starts(self) -> dict[str, list[tuple[float, float]]]:
-        return {
-            joint: [(self._since(time_ns), position)]
-            for time_ns, plan in self.plans.values()
-            if plan["positions"]
-            for joint, position in zip(plan["joints"], plan["positions"][0], strict=True)
-        }
 
     def _marks(self) -> list[tuple[float, str]]:
         marks = []
-        if self.plans:
-            failed = any(plan["code"] for _, plan in self.plans.values())
-            ready = max(time_ns for time_ns, _ in self.plans.values())
+        for motion in self.motions:
+            failed = any(plan["code"] for _, plan in motion.values())
+            ready = max(time_ns for time_ns, _ in motion.values())
             marks.append((self._since(ready), "no plan" if failed else "plan ready"))
         if (cancel := self._cancel()) is not None:
             marks.append((self._since(cancel), "cancel"))

@@ -10,7 +10,7 @@ import pytest
 
 from logs import NodeStatus, Plan, RecordingError, Sent, plot
 from logs.timeline import Timeline, timeline
-from tests.test_logs_run import RUNS, node, record
+from tests.test_logs_run import ARM, GRIPPER, RUNS, frame, node, plan, record
 
 RUNNING, SUCCESS = (0x56, 0xB4, 0xE9), (0x00, 0x9E, 0x73)
 FAILURE, INVALID = (0xD5, 0x5E, 0x00), (0x99, 0x99, 0x99)
@@ -50,6 +50,43 @@ def test_a_run_that_ended_well(tmp_path: Path) -> None:
     ]  # fmt: skip
     states = [span.state for span in run.lifecycle]
     assert states == ["unconfigured", "configuring", "inactive", "activating", "active"]
+
+
+def back(time: float) -> list[Any]:
+    """A second motion, of the arm alone: from where task 1 ends to zero again."""
+    there = plan(time, "arm", ARM, (-1.4, -0.6, -0.07))
+    home = dataclasses.replace(there, positions=there.positions[::-1])
+    both = [(*arm, -0.7, 0.7) for arm in home.positions]
+    dues = [time + 0.1 + due for due in home.times]
+    rows = zip(dues, both, strict=True)
+    return [home, *(Sent(due, frame(row), due, False, ARM + GRIPPER, row) for due, row in rows)]
+
+
+def test_curves_follow_one_motion_after_the_other(tmp_path: Path) -> None:
+    run, _ = drawn(tmp_path, [*RUNS["ok"][:-2], *back(50.0), *RUNS["ok"][-2:]])
+    curve = next(trace for trace in run.traces if trace.joint == "joint_1")
+    assert curve.times == tuple(sorted(curve.times))
+    assert max(abs(np.diff(curve.positions))) < 0.1  # no jump
+    assert curve.positions[0] == pytest.approx(0.0)
+    assert min(curve.positions) == pytest.approx(-1.4)
+    assert curve.positions[-1] == pytest.approx(0.0)
+    assert {trace.group for trace in run.traces} == {"arm", "gripper"}
+    assert [(round(time, 2), what) for time, what in run.marks] == [
+        (0.72, "plan ready"), (10.0, "plan ready"),
+    ]  # fmt: skip
+
+
+def test_the_marks_of_many_motions_leave_the_title_alone(tmp_path: Path) -> None:
+    more = [item for number in range(9) for item in back(48.0 + 4 * number)]
+    run, picture = drawn(tmp_path, [*RUNS["ok"][:-2], *more, *RUNS["ok"][-2:]])
+    assert len(run.marks) == 10
+    assert (picture[:130, 700:1500] == 255).all()  # between the task and the outcome
+
+
+def test_a_plan_that_fails_after_a_motion_is_marked_beside_it(tmp_path: Path) -> None:
+    none = dataclasses.replace(back(50.0)[0], code="plan.none", times=(), positions=())
+    run, _ = drawn(tmp_path, [*RUNS["ok"][:-2], none, *RUNS["ok"][-2:]])
+    assert [what for _, what in run.marks] == ["plan ready", "no plan"]
 
 
 def test_a_canceled_run(tmp_path: Path) -> None:

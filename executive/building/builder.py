@@ -146,17 +146,8 @@ def _meant(error: SkillError | MotionError, robot: Robot) -> str:
     return meant(last, joints) if isinstance(last, str) and last not in joints else ""
 
 
-def poses(leaves: list[Leaf], robot: Robot) -> list[tuple[Place, tuple[float, ...]]]:
-    """Where a task spells out that the arm goes: values of the actuated joints [rad]."""
-    return [
-        (_target(leaf), pose)
-        for leaf in leaves
-        for pose in type(leaf.skill).poses(robot, leaf.known)
-    ]
-
-
-def _target(leaf: Leaf) -> Place:
-    """Where the first of its joint positions is written."""
+def target_of(leaf: Leaf) -> Place:
+    """Where the first of the joint positions of a skill is written."""
     targets = (
         value.place
         for port, value in leaf.written.items()

@@ -1,6 +1,6 @@
 """`armtree check`: everything that can be found wrong with task files before anything moves."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,14 +10,24 @@ from py_trees.behaviour import Behaviour
 
 from hardware import Arm, RealClock, Robot
 from skills import Context, Positions, SkillError, Target
-from skills.motion import BadWorld, Body, MotionError, Pool, Result, Verify, WorkerDied, World
+from skills.motion import (
+    EMPTY,
+    BadWorld,
+    Body,
+    Carry,
+    MotionError,
+    Pool,
+    Result,
+    Verify,
+    WorkerDied,
+    World,
+)
 from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, TreeError
 
-from .assembly import Assembly
-from .builder import hidden, poses, refusals
+from .assembly import Assembly, Leaf
+from .builder import hidden, refusals
+from .foreseen import Motion, Pose, foresee
 from .outline import Entry, outline
-
-Pose = tuple[float, ...]
 
 # What a file is in its library: the number of a task, the name of a subtree, None for poses, or
 # why it is nothing.
@@ -49,8 +59,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     """
     context = _context(robot)
     findings = Findings()
-    places: dict[Pose, list[Place]] = {}
-    bodies: dict[Body, list[Place]] = {}
+    asked = _Asked()
     try:
         jobs = list(_jobs(folder, files))
     except TreeError as error:
@@ -64,9 +73,9 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.notes += [] if files else library.notes
     for path, library, name in jobs:
         findings.files.append(path)
-        checker = _Checker(library, context, places, bodies)
+        checker = _Checker(library, context, asked)
         findings.mistakes += checker.check(path, name)
-    findings.mistakes += _refused(robot, places, bodies, context)
+    findings.mistakes += _refused(asked, context)
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
 
@@ -82,15 +91,30 @@ def outline_of(robot: Robot, library: Library, number: int) -> Entry:
     return outline(root, assembly.leaves, "/show")
 
 
-def targets_of(robot: Robot, library: Library, number: int) -> list[Pose]:
-    """Where a task spells out that the arm goes: values of the actuated joints [rad], in order.
+def motions_of(
+    robot: Robot,
+    library: Library,
+    number: int,
+    carry: Callable[[Carry], Body],
+    start: Pose,
+    world: World,
+) -> list[Motion]:
+    """Where a task spells out that the arm goes, in order, with what is around it by then.
+
+    Args:
+        robot: The robot.
+        library: Where the task is.
+        number: Of the task.
+        carry: Hands a body over to another link; may raise a MotionError.
+        start: Where the arm stands at first [rad].
+        world: What is around it at first.
 
     Raises:
         UnknownTask: There is none of that number.
         FileError: It is wrong.
     """
-    assembly, _ = _assembled(robot, library, number)
-    return [pose for _, pose in poses(assembly.leaves, robot)]
+    assembly, root = _assembled(robot, library, number)
+    return foresee(root, assembly.leaves, robot, carry, start, world)
 
 
 def _assembled(robot: Robot, library: Library, number: int) -> tuple[Assembly, Behaviour]:
@@ -133,25 +157,30 @@ def _all(library: Library) -> Iterator[tuple[Path, Library, Named]]:
             yield library.path(number), library, number
 
 
+@dataclass
+class _Asked:
+    """What a planner is to judge.
+
+    Attributes:
+        poses: Of files of poses, and where they are written.
+        trees: Root and skills of what could be built.
+    """
+
+    poses: list[tuple[Place, Pose]] = field(default_factory=list)
+    trees: list[tuple[Behaviour, list[Leaf]]] = field(default_factory=list)
+
+
 class _Checker:
     """Checks one file of a library.
 
     Args:
         library: The library.
         context: Of a robot that does nothing.
-        places: Filled with the poses that are spelled out, and where.
-        bodies: The same of bodies.
+        asked: Filled with what a planner is to judge.
     """
 
-    def __init__(
-        self,
-        library: Library,
-        context: Context,
-        places: dict[Pose, list[Place]],
-        bodies: dict[Body, list[Place]],
-    ) -> None:
-        self._library, self._context = library, context
-        self._places, self._bodies = places, bodies
+    def __init__(self, library: Library, context: Context, asked: _Asked) -> None:
+        self._library, self._context, self._asked = library, context, asked
 
     def check(self, path: Path, name: Named) -> list[Mistake]:
         """What is wrong with a file."""
@@ -164,25 +193,20 @@ class _Checker:
             assembly = Assembly(self._library, self._context)
             if isinstance(name, int):
                 draft = self._library.draft(name)
-                assembly.task(*draft, "/check", None)
+                root = assembly.task(*draft, "/check", None)
                 found = [*assembly.mistakes.found, *hidden(draft, self._library, self._context)]
             else:
                 place = Place(self._library.subtree_path(name), 1, 1)
                 file, known = self._library.subtree(name, place)
-                assembly.subtree(file, Mistakes(known), "/check")
+                root = assembly.subtree(file, Mistakes(known), "/check")
                 found = assembly.mistakes.found
         except TreeError as error:
             return _mistakes(error)
         if found:
             return found
-        robot = self._context.robot
-        refused = refusals(assembly.leaves, robot)
+        refused = refusals(assembly.leaves, self._context.robot)
         if not refused:
-            for place, pose in poses(assembly.leaves, robot):
-                self._places.setdefault(pose, []).append(place)
-            for leaf in assembly.leaves:
-                if body := type(leaf.skill).body(leaf.known):
-                    self._bodies.setdefault(body, []).append(leaf.place)
+            self._asked.trees.append((root, assembly.leaves))
         return refused
 
     def _reachable(self, file: PosesFile) -> list[Mistake]:
@@ -198,7 +222,7 @@ class _Checker:
             leaders = ({joint.name for joint in robot.leaders(group)} for group in robot.groups)
             if any(names <= joints.keys() for names in leaders):  # the others as after a reset
                 pose = tuple(joints.get(joint.name, joint.boot) for joint in robot.actuated)
-                self._places.setdefault(pose, []).append(place)
+                self._asked.poses.append((place, pose))
         return wrong
 
 
@@ -209,29 +233,64 @@ def _mistakes(error: TreeError) -> list[Mistake]:
     return [Mistake(Place(path, 1, 1) if path else Place(Path(), 0, 0), str(error))]
 
 
-def _refused(
-    robot: Robot,
-    places: dict[Pose, list[Place]],
-    bodies: dict[Body, list[Place]],
-    context: Context,
-) -> Iterator[Mistake]:
-    """What a planner says of every pose, and of every body by itself."""
-    if not (places or bodies):
+def _refused(asked: _Asked, context: Context) -> Iterator[Mistake]:
+    """What a planner says of every body by itself, and of every pose among the bodies there."""
+    if not (asked.poses or asked.trees):
         return
-    answers: SimpleQueue[Result] = SimpleQueue()
     with closing(context.pool) as pool:
         pool.start()
-        for pose, where in places.items():
-            pool.submit(Verify([pose], robot.collision.margin), answers.put)
-            answer = answers.get()
-            if isinstance(answer, MotionError):
-                yield from (Mistake(place, f"this pose collides: {answer}") for place in where)
-        for body, where in bodies.items():
+        broken = set[Body]()
+        for body, where in _bodies(asked).items():
             alone = World((replace(body, touches=frozenset()),))  # others may be there by then
-            pool.submit(Verify([robot.boot_pose], 0.0, world=alone), answers.put)
-            answer = answers.get()
+            answer = _ask(pool, Verify([context.robot.boot_pose], 0.0, world=alone))
             if isinstance(answer, (BadWorld, WorkerDied)):
+                broken.add(body)
                 yield from (Mistake(place, f"{body.name}: {answer}") for place in where)
+        for (pose, world), told in _poses(asked, context).items():
+            if not broken.isdisjoint(world.bodies):
+                continue
+            answer = _ask(pool, Verify([pose], context.robot.collision.margin, world=world))
+            # What a body may touch may be there only where a subtree is used.
+            if isinstance(answer, MotionError) and not isinstance(answer, BadWorld):
+                yield from (Mistake(place, f"{words}: {answer}") for place, words in told)
+
+
+def _bodies(asked: _Asked) -> dict[Body, list[Place]]:
+    """What is added, and where that is written."""
+    bodies: dict[Body, list[Place]] = {}
+    for _, leaves in asked.trees:
+        for leaf in leaves:
+            if body := type(leaf.skill).body(leaf.known):
+                bodies.setdefault(body, []).append(leaf.place)
+    return bodies
+
+
+def _poses(asked: _Asked, context: Context) -> dict[tuple[Pose, World], list[tuple[Place, str]]]:
+    """Where the arm is among which bodies; where that is written, and what is wrong if it hits."""
+
+    def carry(request: Carry) -> Body:
+        answer = _ask(context.pool, request)
+        if isinstance(answer, MotionError):
+            raise answer
+        assert isinstance(answer, Body)
+        return answer
+
+    poses: dict[tuple[Pose, World], list[tuple[Place, str]]] = {}
+    goal, start = "this pose collides", "before it moves here, the arm collides"
+    for place, pose in asked.poses:
+        poses.setdefault((pose, EMPTY), []).append((place, goal))
+    for root, leaves in asked.trees:
+        for motion in foresee(root, leaves, context.robot, carry):
+            if motion.start and (motion.start, motion.world) not in poses:
+                poses[motion.start, motion.world] = [(motion.place, start)]
+            poses.setdefault((motion.pose, motion.world), []).append((motion.place, goal))
+    return poses
+
+
+def _ask(pool: Pool, request: Verify | Carry) -> Result:
+    answers: SimpleQueue[Result] = SimpleQueue()
+    pool.submit(request, answers.put)
+    return answers.get()
 
 
 def _context(robot: Robot) -> Context:

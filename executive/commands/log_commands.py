@@ -14,6 +14,7 @@ from .options import AT_LEAST_0, PATH
 if TYPE_CHECKING:
     from collections import Counter
 
+    from logs.figure import Scene
     from logs.story import Overview
 
 _FOLDER = click.argument(
@@ -160,9 +161,26 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
         raise click.UsageError("--output goes with one recording")
     for recording in recordings:
         target = output or recording.with_suffix(".png")
-        draw(recording, target)
+        scenes, why = _scenes(recording)
+        draw(recording, target, scenes)
+        if why:
+            click.echo(f"{recording}: the bodies around the arm are not drawn: {why}", err=True)
         click.echo(target)
     sys.exit(incomplete(*recordings))
+
+
+def _scenes(recording: Path) -> "tuple[list[Scene], str]":
+    """The motions in space, or why they cannot be drawn."""
+    from hardware import DescriptionError
+    from logs import LogError
+    from skills.motion import BadWorld
+
+    from .sweeps import scenes_of
+
+    try:
+        return scenes_of(recording), ""
+    except (LogError, DescriptionError, BadWorld, OSError) as error:
+        return [], str(error)
 
 
 @log.command()

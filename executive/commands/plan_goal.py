@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from executive.building.check import targets_of
+from executive.building.check import motions_of
 from executive.building.port_types import declarations
 from hardware import Robot
 from skills import BadTarget, Positions, ReachPoint, Shift, check_targets, three
@@ -42,8 +42,10 @@ class Goal:
     via: Sequence[str] = ()
     tool: Mapping[str, str] = field(default_factory=dict)
 
-    def queries(self, planner: Planner, world: World) -> list[Query]:
+    def queries(self, planner: Planner, world: World) -> list[tuple[Query, tuple[str, ...]]]:
         """The motions to be planned, each from where the one before ends.
+
+        With each, the bodies left out of its world: only a run of the task tells where they are.
 
         Raises:
             BadTarget, OutOfBounds: Goal or start cannot be read, or name no joint.
@@ -63,29 +65,34 @@ class Goal:
             if self.via:
                 raise BadTarget("a task goes its own way; leave out --via")
             start = tuple(begin.values())
-            return self._task(int(self.words[0]), self.group or "arm", start, world)
+            return self._task(planner, self.group or "arm", start, world)
         asked.group = self.group or "arm"
         named = asked.named(self.words, begin, self.tool)
         asked.group = self.group or self._group(named)
         stations = [asked.named(words.split(), begin, {}) for words in self.via]
         *via, goal = (self._target(asked.group, each, begin) for each in (*stations, named))
         start = tuple(begin.values())
-        return [Query(asked.group, start, goal, self.seed, via=tuple(via), world=world)]
+        return [(Query(asked.group, start, goal, self.seed, via=tuple(via), world=world), ())]
 
-    def _task(self, number: int, group: str, begin: tuple[float, ...], world: World) -> list[Query]:
+    def _task(
+        self, planner: Planner, group: str, begin: tuple[float, ...], world: World
+    ) -> list[tuple[Query, tuple[str, ...]]]:
         """As the skills move: the arm with the gripper as it is, the gripper where the arm goes."""
-        poses = targets_of(self.robot, self.library, number)
-        if not poses:
+        number = int(self.words[0])
+        motions = motions_of(self.robot, self.library, number, planner.carry, begin, world)
+        if not motions:
             why = "it finds its way while it runs; give joints, a pose or a point"
             raise BadTarget(f"task {number} spells out no whole target: {why}")
         own = [joint in self.robot.leaders(group) for joint in self.robot.actuated]
         queries = []
-        for pose in poses:
+        for motion in motions:
+            pose = motion.pose
             goal = tuple(q for q, mine in zip(pose, own, strict=True) if mine)
             rows = zip(pose, begin, own, strict=True)
             arrived = group == "gripper"
             start = tuple(then if arrived and not mine else now for then, now, mine in rows)
-            queries.append(Query(group, start, goal, self.seed, world=world))
+            query = Query(group, start, goal, self.seed, world=motion.world)
+            queries.append((query, motion.left_out))
             begin = pose
         return queries
 

@@ -1,7 +1,7 @@
 """`armtree plan`: a motion found, explained and drawn, without an arm."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +9,10 @@ import numpy as np
 from hardware import Robot
 from skills.motion import EMPTY, BadWorld, Plan, World
 from skills.motion.explain import limits_met, straight_duration
-from skills.motion.model import Model
-from skills.motion.outline import outlines
 from skills.motion.planner import Planner
 
 from .plan_goal import Goal
 
-_POSES = 14  # of the sweep
 _GRID = 0.005  # of the curves [s]
 
 
@@ -31,17 +28,18 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
         BadTarget: Goal or start cannot be read, or name no joint.
         MotionError: There is no plan.
     """
-    robot, around = goal.robot, _world(world)
+    robot = goal.robot
     planner = Planner(robot)
-    queries = goal.queries(planner, around)
-    for number, query in enumerate(queries, 1):
+    queries = goal.queries(planner, _world(world))
+    for number, (query, left_out) in enumerate(queries, 1):
         loading = sum(planner.plan(query).milliseconds.values())
         plan = planner.plan(query)
         if len(queries) > 1:
             yield f"Motion {number} of {len(queries)}"
         yield from _told(robot, plan, len(query.via), loading)
+        yield from _around(query.world, left_out)
         picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
-        _draw(robot, around, plan, picture)
+        _draw(robot, query.world, plan, picture)
         yield str(picture)
 
 
@@ -77,20 +75,23 @@ def _told(robot: Robot, plan: Plan, via: int, loading: float) -> Iterator[str]:
         yield f"Held by   {what}: {limit.seconds:.2f} s ({share:.0f} %)"
 
 
+def _around(world: World, left_out: Sequence[str]) -> Iterator[str]:
+    bodies = (f"{b.name} on {b.link}" if b.link else b.name for b in world.bodies)
+    if world.bodies:
+        yield f"Around    {', '.join(bodies)}"
+    if left_out:
+        yield f"Left out  {', '.join(left_out)}: only a run of the task tells whether and where"
+
+
 def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
     from logs.plan_figure import PlanPicture, draw_plan  # matplotlib takes half a second
 
+    from .sweeps import POSES, sweep_of
+
     times = np.append(np.arange(0.0, plan.duration, _GRID), plan.duration)
-    model, columns = Model(robot, world), [_column(robot, name) for name in plan.joints]
-    fixed = {body.name for body in world.bodies if not body.link}
-    sweep: list[list[list[list[float]]]] = []
-    bodies: list[list[list[float]]] = []
-    for state in plan.sample(np.linspace(0.0, plan.duration, _POSES)):
-        row = np.array(plan.start)
-        row[columns] = state
-        shapes = [(name, points.tolist()) for name, points in outlines(model, row)]
-        sweep.append([points for name, points in shapes if name not in fixed])
-        bodies = [points for name, points in shapes if name in fixed]
+    columns = [_column(robot, name) for name in plan.joints]
+    rows = np.tile(np.array(plan.start), (POSES, 1))
+    rows[:, columns] = plan.sample(np.linspace(0.0, plan.duration, POSES))
     draw_plan(
         PlanPicture(
             title=f"{robot.name}: {plan.group}, {plan.duration:.2f} s",
@@ -103,8 +104,7 @@ def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
             waypoints=plan.waypoints.tolist(),
             speed_limits=plan.velocity.tolist(),
             acceleration_limits=plan.acceleration.tolist(),
-            sweep=sweep,
-            bodies=bodies,
+            sweep=sweep_of(robot, world, rows),
         ),
         output,
     )

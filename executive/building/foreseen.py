@@ -1,0 +1,177 @@
+"""What is around the arm by the time of each motion, as far as a task spells it out."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from py_trees import composites
+from py_trees.behaviour import Behaviour
+
+from hardware import Robot
+from skills import AddBox, AddCylinder, AddMesh, AddSphere, Attach, Detach, RemoveBody, Skill
+from skills.motion import EMPTY, Body, Carry, MotionError, World
+from trees import Place
+
+from .assembly import Leaf
+from .builder import target_of
+from .control import Guard, Repeat, Retry, Timeout, WaitFor
+
+Pose = tuple[float, ...]
+
+# What these hold has been done, in its order, wherever the tree goes on behind them.
+_IN_TURN = (composites.Sequence, Guard, Retry, Timeout, WaitFor)
+_ADDS = (AddBox, AddCylinder, AddMesh, AddSphere)
+_UNNAMED = "bodies named at run time"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A target that a task spells out.
+
+    Attributes:
+        place: Where it is written.
+        pose: Values of the actuated joints [rad].
+        start: Where the arm stands before [rad]; None where only the run tells.
+        world: What is around the arm when it goes there.
+        left_out: Names of bodies that are not in that world, as only the run tells whether they are
+            there, and where.
+    """
+
+    place: Place
+    pose: Pose
+    start: Pose | None
+    world: World
+    left_out: tuple[str, ...]
+
+
+def foresee(
+    root: Behaviour,
+    leaves: Iterable[Leaf],
+    robot: Robot,
+    carry: Callable[[Carry], Body],
+    start: Pose | None = None,
+    world: World = EMPTY,
+) -> list[Motion]:
+    """The motions of a task, each in the world as the task has made it by then.
+
+    Args:
+        root: Of the task's tree.
+        leaves: Its skills.
+        robot: The robot.
+        carry: Hands a body over to another link; may raise a MotionError.
+        start: Where the arm stands at first [rad]; None where that is not known.
+        world: What is around it at first.
+    """
+    walk = _Walk({leaf.skill: leaf for leaf in leaves}, robot, carry)
+    walk.through(root, _Now(world, start))
+    return walk.motions
+
+
+@dataclass(frozen=True)
+class _Now:
+    """What is known at one moment: bodies, where the arm stands, and bodies that may be there."""
+
+    world: World
+    pose: Pose | None
+    unsure: frozenset[str] = frozenset()
+
+    def having(self, body: Body) -> "_Now":
+        """With a body, in place of one of its name."""
+        unsure = self.unsure - {body.name}
+        new = replace(body, touches=body.touches - unsure)
+        known = {each.name: each for each in self.world.bodies} | {body.name: new}
+        return replace(self, world=World(tuple(known.values())), unsure=unsure)
+
+    def without(self, names: Iterable[str]) -> "_Now":
+        """With these bodies gone."""
+        gone = frozenset(names)
+        rest = tuple(body for body in self.world.bodies if body.name not in gone)
+        return replace(self, world=World(rest), unsure=self.unsure - gone)
+
+    def unsure_of(self, names: Iterable[str]) -> "_Now":
+        """With these bodies known no more."""
+        now = self.without(names)
+        unsure = now.unsure | frozenset(names)
+        rest = (replace(body, touches=body.touches - unsure) for body in now.world.bodies)
+        return replace(now, world=World(tuple(rest)), unsure=unsure)
+
+
+class _Walk:
+    def __init__(
+        self,
+        leaves: Mapping[Behaviour, Leaf],
+        robot: Robot,
+        carry: Callable[[Carry], Body],
+    ) -> None:
+        self._leaves, self._robot, self._carry = leaves, robot, carry
+        self.motions: list[Motion] = []
+
+    def through(self, node: Behaviour, now: _Now) -> _Now:
+        """What is known after a node."""
+        if isinstance(node, Skill):
+            return self._after(self._leaves[node], now)
+        if isinstance(node, _IN_TURN):
+            for child in node.children:
+                now = self.through(child, now)
+            return now
+        if isinstance(node, Repeat):
+            return self._repeated(node, now)
+        ways = [now]  # of a selector, a parallel: nobody knows how far each child comes
+        for child in node.children:
+            ways.append(self.through(child, _common(ways)))
+        return _common(ways)
+
+    def _repeated(self, node: Repeat, now: _Now) -> _Now:
+        """What every round leaves; of the second one, the motions that the first has not."""
+        once = self.through(node.decorated, now)
+        if node.times == 1:
+            return once
+        first = len(self.motions)
+        twice = self.through(node.decorated, once)
+        known = {(motion.pose, motion.world) for motion in self.motions[:first]}
+        again = self.motions[first:]
+        self.motions[first:] = [m for m in again if (m.pose, m.world) not in known]
+        return _common((once, twice))
+
+    def _after(self, leaf: Leaf, now: _Now) -> _Now:
+        kind = type(leaf.skill)
+        poses = kind.poses(self._robot, leaf.known)
+        for pose in poses:
+            left_out = tuple(sorted(now.unsure))
+            self.motions.append(Motion(target_of(leaf), pose, now.pose, now.world, left_out))
+            now = replace(now, pose=pose)
+        if not poses and "goal" in (*kind.output_ports(), *leaf.inputs):  # found by other means
+            now = replace(now, pose=None)
+        if isinstance(leaf.skill, (*_ADDS, Attach, Detach, RemoveBody)):
+            now = self._changed(leaf.skill, leaf.known, now)
+        return now
+
+    def _changed(self, skill: Skill, known: Mapping[str, Any], now: _Now) -> _Now:
+        """With the body that a skill adds, hands over or removes."""
+        if "body" not in known:
+            return now.unsure_of((_UNNAMED, *(body.name for body in now.world.bodies)))
+        name = known["body"]
+        if isinstance(skill, RemoveBody):
+            return now.without((name,))
+        body = skill.body(known) if isinstance(skill, _ADDS) else self._carried(skill, known, now)
+        return now.having(body) if body else now.unsure_of((name,))
+
+    def _carried(self, skill: Skill, known: Mapping[str, Any], now: _Now) -> Body | None:
+        """A body in its new hands; None where it is not known where these are."""
+        link = known.get("link") if isinstance(skill, Attach) else ""
+        if now.pose is None or link is None:
+            return None
+        try:
+            return self._carry(Carry(now.world, known["body"], link, now.pose))
+        except MotionError:  # the body is not known here
+            return None
+
+
+def _common(ways: Sequence[_Now]) -> _Now:
+    """What is known whichever way was taken."""
+    first, *others = ways
+    unsure = {name for way in ways for name in way.unsure}
+    bodies = {body for way in ways for body in way.world.bodies}
+    unsure |= {body.name for body in bodies if any(body not in way.world.bodies for way in ways)}
+    pose = first.pose if all(way.pose == first.pose for way in others) else None
+    return replace(first, pose=pose).unsure_of(unsure)

@@ -1,0 +1,103 @@
+"""Motions in space, to be drawn: of a plan, and of a recording."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from executive.recording.evidence import robot_of
+from executive.recording.meshes import world_of
+from hardware import Robot
+from logs import Goal, Plan, Recording, Sent
+from logs.figure import Scene
+from logs.story import bodies_in_words
+from logs.sweep import Sweep
+from skills.motion import World
+from skills.motion.model import Model
+from skills.motion.outline import outlines
+
+POSES = 14  # of a motion
+_MOST_POSES = 4 * POSES
+
+
+def sweep_of(robot: Robot, world: World, configurations: ArrayLike) -> Sweep:
+    """A motion among bodies.
+
+    Args:
+        robot: Whose.
+        world: Around it, and in its hand.
+        configurations: What is drawn of it: all actuated joints (N, A) [rad].
+
+    Raises:
+        BadWorld: The world cannot be loaded.
+    """
+    model = Model(robot, world)
+    fixed = {body.name for body in world.bodies if not body.link}
+    poses, bodies = [], []
+    for configuration in np.asarray(configurations):
+        shapes = [(name, points.tolist()) for name, points in outlines(model, configuration)]
+        poses.append([points for name, points in shapes if name not in fixed])
+        bodies = [points for name, points in shapes if name in fixed]
+    return Sweep(poses, bodies)
+
+
+@dataclass
+class _Motion:
+    """What was commanded from one planning to the next, by joint [rad]."""
+
+    plan: Plan
+    start: dict[str, float] = field(default_factory=dict)
+    commanded: list[dict[str, float]] = field(default_factory=list)
+
+    def take(self, plan: Plan) -> None:
+        """A plan of one of the groups; it knows best where its own joints stood."""
+        own = {name: q for name, q in plan.start.items() if name in plan.joints}
+        self.start = plan.start | self.start | own
+
+    def poses(self) -> list[dict[str, float]]:
+        """A few of them, from the first to the last."""
+        every = [self.start, *self.commanded]
+        chosen = np.linspace(0, len(every) - 1, min(POSES, len(every))).round().astype(int)
+        return [self.start | every[index] for index in chosen]
+
+
+def scenes_of(path: Path) -> list[Scene]:
+    """The motions of a run that had bodies around them, those in one world in one picture.
+
+    Raises:
+        RecordingError: The recording cannot be read, or does not hold the robot.
+        DescriptionError: It holds one that makes no sense.
+        BadWorld: The bodies make no sense, or the file of one is not there.
+    """
+    recording = Recording(path)
+    worlds: dict[str, list[tuple[int, _Motion]]] = {}
+    for number, motion in enumerate(_motions(recording), 1):
+        if motion.plan.world:
+            worlds.setdefault(json.dumps(motion.plan.world), []).append((number, motion))
+    return [_scene(recording, motions) for motions in worlds.values()]
+
+
+def _motions(recording: Recording) -> list[_Motion]:
+    motions: list[_Motion] = []
+    for record in recording.records(Goal, Plan, Sent):
+        if isinstance(record, Goal):
+            motions = []
+        elif isinstance(record, Plan):
+            if not motions or motions[-1].commanded:
+                motions.append(_Motion(record))
+            motions[-1].take(record)
+        elif isinstance(record, Sent) and record.joints and motions:
+            motions[-1].commanded.append(dict(zip(record.joints, record.positions, strict=True)))
+    return motions
+
+
+def _scene(recording: Recording, motions: list[tuple[int, _Motion]]) -> Scene:
+    robot, bodies = robot_of(recording), motions[0][1].plan.world
+    poses = [pose for _, motion in motions for pose in motion.poses()]
+    chosen = np.linspace(0, len(poses) - 1, min(_MOST_POSES, len(poses))).round().astype(int)
+    rows = [[poses[index][joint.name] for joint in robot.actuated] for index in chosen]
+    numbers = ", ".join(str(number) for number, _ in motions)
+    title = f"Motion{'s' * (len(motions) > 1)} {numbers}; around: {bodies_in_words(bodies)}"
+    return Scene(title, sweep_of(robot, world_of(bodies, recording.files), rows))

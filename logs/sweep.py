@@ -1,0 +1,89 @@
+"""The arm's sweep, and what is around it, from two sides."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch, Polygon
+
+_START, _ARM, _BODY = "#777777", "#0072B2", "#D55E00"
+_SIDES = ((0, 2), (0, 1))
+
+Point = tuple[float, float]
+Shape = Sequence[Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What is drawn of a motion in space.
+
+    Attributes:
+        poses: By pose, the points around every shape of the arm, in the root frame [m].
+        bodies: The points around everything that is no part of it [m].
+    """
+
+    poses: Sequence[Sequence[Shape]]
+    bodies: Sequence[Shape]
+
+
+def draw_sweep(sides: Sequence[Axes], sweep: Sweep) -> None:
+    """Draws all poses over each other: the first grey, the last blue, those between faint.
+
+    Args:
+        sides: Two, for the view from the front and that from above.
+        sweep: What to draw.
+    """
+    for axes, (across, up) in zip(sides, _SIDES, strict=True):
+        _side(axes, sweep, across, up)
+
+
+def _side(axes: Axes, sweep: Sweep, across: int, up: int) -> None:
+    axes.set_aspect("equal")
+    axes.tick_params(labelsize=6)
+    axes.locator_params(nbins=6)
+    axes.set_xlabel(f"{'xyz'[across]} [m]", fontsize=7)
+    axes.set_ylabel(f"{'xyz'[up]} [m]", fontsize=7)
+    axes.set_title("sweep from the front" if up == 2 else "sweep from above", fontsize=7)
+    for shape in sweep.bodies:
+        _shape(axes, shape, (across, up), _BODY, 0.5)
+    for poses, color, alpha in (
+        (sweep.poses[1:-1], _ARM, 0.06),
+        (sweep.poses[:1], _START, 0.3),
+        (sweep.poses[1:][-1:], _ARM, 0.3),
+    ):
+        for pose in poses:
+            for shape in pose:
+                _shape(axes, shape, (across, up), color, alpha)
+    handles = [Patch(color=_START, alpha=0.5, label="start")]
+    if len(sweep.poses) > 1:
+        handles.append(Patch(color=_ARM, label="end"))
+    if sweep.bodies:
+        handles.append(Patch(color=_BODY, alpha=0.5, label="bodies"))
+    axes.legend(handles=handles, fontsize=6, loc="best")
+    axes.autoscale_view()
+
+
+def _shape(axes: Axes, points: Shape, plane: tuple[int, int], color: str, alpha: float) -> None:
+    flat = [(point[plane[0]], point[plane[1]]) for point in points]
+    axes.add_patch(Polygon(_hull(flat), facecolor=color, alpha=alpha, edgecolor=color, lw=0.3))
+
+
+def _hull(points: Sequence[Point]) -> list[Point]:
+    """Corners of the convex hull, in turn (A. M. Andrew's monotone chain, 1979)."""
+    ordered = sorted(set(points))
+    if len(ordered) < 3:
+        return ordered
+    lower, upper = _chain(ordered), _chain(ordered[::-1])
+    return lower[:-1] + upper[:-1]
+
+
+def _chain(points: Sequence[Point]) -> list[Point]:
+    chain: list[Point] = []
+    for x, y in points:
+        while len(chain) > 1:
+            (ax, ay), (bx, by) = chain[-2:]
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
+                break
+            chain.pop()
+        chain.append((x, y))
+    return chain

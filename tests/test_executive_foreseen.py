@@ -1,0 +1,127 @@
+"""What a task puts around the arm counts before it runs, too: in `armtree check` and `plan`."""
+
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from executive.building.check import check
+from executive.commands.cli import cli
+from hardware import Robot
+
+HEAD = "task: 7\nname: x\ndescription: y\ntree:\n  sequence:\n"
+POST = "AddBox: {body: post, size: [3 cm, 3 cm, 3 cm], position: [0.12, 0.04, 0.07]}"
+TALL = "AddBox: {body: tall, size: [3 cm, 3 cm, 20 cm], position: [0.115, 0.115, 0.1]}"
+GO = "{subtree: reach, with: {arm: right, gripper: open}}"  # into the post, round the tall one
+COME = "{subtree: reach, with: {arm: upright, gripper: open}}"
+# It stands off to the left, and in the hand it comes to where the block is.
+BALL = "AddSphere: {body: ball, radius: 1 cm, position: [-0.1, 0.15, 0.3]}"
+HOLD = "{Attach: {body: ball, link: claw_support}}"
+BLOCK = "AddBox: {body: block, size: [4 cm, 4 cm, 4 cm], position: [0.17, 0.08, 0.29]}"
+LEFT = (
+    "{subtree: reach, with: "
+    "{arm: {joint_1: 0.3, joint_2: -0.6, joint_3: 0}, gripper: {joint_4: -0.3}}}"
+)
+WHOLE = "{joint_1: 0.3, joint_2: -0.6, joint_3: 0, joint_4: -0.3}"
+BEAM = "AddBox: {body: beam, size: [0.1, 0.1, 0.1], position: [0.5, 0, 0.5], touches: [ball]}"
+MAYBE = "{{selector: [{{RemoveBody: {{body: {}}}}}, Succeed]}}"
+
+
+def written(folder: Path, *steps: str, above: str = "") -> Path:
+    path = folder / "7_x.yaml"
+    text = HEAD.replace("tree:", f"{above}tree:") + "".join(f"    - {step}\n" for step in steps)
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("steps", "line", "why"),
+    [
+        ((POST, GO), 7, "this pose collides: .* deep in post"),
+        ((POST, COME, GO), 8, "this pose collides: .* deep in post"),
+        ((f"{{retry: {{sequence: [{{{POST}}}, {GO}]}}, attempts: 2}}",), 6, "pose .* deep in post"),
+        ((f"{{repeat: {{sequence: [{COME}, {GO}, {COME}, {{{POST}}}]}}, times: 2}}",), 6,
+         "this pose collides: .* deep in post"),
+        ((f"{{repeat: {{sequence: [{COME}, {GO}, {COME}, {{{POST}}}]}}, times: 1}}",), 0, ""),
+        ((BALL, LEFT, HOLD, BLOCK, GO), 10, "ball would be .* deep in block"),
+        ((BALL, BLOCK, LEFT, HOLD, "{Detach: {body: ball}}", GO), 0, ""),
+        ((GO, POST), 0, ""),
+        ((GO, POST, COME), 8, "before it moves here, the arm collides: .* deep in post"),
+        ((POST, "{RemoveBody: {body: post}}", GO), 0, ""),
+        ((POST, POST.replace("0.12", "-0.22"), GO), 0, ""),
+        ((POST, MAYBE.format("post"), GO), 0, ""),
+        ((f"parallel: [{{{POST}}}, {GO}]",), 0, ""),
+        ((BALL, HOLD, BLOCK, GO), 0, ""),  # nobody knows where the arm stands at first
+        ((POST.replace("post,", "post, touches: [later],"), GO), 0, ""),
+    ],
+)  # fmt: skip
+def test_check_finds_a_pose_in_a_body(
+    robot: Robot, tmp_path: Path, steps: tuple[str, ...], line: int, why: str
+) -> None:
+    path = written(tmp_path, *steps)
+    mistakes = check(robot, None, [path]).mistakes
+    assert [(m.place.path.name, m.place.line) for m in mistakes] == [("7_x.yaml", line)] * bool(why)
+    assert not why or re.search(why, mistakes[0].message), mistakes
+
+
+def planned(folder: Path, *steps: str, above: str = "") -> list[str]:
+    """What `armtree plan` says of a task, motion by motion."""
+    path = written(folder, *steps, above=above)
+    words = ["plan", "7", "--trees", str(path.parent), "-o", str(folder / "plan.png")]
+    result = CliRunner().invoke(cli, words)
+    if result.exception:
+        raise result.exception
+    return re.split(r"Motion \d of \d\n", result.output)[1:] or [result.output]
+
+
+def test_plan_goes_round_what_the_task_puts_there(tmp_path: Path) -> None:
+    first, second = planned(tmp_path, COME, TALL, GO)
+    assert "Around" not in first
+    assert "Path      round something" in second
+    assert "Around    tall" in second
+    assert "Left out" not in first + second
+
+
+def test_plan_shows_a_round_again_only_where_it_differs(tmp_path: Path) -> None:
+    same = f"{{repeat: {{sequence: [{COME}, {GO}]}}, times: 3}}"
+    assert len(planned(tmp_path, same)) == 2
+    differs = f"{{repeat: {{sequence: [{COME}, {GO}, {{{TALL}}}]}}, times: 3}}"
+    told = planned(tmp_path, differs)
+    assert ["Around    tall" in motion for motion in told] == [False, False, True, True]
+
+
+def test_plan_takes_along_what_the_task_holds(tmp_path: Path) -> None:
+    first, second = planned(tmp_path, BALL, LEFT, HOLD, GO)
+    assert "Around    ball\n" in first
+    assert "Around    ball on claw_support\n" in second
+
+
+@pytest.mark.parametrize(
+    ("steps", "above", "names"),
+    [
+        ((TALL, MAYBE.format("tall"), GO), "", "tall"),
+        ((TALL.replace("0.115]", "$z]").replace("0.1]", "$z]"), GO),
+         "parameters: {z: {type: length}}\n", "tall"),
+        ((TALL, "{RemoveBody: {body: $b}}", GO), "parameters: {b: {type: text}}\n",
+         "bodies named at run time, tall"),
+        ((BALL, "{SetStart: {start: $s}}", "{Shift: {start: $s, by: {joint_1: 0.1}, goal: $g}}",
+          "{PlanArm: {start: $s, goal: $g, plan: $a}}",
+          "{PlanGripper: {start: $s, goal: $g, plan: $b}}",
+          "{Execute: {arm_plan: $a, gripper_plan: $b}}", HOLD, GO),
+         "", "ball"),
+        ((BALL, COME, "{SetStart: {start: $s}}",
+          f"{{PlanArm: {{start: $s, goal: {WHOLE}, plan: $a}}}}",
+          f"{{PlanGripper: {{start: $s, goal: {WHOLE}, plan: $b}}}}",
+          "{Execute: {arm_plan: $a, gripper_plan: $b}}", HOLD, GO),
+         "", "ball"),
+        ((BALL, MAYBE.format("ball"), BEAM, GO), "", "ball"),
+    ],
+)  # fmt: skip
+def test_plan_says_what_it_leaves_out(
+    tmp_path: Path, steps: tuple[str, ...], above: str, names: str
+) -> None:
+    told = planned(tmp_path, *steps, above=above)[-1]
+    assert "Path      straight" in told
+    assert f"Left out  {names}: only a run of the task tells" in told
+    assert f"Around    {names}" not in told
