@@ -4,7 +4,8 @@
 bytes of a pseudo-terminal, by another process that reads them. Ten thousand cancels and a thousand
 goals run in simulated time, on the board in-process. `cancel_http` is the same cancel asked by a
 request, `stop_in_flood` a stop on a new connection while strangers, in another process, send all
-they can. `rosbridge_result` is an empty task asked as roslibpy does; its client is in this process.
+they can. `rosbridge_result` is an empty task asked as roslibpy does, by a client in this process,
+once the recording of the one before is finished; `rosbridge_back_to_back` at once after it.
 """
 
 import dataclasses
@@ -18,6 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,7 @@ from executive.executive import Event, Executive
 from executive.goal import GoalState
 from executive.goals import Policy
 from executive.live_library import LiveLibrary
+from executive.recording.recordings import is_servers
 from executive.run import Run
 from hardware import (
     FIRMWARES,
@@ -45,6 +48,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
+from logs.recovery import being_written
 from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
@@ -331,8 +335,13 @@ def idle_load(seconds: float) -> float:
             return 100 * (time.process_time() - used) / seconds
 
 
-def bridge_times(count: int) -> list[float]:
-    """From an empty task's goal to its result, asked by rosbridge [ms]."""
+def bridge(count: int, apart: bool) -> float:
+    """The median from an empty task's goal to its result, asked by rosbridge [ms].
+
+    Args:
+        count: How many goals.
+        apart: Whether each waits until the recording of the one before is finished.
+    """
     robot = quick_robot()
     with tempfile.TemporaryDirectory() as folder:
         link = robot.link(VIRTUAL)
@@ -340,8 +349,15 @@ def bridge_times(count: int) -> list[float]:
             serving(robot, link, RealClock(), lambda _: None, Path(folder)) as arm,
             served(arm, robot, Path(folder)) as server,
         ):
-            rosbridge_results(server, 20, 3)
-            return rosbridge_results(server, 20, count)
+            between = partial(_finished, Path(folder)) if apart else lambda: None
+            rosbridge_results(server, 20, 3, between)
+            return statistics.median(rosbridge_results(server, 20, count, between))
+
+
+def _finished(folder: Path) -> None:
+    """Wait until the recordings of all goals are."""
+    while any(being_written(path) for path in folder.glob("*.mcap") if not is_servers(path)):
+        rest(RealClock(), 0.01)
 
 
 def percentile(samples: Sequence[float], percent: int) -> float:
@@ -351,7 +367,7 @@ def percentile(samples: Sequence[float], percent: int) -> float:
 def main(runs: int, file: Path | None, cancels: int) -> None:
     """Measure and show."""
     following, canceled = next_skill_times(), cancel_times(200)
-    asked, bridged = cancel_times(200, over_http), bridge_times(200)
+    asked = cancel_times(200, over_http)
     flooded = cancel_times(100, in_a_flood)
     zombies, after_hold, stopped = leftovers(cancels)
     done, grown, threads, descriptors = soak(1000)
@@ -363,7 +379,8 @@ def main(runs: int, file: Path | None, cancels: int) -> None:
         Row("cancel_http_p99_ms", "ms", [percentile(asked, 99)]),
         Row("stop_in_flood_p50_ms", "ms", [percentile(flooded, 50)]),
         Row("stop_in_flood_p99_ms", "ms", [percentile(flooded, 99)]),
-        Row("rosbridge_result_p50_ms", "ms", [percentile(bridged, 50)]),
+        Row("rosbridge_result_p50_ms", "ms", [bridge(100, True) for _ in range(runs)]),
+        Row("rosbridge_back_to_back_p50_ms", "ms", [bridge(100, False) for _ in range(runs)]),
         Row("zombies", "1", [zombies]),
         Row("frames_after_hold", "1", [after_hold]),
         Row("cancels_in_motion", "1", [stopped]),

@@ -88,7 +88,7 @@ class Bench:
         compares = '    - Compare: {left: 1, is: "<", right: 2}\n' * (NODES - 1)
         (self.large / "10_large.yaml").write_text(f"{head}sequence:\n{compares}")
         waits = "    - Wait: {duration: 1 h}\n" * (NODES - 1)
-        text = f"{head}parallel:\n{waits}".replace("10", "11", 1)
+        text = f"{head}parallel:\n{waits}".replace("10\nname: large", "11\nname: wide", 1)
         (self.large / "11_wide.yaml").write_text(text)
 
     def write(self, parameters: str, swing: str) -> None:
