@@ -167,7 +167,7 @@ def main(runs: int, file: Path | None) -> None:
             Row("load_10k_s", "s", [timed(bench.load) for _ in range(min(runs, 3))]),
             Row("find_one_s", "s", [timed(bench.find) for _ in range(runs)]),
             Row("check_1000_nodes_s", "s", [timed(bench.check) for _ in range(runs)]),
-            Row("tick_ratio", "", [bench.tick_ratio() for _ in range(runs)]),
+            Row("tick_ratio", "", [bench.tick_ratio() for _ in range(3 * runs)]),
         ]
         bench.write(PARAMETERS, "$swing")
         with_parameters = [timed(bench.load) for _ in range(min(runs, 3))]
