@@ -7,7 +7,7 @@ from py_trees.common import Status
 
 from hardware import Robot
 from skills import BadTarget, CheckBounds, OutOfBounds, Positions, Shift, SkillError, check_targets
-from skills.bounds import by_group, check_whole
+from skills.bounds import by_group, check_link, check_whole
 from tests.arms import foreign
 from tests.conftest import Bench
 
@@ -102,6 +102,15 @@ def test_a_configuration_names_every_joint_that_is_moved(robot: Robot) -> None:
     with pytest.raises(BadTarget, match=why) as caught:
         check_whole(robot, "start", {"joint_1": 0.0, "joint_3": 0.0})
     assert caught.value.way == ("start",)
+
+
+def test_a_link_is_one_of_the_robots(robot: Robot) -> None:
+    for name in robot.links:
+        check_link(robot, "to", name)
+    with pytest.raises(BadTarget) as caught:
+        check_link(robot, "to", "claw")
+    assert str(caught.value) == f"the robot has no link claw; it has {', '.join(robot.links)}"
+    assert caught.value.way == ("to",)
 
 
 def test_joints_are_told_apart_by_their_groups(robot: Robot) -> None:
