@@ -12,6 +12,7 @@ from hardware import Robot, load_robot
 from skills.motion import BadWorld, Body, ModelUnusable, NotFinite, Sphere, World
 from skills.motion.contacts import Contacts
 from skills.motion.model import Model
+from skills.motion.reach import level
 from skills.motion.shapes import corners
 
 Array = NDArray[np.float64]
@@ -87,7 +88,10 @@ def test_no_pair_travels_further_than_its_bound(robot: Robot) -> None:
 
 
 def seen(model: Model, configuration: Array) -> list[Array]:
-    """For each pair of links, points of the outer one in the frame of the inner one."""
+    """For each pair of links, points of the outer one as the inner one sees them.
+
+    The floor sees heights alone.
+    """
     data = model.kinematics.createData()
     pin.forwardKinematics(model.kinematics, data, model.coordinates(configuration[None, :])[:, 0])
     found = []
@@ -95,8 +99,38 @@ def seen(model: Model, configuration: Array) -> list[Array]:
         shapes = (model.outer.geometryObjects[index] for index in (pair.first, pair.second))
         inner, outer = sorted(shapes, key=lambda shape: shape.parentJoint)
         place = data.oMi[inner.parentJoint].actInv(data.oMi[outer.parentJoint])
-        found.append(corners(outer) @ place.rotation.T + place.translation)
+        points = corners(outer) @ place.rotation.T + place.translation
+        found.append(points[:, 2:] if inner.name == "floor" else points)
     return found
+
+
+UPRIGHT, LEVEL = (0, 0, 1), (1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("axes", "expected"),
+    [
+        ([("revolute", UPRIGHT), ("revolute", LEVEL), ("revolute", UPRIGHT)], ["j0"]),
+        (
+            [("prismatic", LEVEL), ("revolute", (0, 0, -1)), ("prismatic", LEVEL)],
+            ["j0", "j1", "j2"],
+        ),
+        ([("prismatic", UPRIGHT), ("revolute", UPRIGHT)], []),
+        ([("revolute", (0, 1e-3, 1)), ("prismatic", LEVEL)], []),
+        ([("continuous", UPRIGHT), ("prismatic", (1, 0, 0.01))], ["j0"]),
+    ],
+)
+def test_joints_that_leave_every_height_as_it_is(
+    axes: list[tuple[str, tuple[float, ...]]], expected: list[str]
+) -> None:
+    links = "".join(f"<link name='l{i}'/>" for i in range(len(axes) + 1))
+    for i, (kind, axis) in enumerate(axes):
+        links += f"""
+            <joint name='j{i}' type='{kind}'><parent link='l{i}'/><child link='l{i + 1}'/>
+            <origin xyz='0.1 0 0.1'/><axis xyz='{" ".join(map(str, axis))}'/>
+            <limit lower='-1' upper='1' velocity='1' effort='1'/></joint>"""
+    found = level(pin.buildModelFromXML(f"<robot name='r'>{links}</robot>"))
+    assert found == dict.fromkeys(expected, 0.0)
 
 
 def test_unusable_urdf(robot: Robot, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Does the arm touch anything? Many configurations at a time."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -56,7 +57,11 @@ class Contacts:
     def __init__(self, model: Model) -> None:
         self._model = model
         self.pairs = frozenset(range(len(model.outer.collisionPairs)))
-        self._all, self._some = _Outer(model, self.pairs), _Outer(model, frozenset())
+        self._outers = {
+            (every, least): _Outer(model, self.pairs if every else frozenset())
+            for every in (True, False)
+            for least in (True, False)
+        }
         self._exact = dict[tuple[int, bool], _Exact]()
         self._data = model.kinematics.createData()
         self._shapes = model.exact.createData()
@@ -96,13 +101,14 @@ class Contacts:
             NotFinite: As `first_hit`.
         """
         hit = self.first_hit(configurations, margin)
-        before = self._coordinates(configurations[:hit]).T
-        row = next((i for i, q in enumerate(before) if self._insides.pairs(q)), hit)
-        if row is None:
+        if self._insides:
+            before = enumerate(self._coordinates(configurations[:hit]))
+            hit = next((i for i, q in before if self._insides.pairs(q)), hit)
+        if hit is None:
             return None
-        nearest = self.nearest(configurations[row])
+        nearest = self.nearest(configurations[hit])
         assert nearest
-        return row, nearest
+        return hit, nearest
 
     def look(
         self,
@@ -126,30 +132,34 @@ class Contacts:
             NotFinite: As `first_hit`.
         """
         q, wanted = self._coordinates(configurations), margins.tolist()
-        outer = self._outer(pairs)
+        outer = self._outer(pairs, False)
         outer.keep(pairs, wanted)
-        near, found = outer.hits(q, stop=False), set[int]()
-        rows = np.flatnonzero(near)
+        near = outer.hits(q, stop=False)
+        rows = near.nonzero()[0]
         if not rows.size:
             return Look(None, near, frozenset())
-        hit = self._first_hit(q[:, rows], least, pairs)
-        if hit is not None:
-            return Look(int(rows[hit]), near, frozenset())
-        outer.keep(pairs, wanted)
-        for row in rows.tolist():
-            here = q[:, row]
-            close = outer.touching(here)
-            if closely:
-                close = [k for k in close if self._of(k, False).hit(here, wanted[k])]
-            near[row] = bool(close)
-            found.update(close)
-        return Look(None, near, frozenset(found))
+        if not closely:
+            first, touches = self._first_doubt(q[rows], least, pairs)
+            if touches:
+                return Look(int(rows[first]), near, frozenset())
+            return Look(None, near, outer.near(q[rows]))
+        near, found, hit = np.zeros_like(near), set[int](), None
+        for k in sorted(outer.near(q[rows])):
+            doubtful = rows[self._near_by(q[rows], k, wanted[k], False)]
+            close = doubtful[self._of(k, False).hits(q[doubtful], wanted[k], stop=False)]
+            if close.size:
+                near[close] = True
+                found.add(k)
+        if found:
+            rows = near.nonzero()[0]
+            hit = self._first_hit(q[rows], least, frozenset(found))
+        return Look(None if hit is None else int(rows[hit]), near, frozenset(found))
 
     def close(self, configurations: Array, margin: float) -> frozenset[int]:
         """Pairs whose hulls are nearer than a margin [m] in some of the configurations (N, A)."""
-        q = self._coordinates(configurations)
-        self._all.keep(self.pairs, [margin] * len(self.pairs))
-        return frozenset(k for column in q.T for k in self._all.touching(column))
+        q, outer = self._coordinates(configurations), self._outer(self.pairs, True)
+        outer.hold(self.pairs, margin)
+        return outer.near(q[outer.hits(q, stop=False)])
 
     def doubtful(
         self, configurations: Array, margin: float, pairs: frozenset[int]
@@ -161,28 +171,56 @@ class Contacts:
             margin: Distance to be kept [m].
             pairs: Those of `Model.outer` to be looked at.
         """
-        self._some.keep(pairs, [margin] * len(self.pairs))
-        return self._some.hits(self._coordinates(configurations), stop=False)
+        outer = self._outer(pairs, True)
+        outer.hold(pairs, margin)
+        return outer.hits(self._coordinates(configurations), stop=False)
 
     def _first_hit(self, q: Array, margin: float, pairs: frozenset[int]) -> int | None:
-        """Column of the first hit. One call if it is free; few looks if the first doubt is one."""
-        outer = self._outer(pairs)
-        outer.keep(pairs, [margin] * len(self.pairs))
-        doubtful, seen = np.flatnonzero(outer.hits(q, stop=True)), 0
-        while doubtful.size:
-            for column in doubtful.tolist():
-                here, seen = q[:, column], column + 1
-                if any(self._of(k, True).hit(here, margin) for k in outer.touching(here)):
-                    return column
-            doubtful = seen + np.flatnonzero(outer.hits(q[:, seen:], stop=False))
-        return None
+        """Row of the first hit. One call if it is free; few looks if the first doubt is one."""
+        first, touches = self._first_doubt(q, margin, pairs)
+        if touches:
+            return first
+        after, hit = q[first + 1 :], None
+        if not len(after):
+            return None
+        outer = self._outer(pairs, True)
+        doubtful = first + 1 + outer.hits(after, stop=False).nonzero()[0]
+        for k in sorted(outer.near(q[doubtful])):
+            rows = doubtful[self._near_by(q[doubtful], k, margin, True)]
+            hits = self._of(k, True).hits(q[rows], margin, stop=True)
+            if hits.any():
+                hit = int(rows[hits.argmax()])
+                doubtful = doubtful[doubtful < hit]
+        return hit
 
-    def _outer(self, pairs: frozenset[int]) -> "_Outer":
-        """Two, as turning many pairs on and off takes its time too."""
-        return self._all if pairs is self.pairs else self._some
+    def _first_doubt(self, q: Array, margin: float, pairs: frozenset[int]) -> tuple[int, bool]:
+        """Row of the first where hulls are too near, N if none; and whether primitives are."""
+        outer = self._outer(pairs, True)
+        outer.hold(pairs, margin)
+        doubts = outer.hits(q, stop=True).nonzero()[0]
+        if not doubts.size:
+            return len(q), False
+        first = int(doubts[0])
+        here = q[first : first + 1]
+        close = outer.touching(here)
+        return first, any(self._of(k, True).hits(here, margin, stop=True)[0] for k in close)
+
+    def _near_by(self, q: Array, pair: int, margin: float, least: bool) -> NDArray[np.bool_]:
+        """In which rows the hulls of a pair are nearer than a margin [m]."""
+        pairs = frozenset((pair,))
+        outer = self._outer(pairs, least)
+        outer.hold(pairs, margin)
+        return outer.hits(q, stop=False)
+
+    def _outer(self, pairs: frozenset[int], least: bool) -> "_Outer":
+        """As turning many pairs on and off takes its time: one for all and one for some.
+
+        Of each one for the least distance, which hardly ever changes.
+        """
+        return self._outers[pairs is self.pairs, least]
 
     def _of(self, pair: int, least: bool) -> "_Exact":
-        """Made when it is first needed; one for the least distance, which hardly ever changes."""
+        """Made when it is first needed; one for the least distance, as above."""
         checker = self._exact.get((pair, least))
         if checker is None:
             checker = _Exact(self._model, self._model.outer.collisionPairs[pair])
@@ -195,7 +233,7 @@ class Contacts:
         geometry = self._model.exact
         if not len(geometry.collisionPairs):
             return None
-        coordinates = self._coordinates(row)[:, 0]
+        coordinates = self._coordinates(row)[0]
         pin.computeDistances(
             self._model.kinematics, self._data, geometry, self._shapes, coordinates
         )
@@ -212,7 +250,7 @@ class Contacts:
             row, column = np.argwhere(~np.isfinite(configurations))[0]
             value = float(configurations[row, column])
             raise NotFinite(f"row {row}", self._model.joints[column], value)
-        return self._model.coordinates(configurations)
+        return self._model.coordinates(configurations).T
 
 
 class _Outer:
@@ -228,57 +266,83 @@ class _Outer:
         self._data = self._pool.getGeometryData(0)
         self._requests = _requests(model.outer, self._data)
         self._results = [self._data.collisionResults[k] for k in range(len(self._requests))]
-        self._pairs = pairs
+        self._pairs, self._margin = pairs, math.nan
         for k in range(len(self._requests)):
             if k not in pairs:
                 self._data.deactivateCollisionPair(k)
 
     def keep(self, pairs: frozenset[int], margins: Sequence[float]) -> None:
         """From now on look at these pairs, each with its distance to be kept (P,) [m]."""
+        self._only(pairs)
+        for k in pairs:
+            self._requests[k].security_margin = margins[k]
+        self._margin = math.nan
+
+    def hold(self, pairs: frozenset[int], margin: float) -> None:
+        """The same with one distance for all [m]."""
+        new = pairs - self._pairs if margin == self._margin else pairs
+        self._only(pairs)
+        for k in new:
+            self._requests[k].security_margin = margin
+        self._margin = margin
+
+    def _only(self, pairs: frozenset[int]) -> None:
+        if pairs is self._pairs:
+            return
         for k in self._pairs - pairs:
             self._data.deactivateCollisionPair(k)
         for k in pairs - self._pairs:
             self._data.activateCollisionPair(k)
-        for k in pairs:
-            self._requests[k].security_margin = margins[k]
         self._pairs = pairs
 
     def hits(self, q: Array, stop: bool) -> NDArray[np.bool_]:
-        """Whether each column is a hit; after the first, if `stop`, the rest is not looked at."""
-        if not q.size:
-            return np.zeros(q.shape[1], bool)
-        columns = np.asfortranarray(q)
-        return np.asarray(pin.computeCollisionsInParallel(1, self._pool, columns, True, stop), bool)
+        """Whether each row is a hit; after the first, if `stop`, the rest is not looked at."""
+        return _collide(self._pool, q, stop)
 
     def touching(self, q: Array) -> list[int]:
-        """All pairs that are too near where the joints are (nq,)."""
+        """All pairs that are too near in the one row (1, nq)."""
         if len(self._pairs) == 1:
             return list(self._pairs)  # who asks knows that there is one
-        pin.computeCollisionsInParallel(1, self._pool, q[:, None], False)
+        pin.computeCollisionsInParallel(1, self._pool, q.T, False)
         return [k for k in sorted(self._pairs) if self._results[k].isCollision()]
+
+    def near(self, q: Array) -> frozenset[int]:
+        """All pairs that are too near in one row or another, each of which has such a pair."""
+        pairs = self._pairs
+        while len(q):
+            left = self._pairs.difference(self.touching(q[:1]))
+            self._only(left)
+            if not left:
+                break
+            q = q[1:][self.hits(q[1:], stop=False)]
+        found = pairs - self._pairs
+        self._only(pairs)
+        return found
 
 
 class _Exact:
     """The primitives of two links, and their memory."""
 
     def __init__(self, model: Model, pair: pin.CollisionPair) -> None:
-        self._kinematics, self._data = model.kinematics, model.kinematics.createData()
-        self._geometry = model.between(pair)
-        self._shapes = self._geometry.createData()
-        self._requests = _requests(self._geometry, self._shapes)
+        geometry = model.between(pair)
+        self._pool = pin.GeometryPool(model.kinematics, geometry, 1)
+        self._requests = _requests(geometry, self._pool.getGeometryData(0))
         self._margin = 0.0
 
-    def hit(self, q: Array, margin: float) -> bool:
-        """Whether two are nearer than a margin [m] where the joints are (nq,)."""
+    def hits(self, q: Array, margin: float, stop: bool) -> NDArray[np.bool_]:
+        """Whether two are nearer than a margin [m] in each row, as `_Outer.hits`."""
         if margin != self._margin:
             for request in self._requests:
                 request.security_margin = margin
             self._margin = margin
-        return bool(
-            pin.computeCollisions(
-                self._kinematics, self._data, self._geometry, self._shapes, q, True
-            )
-        )
+        return _collide(self._pool, q, stop)
+
+
+def _collide(pool: pin.GeometryPool, q: Array, stop: bool) -> NDArray[np.bool_]:
+    """Whether each row is a hit; after the first, if `stop`, the rest is not looked at."""
+    if not len(q):
+        return np.zeros(0, bool)
+    return np.asarray(pin.computeCollisionsInParallel(1, pool, q.T, True, stop), bool)
 
 
 def _requests(geometry: pin.GeometryModel, data: pin.GeometryData) -> list[coal.CollisionRequest]:

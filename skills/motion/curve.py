@@ -9,6 +9,7 @@ tangent to both, traversed at the same rate of s: with unit directions d and e b
 so dq/ds runs linearly from d to e and is continuous, and |dq/ds| <= 1.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +72,15 @@ class Curve(Rebuilt):
         return cls(
             np.array([*breaks, reach[-1]]), np.array(base), np.array(slope), np.array(bend), stops
         )
+
+    @classmethod
+    def line(cls, begin: Array, end: Array) -> "Curve":
+        """The line from one point to another (J,) [rad]."""
+        step = end - begin
+        length = math.hypot(*step.tolist())
+        slope = (step / length)[None, :]
+        breaks = np.array([0.0, length])
+        return cls(breaks, begin[None, :], slope, np.zeros_like(slope), np.empty(0))
 
     @classmethod
     def point(cls, position: Array) -> "Curve":

@@ -1,5 +1,6 @@
 """The lowest rungs: is the question sound, and may the arm be at both ends?"""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,35 +23,62 @@ from .query import Query
 Array = NDArray[np.float64]
 
 
-def check_ends(robot: Robot, contacts: Contacts, query: Query) -> tuple[Array, Array]:
-    """All actuated joints at the start (A,), and the group's at start, via points and goal (K, J).
+class Ends:
+    """Checks both ends of the queries of one group.
 
-    All of them in [rad]; to be passed in that order, joints without an end the short way each time.
+    Args:
+        robot: Whose.
+        group: Name of the group.
 
-    Raises:
-        BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision, GoalInCollision:
-            In this order, the first that applies; a via point counts as a goal.
+    Attributes:
+        columns: Where the group's own joints are among the actuated (J,).
     """
-    if query.group not in robot.groups:
-        raise BadQuery.group(query.group, robot.groups)
-    if not (isinstance(query.seed, int) and query.seed >= 0):
-        raise BadQuery(f"The seed is {query.seed!r}; give a whole number from 0")
-    own, joints = columns(robot, query.group), robot.leaders(query.group)
-    endless = turning(robot, query.group)
-    start = finite("start", query.start, robot.actuated)
-    rows = [start]
-    for what, goal in (*(("via point", via) for via in query.via), ("goal", query.goal)):
-        rows.append(start.copy())
-        rows[-1][own] = short_way(endless, rows[-2][own], finite(what, goal, joints))
-    for number, row in enumerate(rows):
-        _bounded(robot, row, GoalOutOfBounds if number else StartOutOfBounds)
-    stations = np.array(rows)
-    blocked = contacts.blocked(stations, robot.collision.margin)
-    if blocked:
-        number, nearest = blocked
-        error = GoalInCollision if number else StartInCollision
-        raise error(*nearest, robot.collision.margin)
-    return start, stations[:, own]
+
+    def __init__(self, robot: Robot, group: str) -> None:
+        self.columns = columns(robot, group)
+        self._actuated, self._own = robot.actuated, robot.leaders(group)
+        self._endless, self._margin = turning(robot, group), robot.collision.margin
+        places = {joint.name: i for i, joint in enumerate(self._actuated)}
+        self._rules = [  # the coordinate of each joint, what it is times and plus, and its limits
+            (places[mimic.leader], mimic.multiplier, mimic.offset, joint)
+            if (mimic := joint.mimic)
+            else (places[joint.name], 1.0, 0.0, joint)
+            for joint in robot.joints
+        ]
+
+    def check(self, contacts: Contacts, query: Query) -> tuple[Array, Array]:
+        """All actuated joints at the start (A,), and the group's at start, via, goal (K, J).
+
+        All of them in [rad]; to be passed in that order, joints without an end the short way each
+        time.
+
+        Raises:
+            BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
+            GoalInCollision: In this order, the first that applies; a via point counts as a goal.
+        """
+        if not (isinstance(query.seed, int) and query.seed >= 0):
+            raise BadQuery(f"The seed is {query.seed!r}; give a whole number from 0")
+        start, own = finite("start", query.start, self._actuated), self.columns
+        rows = [start]
+        for what, goal in (*(("via point", via) for via in query.via), ("goal", query.goal)):
+            rows.append(start.copy())
+            rows[-1][own] = short_way(self._endless, rows[-2][own], finite(what, goal, self._own))
+        stations = np.array(rows)
+        for number, row in enumerate(stations.tolist()):
+            self._bounded(row, GoalOutOfBounds if number else StartOutOfBounds)
+        blocked = contacts.blocked(stations, self._margin)
+        if blocked:
+            number, nearest = blocked
+            error = GoalInCollision if number else StartInCollision
+            raise error(*nearest, self._margin)
+        return start, stations[:, own]
+
+    def _bounded(self, row: list[float], error: type[OutOfBounds]) -> None:
+        """Refuse joints outside their limits, followers included."""
+        for place, multiplier, offset, joint in self._rules:
+            value = multiplier * row[place] + offset
+            if not joint.lower <= value <= joint.upper:
+                raise error(joint.name, value, joint.lower, joint.upper, joint.unit)
 
 
 def columns(robot: Robot, group: str) -> NDArray[np.intp]:
@@ -68,6 +96,8 @@ def turning(robot: Robot, group: str) -> NDArray[np.bool_]:
 
 def short_way(endless: NDArray[np.bool_], start: Array, goal: Array) -> Array:
     """A goal with endless joints turned back to within half a turn of the start, (J,) [rad]."""
+    if not endless.any():
+        return goal
     turns = np.where(endless, np.round((goal - start) / (2.0 * np.pi)), 0.0)
     return goal - 2.0 * np.pi * turns
 
@@ -90,23 +120,13 @@ def finite(what: str, values: Sequence[float], joints: Sequence[Joint]) -> Array
         BadQuery: There are too many or too few, or they are no numbers.
         NotFinite: One is a NaN or an infinity.
     """
-    names = [joint.name for joint in joints]
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise BadQuery(f"The {what} {values!r} is not all numbers; give radians") from error
     if array.shape != (len(joints),):
-        raise BadQuery.count(what, array.size, names)
-    for name, value in zip(names, array.tolist(), strict=True):
-        if not np.isfinite(value):
-            raise NotFinite(what, name, value)
+        raise BadQuery.count(what, array.size, (joint.name for joint in joints))
+    for joint, value in zip(joints, array.tolist(), strict=True):
+        if not math.isfinite(value):
+            raise NotFinite(what, joint.name, value)
     return array
-
-
-def _bounded(robot: Robot, configuration: Array, error: type[OutOfBounds]) -> None:
-    """Refuse joints outside their limits, followers included."""
-    own = {joint.name: q for joint, q in zip(robot.actuated, configuration.tolist(), strict=True)}
-    for joint in robot.joints:
-        value = joint.mimic.value(own[joint.mimic.leader]) if joint.mimic else own[joint.name]
-        if not joint.lower <= value <= joint.upper:
-            raise error(joint.name, value, joint.lower, joint.upper, joint.unit)

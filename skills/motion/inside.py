@@ -47,9 +47,13 @@ class Insides:
         self._lower, self._upper = np.array(boxes).reshape(-1, 2, 3).swapaxes(0, 1)
         self._solids = dict[int, Solid]()
 
+    def __bool__(self) -> bool:
+        """Whether there is any mesh to look into."""
+        return bool(self._pairs.size)
+
     def pairs(self, q: Array) -> list[int]:
         """Pairs of `Model.exact` of which one is inside the other, where the joints are (nq,)."""
-        if not self._pairs.size:
+        if not self:
             return []
         model = self._model
         pin.updateGeometryPlacements(model.kinematics, self._data, model.exact, self._placed, q)

@@ -5,7 +5,7 @@ import pinocchio as pin
 from hardware import Robot
 
 from .errors import ModelUnusable
-from .reach import Levers, levers
+from .reach import Levers, level, levers
 from .shapes import hull, packages
 
 
@@ -20,6 +20,7 @@ class Links:
         exact: Every primitive or mesh of the URDF.
         outer: The convex hull around those of each link.
         levers: Of each of `outer`; see `reach`.
+        level: Those of the floor.
 
     Raises:
         ModelUnusable: pinocchio cannot read the URDF.
@@ -38,6 +39,7 @@ class Links:
             self.outer = self._hulls()
         except (RuntimeError, ValueError) as error:
             raise ModelUnusable(urdf, str(error)) from error
+        self.level = level(self._loose)
         self.levers = [self.levers_of(shape) for shape in self.outer]
 
     def levers_of(self, shape: pin.GeometryObject) -> Levers:

@@ -66,7 +66,7 @@ class Model:
             self._add_pairs(geometry, robot.collision)
             for shape in geometry.geometryObjects:
                 shape.geometry.computeLocalAABB()  # coal guesses from it where two shapes face
-        found += [{}] * (len(self.outer.geometryObjects) - len(found))  # the floor stands
+        found += [links.level] * (len(self.outer.geometryObjects) - len(found))  # of the floor
         self.levers = travels(robot, found, self.outer.collisionPairs)
         self._places = [self._place(name) for name in self.joints]
         # Whether pinocchio's coordinates are the configuration itself.

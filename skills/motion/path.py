@@ -45,6 +45,9 @@ def ways(
         return
     with watch.rung("straight"):
         straight = [space.edge(*leg) for leg in legs]
+    if straight == [True]:
+        yield np.array(legs[0]), Curve.line(*legs[0])
+        return
     if straight == [False]:
         with watch.rung("bend"):
             found = bent(space, search.lower, search.upper, legs[0])

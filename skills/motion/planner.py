@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from hardware import Clock, RealClock, Robot
 
+from .arrays import readonly
 from .carry import carried
 from .contacts import Contacts
 from .curve import Curve
 from .deadline import Deadline, Stopwatch
-from .ends import bounds, check_ends, columns, finite, turning
+from .ends import Ends, bounds, finite, turning
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError
 from .links import Links
 from .model import Model
@@ -97,14 +98,13 @@ class Planner:
             with watch.rung("world"):
                 self._scene(query.world)
         with watch.rung("ends"):
-            scene = self._scene(query.world)
-            start, stations = check_ends(self._robot, scene.contacts, query)
-        group = self._group(query.group)
+            scene, group = self._scene(query.world), self._group(query.group)
+            start, stations = group.ends.check(scene.contacts, query)
         space = Space(
             contacts=scene.contacts,
             start=start,
-            columns=group.columns,
-            levers=scene.model.levers[:, group.columns],
+            columns=group.ends.columns,
+            levers=scene.model.levers[:, group.ends.columns],
             margin=self._robot.collision.margin,
             proved=0.5 * self._robot.collision.margin,
             deadline=deadline,
@@ -162,7 +162,7 @@ class Planner:
         """
         start = finite("start", request.start, self._robot.actuated)
         group = self._group(request.plan.group)
-        return rest_of(request.plan, request.time, start, group.columns)
+        return rest_of(request.plan, request.time, start, group.ends.columns)
 
     def carry(self, request: Carry) -> Body:
         """A body where it is, but moving with another link.
@@ -177,6 +177,8 @@ class Planner:
 
     def _group(self, name: str) -> "_Group":
         if name not in self._groups:
+            if name not in self._robot.groups:
+                raise BadQuery.group(name, self._robot.groups)
             self._groups[name] = _Group(self._robot, name)
         return self._groups[name]
 
@@ -229,9 +231,9 @@ class _Group:
     def __init__(self, robot: Robot, name: str) -> None:
         joints = robot.leaders(name)
         self.joints = tuple(joint.name for joint in joints)
-        self.columns = columns(robot, name)
-        self.velocity = np.array([joint.velocity for joint in joints])
-        self.acceleration = np.array([joint.acceleration for joint in joints])
+        self.ends = Ends(robot, name)
+        self.velocity = readonly([joint.velocity for joint in joints])
+        self.acceleration = readonly([joint.acceleration for joint in joints])
         self.search = Search(*bounds(robot, name), turning(robot, name))
 
 

@@ -14,8 +14,12 @@ and so by no more does the distance between them change. If they keep
     margin / 2 + travel(dq / 2)
 
 in the middle of a line that is dq long, they keep half the margin all along it.
+
+The floor stays the same floor when it turns upright or slides along itself. So it may as well hang
+from the joints that do only that, and what they move does not come nearer to it.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 
 import coal
@@ -28,6 +32,8 @@ from hardware import Robot
 from .shapes import corners
 
 Array = NDArray[np.float64]
+_LEVEL = 1e-9  # what a joint may lift per unit to count as level [m/rad, m/m]
+
 Levers = dict[str, float]  # by the name of each joint that a shape hangs from
 
 
@@ -50,6 +56,23 @@ def levers(robot: Robot, model: pin.Model, joint: int, shape: pin.GeometryObject
         reach += float(np.linalg.norm(places, axis=1).max(initial=0.0)) + (slide or 0.0)
         places = model.jointPlacements[joint].translation[None, :]
         joint = model.parents[joint]
+    return found
+
+
+def level(model: pin.Model) -> Levers:
+    """Of the floor: the joints that only ever turn upright or slide level.
+
+    Args:
+        model: Of the joints; followers have coordinates of their own.
+    """
+    found, data = Levers(), model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    for joint in range(1, model.njoints):
+        slide, turn = _motion(model, data, joint).reshape(2, 3) @ data.oMi[joint].rotation.T
+        keeps = abs(slide[2]) < _LEVEL and math.hypot(turn[0], turn[1]) < _LEVEL
+        before = model.parents[joint]
+        if keeps and (not before or model.names[before] in found):
+            found[model.names[joint]] = 0.0
     return found
 
 
@@ -81,9 +104,13 @@ def travels(robot: Robot, shapes: Sequence[Levers], pairs: Iterable[pin.Collisio
 
 def _axis(model: pin.Model, data: pin.Data, joint: int) -> Array:
     """Axis of a hinge in its own frame (3,), a unit vector; zero for a slide."""
+    return _motion(model, data, joint)[3:]
+
+
+def _motion(model: pin.Model, data: pin.Data, joint: int) -> Array:
+    """How a joint moves what is on it, per unit, in its own frame: (6,), straight and turning."""
     jacobian = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
-    column = jacobian[:, model.joints[joint].idx_v]
-    return np.asarray(column[3:], dtype=np.float64)
+    return np.asarray(jacobian[:, model.joints[joint].idx_v], dtype=np.float64)
 
 
 def _slide(robot: Robot, model: pin.Model, joint: int) -> float | None:

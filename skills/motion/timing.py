@@ -43,8 +43,8 @@ def _section(
     curve: Curve, begin: float, end: float, velocity: Array, limits: Array
 ) -> Profile | None:
     """Between two stops: in closed form where it is one line, by TOPP-RA where it is not."""
-    inside = curve.breaks[(curve.breaks > begin) & (curve.breaks < end)]
-    if len(inside):
+    inside = [place for place in curve.breaks.tolist() if begin < place < end]
+    if inside:
         from .toppra_timing import fastest  # see `load`
 
         return fastest(curve, np.array([begin, *inside, end]), velocity, limits)
@@ -54,8 +54,12 @@ def _section(
 
 def _along(slope: Array, velocity: Array, acceleration: Array) -> tuple[float, float]:
     """Limits on ds/dt and d2s/dt2 along a line of that |dq/ds| (J,)."""
-    with np.errstate(divide="ignore", over="ignore"):  # a joint that stands limits nothing
-        return float(np.min(velocity / slope)), float(np.min(acceleration / slope))
+    moving = [(i, part) for i, part in enumerate(slope.tolist()) if part]
+    speed, push = (
+        min(limits[i] / part for i, part in moving)
+        for limits in (velocity.tolist(), acceleration.tolist())
+    )
+    return speed, push
 
 
 def trapezoid(begin: float, end: float, speed: float, push: float) -> Profile:
