@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -36,7 +37,10 @@ from skills.motion import (
     WorkerDied,
     World,
 )
+from skills.motion.planner import Planner
 from skills.motion.process import LOADED, WorkerProcess, receive
+from skills.motion.process import Answer as Answer_
+from skills.motion.worker import answered
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
 BENT = dataclasses.replace(PICK, via=((-0.7, 0.2, 0.0),))
@@ -126,8 +130,13 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
     poison = dataclasses.replace(PICK, goal=(float("nan"), 0.0, 0.0))
     assert isinstance(ask(pool, poison), NotFinite)
     assert isinstance(ask(pool, dataclasses.replace(PICK, group="legs")), BadQuery)
-    for timeout in (float("nan"), float("inf"), 1e7):
+    timeout: Any
+    for timeout in (float("nan"), float("inf"), 1e7, "soon", None):
         assert isinstance(ask(pool, dataclasses.replace(PICK, timeout=timeout)), BadQuery)
+    for value in (10**400, "a", None, [0.0]):
+        goal: Any = (value, 0.0, 0.0)
+        assert isinstance(ask(pool, dataclasses.replace(PICK, goal=goal)), BadQuery)
+    assert isinstance(ask(pool, "hello"), BadQuery)  # type: ignore[arg-type]
     assert isinstance(ask(pool, PICK), Plan)
     assert pid(pool) == worker
 
@@ -243,6 +252,23 @@ def test_loading_what_bends_need_is_no_part_of_a_time_out(
     assert worker.ask(quick) is None
     assert isinstance(worker.ask(quick), PlanTimeout)  # it counts again
     worker.close()
+
+
+def test_who_ran_out_of_time_beside_the_loading_is_asked_again(robot: Robot) -> None:
+    class Slow(Planner):
+        def answer(self, request: Request) -> Answer_:
+            asked.append(request)
+            loaded.set()
+            if len(asked) == 2:
+                return None
+            raise PlanTimeout(request.timeout)
+
+    asked, loaded, planner = list[Request](), threading.Event(), Slow(robot)
+    loading = threading.Thread(target=loaded.wait, args=(20.0,))
+    loading.start()
+    assert answered(planner, PICK, loading) is None
+    assert isinstance(answered(planner, PICK, loading), PlanTimeout)
+    assert len(asked) == 3
 
 
 def test_an_idle_worker_loads_what_bends_need_by_itself(robot: Robot) -> None:

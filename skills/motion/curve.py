@@ -9,7 +9,6 @@ tangent to both, traversed at the same rate of s: with unit directions d and e b
 so dq/ds runs linearly from d to e and is continuous, and |dq/ds| <= 1.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,10 +75,10 @@ class Curve(Rebuilt):
     @classmethod
     def line(cls, begin: Array, end: Array) -> "Curve":
         """The line from one point to another (J,) [rad]."""
-        step = end - begin
-        length = math.hypot(*step.tolist())
-        slope = (step / length)[None, :]
-        breaks = np.array([0.0, length])
+        step = (end - begin)[None, :]
+        length = norms(step)
+        slope = step / length[:, None]
+        breaks = np.array([0.0, length[0]])
         return cls(breaks, begin[None, :], slope, np.zeros_like(slope), np.empty(0))
 
     @classmethod

@@ -122,7 +122,7 @@ def finite(what: str, values: Sequence[float], joints: Sequence[Joint]) -> Array
     """
     try:
         array = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise BadQuery(f"The {what} {values!r} is not all numbers; give radians") from error
     if array.shape != (len(joints),):
         raise BadQuery.count(what, array.size, (joint.name for joint in joints))

@@ -62,7 +62,8 @@ class Pool:
         job = Job(self, request, done)
         with self._signal:
             if not self._closed:
-                self._queue.append(job)
+                if self._queue or not self._begin(job):
+                    self._queue.append(job)
                 self._signal.notify()
                 return job
         done(PlanCanceled())
@@ -113,15 +114,26 @@ class Pool:
             with self._signal:
                 seat.process = process
 
+    def _begin(self, job: Job) -> bool:
+        """Have an idle worker begin at once: it works while its thread here wakes up."""
+        seat = next((seat for seat in self._seats if seat.idle), None)
+        if not (seat and seat.process):
+            return False
+        seat.job, seat.ended, seat.idle = job, False, False
+        seat.process.begin(job.request)
+        return True
+
     def _next(self, seat: "_Seat") -> bool:
-        """Wait for a job and take it; False when the pool closes."""
+        """Wait for a job; False when the pool closes."""
         with self._signal:
-            while not self._queue and not self._closed:
-                self._signal.wait(None)
-            if self._closed:
-                return False
-            seat.job, seat.ended = self._queue.popleft(), False
-            return True
+            while not seat.job and not self._closed:
+                if self._queue:
+                    seat.job, seat.ended = self._queue.popleft(), False
+                else:
+                    seat.idle = True
+                    self._signal.wait(None)
+                    seat.idle = False
+            return seat.job is not None
 
     def _answer(self, seat: "_Seat", job: Job) -> Result:
         self._seated(seat)  # it may have died while it had nothing to do
@@ -138,13 +150,14 @@ class _Seat:
 
     Attributes:
         ended: Whether that job was canceled, and the process killed for it.
+        idle: Whether its thread waits for a job.
     """
 
     def __init__(self) -> None:
         self.process: WorkerProcess | None = None
         self.thread: Thread | None = None
         self.job: Job | None = None
-        self.ended = False
+        self.ended = self.idle = False
 
     def end(self) -> None:
         self.ended = True

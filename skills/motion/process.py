@@ -36,6 +36,7 @@ _NONSENSE = (
     ValueError,
 )
 _LONGEST = 86_400.0  # time-out there can be [s]
+_AT_ONCE = 32_768  # that a socket takes without waiting, when nothing else is in it [bytes]
 _GRACE = 0.008  # beyond its time-out, before a worker counts as hanging [s]
 _DYING = 0.2  # to say what was wrong, once it has hung up [s]
 _START = 30.0  # to load the model on a slow machine [s]
@@ -67,7 +68,7 @@ class WorkerProcess:
         self._socket, self._connection = ours, Connection(os.dup(ours.fileno()))
         self._readable = select.poll()  # kept, as `Connection.poll` makes one every time
         self._readable.register(self._connection, select.POLLIN)
-        self._ready = self._loaded = self._killed = False
+        self._ready = self._loaded = self._killed = self._begun = False
         self._hello(robot)
 
     @property
@@ -85,12 +86,14 @@ class WorkerProcess:
 
         A worker that died, hung or answered nonsense is no longer alive after it.
         """
-        if not abs(request.timeout) <= _LONGEST:  # nor if it is not a number
-            return BadQuery(f"The time-out is {request.timeout} s; give up to {_LONGEST:g}")
+        begun, self._begun = self._begun, False
+        if wrong := _wrong(request):
+            return wrong
         try:
             if not self._ready and (broken := self._start()):
                 return broken
-            send(self._connection, request)
+            if not begun:
+                send(self._connection, request)
             answer = self._answer_within(request.timeout + _GRACE)
         except (EOFError, OSError):
             return self._died()
@@ -102,6 +105,16 @@ class WorkerProcess:
         if answer is None or isinstance(answer, Plan | Reached | Body | MotionError):
             return answer
         return self._nonsense(f"{type(answer).__name__} instead of a plan")
+
+    def begin(self, request: Request) -> None:
+        """Send what will be asked next, where that can be done without waiting."""
+        if not self._ready or _wrong(request):
+            return
+        message = pickle.dumps(request, pickle.HIGHEST_PROTOCOL)
+        if len(message) <= _AT_ONCE:
+            with contextlib.suppress(OSError):  # it died; who asks is told
+                self._connection.send_bytes(message)
+                self._begun = True
 
     def kill(self) -> None:
         """End it now. May be called from any thread, and again."""
@@ -173,6 +186,15 @@ def send(connection: Connection, message: object) -> None:
 def receive(connection: Connection) -> Any:
     """What `send` sent."""
     return pickle.loads(connection.recv_bytes())
+
+
+def _wrong(request: Request) -> BadQuery | None:
+    if not isinstance(request, Request):
+        return BadQuery(f"{type(request).__name__} is nothing that a planner can be asked")
+    timeout = request.timeout
+    if isinstance(timeout, (int, float)) and abs(timeout) <= _LONGEST:  # not so if it is a NaN
+        return None
+    return BadQuery(f"The time-out is {timeout} s; give a number up to {_LONGEST:g}")
 
 
 class _Late:

@@ -2,7 +2,8 @@
 
 It is sent a pickled Robot, answers None when it has loaded it, and then answers every request that
 it is sent, in turn, until the other end closes. Meanwhile it loads TOPP-RA, and says when it has;
-a request that comes before waits for it only if it needs it. Errors of ours are answers, that there
+a request that comes before waits for it only if it needs it, or if its time was too short to be
+answered beside it. Errors of ours are answers, that there
 is no planning with this Robot to every request; any other ends the process, and the parent starts a
 new one. So does taking too much memory.
 """
@@ -17,7 +18,7 @@ from typing import Any
 
 from hardware import RealClock
 
-from .errors import MotionError
+from .errors import MotionError, PlanTimeout
 from .planner import Planner
 from .process import LOADED, receive, send
 from .timing import load
@@ -47,9 +48,10 @@ def _serve(connection: Connection) -> None:
             send(connection, error)
     send(connection, None)
     lock = Lock()
-    Thread(target=_load, args=(connection, lock), daemon=True).start()
+    loading = Thread(target=_load, args=(connection, lock), daemon=True)
+    loading.start()
     while True:
-        answer = _answer(planner, receive(connection))
+        answer = answered(planner, receive(connection), loading)
         with lock:
             send(connection, answer)
 
@@ -60,11 +62,16 @@ def _load(connection: Connection, lock: Lock) -> None:
         send(connection, LOADED)
 
 
-def _answer(planner: Planner, request: Any) -> Any:
+def answered(planner: Planner, request: Any, loading: Thread) -> Any:
+    """The answer to a request; one that ran out of time beside the loading is asked once more."""
+    busy = loading.is_alive()
     try:
         return planner.answer(request)
     except MotionError as error:
-        return error
+        if not (busy and isinstance(error, PlanTimeout)):
+            return error
+    loading.join()
+    return answered(planner, request, loading)
 
 
 if __name__ == "__main__":
