@@ -7,7 +7,16 @@ import pinocchio as pin
 import pytest
 
 from hardware import Robot, load_robot
-from skills.motion import Body, Box, Query, ToolQuery, Unreachable, World
+from skills.motion import (
+    Body,
+    Box,
+    GoalOutOfBounds,
+    Query,
+    StartOutOfBounds,
+    ToolQuery,
+    Unreachable,
+    World,
+)
 from skills.motion.blend import NEARNESS
 from skills.motion.contacts import Contacts
 from skills.motion.model import Model
@@ -141,6 +150,16 @@ def test_a_joint_without_an_end_goes_the_short_way(
     plan = planner.plan(Query("arm", (begins, *rest), (asked, *rest)))
     assert plan.goal.tolist() == pytest.approx([ends, *rest], abs=1e-12)
     assert plan.sample([plan.duration])[0].tolist() == plan.goal.tolist()
+
+
+@pytest.mark.parametrize("far", [1e7, -1e18, 1e300])
+def test_a_joint_without_an_end_is_not_sent_where_no_angle_can_be_told(far: float) -> None:
+    robot, rest = foreign("endless"), (0.5, 0.5, 0.0, 1.0, 0.0)
+    planner = planners.setdefault(robot.name, Planner(robot))
+    with pytest.raises(GoalOutOfBounds, match=r"is outside \[-1e\+06, 1e\+06\]"):
+        planner.plan(Query("arm", (0.0, *rest), (far, *rest)))
+    with pytest.raises(StartOutOfBounds):
+        planner.plan(Query("arm", (far, *rest), (0.0, *rest)))
 
 
 def test_via_points_let_it_turn_all_the_way() -> None:

@@ -265,10 +265,26 @@ def test_limits_that_make_no_sense(robot: Robot) -> None:
         dataclasses.replace(base, velocity=math.nan),
         dataclasses.replace(base, acceleration=math.nan),
         dataclasses.replace(base, acceleration=1e-300),
+        dataclasses.replace(base, acceleration=math.inf),
+        dataclasses.replace(base, velocity=math.inf),
         dataclasses.replace(base, lower=2.0),
     ):
         with pytest.raises(ModelUnusable, match="joint_1 has limits"):
             Planner(dataclasses.replace(robot, joints=(odd, *rest)))
+
+
+@pytest.mark.parametrize(("velocity", "acceleration"), [(1.0, 1e6), (1.0, 1e300), (1e-8, 1e-8)])
+def test_a_bend_is_checked_soon_whatever_the_limits(
+    robot: Robot, velocity: float, acceleration: float
+) -> None:
+    """The check reckons with no joint faster than its limit between two samples."""
+    joints = tuple(
+        dataclasses.replace(joint, velocity=velocity, acceleration=acceleration)
+        for joint in robot.joints
+    )
+    plan = Planner(dataclasses.replace(robot, joints=joints)).plan(DETOUR)
+    assert not plan.curve.straight
+    assert abs(plan.velocities(np.linspace(0.0, plan.duration, 500))).max() <= 1.001 * velocity
 
 
 def test_verify_passes_what_is_free(planner: Planner) -> None:

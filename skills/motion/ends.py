@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from .errors import (
 from .query import Query
 
 Array = NDArray[np.float64]
+
+_FARTHEST = 1e6  # of a joint without an end; of much more no angle can be told [rad]
 
 
 class Ends:
@@ -59,13 +62,14 @@ class Ends:
         if not (isinstance(query.seed, int) and query.seed >= 0):
             raise BadQuery(f"The seed is {query.seed!r}; give a whole number from 0")
         start, own = finite("start", query.start, self._actuated), self.columns
-        rows = [start]
-        for what, goal in (*(("via point", via) for via in query.via), ("goal", query.goal)):
-            rows.append(start.copy())
-            rows[-1][own] = short_way(self._endless, rows[-2][own], finite(what, goal, self._own))
-        stations = np.array(rows)
+        goals = (*(("via point", via) for via in query.via), ("goal", query.goal))
+        points = [start[own], *(finite(what, goal, self._own) for what, goal in goals)]
+        stations = np.tile(start, (len(points), 1))
+        stations[:, own] = points
         for number, row in enumerate(stations.tolist()):
             self._bounded(row, GoalOutOfBounds if number else StartOutOfBounds)
+        for before, row in pairwise(stations):
+            row[own] = short_way(self._endless, before[own], row[own])
         blocked = contacts.blocked(stations, self._margin)
         if blocked:
             number, nearest = blocked
@@ -77,8 +81,9 @@ class Ends:
         """Refuse joints outside their limits, followers included."""
         for place, multiplier, offset, joint in self._rules:
             value = multiplier * row[place] + offset
-            if not joint.lower <= value <= joint.upper:
-                raise error(joint.name, value, joint.lower, joint.upper, joint.unit)
+            lower, upper = max(joint.lower, -_FARTHEST), min(joint.upper, _FARTHEST)
+            if not lower <= value <= upper:
+                raise error(joint.name, value, lower, upper, joint.unit)
 
 
 def columns(robot: Robot, group: str) -> NDArray[np.intp]:

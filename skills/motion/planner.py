@@ -1,6 +1,7 @@
 """Start and goal in, a checked and timed Plan out: every rung in its place."""
 
 import dataclasses
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -212,9 +213,11 @@ def _check(space: Space, plan: Plan) -> None:
     """
     space = dataclasses.replace(space, margin=space.proved, proved=0.0)
     times = np.linspace(0.0, plan.duration, _SAMPLES)
-    # No joint can be faster between two samples than if it sped up and slowed down all it may.
+    # No joint can be faster between two samples than if it sped up and slowed down all it may, nor
+    # than its limit, to the thousandth that is kept.
     speeds, gain = abs(plan.velocities(times)), plan.acceleration * times[1]
-    travels = 0.5 * times[1] * (speeds[1:] + speeds[:-1] + gain) @ space.levers.T
+    fastest = np.minimum(0.5 * (speeds[1:] + speeds[:-1] + gain), 1.001 * plan.velocity)
+    travels = times[1] * fastest @ space.levers.T
     places, travels = evenly(times, travels)
     share = space.hit(lambda shares: plan.sample(places(shares)), travels)
     if share is not None:
@@ -254,7 +257,7 @@ def _timed(
 
 def _check_limits(robot: Robot) -> None:
     for joint in robot.joints:
-        moves = joint.velocity >= _SLOWEST and joint.acceleration >= _SLOWEST
+        moves = all(_SLOWEST <= limit < math.inf for limit in (joint.velocity, joint.acceleration))
         if not (moves and joint.lower <= joint.upper):
             why = f"{joint.name} has limits [{joint.lower:g}, {joint.upper:g}] rad, "
             why += f"{joint.velocity:g} rad/s, {joint.acceleration:g} rad/s2"
