@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from hardware import load_robot
-from skills.motion import BadWorld, Body, Mesh, MotionCollides, Query, Verify, World
+from skills.motion import (
+    BadWorld,
+    Body,
+    Mesh,
+    MotionCollides,
+    Query,
+    StartInCollision,
+    Verify,
+    World,
+)
 from skills.motion.planner import Planner
 
 ROBOT = load_robot()
@@ -56,3 +65,17 @@ def test_a_mesh_of_no_numbers_is_refused(tmp_path: Path) -> None:
     there = World((Body("thing", mesh(tmp_path, points, SHEET[1]), (0.0, 0.0, 0.6)),))
     with pytest.raises(BadWorld, match=r"mesh\.obj"):
         Planner(ROBOT).plan(Query("arm", (0.0,) * 4, (0.5, 0.0, 0.0), world=there))
+
+
+def test_a_mesh_whose_file_is_written_anew_is_read_again(tmp_path: Path) -> None:
+    """The same path and the same world, but not the same thing."""
+    points, faces = rod(16)
+    there = World((Body("thing", mesh(tmp_path, points, faces), (0.0, 0.0, 0.7)),))
+    planner, query = Planner(ROBOT), Query("arm", (0.0,) * 4, (0.5, 0.0, 0.0), world=there)
+    assert planner.plan(query).duration
+    mesh(tmp_path, 10.0 * np.asarray(points), faces)
+    with pytest.raises(StartInCollision, match="thing"):
+        planner.plan(query)
+    Path(tmp_path / "mesh.obj").unlink()
+    with pytest.raises(BadWorld, match=r"mesh\.obj"):
+        planner.plan(query)

@@ -1,5 +1,6 @@
 """The bodies of a world as pinocchio and coal see them."""
 
+import os
 from collections.abc import Iterator
 
 import coal
@@ -32,6 +33,11 @@ def objects(
         else:
             outer = exact
         yield body, exact, outer
+
+
+def files(world: World) -> list[tuple[int, ...] | None]:
+    """What tells that the file of a mesh was written anew; None for one that is not there."""
+    return [_stamp(body.shape.path) for body in world.bodies if isinstance(body.shape, Mesh)]
 
 
 def frame_of(kinematics: pin.Model, link: str) -> int:
@@ -72,6 +78,14 @@ def geometry(shape: Shape) -> coal.CollisionGeometry:
             except (RuntimeError, ValueError) as error:
                 why = str(error).partition("message: ")[2].splitlines() or [str(error)]
                 raise BadWorld(f"The mesh {path} cannot be read: {why[0]}") from error
+
+
+def _stamp(path: str) -> tuple[int, ...] | None:
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):  # whoever loads it says so
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def _seat(kinematics: pin.Model, body: Body) -> tuple[int, int, pin.SE3]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from hardware import Clock, RealClock, Robot
 
 from .arrays import readonly
+from .bodies import files
 from .carry import carried
 from .contacts import Contacts
 from .curve import Curve
@@ -185,7 +186,9 @@ class Planner:
 
     def _scene(self, world: World) -> "_Scene":
         """The model of a world; the empty one is kept, and of others the last few asked for."""
-        scene = self._scenes.pop(world, None) or _Scene(self._robot, world, self._links)
+        scene = self._scenes.pop(world, None)
+        if scene is None or scene.files != files(world):
+            scene = _Scene(self._robot, world, self._links)
         if len(self._scenes) >= _WORLDS:
             del self._scenes[next(other for other in self._scenes if other != EMPTY)]
         self._scenes[world] = scene
@@ -196,6 +199,7 @@ class _Scene:
     """What is kept of a world between queries."""
 
     def __init__(self, robot: Robot, world: World, links: Links) -> None:
+        self.files = files(world)  # as they are before they are read
         self.model = Model(robot, world, links)
         self.contacts = Contacts(self.model)
 
