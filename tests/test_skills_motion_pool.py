@@ -126,6 +126,7 @@ def test_errors_come_back_whole(pool: Pool) -> None:
 
 
 def test_poison_hurts_nobody_else(pool: Pool) -> None:
+    assert isinstance(ask(pool, PICK), Plan)
     worker = pid(pool)
     poison = dataclasses.replace(PICK, goal=(float("nan"), 0.0, 0.0))
     assert isinstance(ask(pool, poison), NotFinite)
@@ -137,6 +138,16 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
         goal: Any = (value, 0.0, 0.0)
         assert isinstance(ask(pool, dataclasses.replace(PICK, goal=goal)), BadQuery)
     assert isinstance(ask(pool, "hello"), BadQuery)  # type: ignore[arg-type]
+    tool = ToolQuery("arm", PICK.start, (0.1, 0.0, 0.1))
+    odd: dict[str, Any]
+    for request, odd in (
+        (PICK, {"via": 3}),
+        (PICK, {"group": []}),
+        (PICK, {"world": None}),
+        (tool, {"point": None}),
+        (tool, {"point": ("a", 0.0, 0.0)}),
+    ):
+        assert isinstance(ask(pool, dataclasses.replace(request, **odd)), BadQuery), odd
     assert isinstance(ask(pool, PICK), Plan)
     assert pid(pool) == worker
 

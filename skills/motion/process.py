@@ -18,7 +18,7 @@ from hardware import Robot
 from .errors import BadQuery, MotionError, PlanTimeout, WorkerDied
 from .plan import Plan
 from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
-from .world import Body
+from .world import Body, World
 
 Request = Query | Verify | ToolQuery | Carry | Rest
 Answer = Plan | Reached | Body | None
@@ -41,6 +41,14 @@ _GRACE = 0.008  # beyond its time-out, before a worker counts as hanging [s]
 _DYING = 0.2  # to say what was wrong, once it has hung up [s]
 _START = 30.0  # to load the model on a slow machine [s]
 _LOAD = 10.0  # to load, after it, what only bends need [s]
+
+# What a request must hold, so that it is answered and ends no worker.
+_FORMS: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
+    ("group", str, "the name of a group"),
+    ("via", (tuple, list), "a tuple of points"),
+    ("point", (tuple, list), "x, y, z"),
+    ("world", World, "a World"),
+)
 
 LOADED = "loaded"  # said once, when that is done
 
@@ -191,6 +199,10 @@ def receive(connection: Connection) -> Any:
 def _wrong(request: Request) -> BadQuery | None:
     if not isinstance(request, Request):
         return BadQuery(f"{type(request).__name__} is nothing that a planner can be asked")
+    for name, kind, form in _FORMS:
+        value = getattr(request, name, None)
+        if hasattr(request, name) and not isinstance(value, kind):
+            return BadQuery(f"The {name} is {value!r}; give {form}")
     timeout = request.timeout
     if isinstance(timeout, (int, float)) and abs(timeout) <= _LONGEST:  # not so if it is a NaN
         return None

@@ -22,6 +22,7 @@ from .ends import bounds, columns, finite, short_way, turning
 from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable
 from .model import Model
 from .query import Reached, ToolQuery
+from .world import Vector
 
 Array = NDArray[np.float64]
 
@@ -199,11 +200,17 @@ def _checked(robot: Robot, query: ToolQuery) -> Array:
         vector = getattr(query, what)
         if vector is None:
             continue
-        if len(vector) != 3:
-            raise BadQuery(f"The {what} has {len(vector)} values; give x, y, z")
-        for name, value in zip("xyz", vector, strict=True):
-            if not np.isfinite(value):
-                raise NotFinite(name, what, value)
+        _check_vector(what, vector)
         if what in ("direction", "axis") and not any(vector):
             raise BadQuery(f"The {what} is zero; give a vector with a length")
     return start
+
+
+def _check_vector(what: str, vector: Vector) -> None:
+    if len(vector) != 3:
+        raise BadQuery(f"The {what} has {len(vector)} values; give x, y, z")
+    for name, value in zip("xyz", vector, strict=True):
+        if not isinstance(value, (int, float)):
+            raise BadQuery(f"The {name} of the {what} is {value!r}; give a number")
+        if not np.isfinite(float(value)):
+            raise NotFinite(name, what, value)
