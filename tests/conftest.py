@@ -286,6 +286,12 @@ def plans(robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool) -> tupl
 
 
 @pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`armtree plan` draws nothing, which takes it a second: for tests of its words."""
+    monkeypatch.setattr("executive.commands.planning._draw", lambda *_: None)
+
+
+@pytest.fixture
 def picked(tmp_path: Path, rig: RigMaker) -> Path:
     """A recording of task 1."""
     (outcome,) = rig().run(1)

@@ -83,6 +83,7 @@ def test_plan_goes_round_what_the_task_puts_there(tmp_path: Path) -> None:
     assert "Left out" not in first + second
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_plan_shows_a_round_again_only_where_it_differs(tmp_path: Path) -> None:
     same = f"{{repeat: {{sequence: [{COME}, {GO}]}}, times: 3}}"
     assert len(planned(tmp_path, same)) == 2
@@ -97,6 +98,7 @@ def test_plan_takes_along_what_the_task_holds(tmp_path: Path) -> None:
     assert "Around    ball on claw_support\n" in second
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("steps", "above", "names"),
     [

@@ -21,8 +21,9 @@ from logs.story import overview, story
 from logs.table import export
 from tests.alterations import altered, lacking, replace
 from tests.conftest import RigMaker
-from tests.test_end_to_end import events, finish, sent_frames, start
+from tests.test_end_to_end import events, sent_frames, start
 from tests.test_end_to_end import robot as quick
+from tests.typed import typed as finish
 
 __all__ = ["quick"]
 
