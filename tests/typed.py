@@ -1,4 +1,4 @@
-"""Commands typed in this very process, which saves the start of another: one or two seconds each."""
+"""Commands typed in this very process, which saves the start of another."""
 
 import logging
 import os
