@@ -75,6 +75,7 @@ def planned(folder: Path, *steps: str, above: str = "") -> list[str]:
     return re.split(r"Motion \d of \d\n", result.output)[1:] or [result.output]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_plan_goes_round_what_the_task_puts_there(tmp_path: Path) -> None:
     first, second = planned(tmp_path, COME, TALL, GO)
     assert "Around" not in first
