@@ -1,28 +1,38 @@
 # `make demo` shows the arm at work on the virtual Arduino, `make test` runs every check. Both set
 # up .venv first if it is missing or older than the lock; the tools of `make test` come with it only.
 
+# Downloads, the build of a peer and the linters do not wait for each other; the tests do for all.
+MAKEFLAGS += --jobs=3
+
 PYTHON ?= python3
 VENV := .venv
+PIP := $(VENV)/bin/pip
 READY := $(VENV)/.ready
 TOOLS := $(VENV)/.tools
 PEERS := $(VENV)/.peers
 GROOT := $(VENV)/.behaviortree
 
-INSTALL := $(VENV)/bin/pip install --quiet --disable-pip-version-check
+INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo test damage mutation firmware lock
+.PHONY: demo test lint types rooms damage mutation firmware lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
 
-test: $(TOOLS) $(PEERS) $(GROOT)
+test: lint types rooms $(PEERS) $(GROOT)
+	$(VENV)/bin/pytest
+
+lint: $(TOOLS)
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/ruff check .
+
+types: $(TOOLS)
 	$(VENV)/bin/mypy
+
+rooms: $(TOOLS)
 	$(VENV)/bin/lint-imports
-	$(VENV)/bin/pytest
 
 # The suite damages 10 000 frames; here it is ten times as many.
 damage: $(TOOLS)
@@ -37,10 +47,12 @@ mutation: $(TOOLS)
 firmware:
 	hardware/firmware/build
 
-$(READY): .ci/lock.txt pyproject.toml
+$(PIP):
 	@$(PYTHON) -c 'import sys; sys.exit("armtree needs Python 3.11 or later" if sys.version_info < (3, 11) else 0)'
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || .ci/debian python3-venv
 	$(PYTHON) -m venv $(VENV)
+
+$(READY): .ci/lock.txt pyproject.toml | $(PIP)
 	$(INSTALL) --require-hashes -r .ci/lock.txt
 	$(INSTALL) --no-deps --no-build-isolation -e .
 	@touch $@
@@ -50,13 +62,13 @@ $(TOOLS): $(READY) .ci/lock-dev.txt
 	@touch $@
 
 # A client in JavaScript for the tests; where there is no npm, its test says that it is skipped.
-$(PEERS): tests/peers/package-lock.json
+$(PEERS): tests/peers/package-lock.json | $(PIP)
 	@command -v npm >/dev/null || exit 0; cd tests/peers && npm ci --silent --ignore-scripts --no-audit --no-fund
 	@touch $@
 
 # BehaviorTree.CPP for the tests; where there is no C++ compiler, its test says that it is skipped.
-$(GROOT): tests/peers/build_behaviortree tests/peers/behaviortree.cpp tests/peers/behaviortree.txt $(TOOLS)
-	@command -v g++ >/dev/null || exit 0; tests/peers/build_behaviortree $(VENV)/bin/pip $(CURDIR)/$@
+$(GROOT): tests/peers/build_behaviortree tests/peers/behaviortree.cpp tests/peers/behaviortree.txt | $(PIP)
+	@command -v g++ >/dev/null || exit 0; tests/peers/build_behaviortree $(PIP) $(CURDIR)/$@
 
 # For maintainers, with uv: pin everything anew, all in one go, then in the two parts.
 lock:

@@ -1,5 +1,6 @@
 """What tests of several rooms share: one simulated clock and one pool of planners per session."""
 
+import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -21,6 +22,13 @@ from trees import Library
 
 # Under nohup a hang-up is ignored, by whatever the tests start, too; some tests want it to count.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """The whole suite takes every core; what is picked out runs right here, where -s works."""
+    whole = all(map(os.path.isdir, config.option.file_or_dir)) and not config.option.keyword
+    return len(os.sched_getaffinity(0)) if whole else 0
+
 
 R = TypeVar("R")
 RigMaker = Callable[..., "Rig"]
@@ -275,6 +283,12 @@ def plans(robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool) -> tupl
     assert isinstance(arm, Plan)
     assert isinstance(gripper, Plan)
     return arm, gripper
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`armtree plan` draws nothing, which takes it a second: for tests of its words."""
+    monkeypatch.setattr("executive.commands.planning._draw", lambda *_: None)
 
 
 @pytest.fixture

@@ -1,4 +1,7 @@
-"""The command line as a person uses it: whole processes, real pseudo-terminals, real recordings."""
+"""The command line as a person uses it: real pseudo-terminals, real recordings, processes.
+
+What needs no process of its own is typed in this one.
+"""
 
 import json
 import os
@@ -11,6 +14,7 @@ import sys
 import threading
 import tty
 from collections.abc import Iterator
+from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +22,10 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from tests.typed import typed
+
 HARDWARE = Path(__file__).parents[1] / "hardware"
+EXAMPLES = Path(__file__).parents[1] / "trees" / "examples"
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 
 
@@ -124,16 +131,16 @@ def test_tasks_run_and_leave_recordings(tmp_path: Path, robot: Path) -> None:
     frames = [sent_frames(Path(r["recording"])) for r in results]
     assert [lines[-1] for lines in frames] == last
     assert [len(lines) for lines in frames] == [r["frames"] for r in results]
-
-
-def test_percentage_rises_to_100(tmp_path: Path, robot: Path) -> None:
-    _, out, _ = finish(tmp_path, "run", "0", "--robot", str(robot), "--json")
-    told = [event["percentage"] for event in events(out) if event["event"] == "feedback"]
-    shown = [percentage for percentage in told if percentage is not None]
-    assert told[0] is None  # while it plans
-    assert shown == sorted(shown)
-    assert shown[-1] == 100
-    assert 100 not in shown[:-1]
+    goals = [event["goal_id"] for event in told if event["event"] == "goal"]
+    assert len(goals) == 3
+    feedback = [event for event in told if event["event"] == "feedback"]
+    for goal in goals:
+        rises = [event["percentage"] for event in feedback if event["goal_id"] == goal]
+        shown = [percentage for percentage in rises if percentage is not None]
+        assert rises[0] is None  # while it plans
+        assert shown == sorted(shown)
+        assert shown[-1] == 100
+        assert 100 not in shown[:-1]
 
 
 def test_another_program_on_a_pty_hears_the_same_frames(
@@ -147,7 +154,7 @@ def test_another_program_on_a_pty_hears_the_same_frames(
 
 
 def test_plain_text_names_the_port_first_and_the_outcome_last(tmp_path: Path, robot: Path) -> None:
-    status, out, err = finish(tmp_path, "run", "0", "--robot", str(robot))
+    status, out, err = typed(tmp_path, "run", "0", "--robot", str(robot))
     lines = out.splitlines()
     assert (status, err) == (0, "")
     assert lines[0].startswith("Port virtual")
@@ -244,7 +251,7 @@ BAD = [
 def test_bad_input_is_told_and_nothing_moves(
     tmp_path: Path, arguments: list[str], exit_status: int, words: str
 ) -> None:
-    status, out, err = finish(tmp_path, *arguments, "--json")
+    status, out, err = typed(tmp_path, *arguments, "--json")
     result = events(out)[-1]
     assert (status, err) == (exit_status, "")
     assert result["state"] == "ABORTED"
@@ -256,7 +263,7 @@ def test_bad_input_is_told_and_nothing_moves(
 
 @pytest.mark.parametrize("arguments", [["run"], ["run", "x"], ["fly"], ["run", "1", "--seed", "0"]])
 def test_wrong_usage_is_2(tmp_path: Path, arguments: list[str]) -> None:
-    status, out, err = finish(tmp_path, *arguments)
+    status, out, err = typed(tmp_path, *arguments)
     assert (status, out) == (2, "")
     assert "Usage" in err
 
@@ -264,7 +271,7 @@ def test_wrong_usage_is_2(tmp_path: Path, arguments: list[str]) -> None:
 def test_a_target_out_of_bounds_names_every_joint(tmp_path: Path) -> None:
     arm, gripper = "{joint_1: 2, joint_2: 0, joint_3: -9.5}", "{joint_4: 0.5, joint_5: -0.5}"
     write_task(tmp_path, 6, arm, gripper)
-    status, out, _ = finish(tmp_path, "run", "6", "--trees", str(tmp_path), "--json")
+    status, out, _ = typed(tmp_path, "run", "6", "--trees", str(tmp_path), "--json")
     message = events(out)[-1]["message"]
     assert status == 4
     assert message.startswith("Target position out of boundaries")
@@ -275,7 +282,7 @@ def test_a_target_out_of_bounds_names_every_joint(tmp_path: Path) -> None:
 
 def test_a_wrong_task_file_is_told_with_its_line(tmp_path: Path) -> None:
     write_task(tmp_path, 7, "{joint_1: 0, joint_2: 0, joint_3: zero}", "{joint_4: 0}")
-    status, out, _ = finish(tmp_path, "run", "7", "--trees", str(tmp_path), "--json")
+    status, out, _ = typed(tmp_path, "run", "7", "--trees", str(tmp_path), "--json")
     assert status == 3
     assert f"{tmp_path}/7_test.yaml:7:44" in events(out)[-1]["message"]
 
@@ -283,7 +290,7 @@ def test_a_wrong_task_file_is_told_with_its_line(tmp_path: Path) -> None:
 def test_a_goal_in_collision_fails_in_planning(tmp_path: Path, robot: Path) -> None:
     write_task(tmp_path, 8, "{joint_1: 0, joint_2: -1.5, joint_3: -1.2}", "{joint_4: 0}")
     arguments = ["run", "8", "--trees", str(tmp_path), "--robot", str(robot), "--json"]
-    status, out, _ = finish(tmp_path, *arguments)
+    status, out, _ = typed(tmp_path, *arguments)
     result = events(out)[-1]
     assert status == 5
     assert result["code"] == "plan.goal_in_collision"
@@ -294,12 +301,12 @@ def test_a_goal_in_collision_fails_in_planning(tmp_path: Path, robot: Path) -> N
 
 def test_a_busy_port_is_9(tmp_path: Path, robot: Path, listener: Listener) -> None:
     arguments = ["--robot", str(robot), "--json", "--port", listener.port]
-    with start(tmp_path, "run", "1", "0", "1", *arguments) as first:  # long, on a busy machine too
+    with start(tmp_path, "run", "1", "0", *arguments) as first:  # long, on a busy machine too
         assert first.stdout
         for line in first.stdout:
             if json.loads(line)["event"] == "sent":
                 break
-        status, out, _ = finish(tmp_path, "run", "1", *arguments)
+        status, out, _ = typed(tmp_path, "run", "1", *arguments)
         rest = first.stdout.read()
     assert status == 9
     assert str(first.pid) in events(out)[-1]["message"]
@@ -308,7 +315,7 @@ def test_a_busy_port_is_9(tmp_path: Path, robot: Path, listener: Listener) -> No
 
 def test_tasks_are_listed(tmp_path: Path) -> None:
     write_task(tmp_path, 12, "{}", "{}")
-    status, out, err = finish(tmp_path, "tasks", "--trees", str(tmp_path))
+    status, out, err = typed(tmp_path, "tasks", "--trees", str(tmp_path))
     assert (status, err) == (0, "")
     lines = [line.split()[:2] for line in out.splitlines()]
     tasks, sources = lines[::2], lines[1::2]
@@ -316,41 +323,39 @@ def test_tasks_are_listed(tmp_path: Path) -> None:
     assert sources == [["shipped"]] * 3 + [[str(tmp_path / "12_test.yaml")]]
 
 
-def test_a_recording_is_drawn(tmp_path: Path, robot: Path) -> None:
-    _, out, _ = finish(tmp_path, "run", "0", "--robot", str(robot), "--json")
-    recording = events(out)[-1]["recording"]
-    status, out, err = finish(tmp_path, "log", "plot", recording)
+def test_a_recording_is_drawn(tmp_path: Path) -> None:
+    recording = shutil.copy(EXAMPLES / "recordings" / "3_wave.mcap", tmp_path)
+    status, out, err = typed(tmp_path, "log", "plot", str(recording))
     assert (status, err) == (0, "")
     assert Path(out.strip()).read_bytes().startswith(b"\x89PNG")
-    assert finish(tmp_path, "log", "plot", str(tmp_path / "nope.mcap"))[0] == 3
+    assert typed(tmp_path, "log", "plot", str(tmp_path / "nope.mcap"))[0] == 3
 
 
 def test_doctor_looks_and_opens_nothing(tmp_path: Path, listener: Listener) -> None:
-    status, out, err = finish(tmp_path, "doctor", "--port", listener.port)
+    status, out, err = typed(tmp_path, "doctor", "--port", listener.port)
     assert (status, err) == (0, "")
     assert "NO" not in out
     assert out.splitlines()[-1] == f"Next, type: armtree run 0 --port {listener.port}"
     assert listener.frames() == []
 
 
-def test_the_tour_of_the_readme_works_as_typed(tmp_path: Path, robot: Path) -> None:
+def test_the_tour_of_the_readme_works_as_typed(
+    tmp_path: Path, robot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     text = (HARDWARE.parent / "README.md").read_text()
     tour = text[text.index("## Five minutes") : text.index("## A real arm")]
     commands, wave = re.findall(r"```(?:sh|yaml)\n(.*?)```", tour, re.DOTALL)
-    typed = re.findall(r"^armtree (.*?)(?: +#.*)?$", commands, re.MULTILINE)
-    assert len(typed) >= 4
+    lines = re.findall(r"^armtree (.*?)(?: +#.*)?$", commands, re.MULTILINE)
+    assert len(lines) >= 4
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "3_wave.yaml").write_text(wave)
-    script = "set -e\n" + "\n".join(
-        f"{' '.join(ARMTREE)} {line}" for line in [*typed, "run 3 --trees mine"]
-    )
-    environment = {**os.environ, "ARMTREE_ROBOT": str(robot)}
-    command = ["sh", "-c", script]
-    done = subprocess.run(
-        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "task 3 SUCCEEDED" in done.stdout
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ARMTREE_ROBOT", str(robot))
+    for line in [*lines, "run 3 --trees mine"]:
+        words = [path for word in line.split() for path in sorted(glob(word)) or [word]]
+        status, out, err = typed(Path("recordings"), *words)
+        assert (status, err) == (0, ""), (line, out)
+    assert "task 3 SUCCEEDED" in out
     assert list(tmp_path.glob("recordings/*-1.png"))
 
 

@@ -75,6 +75,7 @@ def planned(folder: Path, *steps: str, above: str = "") -> list[str]:
     return re.split(r"Motion \d of \d\n", result.output)[1:] or [result.output]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_plan_goes_round_what_the_task_puts_there(tmp_path: Path) -> None:
     first, second = planned(tmp_path, COME, TALL, GO)
     assert "Around" not in first
@@ -83,6 +84,7 @@ def test_plan_goes_round_what_the_task_puts_there(tmp_path: Path) -> None:
     assert "Left out" not in first + second
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_plan_shows_a_round_again_only_where_it_differs(tmp_path: Path) -> None:
     same = f"{{repeat: {{sequence: [{COME}, {GO}]}}, times: 3}}"
     assert len(planned(tmp_path, same)) == 2
@@ -97,6 +99,7 @@ def test_plan_takes_along_what_the_task_holds(tmp_path: Path) -> None:
     assert "Around    ball on claw_support\n" in second
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("steps", "above", "names"),
     [

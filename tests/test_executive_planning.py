@@ -42,12 +42,14 @@ def test_round_a_body(tmp_path: Path) -> None:
     assert (tmp_path / "plan.png").read_bytes() != without
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_point_and_a_start(tmp_path: Path) -> None:
     result = plan(tmp_path, "0.1", "0.05", "0.08", "--start", "joint_4=-0.7")
     assert result.exit_code == 0, result.exception
     assert "Goal      joint_1 -1.242" in result.output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_pose_and_the_group_it_is_of(tmp_path: Path) -> None:
     result = plan(tmp_path, "open", "--start", "right")
     assert result.exit_code == 0, result.exception
@@ -55,24 +57,28 @@ def test_a_pose_and_the_group_it_is_of(tmp_path: Path) -> None:
     assert "joint_4 at its acceleration limit" in result.output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_task(tmp_path: Path) -> None:
     result = plan(tmp_path, "1")
     assert result.exit_code == 0, result.exception
     assert "Goal      joint_1 -1.400, joint_2 -0.600, joint_3 -0.070" in result.output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_change_relative_to_the_start(tmp_path: Path) -> None:
     result = plan(tmp_path, "joint_1+=-0.4", "joint_2=0.2", "--start", "joint_1=-1 joint_2=0.1")
     assert result.exit_code == 0, result.exception
     assert "Goal      joint_1 -1.400, joint_2 0.200, joint_3 0.000" in result.output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_points_on_the_way(tmp_path: Path) -> None:
     result = plan(tmp_path, "right", "--via", "joint_2=-0.3 joint_1=-0.2", "--via", "joint_1+=-1")
     assert result.exit_code == 0, result.exception
     assert "Path      by way of 2 points, 4 waypoints" in result.output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_direction_for_the_tool(tmp_path: Path) -> None:
     point = ("0.1", "0.05", "0.08")
     free = plan(tmp_path, *point)
@@ -82,6 +88,7 @@ def test_a_direction_for_the_tool(tmp_path: Path) -> None:
     assert free.exit_code == 0
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("goal", "found"),
     [
@@ -103,6 +110,7 @@ def test_goals_are_written_as_in_task_files(
     assert f"Goal      {found}" in result.output
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
     point = ("0.1", "0.05", "0.08")
     there = plan(tmp_path, *point, "--offset", "0", "1cm", "0").output

@@ -4,6 +4,7 @@ import multiprocessing
 import re
 import signal
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,24 @@ def test_a_canceled_run_holds_with_its_hold_frame(rig: RigMaker) -> None:
     proof = prove(Path(outcome.recording))
     assert outcome.state.name == "CANCELED"
     assert any(record.hold for record in arm.told(logs.Sent))
+    assert proof.holds, in_words(proof)
+
+
+def test_a_run_that_was_held_up_holds(rig: RigMaker, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a frame leaves more than a period late, those behind it are due later, too."""
+    arm, sent = rig(), count(1)
+    write = arm.link.write
+
+    def held_up(data: bytes) -> None:
+        write(data)
+        if next(sent) == 4:
+            arm.rest(0.35)
+
+    monkeypatch.setattr(arm.link, "write", held_up)
+    proof = prove(picked(arm))
+    late = [record.time - (record.scheduled or 0.0) for record in arm.told(logs.Sent)]
+    assert max(late) > 0.2
+    assert max(late[6:]) < 0.01
     assert proof.holds, in_words(proof)
 
 

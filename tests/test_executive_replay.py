@@ -21,8 +21,9 @@ from logs.story import overview, story
 from logs.table import export
 from tests.alterations import altered, lacking, replace
 from tests.conftest import RigMaker
-from tests.test_end_to_end import events, finish, sent_frames, start
+from tests.test_end_to_end import events, sent_frames, start
 from tests.test_end_to_end import robot as quick
+from tests.typed import typed as finish
 
 __all__ = ["quick"]
 
@@ -50,11 +51,12 @@ def test_the_worst_of_many_is_the_exit_status(tmp_path: Path, picked: Path) -> N
     folder = picked.parent
     (folder / "a.mcap").write_text("no recording")
     (folder / "b.mcap").write_bytes(whole[:-100])
-    assert finish(tmp_path, "replay", str(folder), "--verify")[0] == 10
+    verify = ["replay", str(folder), "--verify", "--jobs", "1"]
+    assert finish(tmp_path, *verify)[0] == 10
     other = altered(picked, replace("Message", b"b089,", b"b088,"))
     other.write_bytes(other.read_bytes()[:-100])  # that it differs counts more
     other.rename(folder / "z.mcap")
-    status, out, _ = finish(tmp_path, "replay", str(folder), "--verify")
+    status, out, _ = finish(tmp_path, *verify)
     assert status == 12
     assert [line.split() for line in out.splitlines()[-4:]] == [
         ["1", "of", "4", "recordings", "hold;", "not:"],
@@ -231,22 +233,27 @@ def test_a_recording_that_is_being_written_is_not_called_damaged(
 
 
 def test_a_killed_run_is_mended_by_the_next_and_by_hand(tmp_path: Path, quick: Path) -> None:
-    for mend in (["run", "0", "--robot", str(quick)], ["log", "recover"]):
-        with start(tmp_path, "run", "1", "--robot", str(quick), "--json") as process:
-            assert process.stdout
-            heard = 0
-            for line in process.stdout:
-                heard += json.loads(line)["event"] == "sent"
-                if heard == 3:
-                    process.kill()
-        (left,) = tmp_path.glob("*-1.mcap")
-        given = [*mend, str(left)] if mend[0] == "log" else mend
-        status, out, _ = finish(tmp_path, *given)
-        assert status == (10 if mend[0] == "log" else 0)
+    with start(tmp_path, "run", "1", "--robot", str(quick), "--json") as process:
+        assert process.stdout
+        heard = 0
+        for line in process.stdout:
+            heard += json.loads(line)["event"] == "sent"
+            if heard == 3:
+                process.kill()
+    (left,) = tmp_path.glob("*-1.mcap")
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    copy = Path(shutil.copy(left, elsewhere))
+    for mend, status in (
+        (["run", "0", "--robot", str(quick)], 0),
+        (["log", "recover", str(copy)], 10),
+    ):
+        done, out, _ = finish(tmp_path, *mend)
+        assert done == status
         assert "the end of the run is missing" in out
-        assert len(sent_frames(left)) >= 2  # at most the frame in flight is lost
-        assert finish(tmp_path, "replay", str(left), "--verify")[0] == 0
-        left.unlink()
+    for mended in (left, copy):
+        assert len(sent_frames(mended)) >= 2  # at most the frame in flight is lost
+    assert finish(tmp_path, "replay", str(left), str(copy), "--verify", "--jobs", "1")[0] == 0
 
 
 def test_pinned_recordings_outlive_the_rule(tmp_path: Path, picked: Path) -> None:

@@ -210,7 +210,7 @@ def test_metrics_can_be_read_by_their_own_parser(serve: Serve) -> None:
     from prometheus_client.parser import text_string_to_metric_families
 
     served = serve()
-    goal = send(served, 1)
+    goal = send(served, 0)
     served.ask("GET", f"/api/goals/{goal}/result")
     status, text = served.ask("GET", "/metrics")
     assert status == 200

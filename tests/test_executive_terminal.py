@@ -10,6 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.test_end_to_end import robot
+
+__all__ = ["robot"]
+
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 TASK = """\
 task: 9
@@ -24,10 +28,10 @@ tree:
 
 
 @pytest.fixture
-def command(tmp_path: Path) -> list[str]:
+def command(tmp_path: Path, robot: Path) -> list[str]:
     (tmp_path / "9_careful.yaml").write_text(TASK)
     folders = ["--trees", str(tmp_path), "--recordings", str(tmp_path / "recordings")]
-    return [*ARMTREE, "run", "9", "--port", "virtual", *folders]
+    return [*ARMTREE, "run", "9", "--port", "virtual", "--robot", str(robot), *folders]
 
 
 def piped(command: list[str], lines: str) -> tuple[int, str, str]:

@@ -168,12 +168,18 @@ def _sent_difference(schedule: Schedule, sent: Sequence[Sent], cut: bool) -> str
 
 def _timing_difference(schedule: Schedule, sent: Sequence[Sent], cut: bool) -> str:
     moving = [frame for frame in sent if not frame.hold]
+    before, shifted = 0.0, 0.0  # how late the frame before left, and what that added up to [s]
     for number, (due, frame) in enumerate(zip(schedule.times, moving, strict=False), 1):
         first, scheduled = moving[0].scheduled, frame.scheduled
         if first is None or scheduled is None:
             return f"frame {number}: {_text(frame)} is recorded without the time it was due"
+        if first < schedule.time - _TOLERANCE:
+            return f"frame 1: {_text(moving[0])} was due before there was its schedule"
         passed = due - schedule.times[0]
-        late = scheduled - first - passed
+        late = scheduled - first - passed - shifted
+        if 1 / schedule.rate_hz - _TOLERANCE < late <= before + _TOLERANCE:  # as the streamer does
+            shifted, late = shifted + late, 0.0
+        before = frame.time - scheduled
         if late < -_TOLERANCE or (late > _TOLERANCE and not cut):  # a stop may brake
             return (
                 f"frame {number}: {_text(frame)} was due {passed:.6f} s after the first, "
