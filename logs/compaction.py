@@ -52,7 +52,7 @@ def locked(recording: Path) -> Iterator[None]:
         RecordingError: There is no such file.
     """
     try:
-        handle = os.open(recording, os.O_RDONLY)
+        handle = os.open(recording, os.O_RDONLY | os.O_NONBLOCK)  # it might be a pipe
     except OSError as cause:
         reason = cause.strerror or str(cause)
         raise RecordingError(recording, f"cannot be read ({reason}); check the path") from cause

@@ -1,16 +1,20 @@
 """Which recordings are kept, and which make room."""
 
 import errno
+import os
 import stat
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from .compaction import locked
 from .errors import LogError
-from .recovery import complete
+from .recovery import complete, is_ours
+from .salvage import Salvage
 
 _DAY = 86400.0  # [s]
+_WRITE = 0o222  # of a file's mode, whoever may
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +43,12 @@ def prune(folder: Path, rule: Rule, utc: float) -> Iterator[Path]:
     Yields:
         What was deleted.
     """
-    files = [(path.stat(), path) for path in folder.glob("*.mcap")]
+    files = list(_files(folder))
     left = sum(facts.st_size for facts, _ in files)
     for facts, path in sorted(files, key=lambda file: file[0].st_mtime):
         old = rule.days is not None and utc - facts.st_mtime > rule.days * _DAY
         much = rule.megabytes is not None and left > rule.megabytes * 1e6
-        if (old or much) and not pinned(path) and _delete(path):
+        if (old or much) and facts.st_mode & _WRITE and _delete(path):
             left -= facts.st_size
             yield path
 
@@ -53,10 +57,12 @@ def pin(recording: Path, on: bool) -> None:
     """Keeps a recording for good: it is write-protected, as `chmod -w` does it.
 
     Raises:
-        OSError: The file is not there, or another user's, or its file system protects none.
+        RecordingError: It is no recording, or not there.
+        OSError: The file is another user's, or its file system protects none.
     """
+    Salvage(recording)
     mode = recording.stat().st_mode
-    recording.chmod(mode & ~0o222 if on else mode | stat.S_IWUSR)
+    recording.chmod(mode & ~_WRITE if on else mode | stat.S_IWUSR)
     if pinned(recording) is not on:
         what = "its file system has no write protection; move it out of the folder to keep it"
         raise PermissionError(errno.EPERM, what, str(recording))
@@ -64,13 +70,19 @@ def pin(recording: Path, on: bool) -> None:
 
 def pinned(recording: Path) -> bool:
     """Whether a recording is kept for good."""
-    return not recording.stat().st_mode & 0o222
+    return not recording.stat().st_mode & _WRITE
+
+
+def _files(folder: Path) -> Iterator[tuple[os.stat_result, Path]]:
+    for path in folder.glob("*.mcap"):
+        with suppress(OSError):  # it has just been deleted
+            yield path.stat(), path
 
 
 def _delete(path: Path) -> bool:
     try:
         with locked(path):
-            if not complete(path, every_byte=False):
+            if not (is_ours(path) and complete(path, every_byte=False)):
                 return False
             path.unlink()
     except (LogError, OSError):

@@ -12,6 +12,8 @@ from .salvage import Salvage
 from .summary import Summary
 
 _HEAD = 64  # the profile and the name of the library end before that [bytes]
+_LIBRARY = b"armtree"  # begins that name in files of ours
+_NAME = "*T*Z-*.mcap"  # as `recording_path` makes it
 _FOOTER_OPCODE, _FOOTER_CONTENT = 0x02, 20
 _FOOTER = struct.Struct(f"<BQ{_FOOTER_CONTENT}s8s")  # and the magic behind it
 
@@ -34,8 +36,8 @@ def recover(recording: Path) -> Summary | None:
 def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
     """Recovers every recording of a folder that was left unfinished, and removes stray parts.
 
-    Quick where there is nothing to do: of each file only its end is looked at. What is still being
-    written is left alone.
+    Quick where there is nothing to do: of each file only its ends are looked at. What is still
+    being written is left alone, and so is what another program began, which takes no lock.
 
     Yields:
         What was recovered, or why it could not be.
@@ -45,7 +47,7 @@ def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
             _remove_part(part)
     for path in sorted(folder.glob("*.mcap")):
         try:
-            if not complete(path, every_byte=False):
+            if is_ours(path) and not complete(path, every_byte=False):
                 yield compact(path)
         except RecordingInUse:
             continue
@@ -100,6 +102,19 @@ def being_written(path: Path) -> bool:
             return False
     except RecordingInUse:
         return True
+
+
+def is_ours(path: Path) -> bool:
+    """Whether armtree began a file: by its head, or, while it is empty, by its name.
+
+    Raises:
+        OSError: It cannot be read.
+    """
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD)
+    return _LIBRARY in head if head else path.match(_NAME)
 
 
 def complete(path: Path, every_byte: bool) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from stat import S_ISREG
 from typing import Any, BinaryIO
 
 from .errors import RecordingError
@@ -31,6 +32,8 @@ class Salvage:
         self.intact = False
         self.messages = self.valid = 0
         try:
+            if not S_ISREG(path.stat().st_mode):  # a pipe would keep whoever opens it waiting
+                raise RecordingError(path, "is no file; give a recording, such as *.mcap")
             with path.open("rb") as stream:
                 head = stream.read(len(_MAGIC))
         except OSError as cause:

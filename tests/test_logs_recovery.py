@@ -5,15 +5,19 @@ import os
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 import logs
 from logs import DiskFull, Recorder, RecordingInUse, compact, recover, recover_all
 from logs.compaction import RECOVERED, locked, part_of
+from logs.folder import recording_path
 from logs.keeping import Rule, pin, pinned, prune
 from logs.recovery import complete
 from logs.tail import Tail
@@ -117,9 +121,62 @@ def test_stray_parts_go_and_other_files_stay(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"half")
     (tmp_path / "note.txt").write_text("mine")
     (tmp_path / "odd.mcap").write_text("no recording")
+    assert list(recover_all(tmp_path)) == []
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["note.txt", "odd.mcap", "run.mcap"]
+
+
+def test_a_recording_whose_beginning_is_damaged_is_told_of(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run_journal(path)
+    path.write_bytes(b"?" + path.read_bytes()[1:])
     (error,) = recover_all(tmp_path)
     assert isinstance(error, logs.RecordingError)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["note.txt", "odd.mcap", "run.mcap"]
+    assert "is not an MCAP file" in str(error)
+
+
+def test_what_another_program_writes_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.mcap"
+    writer = Writer(str(path))
+    writer.start("ros2", "rosbag2")
+    assert path.read_bytes() == b""
+    assert list(recover_all(tmp_path)) == []
+    writer.flush()  # type: ignore[no-untyped-call]
+    assert path.read_bytes() != b""
+    assert list(recover_all(tmp_path)) == []
+    inode = path.stat().st_ino
+    writer.finish()  # type: ignore[no-untyped-call]
+    os.utime(path, (0, 0))
+    assert list(prune(tmp_path, Rule(0.0, 0.0), NOW)) == []
+    assert path.stat().st_ino == inode
+
+
+def test_a_recording_that_was_killed_before_it_began_is_one_of_nothing(tmp_path: Path) -> None:
+    path = recording_path(tmp_path, EPOCH_NS, 1)
+    path.touch()
+    (made,) = recover_all(tmp_path)
+    assert isinstance(made, logs.Summary)
+    assert complete(path, every_byte=True)
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
+def test_only_a_file_is_a_recording(tmp_path: Path, make: Callable[[Path], None]) -> None:
+    path = tmp_path / "20261121T103155.123Z-1.mcap"
+    make(path)
+    before = path.stat()
+    for act in (logs.Recording, logs.read, recover, compact, partial(pin, on=True)):
+        with pytest.raises(logs.RecordingError, match="is no file; give a recording"):
+            act(path)
+    assert list(recover_all(tmp_path)) == []
+    assert list(logs.left(tmp_path, 0.0)) == []
+    assert list(prune(tmp_path, Rule(0.0, 0.0), NOW)) == []
+    assert path.stat() == before
+
+
+def test_what_vanishes_meanwhile_is_no_matter(tmp_path: Path) -> None:
+    (tmp_path / "gone.mcap").symlink_to(tmp_path / "away")
+    old = aged(tmp_path, "old", 9)
+    assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [old]
+    assert list(recover_all(tmp_path)) == []
 
 
 def test_the_part_of_a_recording_that_is_being_made_is_left_alone(tmp_path: Path) -> None:
