@@ -1,6 +1,7 @@
 """The quickest way along a curve that keeps every joint's velocity and acceleration limits."""
 
 import math
+import sys
 from itertools import pairwise
 
 import numpy as np
@@ -75,7 +76,7 @@ def trapezoid(begin: float, end: float, speed: float, push: float) -> Profile:
         push: Limit [1/s2].
     """
     length = end - begin
-    top = min(speed, math.sqrt(length) * math.sqrt(push))  # their product may be too small
+    top = min(speed, _root_of_product(length, push))
     rising, way = top / push, 0.5 * top * top / push
     cruise = max(0.0, (length - 2.0 * way) / top)
     return Profile(
@@ -84,3 +85,11 @@ def trapezoid(begin: float, end: float, speed: float, push: float) -> Profile:
         np.array([0.0, top, top, 0.0]),
         np.array([push, 0.0, -push, 0.0]),
     )
+
+
+def _root_of_product(one: float, other: float) -> float:
+    """The square root of what may be too small a number to be multiplied out."""
+    product = one * other
+    if product < sys.float_info.min:
+        return math.sqrt(one) * math.sqrt(other)
+    return math.sqrt(product)
