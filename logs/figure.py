@@ -9,10 +9,10 @@ from textwrap import wrap
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from .picture import save
 from .sweep import Sweep, draw_sweep
 from .timeline import Row, Timeline, Trace
 
@@ -84,9 +84,7 @@ def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = ()) -> None:
         }
     )
     with style:
-        figure = _figure(run, _fewer(scenes))
-        FigureCanvasAgg(figure)
-        figure.savefig(output, format="png")
+        save(_figure(run, _fewer(scenes)), output)
 
 
 def _figure(run: Timeline, scenes: Sequence[Scene]) -> Figure:

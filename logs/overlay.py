@@ -3,10 +3,10 @@
 from math import degrees
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from .comparison import Comparison
+from .picture import save
 
 _LOOKS = (("#0072B2", "-", 2.2), ("#D55E00", "--", 1.1))
 
@@ -20,7 +20,6 @@ def draw_over(both: Comparison, output: Path) -> None:
     joints = list(both.joints)
     rows = max(1, len(joints))
     figure = Figure(figsize=(7.16, 0.8 + 1.3 * rows), dpi=300, layout="constrained")
-    FigureCanvasAgg(figure)
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     for joint, panel in zip(joints, panels, strict=False):
         for run, (colour, line, width) in zip(both.runs, _LOOKS, strict=True):
@@ -38,4 +37,4 @@ def draw_over(both: Comparison, output: Path) -> None:
         panels[0].legend(
             fontsize=7, frameon=False, loc="lower left", bbox_to_anchor=(0, 1), ncols=2
         )
-    figure.savefig(output, format="png")
+    save(figure, output)

@@ -6,9 +6,9 @@ from itertools import cycle
 from pathlib import Path
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from .picture import save
 from .sweep import Sweep, draw_sweep
 
 _LINES = ("#0072B2", "#E69F00", "#CC79A7", "#000000", "#009E73", "#D55E00", "#56B4E9")
@@ -53,7 +53,6 @@ def draw_plan(picture: PlanPicture, output: Path) -> None:
         OSError: The PNG cannot be written.
     """
     figure = Figure(figsize=(7.16, 8.2), dpi=200, layout="constrained")
-    FigureCanvasAgg(figure)
     figure.suptitle(picture.title, fontsize=9)
     axes = figure.subplots(3, 2, height_ratios=(1.0, 1.0, 1.5))
     _path(axes[0, 0], picture)
@@ -70,7 +69,7 @@ def draw_plan(picture: PlanPicture, output: Path) -> None:
     )
     draw_sweep(axes[2], picture.sweep)
     axes[0, 1].legend(fontsize=6, loc="best")
-    figure.savefig(output, format="png")
+    save(figure, output)
 
 
 def _path(axes: Axes, picture: PlanPicture) -> None:

@@ -30,6 +30,6 @@ class Summary:
             return f"{self.path}: {self.messages} messages, nothing was lost"
         recovered = f"{self.path}: recovered {self.messages} messages"
         if self.damaged:
-            kept = f"as it was, it is kept as {self.damaged.name}"
-            return f"{recovered}; {self.torn} bytes behind them are torn or damaged, {kept}"
+            kept = f"the whole file is kept, as it was, as {self.damaged.name}"
+            return f"{recovered}; {self.torn} bytes behind them are torn or damaged; {kept}"
         return f"{recovered}; the end of the run is missing"

@@ -3,11 +3,13 @@
 import json
 import os
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
 import logs
 from executive.commands import watching
@@ -86,6 +88,35 @@ def test_what_is_read_in_part_is_told(tmp_path: Path, picked: Path) -> None:
     assert "cut off or damaged: armtree log recover" in out
     with pytest.warns(UserWarning, match="cut off or damaged"):
         assert len(logs.table(picked, "/joint_states")["joint_1"]) == 31
+
+
+def test_a_file_of_another_program_is_not_drawn(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.mcap"
+    writer = Writer(str(path))
+    writer.start("ros2", "rosbag2")
+    writer.finish()  # type: ignore[no-untyped-call]
+    status, out, err = finish(tmp_path, "log", "plot", str(path))
+    assert (status, out) == (3, "")
+    assert err == f"Error: {path}: was not recorded by armtree, or lacks its head\n"
+    assert not path.with_suffix(".png").exists()
+    status, out, err = finish(tmp_path, "log", "ls", str(path))
+    assert (status, out) == (2, "")
+    assert "is a file" in err
+
+
+def test_a_full_disk_is_no_bug_of_ours_and_a_pipe_takes_a_picture(
+    tmp_path: Path, picked: Path
+) -> None:
+    full = "Error: the disk is full; make room, then try again\n"
+    assert finish(tmp_path, "log", "plot", str(picked), "-o", "/dev/full") == (3, "", full)
+    status, out, _ = finish(tmp_path, "log", "diff", str(picked), str(picked), "-o", "/dev/full")
+    assert (status, "/dev/full" in out) == (3, False)
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor() as pool:
+        drawn = pool.submit(pipe.read_bytes)
+        assert finish(tmp_path, "log", "plot", str(picked), "-o", str(pipe))[0] == 0
+        assert drawn.result().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(

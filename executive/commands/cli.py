@@ -1,5 +1,6 @@
 """The command line. What is heavy is loaded by the command that needs it."""
 
+import errno
 import logging
 import os
 import shlex
@@ -204,6 +205,8 @@ def main() -> None:
         code, words = getattr(error, "code", INTERNAL), str(error)
         if isinstance(error, OSError) and error.filename:
             code, words = "file", f"{error.filename}: {error.strerror}; check the path"
+        elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
+            code, words = "file", "the disk is full; make room, then try again"
         elif code == INTERNAL:
             words = f"a bug of ours: {error!r}; see --debug"
         click.echo(f"Error: {words}", err=True)

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from logs.story import Overview
 
 _FOLDER = click.argument(
-    "folder", type=PATH, envvar="ARMTREE_RECORDINGS", default=Path("recordings")
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    envvar="ARMTREE_RECORDINGS",
+    default=Path("recordings"),
 )
 _FILE = click.argument("recording", type=PATH)
 _FILES = click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
@@ -159,14 +162,16 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
 
     if output and len(recordings) > 1:
         raise click.UsageError("--output goes with one recording")
+    status = 0
     for recording in recordings:
+        status = max(status, incomplete(recording))
         target = output or recording.with_suffix(".png")
         scenes, why = _scenes(recording)
         draw(recording, target, scenes)
         if why:
             click.echo(f"{recording}: the bodies around the arm are not drawn: {why}", err=True)
         click.echo(target)
-    sys.exit(incomplete(*recordings))
+    sys.exit(status)
 
 
 def _scenes(recording: Path) -> "tuple[list[Scene], str]":
