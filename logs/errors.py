@@ -88,11 +88,16 @@ class RecordingIncomplete(LogError):
 
     def __init__(self, path: Path, lost: int, cause: Exception) -> None:
         self.lost, self.cause = lost, cause
-        super().__init__(
-            path,
+        words = (
             f"recording incomplete, {lost} records lost ({cause}); what was written before is "
-            "kept and valid. Make room or repair the cause, then run the task again",
+            "kept and valid. Make room or repair the cause, then run the task again"
         )
+        if not path.exists():
+            words = (
+                "was moved or deleted while it was written; where it still is, "
+                "`armtree log recover` finishes it"
+            )
+        super().__init__(path, words)
 
 
 class RecordingInUse(LogError):

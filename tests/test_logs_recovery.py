@@ -258,6 +258,23 @@ def test_what_is_being_written_is_left_alone(tmp_path: Path) -> None:
     assert recover(path) is None
 
 
+def test_a_recording_that_is_moved_while_it_is_written_can_be_recovered(tmp_path: Path) -> None:
+    path, moved = tmp_path / "run.mcap", tmp_path / "moved.mcap"
+    recorder = Recorder(path, EPOCH_NS, fail)
+    recorder.put(sent(1))
+    assert recorder.caught_up(5.0)
+    path.rename(moved)
+    with pytest.raises(logs.RecordingIncomplete) as raised:
+        recorder.close()
+    assert str(raised.value) == (
+        f"{path}: was moved or deleted while it was written; where it still is, "
+        "`armtree log recover` finishes it"
+    )
+    made = recover(moved)
+    assert made is not None
+    assert made.whole
+
+
 def test_a_frame_that_is_not_recorded_yet_is_told(tmp_path: Path) -> None:
     with Recorder(tmp_path / "run.mcap", EPOCH_NS, fail) as recorder:
         assert recorder.caught_up(0.0)
