@@ -5,6 +5,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass
 from difflib import get_close_matches
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
     Of a recording that is not complete what is valid is given, with a warning.
 
     Joint states have a column per joint [rad], nested fields one each, such as `transition.label`.
-    Arrays are left out.
+    Arrays are left out; a number that is unknown is NaN.
 
     Args:
         path: The recording.
@@ -54,7 +55,14 @@ def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
         near = get_close_matches(topic, sorted(known), 1, 0.0)[0]
         raise RecordingError(Path(path), f"has no topic {topic}; the nearest is {near}")
     names = dict.fromkeys(name for row in rows for name in row)
-    return {name: np.array([row.get(name) for row in rows]) for name in names}
+    return {name: np.array(_column([row.get(name) for row in rows])) for name in names}
+
+
+def _column(values: list[Any]) -> list[Any]:
+    """What is unknown among numbers is no number, so that the column is one of numbers."""
+    if any(isinstance(value, str) for value in values):
+        return values
+    return [nan if value is None else value for value in values]
 
 
 def _row(message: Message) -> dict[str, Any]:
@@ -63,7 +71,7 @@ def _row(message: Message) -> dict[str, Any]:
         return dict(zip(data.name, data.position.tolist(), strict=True))
     if message.type == "std_msgs/msg/String" and data.data.startswith("{"):
         values = message.fields()
-        return {name: value for name, value in values.items() if isinstance(value, _PLAIN)}
+        return {name: v for name, v in values.items() if v is None or isinstance(v, _PLAIN)}
     return dict(_flat(data, ""))
 
 

@@ -5,12 +5,15 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from logs import RecordingError, RecordingTruncated, Sent, read
+from logs import RecordingError, RecordingTruncated, Result, Sent, read, table
 from logs.salvage import Salvage
 from logs.story import overview
 from tests.test_logs_run import RUNS, record
+
+DUE = (0.0, 1.0, None)
 
 
 def test_topics_can_be_chosen(tmp_path: Path) -> None:
@@ -26,6 +29,19 @@ def test_reading_is_lazy(tmp_path: Path) -> None:
     first = next(read(path))
     assert first.topic == "/goal"
     assert first.fields()["name"] == "pick"
+
+
+def test_what_is_unknown_in_a_column_of_numbers_is_nan(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    words = Result(3.0, "0" * 32, 1, "ABORTED", False, "x", "x", 0, 3.0)
+    record(path, [Sent(float(n), b"b", due, due is None, (), ()) for n, due in enumerate(DUE)])
+    due = table(path, "/serial/timing")["scheduled"]
+    assert due.dtype == float
+    np.testing.assert_array_equal(due, [0.0, 1.0, np.nan])
+    record(tmp_path / "other.mcap", [words])
+    columns = table(tmp_path / "other.mcap", "/result")
+    assert np.isnan(columns["value"]).all()
+    assert columns["code"].tolist() == ["x"]
 
 
 def test_only_json_has_fields(tmp_path: Path) -> None:
