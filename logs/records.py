@@ -70,7 +70,7 @@ class Goal:
         goal_id: UUID, 32 hexadecimal digits.
         task: Number of the task asked for.
         name: Its name, empty where there is no such task.
-        seed: Seed of the planners.
+        seed: Seed of the planners; 0 where a recording of its own tells of the goal.
     """
 
     time: float
@@ -78,6 +78,11 @@ class Goal:
     task: int
     name: str
     seed: int
+
+    @property
+    def elsewhere(self) -> bool:
+        """Whether a recording of its own tells of it, and this one only that there was a goal."""
+        return not self.seed
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,8 +34,8 @@ class Overview:
         messages: How many messages it holds.
         complete: Whether it has its end and no damage.
         written: Whether it is still being written.
-        goal: None where none was recorded.
-        result: None where none was recorded.
+        goal: None where none was recorded, or each in a recording of its own.
+        result: Likewise.
         frames: How many frames left, holds included.
         holds: How many of them were holds.
         late: How many frames left how late, to the hundredth [ms].
@@ -79,9 +79,9 @@ def overview(path: Path) -> Overview:
     frames, holds, planning = 0, 0, {}
     for record in recording.records(Goal, Result, Sent, Plan):
         match record:
-            case Goal():
+            case Goal() if not record.elsewhere:
                 goal = record
-            case Result():
+            case Result() if goal:
                 result = record
             case Plan():
                 planning[record.group] = sum(record.milliseconds.values())
@@ -139,6 +139,8 @@ def story(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
 def in_words(record: Told) -> str:  # noqa: C901, a table of words
     """One record as a line."""
     match record:
+        case Goal() if record.elsewhere:
+            return f"goal: task {record.task}"
         case Goal():
             return f"goal: task {record.task} {record.name}, seed {record.seed}"
         case Result():

@@ -121,12 +121,16 @@ class _Events:
         self.last_ns = max(self.last_ns, message.time_ns)
 
     def take_goal(self, message: Message) -> None:
-        self.goal, self.goal_ns = message.fields(), message.time_ns
+        goal = message.fields()
+        if not goal["seed"]:  # a recording of its own tells of it
+            return
+        self.goal, self.goal_ns = goal, message.time_ns
         self.result, self.cancel_ns, self.faults_ns = {}, None, []
         self.motions, self.moved = [], True
 
     def take_result(self, message: Message) -> None:
-        self.result = message.fields()
+        if self.goal:
+            self.result = message.fields()
 
     def take_joints(self, message: Message) -> None:
         self.moved = True

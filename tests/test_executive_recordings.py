@@ -8,8 +8,12 @@ import pytest
 
 from executive.goals import Policy
 from executive.recording import recordings
+from executive.replay.proof import prove
+from executive.replay.proof_words import in_words
 from logs.compactor import compactor
 from logs.recovery import being_written, complete
+from logs.story import overview, story
+from logs.timeline import timeline
 from tests.conftest import RigMaker
 from tests.server_acts import run
 from tests.test_logs_run import fail
@@ -24,6 +28,21 @@ def test_another_process_finishes_them(
     ran = [Path(run(arm, 1).recording) for _ in range(3)]
     arm.executive.close()
     assert all(complete(path, every_byte=True) for path in ran)
+
+
+def test_a_servers_own_tells_of_goals_that_others_prove(server: RigMaker, tmp_path: Path) -> None:
+    arm = server()
+    assert run(arm, 1).success
+    arm.executive.close()
+    (own,) = (path for path in tmp_path.glob("*.mcap") if recordings.is_servers(path))
+    proof = prove(own)
+    assert proof.holds, in_words(proof)
+    told = [words for _, words in story(own, everything=False)]
+    assert "goal: task 1" in told
+    found = overview(own)
+    assert (found.goal, found.result, found.outcome) == (None, None, "-")
+    run_drawn = timeline(own)
+    assert (run_drawn.goal, run_drawn.result) == ({}, {})
 
 
 def test_where_they_are_not_finished_goals_wait_in_the_end(

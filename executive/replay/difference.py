@@ -6,7 +6,7 @@ from itertools import pairwise, takewhile, zip_longest
 from executive.recording.meshes import world_of
 from hardware import HardwareError, Robot, compile_schedule
 from hardware import Schedule as Compiled
-from logs import NodeStatus, Plan, Record, Result, Schedule, Sent
+from logs import Goal, NodeStatus, Plan, Record, Result, Schedule, Sent
 from skills.merged import Merged
 from skills.motion import MotionError, Query, Rest
 from skills.motion import Plan as Planned
@@ -52,10 +52,11 @@ def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
 
 def _result_difference(story: Sequence[Record]) -> str:
     sent: list[Sent] = []
+    elsewhere = {goal.goal_id for goal in story if isinstance(goal, Goal) and goal.elsewhere}
     for record in story:
         if isinstance(record, Sent) and record.joints:
             sent.append(record)
-        elif isinstance(record, Result):
+        elif isinstance(record, Result) and record.goal_id not in elsewhere:
             if record.frames != len(sent):
                 return f"the result tells of {record.frames} frames, {len(sent)} are recorded"
             if sent and sent[-1].time > record.time:
