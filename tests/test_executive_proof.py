@@ -69,6 +69,15 @@ def test_a_run_that_was_held_up_holds(rig: RigMaker, monkeypatch: pytest.MonkeyP
     assert proof.holds, in_words(proof)
 
 
+def test_what_was_cut_before_anything_happened_is_cut_and_not_changed(rig: RigMaker) -> None:
+    path = picked(rig())
+    path.write_bytes(path.read_bytes()[:32_000])  # in the first chunk, behind the robot
+    proof = prove(path)
+    assert (verdicts(proof), proof.code) == ([True, True], "log.truncated")
+    logs.recover(path)
+    assert prove(path).holds
+
+
 def test_a_run_that_was_refused_or_found_no_plan_holds(rig: RigMaker, tmp_path: Path) -> None:
     tasks = tmp_path / "tasks"
     tasks.mkdir()

@@ -111,12 +111,17 @@ def _show(view: View, event: Event) -> None:
 
 def put_in_order(folder: Path, rule: Rule, clock: RealClock) -> list[str]:
     """Mend what a crash left among recordings, and make room by the rule; says both."""
-    done = [
-        made.in_words() if isinstance(made, logs.Summary) else f"not recovered: {made}"
-        for made in logs.recover_all(folder)
-    ]
+    done = [_recovered(made) for made in logs.recover_all(folder)]
     utc = clock.epoch_ns() / 1e9 + clock.now()
     return done + [f"{path}: deleted to make room" for path in prune(folder, rule, utc)]
+
+
+def _recovered(made: logs.Summary | Exception) -> str:
+    if isinstance(made, logs.Summary):
+        return made.in_words()
+    if isinstance(made, OSError) and made.filename:
+        return f"not recovered: {made.filename}: {made.strerror}"
+    return f"not recovered: {made}"
 
 
 def _drive(

@@ -142,11 +142,12 @@ def _stamps_difference(recording: Recording, told: Iterable[tuple[int, Record]])
 def _goal_difference(recording: Recording, story: Sequence[Record]) -> str:
     """What is wrong with the goal; only a server's own recording has none, and nothing of a run."""
     goals = [record for record in story if isinstance(record, Goal)]
-    if not recording.messages:
-        return "nothing is recorded"
-    ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in story)
-    if ran and not goals and RECOVERED not in recording.notes:
-        return "no goal is recorded"
+    if recording.complete and RECOVERED not in recording.notes:
+        ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in story)
+        if not recording.messages:
+            return "nothing is recorded"
+        if ran and not goals:
+            return "no goal is recorded"
     for result in (record for record in story if isinstance(record, Result)):
         if (result.goal_id, result.task) not in {(goal.goal_id, goal.task) for goal in goals}:
             return f"the result is of task {result.task}, of which no goal is recorded"

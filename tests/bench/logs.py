@@ -1,10 +1,9 @@
 """What recording costs, what a crash costs, how small and how quick to read recordings are.
 
 `kill_*`: whole `armtree run` processes on a pseudo-terminal, killed at random instants of a move.
-`truncation_failures`: every cut of a journal and flipped bits of it and of the finished file, read
-and recovered: what precedes the damage is all there, and a cut, or a flip in the finished file, is
-seen. `read_*`: reading as `logs.read` gives it, against the stock
-reader of the same run.
+`truncation_failures`: every cut, and flipped bits, of a journal and of the finished file, read and
+recovered: what precedes the damage is all there, and a cut, or a flip in the finished file, is
+seen. `read_*`: reading as `logs.read` gives it, against the stock reader of the same run.
 """
 
 import contextlib
@@ -146,7 +145,7 @@ class Damage(NamedTuple):
 
 
 def truncations(every: int, flips: int) -> int:
-    """Failures: of cuts and flipped bits of a journal, of flipped bits of the finished file."""
+    """Failures: of cuts and flipped bits of a journal and of the finished file."""
     spawn = multiprocessing.get_context("spawn")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "x.mcap"
@@ -155,9 +154,9 @@ def truncations(every: int, flips: int) -> int:
         logs.compact(path)
         files["finished"] = path.read_bytes()
     rng = random.Random(1)
-    size = len(files["journal"])
-    damages = [Damage("journal", cut) for cut in range(0, size, every)]
+    damages = []
     for name, data in files.items():
+        damages += [Damage(name, cut) for cut in range(0, len(data), every)]
         bits = (rng.randrange(8 * len(data)) for _ in range(flips))
         footer = range(8 * (len(data) - _FOOTER_BYTES), 8 * len(data))
         damages += [Damage(name, len(data), bit) for bit in (*bits, *footer)]
