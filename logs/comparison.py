@@ -88,7 +88,7 @@ def run_of(path: Path) -> Run:
         sent[0].joints if sent else (),
         tuple(frame.time - zero for frame in sent),
         tuple(frame.positions for frame in sent),
-        tuple(frame.data.decode("ascii", "backslashreplace") for frame in sent),
+        tuple(frame.text for frame in sent),
     )
 
 

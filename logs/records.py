@@ -37,6 +37,11 @@ class Sent:
     joints: tuple[str, ...]
     positions: tuple[float, ...]
 
+    @property
+    def text(self) -> str:
+        """The bytes, to be read."""
+        return self.data.decode("ascii", "backslashreplace")
+
 
 @dataclass(frozen=True, slots=True)
 class Received:

@@ -158,12 +158,12 @@ def in_words(record: Told) -> str:  # noqa: C901, a table of words
         case Schedule():
             return f"schedule: {len(record.frames)} frames, {record.firmware}"
         case Sent() if not record.joints:
-            return f"setting: {record.data.decode('ascii', 'backslashreplace')}"
+            return f"setting: {record.text}"
         case Sent(scheduled=None):
-            return f"hold: {record.data.decode('ascii', 'backslashreplace')}"
+            return f"hold: {record.text}"
         case Sent():
             late = (record.time - (record.scheduled or 0.0)) * 1e3
-            return f"sent: {record.data.decode('ascii', 'backslashreplace')} {late:.1f} ms late"
+            return f"sent: {record.text} {late:.1f} ms late"
         case Received():
             return f"received: {record.data!r}"
         case Feedback():

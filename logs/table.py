@@ -120,9 +120,8 @@ def export(path: Path, folder: Path) -> tuple[Path, Path]:
 
 
 def _line(frame: Sent, zero: float) -> list[str]:
-    text = frame.data.decode("ascii", "backslashreplace")
     if frame.scheduled is None:
-        return [f"{frame.time - zero:.9f}", "", "", "yes", text]
+        return [f"{frame.time - zero:.9f}", "", "", "yes", frame.text]
     late = 1e3 * (frame.time - frame.scheduled)
     due = f"{frame.scheduled - zero:.9f}"
-    return [f"{frame.time - zero:.9f}", due, f"{late:.3f}", "no", text]
+    return [f"{frame.time - zero:.9f}", due, f"{late:.3f}", "no", frame.text]

@@ -173,8 +173,9 @@ def _motions(path: Path) -> Iterator[tuple[RecordedSchedule, list[RecordedFrame]
 def _same(robot: Robot, frame: RecordedFrame, path: Path) -> Frame:
     encoded = _encoded(robot, frame.positions, path)
     if encoded.data != frame.data:
-        text = frame.data.decode("ascii", "backslashreplace")
-        raise NotReplayable(f"{path}: {text} is another frame on this arm; give its robot file")
+        raise NotReplayable(
+            f"{path}: {frame.text} is another frame on this arm; give its robot file"
+        )
     return encoded
 
 

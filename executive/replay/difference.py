@@ -43,7 +43,7 @@ def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
             words = words or _sent_difference(schedule, sent, cut)
             words = words or _timing_difference(schedule, sent, cut)
         elif not words and (moved := [each for each in sent if not each.hold]):
-            words = f"{_text(moved[0])} was sent without a schedule"
+            words = f"{moved[0].text} was sent without a schedule"
         if words:
             return f"motion {number}: {words}"
         held = sent[-1].data if sent else held
@@ -60,7 +60,7 @@ def _result_difference(story: Sequence[Record]) -> str:
             if record.frames != len(sent):
                 return f"the result tells of {record.frames} frames, {len(sent)} are recorded"
             if sent and sent[-1].time > record.time:
-                return f"{_text(sent[-1])} was sent after the result before which it is recorded"
+                return f"{sent[-1].text} was sent after the result before which it is recorded"
     return ""
 
 
@@ -96,9 +96,9 @@ def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
         try:
             encoded = codec.encode(frame.positions).data
         except HardwareError as error:
-            return f"{_text(frame)} was sent for what cannot be sent: {error}"
+            return f"{frame.text} was sent for what cannot be sent: {error}"
         if encoded != frame.data:
-            return f"{_text(frame)} was sent for positions that encode to {encoded.decode()}"
+            return f"{frame.text} was sent for positions that encode to {encoded.decode()}"
     return ""
 
 
@@ -106,7 +106,7 @@ def _holds_difference(sent: Iterable[Sent], last: bytes | None) -> str:
     for frame in sent:
         if frame.hold and last not in (None, frame.data):
             assert last
-            return f"the hold {_text(frame)} does not repeat {last.decode()}"
+            return f"the hold {frame.text} does not repeat {last.decode()}"
         last = frame.data
     return ""
 
@@ -155,7 +155,7 @@ def _at(due: tuple[float, str] | None) -> str:
 
 
 def _sent_difference(schedule: Schedule, sent: Sequence[Sent], cut: bool) -> str:
-    moving = [frame.data.decode("ascii", "backslashreplace") for frame in sent if not frame.hold]
+    moving = [frame.text for frame in sent if not frame.hold]
     before_hold = len(list(takewhile(lambda frame: not frame.hold, sent)))
     if before_hold < len(moving):
         return f"{moving[before_hold]} was sent after the hold"
@@ -173,9 +173,9 @@ def _timing_difference(schedule: Schedule, sent: Sequence[Sent], cut: bool) -> s
     for number, (due, frame) in enumerate(zip(schedule.times, moving, strict=False), 1):
         first, scheduled = moving[0].scheduled, frame.scheduled
         if first is None or scheduled is None:
-            return f"frame {number}: {_text(frame)} is recorded without the time it was due"
+            return f"frame {number}: {frame.text} is recorded without the time it was due"
         if first < schedule.time - _TOLERANCE:
-            return f"frame 1: {_text(moving[0])} was due before there was its schedule"
+            return f"frame 1: {moving[0].text} was due before there was its schedule"
         passed = due - schedule.times[0]
         late = scheduled - first - passed - shifted
         if 1 / schedule.rate_hz - _TOLERANCE < late <= before + _TOLERANCE:  # as the streamer does
@@ -183,19 +183,15 @@ def _timing_difference(schedule: Schedule, sent: Sequence[Sent], cut: bool) -> s
         before = frame.time - scheduled
         if late < -_TOLERANCE or (late > _TOLERANCE and not cut):  # a stop may brake
             return (
-                f"frame {number}: {_text(frame)} was due {passed:.6f} s after the first, "
+                f"frame {number}: {frame.text} was due {passed:.6f} s after the first, "
                 f"recorded is {scheduled - first:.6f} s"
             )
         if frame.time < scheduled - _TOLERANCE:
-            return f"frame {number}: {_text(frame)} was sent before it was due"
+            return f"frame {number}: {frame.text} was sent before it was due"
     for number, (one, other) in enumerate(pairwise(sent), 2):
         if other.time < one.time:
-            return f"frame {number}: {_text(other)} was sent before the frame before it"
+            return f"frame {number}: {other.text} was sent before the frame before it"
     return ""
-
-
-def _text(frame: Sent) -> str:
-    return frame.data.decode("ascii", "backslashreplace")
 
 
 def plans_difference(
