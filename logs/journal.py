@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from io import BufferedWriter
-from typing import cast
 
-from mcap.writer import Writer
+from mcap import records as mcap
+from mcap.data_stream import RecordBuilder
+from mcap.writer import MCAP0_MAGIC
 
 from .compaction import UNFINISHED
 from .conversions import Stamp
@@ -19,6 +20,10 @@ from .topics import TOPICS, Topic, offered_qos, topics_of
 
 _SEQUENCE_BITS = 0xFFFFFFFF
 
+_SCHEMAS = {name: number for number, name in enumerate({topic.type: 0 for topic in TOPICS}, 1)}
+_CHANNELS = {topic.name: number for number, topic in enumerate(TOPICS, 1) if topic.fixed}
+_TOPICS = {topic.record: topics_of(topic.record) for topic in TOPICS}
+
 
 @dataclass
 class _Channel:
@@ -29,12 +34,12 @@ class _Channel:
 class Journal:
     """Writes records as they come; `kill -9` costs at most the record being written.
 
-    For one thread. A journal that ends well is a complete file, one that does not is a valid
-    prefix; `compact` makes the final recording of either.
+    For one thread. A journal that ends well is a complete file without a summary, one that does
+    not is a valid prefix; `compact` makes the final recording of either.
     """
 
     def __init__(self, stream: BufferedWriter, epoch_ns: int) -> None:
-        """Writes header, metadata and channels, and generates the code for every type.
+        """Writes header, metadata, schemas and channels.
 
         Args:
             stream: The new file; the journal owns it from here on.
@@ -48,11 +53,8 @@ class Journal:
         self._last_ns = 0
         self._links: Links | None = None
         self._ros = ros_types()
-        self._writer = Writer(cast("BufferedWriter", self._tail), use_chunking=False)
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, _Channel] = {}
-        self._topics = {topic.record: topics_of(topic.record) for topic in TOPICS}
-        self._start()
+        self._channels = {name: _Channel(number) for name, number in _CHANNELS.items()}
+        self._tail.write(_head(epoch_ns))
 
     def write(self, record: Record) -> None:
         """Adds what the table of topics makes of a record, and flushes.
@@ -64,12 +66,12 @@ class Journal:
         time_ns = self._epoch_ns + round(record.time * 1e9)
         if isinstance(record, Description):
             self._links = _links(record.urdf)
-        messages = self._convert(record, time_ns)
-        for channel, data in messages:
+        messages = []
+        for channel, data in self._convert(record, time_ns):
             sequence = channel.sequence & _SEQUENCE_BITS
-            self._writer.add_message(channel.number, time_ns, data, time_ns, sequence)
+            messages.append(mcap.Message(channel.number, time_ns, data, time_ns, sequence))
             channel.sequence += 1
-        self._tail.flush()
+        self._tail.write(_bytes(*messages))
         self._last_ns = time_ns
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
@@ -78,8 +80,7 @@ class Journal:
         Raises:
             OSError: The disk did not take it.
         """
-        self._writer.add_attachment(0, self._last_ns, name, media_type, data)
-        self._tail.flush()
+        self._tail.write(_bytes(mcap.Attachment(0, self._last_ns, name, media_type, data)))
 
     def note(self, name: str, facts: Mapping[str, str]) -> None:
         """Adds named facts, such as the versions of libraries.
@@ -87,8 +88,7 @@ class Journal:
         Raises:
             OSError: The disk did not take it.
         """
-        self._writer.add_metadata(name, dict(facts))
-        self._tail.flush()
+        self._tail.write(_bytes(mcap.Metadata(name, dict(facts))))
 
     def finish(self) -> None:
         """Completes the file, brings it to the disk and closes it.
@@ -96,8 +96,7 @@ class Journal:
         Raises:
             OSError: The disk did not take it.
         """
-        self._writer.finish()  # type: ignore[no-untyped-call]
-        self._tail.flush()
+        self._tail.write(_bytes(mcap.DataEnd(0), mcap.Footer(0, 0, 0)) + MCAP0_MAGIC)
         self._tail.close()
 
     @property
@@ -110,18 +109,9 @@ class Journal:
         """Whether the disk is full, so that only what was kept free for the end is left."""
         return self._tail.full
 
-    def _start(self) -> None:
-        self._writer.start("ros2", _library() + UNFINISHED)
-        self._writer.add_metadata("armtree", {"epoch_ns": str(self._epoch_ns)})
-        for topic in TOPICS:
-            if topic.fixed:
-                self._channels[topic.name] = self._register(topic, topic.name)
-        self._tail.flush()
-        self._ros.warm_up(topic.type for topic in TOPICS)
-
     def _convert(self, record: Record, time_ns: int) -> list[tuple[_Channel, bytes]]:
         messages = []
-        for topic in self._topics[type(record)]:
+        for topic in _TOPICS[type(record)]:
             channel = self._channel(topic, record)
             stamp = Stamp(time_ns, channel.sequence, self._links)
             message = topic.convert(record, stamp, self._ros)
@@ -132,19 +122,43 @@ class Journal:
     def _channel(self, topic: Topic, record: Record) -> _Channel:
         name = topic.name_for(record)
         if name not in self._channels:
-            self._channels[name] = self._register(topic, name)
+            number = len(TOPICS) + len(self._channels)
+            self._tail.write(_bytes(_described(topic, name, number)))
+            self._channels[name] = _Channel(number)
         return self._channels[name]
 
-    def _register(self, topic: Topic, name: str) -> _Channel:
-        if topic.type not in self._schemas:
-            text = self._ros.schema(topic.type).encode()
-            self._schemas[topic.type] = self._writer.register_schema(topic.type, "ros2msg", text)
-        facts = {
-            "offered_qos_profiles": offered_qos(topic),
-            "topic_type_hash": self._ros.hash(topic.type),
-        }
-        schema = self._schemas[topic.type]
-        return _Channel(self._writer.register_channel(name, "cdr", schema, facts))
+
+def _described(topic: Topic, name: str, number: int) -> mcap.Channel:
+    facts = {
+        "offered_qos_profiles": offered_qos(topic),
+        "topic_type_hash": ros_types().hash(topic.type),
+    }
+    return mcap.Channel(number, name, "cdr", facts, _SCHEMAS[topic.type])
+
+
+@lru_cache(maxsize=1)
+def _head(epoch_ns: int) -> bytes:
+    """What every journal of a process begins with; generates the code for every type, too."""
+    ros = ros_types()
+    ros.warm_up(_SCHEMAS)
+    schemas = (
+        mcap.Schema(number, ros.schema(name).encode(), "ros2msg", name)
+        for name, number in _SCHEMAS.items()
+    )
+    named = {topic.name: topic for topic in TOPICS}
+    return MCAP0_MAGIC + _bytes(
+        mcap.Header("ros2", _library() + UNFINISHED),
+        mcap.Metadata("armtree", {"epoch_ns": str(epoch_ns)}),
+        *schemas,
+        *(_described(named[name], name, number) for name, number in _CHANNELS.items()),
+    )
+
+
+def _bytes(*records: mcap.McapRecord) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
 @cache

@@ -61,11 +61,11 @@ def _attached_whole(attachment: Attachment, stream: BinaryIO) -> bool:
 def summary_is_whole(footer: Footer, stream: BinaryIO) -> bool:
     """Whether the summary is what was written; the reader for streams does not look at it."""
     left = stream.seek(0, os.SEEK_END) - _MAGIC_BYTES - _CRC_BYTES - footer.summary_start
-    if left < 0:
-        return False
+    if left < 0 or not footer.summary_crc:
+        return left >= 0
     stream.seek(footer.summary_start)
     found = 0
     while left > 0 and (block := stream.read(min(left, _BLOCK_BYTES))):
         found = crc32(block, found)
         left -= len(block)
-    return footer.summary_crc in (0, found)
+    return footer.summary_crc == found

@@ -15,7 +15,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class Tail:
-    """What an `mcap.writer.Writer` writes to. Bytes go out by `flush` alone, whole or not at all.
+    """Writes to the end of a file at once, whole pieces or nothing of them.
 
     Attributes:
         full: Whether the disk is full, so that only what was kept free for the end is left.
@@ -30,28 +30,18 @@ class Tail:
         self.full = False
         self._stream = stream
         self._written = 0
-        self._waiting = bytearray()
         self._reserve = _reserve(Path(str(stream.name)).parent)
         if self._reserve:
             finalize(self, self._reserve.close)
 
-    def write(self, data: bytes) -> int:
-        """Take bytes for the next flush."""
-        self._waiting += data
-        return len(data)
-
-    def tell(self) -> int:
-        """Where the next byte will stand."""
-        return self._written + len(self._waiting)
-
-    def flush(self) -> None:
-        """Hand what waits to the operating system. Where the disk is full, the reserve is given up.
+    def write(self, data: bytes) -> None:
+        """Hand bytes to the operating system. Where the disk is full, the reserve is given up.
 
         Raises:
-            OSError: The disk did not take it; the file ends where it ended before, and is closed.
+            OSError: The disk did not take them; the file ends where it ended before, and is closed.
         """
         try:
-            self._write_out()
+            self._write(data)
         except OSError as error:
             if error.errno not in _FULL or self._reserve is None:
                 self._abandon()
@@ -59,7 +49,7 @@ class Tail:
             self._release()
             self.full = True
             try:
-                self._write_out()
+                self._write(data)
             except OSError:
                 self._abandon()
                 raise
@@ -79,18 +69,17 @@ class Tail:
         """Whether nothing more can be written."""
         return self._stream.closed
 
-    def _write_out(self) -> None:
+    def _write(self, data: bytes) -> None:
         handle, done = self._stream.fileno(), 0
         try:
-            while done < len(self._waiting):
-                done += os.write(handle, memoryview(self._waiting)[done:])
+            while done < len(data):
+                done += os.write(handle, memoryview(data)[done:])
         except OSError:
             with suppress(OSError):  # the first failure is the one to tell
                 os.ftruncate(handle, self._written)
                 os.lseek(handle, self._written, os.SEEK_SET)
             raise
         self._written += done
-        self._waiting = bytearray()
 
     def _abandon(self) -> None:
         with suppress(OSError):
