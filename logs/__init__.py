@@ -21,11 +21,14 @@ from .reader import Message, read
 from .recorder import Recorder
 from .recording import Recording
 from .records import (
+    Attachment,
     Description,
     Feedback,
     Goal,
+    Item,
     LogLine,
     NodeStatus,
+    Note,
     Plan,
     Received,
     Record,
@@ -39,15 +42,18 @@ from .summary import Summary
 from .table import table
 
 __all__ = [
+    "Attachment",
     "Description",
     "DiskFull",
     "Feedback",
     "Goal",
+    "Item",
     "LogError",
     "LogLine",
     "Message",
     "NoSpace",
     "NodeStatus",
+    "Note",
     "Plan",
     "Received",
     "Record",

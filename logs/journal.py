@@ -1,6 +1,5 @@
 """The file while it is being written: unchunked, and on its way to disk after every record."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
@@ -13,7 +12,7 @@ from mcap.writer import MCAP0_MAGIC
 from .compaction import UNFINISHED
 from .conversions import Stamp
 from .kinematics import Links
-from .records import Description, Record
+from .records import Attachment, Description, Item, Note, Record
 from .ros_types import ros_types
 from .tail import Tail
 from .topics import TOPICS, Topic, offered_qos, topics_of
@@ -56,39 +55,14 @@ class Journal:
         self._channels = {name: _Channel(number) for name, number in _CHANNELS.items()}
         self._tail.write(_head(epoch_ns))
 
-    def write(self, record: Record) -> None:
-        """Adds what the table of topics makes of a record, and flushes.
+    def write(self, *items: Item) -> None:
+        """Adds files, facts, and what the table of topics makes of records; all in one piece.
 
         Raises:
             OSError: The disk did not take it.
-            Exception: The record cannot be converted; nothing of it was written.
+            Exception: One of them cannot be converted; nothing was written.
         """
-        time_ns = self._epoch_ns + round(record.time * 1e9)
-        if isinstance(record, Description):
-            self._links = _links(record.urdf)
-        messages = []
-        for channel, data in self._convert(record, time_ns):
-            sequence = channel.sequence & _SEQUENCE_BITS
-            messages.append(mcap.Message(channel.number, time_ns, data, time_ns, sequence))
-            channel.sequence += 1
-        self._tail.write(_bytes(*messages))
-        self._last_ns = time_ns
-
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Adds a named file, such as the task's YAML, dated as the record before it.
-
-        Raises:
-            OSError: The disk did not take it.
-        """
-        self._tail.write(_bytes(mcap.Attachment(0, self._last_ns, name, media_type, data)))
-
-    def note(self, name: str, facts: Mapping[str, str]) -> None:
-        """Adds named facts, such as the versions of libraries.
-
-        Raises:
-            OSError: The disk did not take it.
-        """
-        self._tail.write(_bytes(mcap.Metadata(name, dict(facts))))
+        self._tail.write(b"".join(map(self._encoded, items)))
 
     def finish(self) -> None:
         """Completes the file, brings it to the disk and closes it.
@@ -108,6 +82,23 @@ class Journal:
     def full(self) -> bool:
         """Whether the disk is full, so that only what was kept free for the end is left."""
         return self._tail.full
+
+    def _encoded(self, item: Item) -> bytes:
+        if isinstance(item, Attachment):
+            named = item.name, item.media_type, item.data
+            return _bytes(mcap.Attachment(0, self._last_ns, *named))
+        if isinstance(item, Note):
+            return _bytes(mcap.Metadata(item.name, dict(item.facts)))
+        if isinstance(item, Description):
+            self._links = _links(item.urdf)
+        time_ns = self._epoch_ns + round(item.time * 1e9)
+        messages = []
+        for channel, data in self._convert(item, time_ns):
+            sequence = channel.sequence & _SEQUENCE_BITS
+            messages.append(mcap.Message(channel.number, time_ns, data, time_ns, sequence))
+            channel.sequence += 1
+        self._last_ns = time_ns
+        return _bytes(*messages)
 
     def _convert(self, record: Record, time_ns: int) -> list[tuple[_Channel, bytes]]:
         messages = []

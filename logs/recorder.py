@@ -6,16 +6,16 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache, partial
 from io import BufferedWriter
 from pathlib import Path
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Self
 
 from .compaction import rewrite
 from .errors import LogError, RecordingExists, RecordingIncomplete, RecordingNotCreated
-from .records import Record, Sent
+from .records import Item, Sent
 from .summary import Summary
 
 if TYPE_CHECKING:
@@ -31,25 +31,13 @@ FSYNC_S = 1.0
 _BEGIN_S = 10.0
 
 
-class _Attachment(NamedTuple):
-    name: str
-    media_type: str
-    data: bytes
-
-
-class _Note(NamedTuple):
-    name: str
-    facts: Mapping[str, str]
-
-
-_Item = Record | _Attachment | _Note
 _Jobs = SimpleQueue[Callable[[], object]]
 
 
 class Recorder:
     """Records one run into one file, without ever keeping the run waiting.
 
-    `put`, `attach` and `note` are one queue put each, from any thread. One thread writes all that
+    `put` is one queue put, from any thread. One thread writes all that
     is recorded in this process, another brings it to the disk. While it runs the file is a
     locked journal, handed to the operating system after every record and brought to the disk within
     `FSYNC_S`; `close` makes the final recording of it.
@@ -84,25 +72,15 @@ class Recorder:
         self._jobs, self._syncs = _thread("recorder"), _thread("fsync")
         self._jobs.put(partial(self._begin, stream))
 
-    def put(self, record: Record) -> None:
-        """Records something; never blocks, never raises. Ignored after `close`."""
-        if type(record) is Sent:
-            self._sent += 1  # by the streamer alone
-        self._jobs.put(partial(self._take, record))
-
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Adds a named file to the recording; never blocks, never raises.
+    def put(self, *items: Item) -> None:
+        """Records something; never blocks, never raises. Ignored after `close`.
 
         Args:
-            name: Such as `task.yaml`.
-            media_type: Such as `application/yaml`.
-            data: Its content.
+            items: One, or what is to be written together; a frame by itself.
         """
-        self._jobs.put(partial(self._take, _Attachment(name, media_type, data)))
-
-    def note(self, name: str, facts: Mapping[str, str]) -> None:
-        """Adds named facts, such as the versions of libraries; never blocks, never raises."""
-        self._jobs.put(partial(self._take, _Note(name, facts)))
+        if type(items[0]) is Sent:
+            self._sent += 1  # by the streamer alone
+        self._jobs.put(partial(self._take, items))
 
     def caught_up(self, timeout: float) -> bool:
         """Whether every frame that was put is on its way to the disk.
@@ -161,24 +139,19 @@ class Recorder:
             self._fail(cause)
         self._begun.set()
 
-    def _take(self, item: _Item) -> None:
+    def _take(self, items: tuple[Item, ...]) -> None:
         if self._ended.is_set():
             return
         journal = self._journal
-        if journal is None or not self._write(journal, item):
-            self._lost += 1
-        self._kept += type(item) is Sent
+        if journal is None or not self._write(journal, items):
+            self._lost += len(items)
+        self._kept += type(items[0]) is Sent
         if journal is not None and journal.closed:
             self._journal = None
 
-    def _write(self, journal: "Journal", item: _Item) -> bool:
+    def _write(self, journal: "Journal", items: tuple[Item, ...]) -> bool:
         try:
-            if isinstance(item, _Attachment):
-                journal.attach(*item)
-            elif isinstance(item, _Note):
-                journal.note(*item)
-            else:
-                journal.write(item)
+            journal.write(*items)
         except Exception as cause:
             self._fail(cause)
             return False

@@ -5,6 +5,7 @@
 `topics.py`.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -256,8 +257,26 @@ class LogLine:
     message: str
 
 
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """A named file, such as the task's YAML; dated as the record before it."""
+
+    name: str
+    media_type: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Named facts, such as the versions of libraries."""
+
+    name: str
+    facts: Mapping[str, str]
+
+
 # What is read from a recording again; the robot's description is one of its files.
 Told = (
     Sent | Received | Transition | Goal | Feedback | Result | NodeStatus | Plan | Schedule | LogLine
 )
 Record = Description | Told
+Item = Record | Attachment | Note

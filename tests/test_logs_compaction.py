@@ -10,7 +10,7 @@ from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from logs import RecordingError, RecordingTruncated, compact, read
+from logs import Attachment, RecordingError, RecordingTruncated, compact, read
 from logs.compaction import RECOVERED
 from logs.journal import Journal
 from tests.test_logs_run import EPOCH_NS, RUNS, record
@@ -39,7 +39,7 @@ def small_journal(path: Path) -> list[int]:
 def run_journal(path: Path, finish: bool = True) -> None:
     stream = path.open("xb")
     journal = Journal(stream, EPOCH_NS)
-    journal.attach("task.yaml", "application/yaml", b"task: 1\n")
+    journal.write(Attachment("task.yaml", "application/yaml", b"task: 1\n"))
     for item in RUNS["ok"]:
         journal.write(item)
     if finish:

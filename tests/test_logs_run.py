@@ -13,6 +13,7 @@ from rosbags.highlevel import AnyReader
 
 import logs
 from logs import (
+    Attachment,
     Feedback,
     Goal,
     LogLine,
@@ -57,7 +58,7 @@ def fail(cause: Exception) -> None:
 def record(path: Path, records: list[Record]) -> Summary:
     """Records a list of records into one file."""
     recorder = Recorder(path, EPOCH_NS, fail)
-    recorder.attach("task.yaml", "application/yaml", b"task: 1\n")
+    recorder.put(Attachment("task.yaml", "application/yaml", b"task: 1\n"))
     for item in records:
         recorder.put(item)
     return recorder.close()

@@ -2,8 +2,9 @@
 
 import errno
 import logging
-import threading
+from collections import deque
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -26,6 +27,7 @@ _BETWEEN = "server"  # in the name of the recording of what happens between goal
 
 # So many goals' recordings may be unfinished, each with its descriptors; then the next goal waits.
 _UNFINISHED = 64
+_AT_ONCE = 4  # are being finished; most of its time each waits for the disk
 
 
 def is_servers(recording: Path) -> bool:
@@ -66,7 +68,8 @@ class Recordings:
         self._recorder: logs.Recorder | None = None
         self._between: logs.Recorder | None = None
         self._compactor: Compactor | None = None
-        self._closing: list[threading.Thread] = []
+        self._finishers = ThreadPoolExecutor(_AT_ONCE, "recording")
+        self._unfinished: deque[Future[None]] = deque()
         self._wrong: list[logs.LogError] = []
         self._meshes: set[str] = set()  # that are in it already
         self.path = ""
@@ -80,7 +83,7 @@ class Recordings:
         """
         self._compactor = compactor()
         self._recorder = self._between = recorder = self._create(_BETWEEN)
-        self._attach(recorder, None)
+        recorder.put(*self._evidence(None))
 
     def open(self, goal: Goal, name: str, seed: int, tree: Tree | None) -> None:
         """Open the recording of a goal and tell of it.
@@ -97,8 +100,9 @@ class Recordings:
         self._recorder = recorder = self._create(goal.task)
         self.path, self.frames = str(recorder.path), 0
         self._meshes.clear()
-        self._attach(recorder, tree)
-        self.tell(logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed))
+        told = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed)
+        recorder.put(*self._evidence(tree), told)
+        self._watch(told)
 
     def goal_changed(self, status: GoalStatus) -> None:
         """Note in a server's recording that there is a goal, and its end, whatever it came to."""
@@ -123,12 +127,12 @@ class Recordings:
         """Finish the recording of a goal in the background; what follows is between goals."""
         recorder, self._recorder, self.path = self._recorder, self._between, ""
         self.frames = 0
-        self._closing = [thread for thread in self._closing if thread.is_alive()]
-        if len(self._closing) >= _UNFINISHED:
-            self._closing.pop(0).join()
         if recorder and recorder is not self._between:
-            finish = partial(self._finish, recorder)
-            self._closing.append(self._clock.spawn(finish, "recording"))
+            self._unfinished.append(self._finishers.submit(self._finish, recorder))
+        while self._unfinished and self._unfinished[0].done():
+            self._unfinished.popleft()
+        if len(self._unfinished) > _UNFINISHED:
+            wait([self._unfinished.popleft()])
 
     def close(self) -> None:
         """Finish the recordings that are open.
@@ -140,8 +144,7 @@ class Recordings:
         self._recorder, self._between, self.path, self.frames = None, None, "", 0
         for recorder in filter(None, recorders):
             self._finish(recorder)
-        for thread in self._closing:
-            thread.join()
+        self._finishers.shutdown()
         if self._wrong:
             raise self._wrong.pop(0)
 
@@ -151,6 +154,8 @@ class Recordings:
         except logs.LogError as error:
             logger.error("%s", error)
             self._wrong.append(error)
+        except Exception:  # the outermost place of this thread
+            logger.exception("a bug of ours")
 
     def tell(self, record: logs.Record) -> None:
         """Record something and show it to the watcher."""
@@ -175,34 +180,40 @@ class Recordings:
             self._attach_new(kept(event.query.world)[1])
         self.tell(skill_record(event, self._robot, self._clock.now()))
 
-    def _attach(self, recorder: logs.Recorder, tree: Tree | None) -> None:
-        """Add all that it takes to see, and to prove, the run from its file alone."""
+    def _evidence(self, tree: Tree | None) -> list[logs.Item]:
+        """All that it takes to see, and to prove, the run from its file alone."""
         urdf, files, notes = self._machine
-        for name, data in files.items():
-            recorder.attach(name, "text/plain", data)
-        recorder.put(logs.Description(self._clock.now(), urdf))
-        for name, facts in notes.items():
-            recorder.note(name, facts)
-        if tree:
-            for file, text in tree.files.items():
-                recorder.attach(file, "application/yaml", text.encode())
+        task = tree.files if tree else {}
+        return [
+            *files,
+            logs.Description(self._clock.now(), urdf),
+            *notes,
+            *(
+                logs.Attachment(file, "application/yaml", text.encode())
+                for file, text in task.items()
+            ),
+        ]
 
     @cached_property
-    def _machine(self) -> tuple[str, dict[str, bytes], dict[str, dict[str, str]]]:
+    def _machine(self) -> tuple[str, list[logs.Attachment], list[logs.Note]]:
         """The URDF, the robot's files and the notes, as they are at the first goal."""
         robot = self._robot
-        files = {path.name: path.read_bytes() for path in (robot.path, robot.urdf)}
-        notes = {
-            "robot": robot_note(robot),
-            "configuration": dict(self._configuration),
-            "versions": versions(),
-        }
+        files = [
+            logs.Attachment(path.name, "text/plain", path.read_bytes())
+            for path in (robot.path, robot.urdf)
+        ]
+        notes = [
+            logs.Note("robot", robot_note(robot)),
+            logs.Note("configuration", dict(self._configuration)),
+            logs.Note("versions", versions()),
+        ]
         return robot.urdf.read_text(), files, notes
 
     def _attach_new(self, meshes: Mapping[str, bytes]) -> None:
         if self._recorder:
             for name in sorted(meshes.keys() - self._meshes):
-                self._recorder.attach(name, "application/octet-stream", meshes[name])
+                file = logs.Attachment(name, "application/octet-stream", meshes[name])
+                self._recorder.put(file)
                 self._meshes.add(name)
 
     def _create(self, task: int | str) -> logs.Recorder:
