@@ -232,6 +232,12 @@ CODES = {
     "task.unanswered": Code(11, "The operator did not answer", "run again, and answer", _FAILED),
     "skill": Code(1, "A skill failed without a cause of its own", "report it", _FAILED),
     "skill.error": Code(1, "A skill failed without a cause of its own", "report it", _FAILED),
+    "skill.broken": Code(
+        11,
+        "The code of a skill raised something",
+        "correct it; --debug shows the line. If it is one of ours, report it",
+        _FAILED,
+    ),
     # Recordings
     "log": Code(10, "Something could not be recorded", "make room, or record to another folder"),
     "log.error": Code(

@@ -118,8 +118,13 @@ class Owner:
         return attempt.error
 
     def _own(self) -> None:
-        while goal := self._goals.take():
-            self._execute(_Attempt(goal))
+        try:
+            while goal := self._goals.take():
+                self._execute(_Attempt(goal))
+        except BaseException:
+            logger.critical("a bug of ours: no goal is executed any more", exc_info=True)
+            self._goals.close()
+            self._arm.stop()
         with self._signal:
             self._ended = True
             self._signal.notify()
@@ -142,10 +147,8 @@ class Owner:
             if attempt.error:
                 logger.error("%s", error)
             attempt.error = attempt.error or error
-        except Exception as error:
-            # The outermost place of this thread: a bug, too, must stop the arm and end the goal.
+        except Exception as error:  # a bug, too, must end the goal
             logger.exception("a bug of ours")
-            self._arm.stop()
             attempt.error = attempt.error or error
 
     def _build(self, attempt: _Attempt) -> None:
@@ -177,7 +180,14 @@ class Owner:
     def _run(self, attempt: _Attempt) -> None:
         assert attempt.tree
         self._ready(attempt.goal)
-        Run(attempt.goal, attempt.tree, self._arm, self._clock, self._recordings.tell).execute()
+        run = Run(attempt.goal, attempt.tree, self._arm, self._clock, self._recordings.tell)
+        try:
+            run.execute()
+        except _OURS:
+            raise
+        except Exception:
+            self._arm.stop()
+            raise
 
     def _ready(self, goal: Goal) -> None:
         """See that the arm is active."""

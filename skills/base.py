@@ -10,7 +10,7 @@ from py_trees.ports import BehaviourWithPorts
 
 from hardware import Arm, Clock, HardwareError, Robot, Schedule
 
-from .errors import SkillError
+from .errors import SkillBroken, SkillError
 from .merged import Merged
 from .motion import EMPTY, Body, MotionError, Plan, Pool, Query, World
 from .operator import NoOperator, Operator
@@ -210,6 +210,11 @@ class Skill(BehaviourWithPorts):
         except (SkillError, MotionError, HardwareError) as error:
             self.failure, self.feedback_message = error, str(error)
             status = Status.FAILURE
+        except BaseException as error:  # SystemExit, too, would end the thread that ticks
+            self._broke("on_start" if begin else "on_running", error)
+            if not begin:
+                self._halt()
+            status = Status.FAILURE
         self._live = status is Status.RUNNING
         return status
 
@@ -217,4 +222,19 @@ class Skill(BehaviourWithPorts):
         """Halt if it was running; py_trees calls this for finished leaves too."""
         if self._live:
             self._live = False
+            self._halt()
+
+    def _halt(self) -> None:
+        try:
             self.on_halt()
+        except BaseException as error:
+            self._broke("on_halt", error)
+
+    def _broke(self, what: str, raised: BaseException) -> None:
+        """Note what the code of the skill raised; nobody knows what it leaves, so the arm stops."""
+        error = SkillBroken(f"{type(self).__name__}.{what}", raised)
+        logger.error("%s", error)
+        logger.debug("it was raised here", exc_info=raised)
+        self.failure = self.failure or error
+        self.feedback_message = str(self.failure)
+        self.context.arm.stop()

@@ -6,6 +6,7 @@ SkillError
 ├── BadQuestion     a question is empty, or an answer is wanted that is no choice
 ├── StartMoved      the arm no longer stands where the plan begins
 ├── Interrupted     somebody stopped the motion from outside the tree
+├── SkillBroken     the code of a skill raised what it must not
 └── TaskFailed      the task itself says so
     ├── ConditionFails  something it asks for is not so
     ├── FunctionFailed  a registered function raised something
@@ -80,6 +81,20 @@ class Interrupted(SkillError):
     """The motion was stopped from outside the tree."""
 
     code = "hw.stopped"
+
+
+class SkillBroken(SkillError):
+    """The code of a skill raised something that is no error of ours.
+
+    Args:
+        where: What was called, such as `Wave.on_start`.
+        raised: What it raised.
+    """
+
+    code = "skill.broken"
+
+    def __init__(self, where: str, raised: BaseException) -> None:
+        super().__init__(f"{where} raised {type(raised).__name__}: {raised}")
 
 
 class TaskFailed(SkillError):

@@ -193,5 +193,5 @@ def _no_such(skill: _Function, returned: Any, wanted: str) -> FunctionFailed:
 def _call(skill: _Function, arguments: dict[str, Any]) -> Any:
     try:
         return skill.function(**arguments)
-    except Exception as error:  # somebody else's code: whatever it raises is its failure
+    except BaseException as error:  # somebody else's code: whatever it raises is its failure
         raise FunctionFailed(f"{type(skill).__name__}: {type(error).__name__}: {error}") from error

@@ -361,7 +361,7 @@ def test_a_bug_ends_one_goal_only(server: RigMaker, monkeypatch: pytest.MonkeyPa
 
     with monkeypatch.context() as patch:
         patch.setattr(PlanGripper, "on_start", on_start)
-        assert run(arm, 1).code == "internal"
+        assert run(arm, 1).code == "skill.broken"
     assert run(arm, 1).success
 
 

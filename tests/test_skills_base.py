@@ -4,7 +4,7 @@ import pytest
 from py_trees.common import Status
 
 from hardware import NotActive
-from skills import Skill, SkillError
+from skills import Skill, SkillBroken, SkillError
 from skills.motion import PlanTimeout
 from tests.conftest import Bench
 
@@ -17,7 +17,7 @@ class Noted(Skill, register=False):
     INPUT_PORTS = {}
     OUTPUT_PORTS = {}
 
-    def script(self, *answers: Status | Exception) -> "Noted":
+    def script(self, *answers: Status | BaseException) -> "Noted":
         self.answers = list(answers)
         self.done: list[str] = []
         return self
@@ -34,9 +34,16 @@ class Noted(Skill, register=False):
     def _answer(self, what: str) -> Status:
         self.done.append(what)
         answer = self.answers.pop(0)
-        if isinstance(answer, Exception):
+        if isinstance(answer, BaseException):
             raise answer
         return answer
+
+
+class Hopeless(Noted, register=False):
+    """Cannot even halt."""
+
+    def on_halt(self) -> None:
+        raise SystemExit(3)
 
 
 def tick(skill: Skill, times: int = 1) -> Status:
@@ -84,10 +91,29 @@ def test_an_error_of_ours_is_a_failure_with_a_cause(bench: Bench, error: Excepti
         assert skill.feedback_message == str(error)
 
 
-def test_a_bug_is_not_hidden(bench: Bench) -> None:
-    skill = bench.skill(Noted).script(ZeroDivisionError())
-    with pytest.raises(ZeroDivisionError):
-        tick(skill)
+@pytest.mark.parametrize("raised", [ZeroDivisionError("zero"), SystemExit(3)])
+def test_whatever_its_code_raises_is_a_failure_that_names_it(
+    bench: Bench, raised: BaseException, caplog: pytest.LogCaptureFixture
+) -> None:
+    name = type(raised).__name__
+    skill = bench.skill(Noted).script(raised)
+    assert tick(skill) is F
+    assert isinstance(skill.failure, SkillBroken)
+    assert str(skill.failure) == f"Noted.on_start raised {name}: {raised}"
+    skill = bench.skill(Noted).script(R, raised)
+    assert tick(skill, 2) is F
+    assert skill.done == ["start", "running", "halt"]
+    assert f"Noted.on_running raised {name}: {raised}" in caplog.text
+
+
+def test_what_cannot_halt_stops_the_arm(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
+    skill = bench.skill(Hopeless).script(R)
+    stopped: list[bool] = []
+    bench.arm.stop = lambda: stopped.append(True)  # type: ignore[method-assign]
+    tick(skill)
+    skill.stop(INVALID)
+    assert stopped == [True]
+    assert "Hopeless.on_halt raised SystemExit: 3" in caplog.text
 
 
 def test_again_after_the_end_and_after_a_halt(bench: Bench) -> None:

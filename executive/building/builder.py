@@ -9,7 +9,7 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Access, Status
 
 from hardware import Robot
-from skills import Context, Positions, Skill, SkillError
+from skills import Context, Positions, Skill, SkillBroken, SkillError
 from skills.motion import MotionError
 from trees import Library, Located, Mistake, Place, TaskFile, meant
 
@@ -82,7 +82,7 @@ def build(
         raise wrong(found, arguments or {})
     for leaf in assembly.leaves:
         try:
-            type(leaf.skill).judge(context.robot, leaf.known)
+            _judge(leaf, context.robot)
         except SkillError as error:
             place = _place(leaf, error)
             at = f"{place.path.name}:{place.line}:{place.column}"
@@ -114,12 +114,22 @@ def refusals(leaves: list[Leaf], robot: Robot) -> list[Mistake]:
     refused: dict[tuple[Place, str], Mistake] = {}
     for leaf in leaves:
         try:
-            type(leaf.skill).judge(robot, leaf.known)
+            _judge(leaf, robot)
         except (SkillError, MotionError) as error:
             place, why = _place(leaf, error), f"{error}{_meant(error, robot)}"
             # What several skills refuse alike is told once.
             refused.setdefault((place, why), Mistake(place, f"{type(leaf.skill).__name__}: {why}"))
     return list(refused.values())
+
+
+def _judge(leaf: Leaf, robot: Robot) -> None:
+    """Have a skill judge its inputs; what its code raises else is an error of ours, too."""
+    try:
+        type(leaf.skill).judge(robot, leaf.known)
+    except (SkillError, MotionError):
+        raise
+    except (Exception, SystemExit) as error:
+        raise SkillBroken(f"{type(leaf.skill).__name__}.judge", error) from error
 
 
 def _place(leaf: Leaf, error: SkillError | MotionError) -> Place:

@@ -1,0 +1,81 @@
+"""What the code of a skill raises: an end of its goal with a cause, and never one of the server."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from py_trees.common import Status
+
+import logs
+from executive.goal import GoalState
+from executive.goals import Policy
+from skills import Skill, skill
+from tests.conftest import RigMaker
+from tests.server_acts import at_frame, run
+
+
+@skill
+def leaves() -> None:
+    """Call what a library calls that thinks it is a program."""
+    raise SystemExit(3)
+
+
+class Leaves(Skill):
+    """The same on the thread that ticks."""
+
+    INPUT_PORTS: dict[str, Any] = {}
+    OUTPUT_PORTS: dict[str, Any] = {}
+
+    def on_start(self) -> Status:
+        raise SystemExit(3)
+
+
+class Doubts(Skill):
+    """Cannot judge."""
+
+    INPUT_PORTS: dict[str, Any] = {}
+    OUTPUT_PORTS: dict[str, Any] = {}
+
+    @classmethod
+    def judge(cls, *_: object) -> None:
+        raise ValueError("no idea")
+
+
+@pytest.fixture
+def tasks(tmp_path: Path) -> Path:
+    folder = tmp_path / "tasks"
+    folder.mkdir()
+    for number, name in enumerate(("leaves", "Leaves", "Doubts"), 40):
+        tree = f"  sequence:\n    - {name}\n    - Succeed\n"
+        head = f"task: {number}\nname: t{number}\ndescription: Breaks.\n"
+        (folder / f"{number}_t{number}.yaml").write_text(f"{head}tree:\n{tree}")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("task", "code", "node", "words"),
+    [
+        (40, "task.function", "t40/leaves", "leaves: SystemExit: 3"),
+        (41, "skill.broken", "t41/Leaves", "Leaves.on_start raised SystemExit: 3"),
+        (42, "skill.broken", "t42/Doubts", "Doubts.judge raised ValueError: no idea"),
+    ],
+)
+def test_the_goal_ends_with_its_cause_and_the_next_one_is_done(
+    server: RigMaker, tasks: Path, task: int, code: str, node: str, words: str
+) -> None:
+    arm = server(tasks=tasks)
+    outcome = run(arm, task)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, code)
+    assert outcome.cause
+    assert outcome.cause.node == node
+    assert words in outcome.message
+    assert run(arm, 1).success
+
+
+def test_what_cannot_be_judged_stops_nothing(server: RigMaker, tasks: Path) -> None:
+    arm = server(tasks=tasks, policy=Policy.PREEMPT)
+    refused = []
+    at_frame(arm, 10, lambda: refused.append(arm.executive.send(42)))
+    assert run(arm, 1).success
+    assert [each.code for each in refused] == ["skill.broken"]
+    assert not any(frame.hold for frame in arm.told(logs.Sent))
