@@ -172,6 +172,14 @@ class Executive:
         logger.info("Received a goal for task %d (%s): %s", task, acceptance.identity, did)
         return acceptance
 
+    def send_and_record(
+        self, task: int, arguments: Mapping[str, str | Located], identity: str
+    ) -> Acceptance:
+        """Send a goal, and return once a server started after this one would know of it."""
+        acceptance = self.send(task, arguments, identity)
+        self._recordings.wait()
+        return acceptance
+
     def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelAnswer:
         """Cancel goals, and stop the arm if it moves for one of them. Returns at once.
 

@@ -92,8 +92,14 @@ class Recorder:
             timeout: How long to wait at most [s].
         """
         begun = self._begun.is_set() or self._begun.wait(_BEGIN_S)
-        if begun and self._kept == self._sent:
-            return True
+        return (begun and self._kept == self._sent) or self.wait(timeout)
+
+    def wait(self, timeout: float = _BEGIN_S) -> bool:
+        """Waits until all that was put so far is on its way to the disk; whether it is.
+
+        Args:
+            timeout: How long at most [s].
+        """
         mark = threading.Event()
         self._jobs.put(mark.set)
         return mark.wait(timeout)

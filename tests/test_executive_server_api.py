@@ -12,6 +12,7 @@ from executive.goals import Acceptance, Policy
 from executive.server import api
 from executive.server.operations import OPERATIONS
 from hardware import State
+from logs import recorder
 from tests.serving import Serve, Served
 
 pytest_plugins = ["tests.server_fixtures"]
@@ -39,8 +40,16 @@ def test_a_goal_from_its_start_to_its_result(serve: Serve) -> None:
 
 def test_a_goal_that_moves_the_arm_says_how_far_it_is(serve: Serve) -> None:
     served = serve()
+    moves = threading.Event()
+
+    def watch(event: object) -> None:
+        if isinstance(event, logs.Feedback) and event.percentage:
+            moves.set()
+
+    served.executive.subscribe(watch)
     goal = send(served, 1)
-    status, error = served.ask("GET", f"/api/goals/{goal}/result?timeout=0.5")
+    assert moves.wait(30)
+    status, error = served.ask("GET", f"/api/goals/{goal}/result?timeout=0.1")
     assert (status, error["code"]) == (409, "goal.result_timeout")
     now = served.ask("GET", "/api/status")[1]
     assert now["goal"]["goal_id"] == goal
@@ -301,6 +310,51 @@ def test_many_may_wait_for_one_result(serve: Serve) -> None:
     for each in waiting:
         each.join(10)
     assert found == ["CANCELED"] * 5
+
+
+def test_who_waits_for_a_result_gets_it_where_none_is_kept(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits, wait_for = threading.Event(), api._before_leaving
+
+    async def noted(*asked: Any) -> bool:
+        waits.set()
+        return await wait_for(*asked)
+
+    monkeypatch.setattr(api, "_before_leaving", noted)
+    served = serve()
+    served.executive._goals.keep = 0.0
+    goal = send(served, 10)
+    found: list[tuple[int, Any]] = []
+
+    def wait() -> None:
+        found.append(served.ask("GET", f"/api/goals/{goal}/result"))
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    assert waits.wait(10)
+    served.ask("POST", "/api/stop")
+    waiting.join(10)
+    ((status, result),) = found
+    assert (status, result["state"]) == (200, "CANCELED")
+    assert served.ask("GET", f"/api/goals/{goal}/result")[0] == 404
+
+
+def test_a_goal_is_answered_once_a_server_started_again_would_know_it(serve: Serve) -> None:
+    served = serve()
+    held, answered = threading.Event(), list[str]()
+    recorder._thread("recorder").put(held.wait)
+    asking = threading.Thread(target=lambda: answered.append(send(served, 10)))
+    asking.start()
+    while not served.executive.goals():
+        asking.join(0.01)
+    asking.join(0.1)
+    assert answered == []
+    held.set()
+    asking.join(10)
+    (path,) = (served.folder / "recordings").glob("*-server.mcap")
+    told = next(logs.read(path, ["/goal"])).fields()  # it is still being written
+    assert answered == [told["goal_id"]]
 
 
 def test_those_who_wait_too_long_are_too_many(

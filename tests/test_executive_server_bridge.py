@@ -208,8 +208,10 @@ def test_a_topic_is_throttled_but_its_last_message_comes(serve: Serve) -> None:
         assert [each["status"] for each in after] == [4]  # 1 and 2 came too soon
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"op": "png"}', '{"op": "subscribe", "op": 1}'])
-def test_nonsense_is_answered_and_the_connection_goes_on(serve: Serve, text: str) -> None:
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"op": "png"}', '{"op": "subscribe", "op": 1}', b"\x00\xff"]
+)
+def test_nonsense_is_answered_and_the_connection_goes_on(serve: Serve, text: str | bytes) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as connection:
         connection.send(text)

@@ -115,6 +115,11 @@ class Recordings:
             now = self._clock.now()
             self._between.put(record_of(status.identity, status.outcome, now))
 
+    def wait(self) -> None:
+        """Wait until what was told of goals so far is on its way to the disk."""
+        if self._between:
+            self._between.wait()
+
     def check_space(self) -> None:
         """See that a run's recording has room.
 

@@ -13,7 +13,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from executive.errors import GoalError, ResultTimeout
 from executive.events import KINDS, as_goal, as_result, as_status
 from executive.executive import Event, Executive
-from executive.goal import GoalStatus
+from executive.goal import GoalStatus, Outcome
 from executive.goals import CancelAnswer
 from executive.live_library import LiveLibrary
 from executive.questions import Questions
@@ -82,7 +82,7 @@ class Api:
         self._metrics = Metrics(executive.snapshot, lambda: len(hub.watchers))
         self._document = document()
         self._listing = asyncio.Lock()
-        self._ended: dict[str, asyncio.Event] = {}
+        self._ended: dict[str, asyncio.Future[Outcome]] = {}
         self._held: dict[str, asyncio.Event] = {}
         hub.listeners += [self._metrics.watch, self._wake]
 
@@ -110,7 +110,7 @@ class Api:
             raise NotHeld(identity)
         arguments = {name: _as_text(value) for name, value in body.get("arguments", {}).items()}
         acceptance = await asyncio.to_thread(
-            self._executive.send, int(body["task"]), arguments, identity
+            self._executive.send_and_record, int(body["task"]), arguments, identity
         )
         if not acceptance.accepted:
             told = refusal(acceptance.code, acceptance.message)
@@ -128,14 +128,13 @@ class Api:
     async def result(self, call: Call) -> Response:
         """How a goal ended; waits for it as long as the client does."""
         identity, seconds = call.given["goal_id"], call.given.get("timeout")
-        goal = self._executive.goal(identity)
-        if goal.outcome is None:
-            ended = self._ended.setdefault(identity, asyncio.Event())
-            if not await _before_leaving(call.request, ended.wait(), seconds):
+        outcome = self._executive.goal(identity).outcome
+        if outcome is None:
+            ended = self._ended.setdefault(identity, asyncio.get_running_loop().create_future())
+            if not await _before_leaving(call.request, asyncio.shield(ended), seconds):
                 raise ResultTimeout(identity, seconds or 0.0)
-            goal = self._executive.goal(identity)
-        assert goal.outcome
-        return JSONResponse({"goal_id": identity, **as_result(goal.outcome)})
+            outcome = ended.result()  # by now the goal may be forgotten
+        return JSONResponse({"goal_id": identity, **as_result(outcome)})
 
     async def hold(self, call: Call) -> Response:
         """Keep a hand on a goal, until nothing more comes."""
@@ -252,7 +251,7 @@ class Api:
         if isinstance(event, GoalStatus) and event.outcome:
             ended = self._ended.pop(event.identity, None)
             if ended:
-                ended.set()
+                ended.set_result(event.outcome)
 
 
 def _as_text(value: Any) -> str:

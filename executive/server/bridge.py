@@ -191,9 +191,11 @@ class _Client:
 
     async def _receive(self) -> None:
         while True:
-            text = await self._websocket.receive_text()
+            received = await self._websocket.receive()
+            if received["type"] == "websocket.disconnect":
+                raise WebSocketDisconnect(received["code"])
             try:
-                await self._obey(ros.parse(text))
+                await self._obey(ros.parse(received.get("text")))
             except ros.BadGoal as error:
                 self._put(ros.refusal(error.identity or "", str(error)))
             except ros.BadCall as error:

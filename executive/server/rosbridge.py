@@ -96,13 +96,18 @@ class Unsubscribe:
 Message = SendGoal | CancelGoal | CallService | Subscribe | Unsubscribe | None
 
 
-def parse(text: str) -> Message:
+def parse(text: str | None) -> Message:
     """Read a message; None for one that asks for nothing here.
+
+    Args:
+        text: The message; None for one of bytes.
 
     Raises:
         BadMessage: It cannot be understood.
         BadGoal: The same, of a goal.
     """
+    if text is None:
+        raise BadMessage("a message is JSON text; bytes are not understood")
     try:
         message = strict_json.parse(text)
     except strict_json.NotJson as error:
