@@ -206,7 +206,9 @@ CODES = {
         6, "The guard in front of the wire refused; nothing was sent", "see the message"
     ),
     "hw.not_active": Code(
-        6, "Only an active arm may be written to", "activate it: armtree arm activate"
+        6,
+        "Only an active arm may be written to",
+        "`armtree arm configure` where it is unconfigured, then `armtree arm activate`",
     ),
     "hw.no_interface": Code(
         6, "The arm has no such command interface", "the message lists those there are"

@@ -298,6 +298,7 @@ class Executive:
         getattr(self._arm, transition)()
         if transition == "activate":
             self._standing.commanded(self._arm.commanded)
+            self._owner.forgive()
         return self._arm.state
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:

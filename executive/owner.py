@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from threading import Lock, Thread
 
 import logs
-from hardware import ActivationStopped, Arm, Clock, HardwareError, State
+from hardware import ActivationStopped, Arm, Clock, HardwareError, NotActive, State
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, Located, TaskFile, TreeError
@@ -105,6 +105,10 @@ class Owner:
         self._fault = self._fault or error
         self.interrupt(error)
 
+    def forgive(self) -> None:
+        """Forget what failed: a person has activated the arm again."""
+        self._fault = None
+
     def interrupt(self, error: Exception) -> None:
         """End the goal under way, if there is one, for this error. From any thread."""
         if goal := self._goals.running:
@@ -195,7 +199,12 @@ class Owner:
             raise ActivationStopped("canceled before the arm moved")
         if self._solo:
             self._activate()
-        self._arm.check_active()  # first: a fault that is still being told hit the goal before
+        try:
+            self._arm.check_active()  # first: a fault that is still being told hit the goal before
+        except NotActive as error:
+            if self._fault is None:
+                raise
+            raise NotActive(f"{error}; it failed: {self._fault}") from error
         if goal.mailbox.fault:
             raise goal.mailbox.fault
 

@@ -294,7 +294,10 @@ class Arm:
 
     def _not_active(self) -> NotActive:
         state = "failing" if self.state is State.ACTIVE else self.state.value
-        return NotActive(f"the arm is {state}; configure and activate it first")
+        first = "activate it first"
+        if self.state is not State.INACTIVE:
+            first = f"configure and {first}"
+        return NotActive(f"the arm is {state}; {first}")
 
     def _configure(self) -> Result:
         self._look_out_no_longer()

@@ -37,7 +37,8 @@ def test_an_arm_that_is_not_active_does_nothing(server: RigMaker) -> None:
     outcome = run(arm, 1)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.not_active")
     assert outcome.cause
-    assert outcome.cause.hint == "activate it: armtree arm activate"
+    assert outcome.message == "the arm is unconfigured; configure and activate it first"
+    assert outcome.cause.hint.endswith("then `armtree arm activate`")
     assert arm.opened == 0
 
 
@@ -121,8 +122,15 @@ def test_a_fault_is_not_resumed_from_by_a_goal(server: RigMaker) -> None:
     at_frame(arm, 10, arm.link.unplug)
     assert run(arm, 1).code == "hw.port_lost"
     for _ in range(3):
-        assert run(arm, 1).code == "hw.not_active"
+        refused = run(arm, 1)
+        assert refused.code == "hw.not_active"
+        words = "the arm is unconfigured; configure and activate it first; it failed: "
+        assert refused.message.startswith(words)
+        assert "the port board is gone" in refused.message
     assert arm.opened == 1
+    for transition in ("configure", "activate", "deactivate"):
+        arm.executive.arm_to(transition)
+    assert run(arm, 1).message == "the arm is inactive; activate it first"
 
 
 def test_a_fault_ends_the_goal_that_it_hit_and_no_other(server: RigMaker, tmp_path: Path) -> None:
@@ -151,7 +159,7 @@ def test_a_fault_ends_the_goal_that_it_hit_and_no_other(server: RigMaker, tmp_pa
         log.removeHandler(telling)
     outcome = arm.executive.result(second[0])
     assert (outcome.code, outcome.duration) == ("hw.not_active", 0.0)
-    assert outcome.message == "the arm is failing; configure and activate it first"
+    assert outcome.message.startswith("the arm is failing; configure and activate it first")
 
 
 def test_the_log_tells_a_cancel_before_the_end(

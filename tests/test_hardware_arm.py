@@ -72,7 +72,7 @@ def test_writing_outside_active_is_refused(rig: Rig) -> None:
     schedule = motion(HOME, PICK, 3.0)
 
     def refused(state: State) -> None:
-        with pytest.raises(NotActive, match=f"the arm is {state.value}; configure and activate"):
+        with pytest.raises(NotActive, match=f"the arm is {state.value}; .*activate it first"):
             rig.arm.play(schedule, nothing, "test", rig.arm.generation)
         with pytest.raises(NotActive):
             _ = rig.arm.commanded

@@ -209,5 +209,5 @@ def main() -> None:
             code, words = "file", "the disk is full; make room, then try again"
         elif code == INTERNAL:
             words = f"a bug of ours: {error!r}; see --debug"
-        click.echo(f"Error: {words}", err=True)
+        click.echo(f"Error: {words} [{code}]", err=True)
         sys.exit(look_up(code).exit)
