@@ -354,6 +354,7 @@ class Executive:
         finally:
             if running:
                 self._goals.stopped(running)
+                self._owner.stop_in_time(running)
 
     def _executing(self, identity: str) -> Mailbox:
         goal = self._goals.find(identity)

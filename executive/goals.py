@@ -207,8 +207,25 @@ class Goals:
         with self._signal:
             self._settle(goal)  # a stop must not hit the goal after this one
             self._running = None
+            waiters = [] if goal.outcome else self._end(goal, outcome)
+        _call(waiters, outcome)
+
+    def ends_in(self, goal: Goal, seconds: float) -> bool:
+        """Wait for the end of a goal; whether it has ended in so long [s]."""
+        until = self._clock.now() + seconds
+        with self._signal:
+            while goal.outcome is None and self._clock.now() < until:
+                self._signal.wait(until)
+            return goal.outcome is not None
+
+    def give_up(self, goal: Goal, outcome: Outcome) -> bool:
+        """End a goal whose owner is held by it, and stays the one under way; whether it had not."""
+        with self._signal:
+            if goal.outcome:
+                return False
             waiters = self._end(goal, outcome)
         _call(waiters, outcome)
+        return True
 
     def result(self, identity: str, timeout: float | None) -> Outcome:
         """Wait for the outcome of a goal.

@@ -11,6 +11,9 @@ class Mailbox:
 
     Args:
         clock: Whose time.
+
+    Attributes:
+        ticking: Whether the owner is in the tree, which may hold it.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -20,6 +23,7 @@ class Mailbox:
         self._fault: Exception | None = None
         self._deadline = math.inf
         self._lost = 0.0  # in pauses [s]
+        self.ticking = False
 
     def wake_at(self, time: float) -> None:
         """Ask for a tick at a time of the run [s]; from the owner thread, and anew at each tick."""

@@ -4,10 +4,11 @@ import dataclasses
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from threading import Lock, Thread
 
 import logs
-from hardware import ActivationStopped, Arm, Clock, HardwareError, NotActive, State
+from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError, NotActive, State
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, Located, TaskFile, TreeError
@@ -15,14 +16,15 @@ from trees import Library, Located, TaskFile, TreeError
 from .breakpoints import Breakpoints
 from .building.arguments import located
 from .building.builder import Tree, build
+from .causes import cause_of
 from .codes import OK
 from .errors import GoalError
-from .goal import Goal, Outcome
+from .goal import Cause, Goal, GoalState, Outcome
 from .goals import NOBODY, Goals
 from .mailbox import Mailbox
 from .recording.recordings import Recordings
 from .results import record_of
-from .run import Run
+from .run import CANCEL_DEADLINE, Run
 from .verdict import judge
 
 logger = logging.getLogger(__name__)
@@ -81,7 +83,7 @@ class Owner:
         self._marked, self._solo = marked, solo
         self._signal = clock.signal()
         self._blackboard = Lock()  # py_trees has one for all, and no lock
-        self._ended = False
+        self._ended = self._held = False
         self._thread: Thread | None = None
         self._fault: Exception | None = None
 
@@ -96,9 +98,14 @@ class Owner:
         if self._thread is None:
             return
         with self._signal:
-            while not self._ended:
+            while not (self._ended or self._held):
                 self._signal.wait(None)
-        self._thread.join()
+        if self._ended:
+            self._thread.join()
+
+    def stop_in_time(self, goal: Goal) -> None:
+        """See that a goal that was asked to stop ends in time, though its tree hold the owner."""
+        self._clock.spawn(partial(self._watch, goal), "deadline")
 
     def fail(self, error: Exception) -> None:
         """Say that the arm or a recording failed; ends the goal under way. From any thread."""
@@ -221,26 +228,51 @@ class Owner:
     def _end(self, attempt: _Attempt) -> None:
         """Judge a goal, record its outcome, and tell whoever waits for it."""
         goal, recordings, now = attempt.goal, self._recordings, self._clock.now()
-        state, cause = judge(attempt.tree, attempt.error, goal.mailbox.canceled)
-        outcome = Outcome(
+        outcome = self._outcome(goal, *judge(attempt.tree, attempt.error, goal.mailbox.canceled))
+        self._goals.settle(goal)
+        if goal.outcome is None:
+            _log_end(goal, outcome)
+            recordings.tell(record_of(goal.identity, outcome, now))
+        self._goals.finish(goal, outcome)
+        self._held = False
+        if not self._solo:
+            recordings.goal_ended()
+
+    def _watch(self, goal: Goal) -> None:
+        deadline = CANCEL_DEADLINE + self._arm.robot.brake
+        if self._goals.ends_in(goal, deadline) or not goal.mailbox.ticking:
+            return
+        late = CancelTimeout(
+            f"the tree of task {goal.task} did not stop within {deadline * 1000:.0f} ms: "
+            "the code of a skill does not return"
+        )
+        outcome = self._outcome(goal, GoalState.ABORTED, cause_of(late))
+        self._arm.fault(late)
+        if self._goals.give_up(goal, outcome):
+            _log_end(goal, outcome)
+            self._recordings.tell(record_of(goal.identity, outcome, self._clock.now()))
+            with self._signal:
+                self._held = True
+                self._signal.notify()
+
+    def _outcome(self, goal: Goal, state: GoalState, cause: Cause | None) -> Outcome:
+        return Outcome(
             task=goal.task,
             state=state,
             code=cause.code if cause else OK,
             message=cause.message if cause else "Done",
-            frames=recordings.frames,
-            duration=now - goal.accepted,
-            recording=recordings.path,
+            frames=self._recordings.frames,
+            duration=self._clock.now() - goal.accepted,
+            recording=self._recordings.path,
             cause=cause,
         )
-        self._goals.settle(goal)
-        end = f"{state.name} ({outcome.code}) {outcome.message}"
-        logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, end)
-        recordings.tell(record_of(goal.identity, outcome, now))
-        self._goals.finish(goal, outcome)
-        if not self._solo:
-            recordings.goal_ended()
 
     def _discard(self, attempt: _Attempt) -> None:
         if attempt.tree:
             with self._blackboard:
                 attempt.tree.discard()
+
+
+def _log_end(goal: Goal, outcome: Outcome) -> None:
+    end = f"{outcome.state.name} ({outcome.code}) {outcome.message}"
+    logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, end)

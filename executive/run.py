@@ -61,6 +61,7 @@ class Run:
         """
         self._show()
         self._mailbox.wake()
+        self._mailbox.ticking = True
         try:
             return self._tick_on()
         finally:
@@ -108,6 +109,7 @@ class Run:
         Raises:
             CancelTimeout: It did not in time, and the arm was taken out of *active*.
         """
+        self._mailbox.ticking = False
         deadline = CANCEL_DEADLINE + self._arm.robot.brake
         if not self._mailbox.wait_until(self._settled, deadline):
             busy = ", ".join(skill.name for skill in self._tree.skills if skill.busy)

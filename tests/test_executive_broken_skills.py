@@ -9,6 +9,7 @@ from py_trees.common import Status
 import logs
 from executive.goal import GoalState
 from executive.goals import Policy
+from hardware import State
 from skills import Skill, skill
 from tests.conftest import RigMaker
 from tests.server_acts import at_frame, run
@@ -41,11 +42,25 @@ class Doubts(Skill):
         raise ValueError("no idea")
 
 
+class Hangs(Skill):
+    """Holds the thread that ticks for an hour."""
+
+    INPUT_PORTS: dict[str, Any] = {}
+    OUTPUT_PORTS: dict[str, Any] = {}
+
+    def on_start(self) -> Status:
+        clock = self.context.clock
+        signal, until = clock.signal(), clock.now() + 3600.0
+        with signal:
+            signal.wait(until)
+        return Status.SUCCESS
+
+
 @pytest.fixture
 def tasks(tmp_path: Path) -> Path:
     folder = tmp_path / "tasks"
     folder.mkdir()
-    for number, name in enumerate(("leaves", "Leaves", "Doubts"), 40):
+    for number, name in enumerate(("leaves", "Leaves", "Doubts", "Hangs"), 40):
         tree = f"  sequence:\n    - {name}\n    - Succeed\n"
         head = f"task: {number}\nname: t{number}\ndescription: Breaks.\n"
         (folder / f"{number}_t{number}.yaml").write_text(f"{head}tree:\n{tree}")
@@ -79,3 +94,34 @@ def test_what_cannot_be_judged_stops_nothing(server: RigMaker, tasks: Path) -> N
     assert run(arm, 1).success
     assert [each.code for each in refused] == ["skill.broken"]
     assert not any(frame.hold for frame in arm.told(logs.Sent))
+
+
+def test_what_never_returns_does_not_outlive_a_cancel(server: RigMaker, tasks: Path) -> None:
+    arm = server(tasks=tasks)
+    goal = arm.executive.send(43).identity
+    arm.rest(1.0)
+    arm.executive.cancel(goal)
+    begun = arm.clock.now()
+    outcome = arm.executive.result(goal, 60.0)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.cancel_timeout")
+    assert arm.clock.now() - begun == pytest.approx(0.25)
+    assert arm.executive.snapshot().arm is State.UNCONFIGURED
+    assert arm.executive.send(1).code == "goal.busy"  # there is nobody who could do it
+    arm.rest(3600.0)
+    (result,) = logs.Recording(Path(outcome.recording)).records(logs.Result)
+    assert isinstance(result, logs.Result)
+    assert result.state == "ABORTED"
+    arm.executive.arm_to("configure")
+    arm.executive.arm_to("activate")
+    assert run(arm, 1).success
+
+
+def test_a_server_ends_though_something_never_returns(server: RigMaker, tasks: Path) -> None:
+    arm = server(tasks=tasks)
+    goal = arm.executive.send(43).identity
+    arm.rest(1.0)
+    begun = arm.clock.now()
+    arm.executive.close()
+    assert arm.clock.now() - begun < 60.0
+    assert arm.executive.result(goal).code == "hw.cancel_timeout"
+    arm.rest(3600.0)
