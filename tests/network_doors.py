@@ -47,6 +47,11 @@ def again(act):
             act()
         except (OSError, WebSocketException):
             pass
+def cut_off(raised):
+    # A server that sends a stranger away is what is wanted; all else is told.
+    if not issubclass(raised.exc_type, (OSError, WebSocketException)):
+        threading.__excepthook__(raised)
+threading.excepthook = cut_off
 for act in (request, publish) * 4:
     threading.Thread(target=again, args=(act,), daemon=True).start()
 print(flush=True)

@@ -1,5 +1,7 @@
 """What recording costs, what a crash costs, how small and how quick to read recordings are.
 
+`bare_put_*`: what a queue's put to a thread that sleeps costs in the same run, for most of what
+recording costs is to wake the thread that writes.
 `kill_*`: whole `armtree run` processes on a pseudo-terminal, killed at random instants of a move.
 `truncation_failures`: every cut, and flipped bits, of a journal and of the finished file, read and
 recovered: what precedes the damage is all there, and a cut, or a flip in the finished file, is
@@ -20,6 +22,7 @@ import time
 import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from queue import SimpleQueue
 from typing import NamedTuple
 
 # This file is named like a room, and its folder comes first where it is run by itself.
@@ -54,21 +57,40 @@ def sent(number: int) -> logs.Sent:
 
 def record_costs(frames: int) -> list[float]:
     """What a frame costs the thread that sends it, at 500 frames a second [us]."""
-    costs, clock = [], RealClock()
-    signal = clock.signal()
     with (
         tempfile.TemporaryDirectory() as folder,
-        logs.Recorder(Path(folder) / "x.mcap", clock.epoch_ns(), lambda _: None) as recorder,
+        logs.Recorder(Path(folder) / "x.mcap", RealClock().epoch_ns(), lambda _: None) as recorder,
     ):
         recorder.caught_up(10.0)
-        for number in range(frames):
-            frame = sent(number)
-            begun = time.perf_counter()
+
+        def record(frame: logs.Sent) -> None:
             recorder.caught_up(0.05)
             recorder.put(frame)
-            costs.append(1e6 * (time.perf_counter() - begun))
-            with signal:
-                signal.wait(clock.now() + 0.002)
+
+        return _costs(record, frames)
+
+
+def put_costs(frames: int) -> list[float]:
+    """What it costs to put a frame into the queue of a thread that does nothing with it [us]."""
+    queue = SimpleQueue[logs.Sent | None]()
+    thread = threading.Thread(target=lambda: [*iter(queue.get, None)])
+    thread.start()
+    costs = _costs(queue.put, frames)
+    queue.put(None)
+    thread.join()
+    return costs
+
+
+def _costs(record: Callable[[logs.Sent], None], frames: int) -> list[float]:
+    costs, clock = [], RealClock()
+    signal = clock.signal()
+    for number in range(frames):
+        frame = sent(number)
+        begun = time.perf_counter()
+        record(frame)
+        costs.append(1e6 * (time.perf_counter() - begun))
+        with signal:
+            signal.wait(clock.now() + 0.002)
     return sorted(costs)
 
 
@@ -344,10 +366,14 @@ def main() -> None:
 
 
 def _record_rows(runs: int) -> list[Row]:
-    costs = [record_costs(2000) for _ in range(runs)]
+    pairs = [(record_costs(2000), put_costs(2000)) for _ in range(runs)]
+    costs = [cost for cost, _ in pairs]
+    medians = [(ours[1000], bare[1000]) for ours, bare in pairs]
     return [
-        Row("record_p50_us", "us", [each[len(each) // 2] for each in costs]),
+        Row("record_p50_us", "us", [ours for ours, _ in medians]),
         Row("record_p99_us", "us", [each[len(each) * 99 // 100] for each in costs]),
+        Row("bare_put_p50_us", "us", [bare for _, bare in medians]),
+        Row("record_over_bare_put", "1", [ours / bare for ours, bare in medians]),
     ]
 
 
