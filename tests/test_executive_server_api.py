@@ -258,9 +258,11 @@ def test_a_goal_with_a_handle_is_canceled_when_its_holder_lets_go(serve: Serve) 
     status, error = served.ask("POST", "/api/goals", {"task": 10, "deadman": True})
     assert (status, error["code"]) == (409, "goal.not_held")
     with served.client() as client:
-        with client.hold(NOBODY):
+        with client.events() as events, client.hold(NOBODY):
             client.send(10, goal_id=NOBODY, deadman=True)
-            assert client.goal(NOBODY).state.name in ("ACCEPTED", "EXECUTING")
+            told = (event for event in events if isinstance(event, GoalStatus))
+            states = [next(told).state.name for _ in range(2)]
+            assert states == ["ACCEPTED", "EXECUTING"]
         assert client.result(NOBODY, 5.0).state.name == "CANCELED"
         assert client.run(11, deadman=True).success
 
