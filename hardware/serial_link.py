@@ -2,6 +2,8 @@
 
 import contextlib
 import errno
+import os
+import select
 import termios
 import threading
 
@@ -48,9 +50,7 @@ class SerialLink:
         """
         self._lock.acquire()
         try:
-            self._serial = serial.Serial(
-                self.port, self._baud, exclusive=True, write_timeout=WRITE_TIMEOUT
-            )
+            self._serial = serial.Serial(self.port, self._baud, exclusive=True)
         except (*_LOST, ValueError) as error:
             self._lock.release()
             raise _open_error(self.port, error) from error
@@ -66,8 +66,8 @@ class SerialLink:
         why = f"Something went wrong while sending the message {text} to the port {self.port}"
         try:
             with self._writing:
-                self._opened().write(data)
-        except serial.SerialTimeoutException as error:
+                _send(self._opened().fileno(), data)
+        except TimeoutError as error:
             raise PortStalled(self.port, why) from error
         except _LOST as error:
             raise PortLost(self.port, why) from error
@@ -115,6 +115,18 @@ class SerialLink:
         if self._serial is None:
             raise OSError(errno.EBADF, "the port is not open")
         return self._serial
+
+
+def _send(handle: int, data: bytes) -> None:
+    """Write all; pyserial's own `write` looks at the time after it, so a busy machine fails it."""
+    takes = select.poll()
+    takes.register(handle, select.POLLOUT)
+    left = memoryview(data)
+    while left:
+        if not takes.poll(1000 * WRITE_TIMEOUT):
+            raise TimeoutError
+        with contextlib.suppress(BlockingIOError):
+            left = left[os.write(handle, left) :]
 
 
 def _discard(port: serial.Serial) -> None:

@@ -1,5 +1,6 @@
 """Serial ports that are missing, denied, busy, lost or stuck, on real pseudo-terminals."""
 
+import itertools
 import os
 import re
 import select
@@ -11,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import serial
 
 from hardware import (
     LinkError,
@@ -209,6 +211,21 @@ def fill(link: SerialLink) -> tuple[list[bytes], PortStalled]:
             link.write(frames[-1])
         except PortStalled as error:
             return frames, error
+
+
+def test_who_is_kept_waiting_after_a_write_is_not_stuck(
+    line: Pty, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a machine that is busy enough, a second may pass before the writing thread goes on."""
+    seconds = itertools.count()
+    monkeypatch.setattr(
+        serial.serialutil.Timeout, "TIME", staticmethod(lambda: float(next(seconds)))
+    )
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    link.write(FRAME)
+    link.close()
+    assert line.drain() == FRAME
 
 
 def write_on(link: SerialLink) -> LinkError:
