@@ -80,6 +80,7 @@ def as_status(snapshot: "Snapshot") -> dict[str, Any]:
     progress = snapshot.progress
     return {
         "arm": snapshot.arm.value,
+        "fault": snapshot.fault and dataclasses.asdict(snapshot.fault),
         "port": snapshot.port,
         "commanded": snapshot.commanded and dict(snapshot.commanded),
         "goal": snapshot.goal and as_goal(snapshot.goal),

@@ -23,6 +23,7 @@ from skills import Context, NoOperator, Operator
 from skills.motion import Pool
 from trees import Library, Located
 
+from .causes import cause_of
 from .errors import NotExecuting, NotPaused, TooManyBreakpoints
 from .goal import Goal, GoalState, GoalStatus, Outcome
 from .goals import Acceptance, CancelAnswer, Goals, Policy
@@ -315,11 +316,12 @@ class Executive:
 
     def snapshot(self) -> Snapshot:
         """How things are now."""
-        running = self._goals.running
+        running, failure = self._goals.running, self._arm.failure
         progress = self._progress
         ours = running and progress and progress.goal_id == running.identity
         return Snapshot(
             arm=self._arm.state,
+            fault=cause_of(failure) if failure else None,
             port=self._port,
             commanded=self._commanded(),
             goal=running.status if running else None,

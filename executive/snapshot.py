@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import logs
 from hardware import State
 
-from .goal import GoalStatus
+from .goal import Cause, GoalStatus
 from .goals import Policy
 
 
@@ -16,6 +16,7 @@ class Snapshot:
 
     Attributes:
         arm: State of the hardware.
+        fault: What took the arm out of *active*, until it is activated again; None for nothing.
         port: The line to the board; empty where none was named.
         commanded: Where the arm was last commanded to, by joint [rad]; None while it is not active.
         goal: The goal under way, if there is one.
@@ -28,6 +29,7 @@ class Snapshot:
     """
 
     arm: State
+    fault: Cause | None
     port: str
     commanded: Mapping[str, float] | None
     goal: GoalStatus | None

@@ -92,6 +92,11 @@ class Arm:
         return self._lifecycle.state
 
     @property
+    def failure(self) -> HardwareError | None:
+        """The fault that took the arm out of *active*; None once it is activated again."""
+        return self._failure
+
+    @property
     def commanded(self) -> tuple[float, ...]:
         """Where the arm was last commanded to, one value per actuated joint [rad].
 

@@ -8,11 +8,13 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+import logs
 from executive import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
 from executive.commands.cli import main
 from executive.commands.log_handler import LogHandler
@@ -158,6 +160,29 @@ def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
     assert type_in("cancel", goal)[0] == 4
     assert type_in("cancel")[1] == "there is nothing to cancel\n"
     assert json.loads(type_in("cancel", "--json")[1]) == {"return_code": 0, "goals": []}
+
+
+def test_a_lost_port_is_named_until_the_arm_is_active_again(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    assert "Fault" not in type_in("status")[1]
+    served.executive.arm_to("activate")
+    lost = threading.Event()
+
+    def watch(event: object) -> None:
+        if isinstance(event, logs.Transition) and event.goal == "unconfigured":
+            lost.set()
+
+    served.executive.subscribe(watch)
+    served.link.unplug()
+    assert lost.wait(30)
+    fault = json.loads(type_in("status", "--json")[1])["fault"]
+    assert (fault["code"], "board is gone" in fault["message"]) == ("hw.port_lost", True)
+    said = f"Fault     {fault['message']} [hw.port_lost]\n          -> check the cable, then "
+    assert said in type_in("status")[1]
+    assert type_in("arm", "configure")[1] == "inactive\n"
+    assert said in type_in("status")[1]
+    assert type_in("arm", "activate")[1] == "active\n"
+    assert "Fault" not in type_in("status")[1]
 
 
 def test_breakpoints(typed: tuple[Served, Typed]) -> None:

@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
 from executive.events import to_goal, to_outcome
-from executive.goal import GoalStatus, Outcome
+from executive.goal import Cause, GoalStatus, Outcome
 from executive.goals import CancelCode
 from executive.server import access
 
@@ -22,6 +22,7 @@ class Status:
 
     Attributes:
         arm: State of the hardware, such as `active`.
+        fault: What took the arm out of active, until it is activated again; None for nothing.
         port: Of the board.
         commanded: Where the arm was last commanded to, by joint [rad]; None while not active.
         goal: The goal under way.
@@ -37,6 +38,7 @@ class Status:
     """
 
     arm: str
+    fault: Cause | None
     port: str
     commanded: Mapping[str, float] | None
     goal: GoalStatus | None
@@ -245,6 +247,7 @@ def _canceled(told: Any) -> CancelResult:
 def _status(told: Any) -> Status:
     return Status(
         arm=told["arm"],
+        fault=told["fault"] and Cause(**told["fault"]),
         port=told["port"],
         commanded=told["commanded"],
         goal=told["goal"] and to_goal(told["goal"]),

@@ -77,6 +77,10 @@ SCHEMAS = {
     ),
     "Status": _object(
         arm=_ARM,
+        fault={
+            **_or_null(_ref("Error")),
+            "description": "What took the arm out of active, until it is activated again.",
+        },
         port=_TEXT,
         commanded=_or_null({"type": "object", "additionalProperties": _NUMBER}),
         goal=_or_null(_ref("Goal")),
