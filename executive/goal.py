@@ -54,6 +54,10 @@ class Cause:
     limit: float | None = None
     hint: str = ""
 
+    def __str__(self) -> str:
+        """In words, with the code and the node."""
+        return f"{self.message} [{self.code}{f' at {self.node}' if self.node else ''}]"
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:

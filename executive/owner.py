@@ -274,5 +274,7 @@ class Owner:
 
 
 def _log_end(goal: Goal, outcome: Outcome) -> None:
-    end = f"{outcome.state.name} ({outcome.code}) {outcome.message}"
+    end, cause = outcome.state.name, outcome.cause
+    if cause:
+        end += f": {cause} -> {cause.hint}" if cause.hint else f": {cause}"
     logger.info("The goal for task %d (%s) ended %s", goal.task, goal.identity, end)

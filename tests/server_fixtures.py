@@ -1,17 +1,19 @@
 """Servers for tests, each on a port of its own."""
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from executive.commands.cli import main
 from executive.goals import Policy
 from executive.rehearsal import SharedPool
 from executive.server import access
 from hardware import RealClock, load_robot
 from skills.motion import Pool
-from tests.serving import Serve, Served
+from tests.serving import Serve, Served, Typed
 
 
 @pytest.fixture(scope="session")
@@ -45,3 +47,23 @@ def serve(
     for served in running:
         served.stop()
         assert access.read(served.server.port) is None
+
+
+@pytest.fixture
+def typed(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> tuple[Served, Typed]:
+    """A server, and commands that are typed to it without a process of their own."""
+    served = serve(active=False)
+    monkeypatch.setenv("ARMTREE_SERVER", served.server.url)
+
+    def type_in(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["armtree", *words])
+        status = 0
+        try:
+            main()
+        except SystemExit as left:
+            status = int(str(left.code))
+        return status, *capfd.readouterr()
+
+    return served, type_in

@@ -119,3 +119,4 @@ class Served:
 
 
 Serve = Callable[..., Served]
+Typed = Callable[..., tuple[int, str, str]]  # types a command: its status and what it prints

@@ -8,17 +8,14 @@ import re
 import signal
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-import logs
 from executive import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
-from executive.commands.cli import main
 from executive.commands.log_handler import LogHandler
-from tests.serving import TASKS, Serve, Served
+from tests.serving import TASKS, Serve, Served, Typed
 
 pytest_plugins = ["tests.server_fixtures"]
 
@@ -105,29 +102,6 @@ def shell(tmp_path: Path) -> Iterator[Shell]:
         assert made.end(signal.SIGTERM) == 0
 
 
-Typed = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def typed(
-    serve: Serve, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> tuple[Served, Typed]:
-    """A server, and commands that are typed to it without a process of their own."""
-    served = serve(active=False)
-    monkeypatch.setenv("ARMTREE_SERVER", served.server.url)
-
-    def type_in(*words: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["armtree", *words])
-        status = 0
-        try:
-            main()
-        except SystemExit as left:
-            status = int(str(left.code))
-        return status, *capfd.readouterr()
-
-    return served, type_in
-
-
 def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
     _, type_in = typed
     assert "Arm       inactive, port board" in type_in("status")[1]
@@ -160,29 +134,6 @@ def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
     assert type_in("cancel", goal)[0] == 4
     assert type_in("cancel")[1] == "there is nothing to cancel\n"
     assert json.loads(type_in("cancel", "--json")[1]) == {"return_code": 0, "goals": []}
-
-
-def test_a_lost_port_is_named_until_the_arm_is_active_again(typed: tuple[Served, Typed]) -> None:
-    served, type_in = typed
-    assert "Fault" not in type_in("status")[1]
-    served.executive.arm_to("activate")
-    lost = threading.Event()
-
-    def watch(event: object) -> None:
-        if isinstance(event, logs.Transition) and event.goal == "unconfigured":
-            lost.set()
-
-    served.executive.subscribe(watch)
-    served.link.unplug()
-    assert lost.wait(30)
-    fault = json.loads(type_in("status", "--json")[1])["fault"]
-    assert (fault["code"], "board is gone" in fault["message"]) == ("hw.port_lost", True)
-    said = f"Fault     {fault['message']} [hw.port_lost]\n          -> check the cable, then "
-    assert said in type_in("status")[1]
-    assert type_in("arm", "configure")[1] == "inactive\n"
-    assert said in type_in("status")[1]
-    assert type_in("arm", "activate")[1] == "active\n"
-    assert "Fault" not in type_in("status")[1]
 
 
 def test_breakpoints(typed: tuple[Served, Typed]) -> None:

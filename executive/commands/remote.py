@@ -165,7 +165,7 @@ def status_lines(status: Status) -> Iterator[str]:
     """What a server is at, for people."""
     yield f"Arm       {status.arm}, port {status.port or 'none'}"
     if fault := status.fault:
-        yield f"Fault     {fault.message} [{fault.code}]"
+        yield f"Fault     {fault}"
         yield f"          -> {fault.hint}"
     if status.commanded:
         joints = ", ".join(f"{name} {q:.3f}" for name, q in status.commanded.items())

@@ -126,8 +126,7 @@ def asked_in_words(asked: QuestionStatus) -> str:
 def in_words(outcome: Outcome) -> str:
     """An outcome for people."""
     spent = f"{outcome.duration:.2f} s, {outcome.frames} frames"
-    text = f"task {outcome.task} {outcome.state.name} ({spent}): {outcome.message}"
-    if cause := outcome.cause:
-        text += f" [{cause.code} at {cause.node}]" if cause.node else f" [{cause.code}]"
-        text += f"\n  -> {cause.hint}" if cause.hint else ""
+    cause = outcome.cause
+    text = f"task {outcome.task} {outcome.state.name} ({spent}): {cause or outcome.message}"
+    text += f"\n  -> {cause.hint}" if cause and cause.hint else ""
     return f"{text}\n  recording {outcome.recording}" if outcome.recording else text

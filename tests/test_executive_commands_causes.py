@@ -1,0 +1,78 @@
+"""What a failure is called: the same in the terminal, in JSON, in the log and on the network."""
+
+import json
+import logging
+import threading
+
+import pytest
+
+import logs
+from tests.serving import Served, Typed
+
+pytest_plugins = ["tests.server_fixtures"]
+
+FAR = """\
+task: 15
+name: far
+description: Further than the arm goes.
+tree:
+  subtree: reach
+  with: {arm: {joint_1: 9, joint_2: 0, joint_3: 0}, gripper: {joint_4: 0, joint_5: 0}}
+"""
+
+
+def test_a_failure_is_told_the_same_everywhere(
+    typed: tuple[Served, Typed], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    (served.tasks / "15_far.yaml").write_text(FAR)
+    goal = type_in("send", "15")[1].strip()
+    cause = served.ask("GET", f"/api/goals/{goal}/result")[1]["cause"]
+    assert [cause[key] for key in ("code", "node", "joint", "value", "limit", "hint")] == [
+        *("goal.out_of_bounds", "far/CheckBounds", "joint_1", 9.0),
+        *(pytest.approx(1.5707963), "choose a target within"),
+    ]
+    told = type_in("send", "15", "--wait", "--json")[1].splitlines()
+    assert json.loads(told[-1])["cause"] == cause
+    words = f"{cause['message']} [goal.out_of_bounds at far/CheckBounds]"
+    assert "joint_1 = 9.0 rad is outside its limits" in words
+    assert f": {words}\n  -> choose a target within\n" in type_in("send", "15", "--wait")[1]
+    logged = [record.message for record in caplog.records]
+    said = f"The goal for task 15 ({goal}) ended ABORTED: {words} -> choose a target within"
+    assert said in logged
+
+
+def test_what_is_refused_has_its_code(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    type_in("send", "10")
+    assert "[goal.busy]\n" in type_in("send", "11")[2]
+    assert (
+        "; legal: deactivate, shutdown, raise_error [hw.transition_refused]\n"
+        in type_in("arm", "cleanup")[2]
+    )
+
+
+def test_a_lost_port_is_named_until_the_arm_is_active_again(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    assert "Fault" not in type_in("status")[1]
+    served.executive.arm_to("activate")
+    lost = threading.Event()
+
+    def watch(event: object) -> None:
+        if isinstance(event, logs.Transition) and event.goal == "unconfigured":
+            lost.set()
+
+    served.executive.subscribe(watch)
+    served.link.unplug()
+    assert lost.wait(30)
+    fault = json.loads(type_in("status", "--json")[1])["fault"]
+    assert (fault["code"], "board is gone" in fault["message"]) == ("hw.port_lost", True)
+    said = f"Fault     {fault['message']} [hw.port_lost]\n          -> check the cable, then "
+    assert said in type_in("status")[1]
+    assert type_in("arm", "configure")[1] == "inactive\n"
+    assert said in type_in("status")[1]
+    assert type_in("arm", "activate")[1] == "active\n"
+    assert "Fault" not in type_in("status")[1]
