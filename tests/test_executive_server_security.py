@@ -1,4 +1,4 @@
-"""Who may ask, judged without a socket; and how often."""
+"""Who may ask, and how often; judged without a socket where that is enough."""
 
 import pytest
 from starlette.datastructures import Headers
@@ -6,6 +6,9 @@ from starlette.datastructures import Headers
 from executive.server.bucket import Bucket
 from executive.server.errors import RequestError
 from executive.server.security import Rules, is_loopback, names
+from tests.serving import Serve
+
+pytest_plugins = ["tests.server_fixtures"]
 
 RULES = Rules(
     names(("127.0.0.1", "localhost", "::1"), 8765),
@@ -42,6 +45,29 @@ def test_our_own_names_pass(host: str) -> None:
 )  # fmt: skip
 def test_another_host_is_refused(host: str) -> None:
     assert refused(("host", host)) == "request.host"
+
+
+def test_http_s_own_port_goes_without_saying() -> None:
+    assert names(("localhost", "::1"), 80) == {"localhost", "localhost:80", "[::1]", "[::1]:80"}
+
+
+def test_a_name_with_a_port_stays_as_it_is() -> None:
+    given = ("Robot.Example:8443", "[::1]:8443", "[::1]")
+    assert names(given, 8765) == {"robot.example:8443", "[::1]:8443", "[::1]:8765"}
+
+
+def test_behind_a_proxy_host_is_the_name_that_was_given(serve: Serve) -> None:
+    served = serve(active=False, hosts=("Robot.Example", "robot.example:8443"))
+    port, status = served.server.port, "/api/status"
+    for host in ("robot.example", f"robot.example:{port}", "robot.example:8443"):
+        assert served.ask("GET", status, headers={"host": host})[0] == 200
+    for host in ("127.0.0.1", "robot.example:443", "evil.example"):
+        refused, told = served.ask("GET", status, headers={"host": host})
+        assert (refused, told["code"]) == (403, "request.host")
+    # Other servers may be on the same machine: their pages are not ours.
+    for page in ("http://robot.example", "https://robot.example"):
+        told = served.ask("GET", status, headers={"origin": page})[1]
+        assert told["code"] == "request.origin"
 
 
 def test_a_missing_or_doubled_host_is_refused() -> None:

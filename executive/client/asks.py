@@ -156,7 +156,8 @@ def address(url: str | None, token: str | None) -> Address:
 def _own_token(url: str) -> str:
     """The token of a server of this user on this machine; empty where there is none."""
     parts = urlsplit(url)
-    known = access.read(parts.port) if parts.port and parts.hostname in _OUR_NAMES else None
+    port = parts.port or (access.HTTP_PORT if parts.scheme == "http" else 0)
+    known = access.read(port) if parts.hostname in _OUR_NAMES else None
     return known.token if known else ""
 
 

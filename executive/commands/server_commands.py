@@ -64,7 +64,9 @@ TCP_PORT = 8765
     metavar="SECONDS",
     help="How long results are kept; negative: until 1000 others have come.",
 )
-@click.option("--host", "hosts", multiple=True, help="Another name of this server, for --expose.")
+@click.option(
+    "--host", "hosts", multiple=True, help="Another name of this server: NAME or NAME:PORT."
+)
 @click.option("--origin", "origins", multiple=True, help="A page that may ask: http://name:port.")
 @click.option("--expose", is_flag=True, help="Let other machines in; all but a stop needs a token.")
 @click.option("--rosbridge", is_flag=True, help="Serve rosbridge clients too, without a token.")

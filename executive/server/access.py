@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PORT = 8765
+HTTP_PORT = 80  # clients leave it out
 
 
 @dataclass(frozen=True, slots=True)

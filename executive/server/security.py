@@ -1,6 +1,7 @@
 """Closed by default: who may ask at all, and what every answer says to browsers."""
 
 import hmac
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from ipaddress import ip_address
@@ -8,10 +9,12 @@ from ipaddress import ip_address
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import Message, Send
 
+from .access import HTTP_PORT
 from .errors import Forbidden, Unauthorized
 
 SHOWS_TOKEN = "shows_token"  # of a request's state: whether its sender does
 
+_HAS_PORT = re.compile(r"[^:]:\d+$")
 _FOR_BROWSERS = {
     "cache-control": "no-store",
     "content-security-policy": "default-src 'none'; frame-ancestors 'none'",
@@ -79,8 +82,11 @@ class Rules:
 
 
 def names(addresses: Iterable[str], port: int) -> frozenset[str]:
-    """What Host may say for these names and addresses on a port."""
-    return frozenset(f"{_bracketed(name.lower())}:{port}" for name in addresses)
+    """What Host may say for these names and addresses on a port, or on the one they name."""
+    known = {_bracketed(name.lower()) for name in addresses}
+    here = {host for host in known if not _HAS_PORT.search(host)}
+    with_port = {f"{host}:{port}" for host in here}
+    return frozenset((known - here) | with_port | (here if port == HTTP_PORT else set()))
 
 
 def is_loopback(address: str) -> bool:
@@ -93,7 +99,7 @@ def is_loopback(address: str) -> bool:
 
 
 def _bracketed(name: str) -> str:
-    return f"[{name}]" if ":" in name else name
+    return f"[{name}]" if name.count(":") > 1 and not name.startswith("[") else name
 
 
 def hardened(send: Send) -> Send:

@@ -192,6 +192,8 @@ class Server:
             known += ["127.0.0.1", "localhost"]
         hosts = names(known, self.port)
         origins = {f"http://{host}" for host in hosts} | set(place.origins)
+        # A proxy in front passes on what it was asked by. Pages of that name may be another's.
+        hosts |= names(place.hosts, access.HTTP_PORT)
         return Rules(hosts, frozenset(origins), self.token, place.expose)
 
 
