@@ -34,7 +34,7 @@ BODY_SECONDS = 5.0  # a body must be whole by then
 MOST_STREAMS = 40  # requests that may last as long as their client stays
 # Requests a second, and at once, by whether they show the token; stops are not counted.
 LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
-CANCEL_BYTES = 1024  # of the body of a cancel: whoever sends it needs no token
+STRANGERS_BYTES = 1024  # of the body of a cancel, from whoever does not show the token
 _QUOTED = 200  # characters of what was wrong, in an answer
 
 _NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?")  # as in JSON
@@ -113,13 +113,12 @@ class App:
         check = None if operation.body is None else fastjsonschema.compile(dict(operation.body))
         parameters = {each.name: _Checked(each) for each in operation.parameters}
         answer = getattr(self._api, operation.name)
-        most = CANCEL_BYTES if operation.stops else strict_json.MOST_BYTES
 
         async def endpoint(request: Request) -> Response:
             try:
                 self._admit(operation, request)
                 given = {} if operation.blind else _given(parameters, request)
-                body = await _body(request, check, most) if check else {}
+                body = await _body(request, check) if check else {}
                 with self._counted(operation, request):
                     response: Response = await answer(Call(request, given, body))
                     return response
@@ -182,9 +181,10 @@ def _given(parameters: dict[str, _Checked], request: Request) -> dict[str, Any]:
     return {name: parameters[name].read(name, text) for name, text in given.items()}
 
 
-async def _body(request: Request, check: Callable[[Any], Any], most: int) -> Any:
+async def _body(request: Request, check: Callable[[Any], Any]) -> Any:
     """The JSON object that was sent, checked; an empty body is an empty object."""
-    data = await _read(request, most)
+    known = SHOWS_TOKEN in request.scope["state"]
+    data = await _read(request, strict_json.MOST_BYTES if known else STRANGERS_BYTES)
     kind = request.headers.get("content-type")
     if data and not _is_json(kind or ""):
         raise BadRequest(f"a body is application/json, not {kind or 'of no type'}", status=415)
