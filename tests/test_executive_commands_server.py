@@ -294,6 +294,21 @@ def test_what_is_open_is_said_loudly(shell: Shell) -> None:
     assert "WARNING EXPOSED: every machine" in "".join(shell.log)
 
 
+def test_a_person_is_asked_for_the_pose_when_the_arm_is_activated(shell: Shell) -> None:
+    text = shell.robot.read_text()
+    shell.robot.write_text(text.replace("baud = ", "reset_on_open = false\nbaud = "))
+    nowhere = "--port", str(shell.folder / "nowhere")
+    shell.serve(*nowhere)
+    activating = shell.type("arm", "activate")
+    assert activating.returncode == 6
+    assert "Give --pose boot" in activating.stderr
+    assert "There is no serial port" in shell.type("arm", "activate", "--pose", "boot").stderr
+    assert shell.end(signal.SIGTERM) == 0
+    command = ("serve", *nowhere, "--robot", str(shell.robot), "--activate", "--tcp-port", "0")
+    at_once = shell.type(*command)
+    assert (at_once.returncode, "Give --pose boot" in at_once.stderr) == (6, True)
+
+
 @pytest.mark.parametrize("words", [(), ("serve",), ("send",), ("status",), ("arm",)])
 def test_help_loads_nothing_heavy(words: tuple[str, ...]) -> None:
     program = (

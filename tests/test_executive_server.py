@@ -7,11 +7,12 @@ import pytest
 
 import logs
 from executive.commands.log_handler import LogHandler
+from executive.commands.serving import prepare
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goal import GoalState, GoalStatus, Outcome
 from executive.goals import Acceptance, Policy
 from executive.replay.proof import prove
-from hardware import NotActive, State, TransitionRefused
+from hardware import NotActive, PortMissing, State, TransitionRefused
 from skills import PlanGripper
 from tests.conftest import RigMaker
 from tests.server_acts import at_frame, history, run
@@ -172,6 +173,20 @@ def test_the_log_tells_a_cancel_before_the_end(
     said = [record.message for record in caplog.records if "goal for task 1" in record.message]
     words = ("Received a goal", "Executing the goal", "Received a cancel", "The goal")
     assert [line.startswith(word) for line, word in zip(said, words, strict=True)] == [True] * 4
+
+
+def test_a_port_that_is_missing_is_logged_once(
+    server: RigMaker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    arm = server(active=False)
+
+    def missing() -> None:
+        raise PortMissing("board", [])
+
+    monkeypatch.setattr(arm.link, "open", missing)
+    prepare(arm.executive, activate=True)
+    assert arm.executive.snapshot().arm is State.INACTIVE
+    assert len([each for each in caplog.records if each.levelno >= logging.ERROR]) == 1
 
 
 def test_how_things_are(server: RigMaker) -> None:

@@ -12,10 +12,10 @@ from pathlib import Path
 from executive.executive import Event, Executive
 from executive.goals import Policy
 from executive.live_library import LiveLibrary
-from executive.pose import standing
+from executive.pose import PoseUnconfirmed, standing
 from executive.questions import Questions
 from executive.server.server import Place, Server
-from hardware import HardwareError, RealClock, load_robot
+from hardware import HardwareError, RealClock, TransitionRefused, load_robot
 from logs import LogError
 from logs.keeping import Rule
 from skills.motion import Pool
@@ -77,7 +77,8 @@ def serve(options: ServeOptions) -> None:
         robot, clock = load_robot(options.robot), RealClock()
         library = LiveLibrary(options.trees, robot)
         port = robot.serial.port if options.port is None else options.port
-        standing(robot, port, options.pose, options.recordings)  # refused before all else
+        if options.activate or options.pose:  # refused before all else
+            standing(robot, port, options.pose, options.recordings)
         link = robot.link(port) if port else None
         for words in put_in_order(options.recordings, options.keep, clock):
             logger.warning("%s", words)
@@ -105,7 +106,7 @@ def serve(options: ServeOptions) -> None:
                     executive.start()
                     with closing(executive):
                         server.start()
-                        clock.spawn(lambda: _prepare(executive, options.activate), "prepare")
+                        clock.spawn(lambda: prepare(executive, options.activate), "prepare")
                         interrupts.on_cancel(lambda: _leave(executive, interrupts))
                         interrupts.wait()
                         logger.info("Ending: the arm is stopped, goals are canceled")
@@ -116,14 +117,16 @@ def _leave(executive: Executive, interrupts: Interrupts) -> None:
     interrupts.end()
 
 
-def _prepare(executive: Executive, activate: bool) -> None:
-    """Configure the arm, and activate it where that is wanted."""
+def prepare(executive: Executive, activate: bool) -> None:
+    """Configure the arm, and activate it where that is wanted; what the arm refuses, it logs."""
     try:
         executive.arm_to("configure")
         if activate:
             executive.arm_to("activate")
-    except (HardwareError, LogError) as error:
+    except (PoseUnconfirmed, TransitionRefused, LogError) as error:
         logger.error("%s", error)
+    except HardwareError as error:
+        logger.debug("%s", error)  # the arm has logged it
 
 
 def _announce(server: Server, options: ServeOptions) -> None:
