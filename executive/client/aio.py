@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from executive.events import to_event
 from executive.goal import GoalStatus, Outcome
+from executive.server.access import KEEPALIVE
 
 from . import asks
 from .asks import Ask, CancelResult, OpenQuestion, Status, Task
 from .errors import GoalFailed, ServerUnreachable
 from .replies import check, reached
-from .sync import BEAT, NOTHING, PATIENCE
+from .sync import BEAT, NOTHING, PATIENCE, SILENCE
 
 if TYPE_CHECKING:
     from executive.executive import Event
@@ -36,7 +37,11 @@ class AsyncClient:
         address = asks.address(url, token)
         self.url = address.url
         self._http = httpx.AsyncClient(
-            base_url=address.url, headers=address.headers, timeout=PATIENCE, trust_env=False
+            base_url=address.url,
+            headers=address.headers,
+            timeout=PATIENCE,
+            transport=httpx.AsyncHTTPTransport(trust_env=False, socket_options=KEEPALIVE),
+            trust_env=False,
         )
 
     async def __aenter__(self) -> Self:
@@ -138,7 +143,7 @@ class AsyncClient:
         query = {"events": ",".join(kinds)} if kinds else {}
         with reached(self.url):
             async with self._http.stream(
-                "GET", "/api/events", params=query, timeout=None
+                "GET", "/api/events", params=query, timeout=SILENCE
             ) as response:
                 if response.is_error:
                     await response.aread()
@@ -170,7 +175,7 @@ class AsyncClient:
             await holding
 
     async def _read(self, lines: AsyncIterator[str]) -> AsyncIterator["Event"]:
-        with reached(self.url):
+        with reached(self.url, SILENCE):
             async for line in lines:
                 if line.startswith("data: "):
                     yield to_event(json.loads(line.removeprefix("data: ")))

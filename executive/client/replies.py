@@ -12,8 +12,12 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def reached(url: str) -> Iterator[None]:
+def reached(url: str, silence: float = 0.0) -> Iterator[None]:
     """Say of whatever fails on the way that the server could not be reached.
+
+    Args:
+        url: Of the server.
+        silence: How long it may say nothing of what is read [s]; 0 where that is not known.
 
     Raises:
         ServerUnreachable: It could not.
@@ -22,6 +26,9 @@ def reached(url: str) -> Iterator[None]:
 
     try:
         yield
+    except httpx.ReadTimeout as error:
+        words = f"nothing came for {silence:g} s" if silence else "its answer takes too long"
+        raise ServerUnreachable(url, words) from error
     except httpx.TransportError as error:
         raise ServerUnreachable(url, str(error) or type(error).__name__) from error
 

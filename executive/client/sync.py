@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from executive.events import to_event
 from executive.goal import GoalStatus, Outcome
+from executive.server.access import KEEPALIVE
 
 from . import asks
 from .asks import Ask, CancelResult, OpenQuestion, Status, Task
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 BEAT = 0.2  # [s] between two signs of life of who holds a goal
+SILENCE = 45.0  # [s] of a stream, of which a server breaks every 15
 PATIENCE = 10.0  # [s] for an answer that needs no waiting
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -44,7 +46,11 @@ class Client:
         address = asks.address(url, token)
         self.url = address.url
         self._http = httpx.Client(
-            base_url=address.url, headers=address.headers, timeout=PATIENCE, trust_env=False
+            base_url=address.url,
+            headers=address.headers,
+            timeout=PATIENCE,
+            transport=httpx.HTTPTransport(trust_env=False, socket_options=KEEPALIVE),
+            trust_env=False,
         )
 
     def __enter__(self) -> Self:
@@ -169,7 +175,7 @@ class Client:
         query = {"events": ",".join(kinds)} if kinds else {}
         with (
             reached(self.url),
-            self._http.stream("GET", "/api/events", params=query, timeout=None) as response,
+            self._http.stream("GET", "/api/events", params=query, timeout=SILENCE) as response,
         ):
             if response.is_error:
                 response.read()
@@ -203,7 +209,7 @@ class Client:
             holding.join()
 
     def _read(self, lines: Iterator[str]) -> Iterator["Event"]:
-        with reached(self.url):
+        with reached(self.url, SILENCE):
             for line in lines:
                 if line.startswith("data: "):
                     yield to_event(json.loads(line.removeprefix("data: ")))

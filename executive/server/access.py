@@ -3,6 +3,7 @@
 import json
 import os
 import secrets
+import socket
 import stat
 import tempfile
 from dataclasses import dataclass
@@ -10,6 +11,14 @@ from pathlib import Path
 
 PORT = 8765
 HTTP_PORT = 80  # clients leave it out
+
+# Of both ends of a connection: a machine that is gone without a word is noticed within 30 s.
+KEEPALIVE = (
+    (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 15),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 5),
+    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 30_000),
+)
 
 
 @dataclass(frozen=True, slots=True)

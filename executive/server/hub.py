@@ -12,6 +12,7 @@ from executive.executive import Event
 from executive.goal import GoalStatus, QuestionStatus
 
 LISTED = 150  # goals in a list, the newest: all that run or wait, and what has just ended
+HEARTBEAT = 15.0  # [s] of silence after which a watcher hears that the server is there
 MOST_WAITING = 4 * 1024 * 1024  # bytes of events that a watcher may be behind
 
 
@@ -44,9 +45,16 @@ class Watcher:
         self._some.set()
 
     async def take(self) -> bytes:
-        """All that is waiting, as soon as there is something; empty at the end, or once dropped."""
+        """All that is waiting, as soon as there is something; empty at the end, or once dropped.
+
+        After a long silence it is a comment.
+        """
         if not self._ended:
-            await self._some.wait()
+            try:
+                async with asyncio.timeout(HEARTBEAT):
+                    await self._some.wait()
+            except TimeoutError:
+                return b": still here\n\n"
             self._some.clear()
         taken, self._bytes = b"".join(self._waiting), 0
         self._waiting.clear()

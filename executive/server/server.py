@@ -220,6 +220,8 @@ def _listen(address: str, port: int) -> socket.socket:
     made = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
+    for option in access.KEEPALIVE:  # connections have them from here
+        made.setsockopt(*option)
     try:
         made.bind((address, port))
     except OSError as error:
