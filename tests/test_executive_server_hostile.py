@@ -254,3 +254,23 @@ def test_an_arm_that_is_unplugged_is_still_answered_for(serve: Serve) -> None:
         served.link.unplug()
         assert client.result(goal, 5.0).code == "hw.port_lost"
     assert stops(served)
+
+
+def test_a_target_may_be_a_whole_url(serve: Serve) -> None:
+    """As clients write it that take this server for a proxy."""
+    served = serve()
+    own = f"127.0.0.1:{served.server.port}"
+
+    def asked(target: str) -> bytes:
+        lines = (f"POST {target} HTTP/1.1", f"host: {own}", "connection: close", "", "")
+        with raw(served, *lines[:-1]) as connection:
+            return answer(connection)
+
+    goal = served.executive.send(10).identity
+    assert goal.encode() in asked(f"http://{own}/api/stop")
+    assert asked(f"HTTP://{own}/api/cancel?").startswith(b"HTTP/1.1 200")
+    foreign = asked("http://evil.example/api/stop")
+    assert foreign.startswith(b"HTTP/1.1 403")
+    assert b'"request.host"' in foreign
+    assert asked(f"http://{own}").startswith(b"HTTP/1.1 404")
+    assert asked("*").startswith(b"HTTP/1.1 404")

@@ -37,6 +37,7 @@ LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
 STRANGERS_BYTES = 1024  # of the body of a cancel, from whoever does not show the token
 _QUOTED = 200  # characters of what was wrong, in an answer
 
+_URL = re.compile(r"(?i:http)://(?P<authority>[^/]*)(?P<path>/.*)?", re.DOTALL)
 _NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?")  # as in JSON
 
 
@@ -89,7 +90,7 @@ class App:
         if self._rules.knows_token(headers):
             scope["state"][SHOWS_TOKEN] = True
         try:
-            self._rules.check_source(headers)
+            self._rules.check_source(headers, _authority(scope))
         except Forbidden as error:
             if scope["type"] == "websocket":
                 if self._said.take():
@@ -154,6 +155,15 @@ class App:
             yield
         finally:
             self._streams[known] -= operation.streams
+
+
+def _authority(scope: Scope) -> str | None:
+    """What a target that is a whole URL names as its server; leaves the path alone in the scope."""
+    found = _URL.fullmatch(scope["path"])
+    if found is None:
+        return None
+    scope["path"] = found["path"] or "/"
+    return found["authority"]
 
 
 class _Checked:

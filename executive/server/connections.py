@@ -22,8 +22,8 @@ MOST_CONNECTIONS = 128  # more than may stay: those who wait, who watch, and ros
 HEAD_SECONDS = 5.0  # a request's head must be whole by then, from its connection's last answer
 STALL_SECONDS = 5.0  # a client that reads nothing for so long is cut off
 
-_STOP = re.compile(rb"POST /api/stop[/? ]")
-_CANCEL = re.compile(rb"POST /api/(cancel|goals/[0-9a-f]{32}/cancel)[? ]")
+_STOP = re.compile(rb"POST (?:http://[^/ ]*)?/api/stop[/? ]")
+_CANCEL = re.compile(rb"POST (?:http://[^/ ]*)?/api/(cancel|goals/[0-9a-f]{32}/cancel)[? ]")
 
 
 class State(ServerState):

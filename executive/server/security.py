@@ -40,14 +40,20 @@ class Rules:
     token: str
     exposed: bool
 
-    def check_source(self, headers: Headers) -> None:
+    def check_source(self, headers: Headers, authority: str | None = None) -> None:
         """Refuse names that are not ours, as a rebound DNS name is, and foreign pages.
+
+        Args:
+            headers: Of the request.
+            authority: What its target names as the server; None where it is a path alone.
 
         Raises:
             Forbidden: The Host or the Origin is another one.
         """
         named = [host.lower() for host in headers.getlist("host")]
-        if len(named) != 1 or named[0] not in self.hosts:
+        one = len(named) == 1
+        named += [] if authority is None else [authority.lower()]
+        if not one or not self.hosts.issuperset(named):
             raise Forbidden(
                 f"Host {', '.join(named) or 'missing'} is not this server",
                 f"ask {' or '.join(sorted(self.hosts))}; serve --host NAME adds one",
