@@ -263,7 +263,7 @@ class Executive:
         """Have every goal pause before a node begins; a condition is never waited for.
 
         Args:
-            path: Of the node in its tree, such as `pick/reach/Execute`.
+            path: Of the node in its tree, such as `pick/Execute`.
             on: False to have it no longer.
 
         Raises:

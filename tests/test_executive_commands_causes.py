@@ -44,6 +44,12 @@ def test_a_failure_is_told_the_same_everywhere(
     assert said in logged
 
 
+def test_the_help_names_no_range_without_an_end(typed: tuple[Served, Typed]) -> None:
+    words = " ".join(typed[1]("serve", "--help")[1].split())
+    assert "[default: 900.0; x>=-1]" in words
+    assert "None" not in words
+
+
 def test_what_is_refused_has_its_code(typed: tuple[Served, Typed]) -> None:
     served, type_in = typed
     served.executive.arm_to("activate")

@@ -133,6 +133,10 @@ def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
     assert type_in("cancel", goal)[1] == f"canceling {goal}\n"
     assert type_in("cancel", goal)[0] == 4
     assert type_in("cancel")[1] == "there is nothing to cancel\n"
+    goal = type_in("send", "10")[1].strip()
+    stamp = json.loads(type_in("status", "--json")[1])["goal"]["stamp_ns"]
+    assert type_in("cancel", "--until", str(stamp - 1))[1] == "there is nothing to cancel\n"
+    assert type_in("cancel", "--until", str(stamp))[1] == f"canceling {goal}\n"
     assert json.loads(type_in("cancel", "--json")[1]) == {"return_code": 0, "goals": []}
 
 

@@ -58,11 +58,11 @@ TCP_PORT = 8765
 )
 @click.option(
     "--result-timeout",
-    type=Finite(),
+    type=Finite(-1),
     default=900.0,
     show_default=True,
     metavar="SECONDS",
-    help="How long results are kept; negative: until 1000 others have come.",
+    help="How long results are kept; -1: until 1000 others have come.",
 )
 @click.option(
     "--host", "hosts", multiple=True, help="Another name of this server: NAME or NAME:PORT."
@@ -177,16 +177,24 @@ def send(
 
 @click.command()
 @goal_argument
+@click.option(
+    "--until",
+    "stamp_ns",
+    type=click.IntRange(1, 2**63 - 1),
+    metavar="NS",
+    help="All that were accepted at or before this time [ns since 1970].",
+)
 @json_option
 @server_option
-def cancel(goal_id: str, as_json: bool, server: str | None) -> None:
+def cancel(goal_id: str, stamp_ns: int | None, as_json: bool, server: str | None) -> None:
     """Cancel a goal of a server, by its id; without one stop the arm and cancel all."""
     from executive.client import Client
 
     from .remote import CANCEL_WORDS
 
     with Client(server) as client:
-        answer = client.cancel(goal_id) if goal_id else client.stop()
+        some = goal_id or stamp_ns
+        answer = client.cancel(goal_id, stamp_ns or 0) if some else client.stop()
     if as_json:
         click.echo(json.dumps({"return_code": answer.code.value, "goals": answer.goals}))
     else:

@@ -65,7 +65,7 @@ BREAKPOINT = _object(
         "type": "string",
         "maxLength": 1024,
         "minLength": 1,
-        "description": "Its path, such as `pick/reach/Execute`.",
+        "description": "Its path, such as `pick/Execute`.",
     },
     on={"type": "boolean", "description": "False to have it no longer."},
 )
