@@ -97,7 +97,9 @@ def test_a_file_of_another_program_is_not_drawn(tmp_path: Path) -> None:
     writer.finish()  # type: ignore[no-untyped-call]
     status, out, err = finish(tmp_path, "log", "plot", str(path))
     assert (status, out) == (3, "")
-    assert err == f"Error: {path}: was not recorded by armtree, or lacks its head\n"
+    assert (
+        err == f"Error: {path}: was not recorded by armtree, or lacks its head [log.unreadable]\n"
+    )
     assert not path.with_suffix(".png").exists()
     status, out, err = finish(tmp_path, "log", "ls", str(path))
     assert (status, out) == (2, "")
@@ -107,7 +109,7 @@ def test_a_file_of_another_program_is_not_drawn(tmp_path: Path) -> None:
 def test_a_full_disk_is_no_bug_of_ours_and_a_pipe_takes_a_picture(
     tmp_path: Path, picked: Path
 ) -> None:
-    full = "Error: the disk is full; make room, then try again\n"
+    full = "Error: the disk is full; make room, then try again [file]\n"
     assert finish(tmp_path, "log", "plot", str(picked), "-o", "/dev/full") == (3, "", full)
     status, out, _ = finish(tmp_path, "log", "diff", str(picked), str(picked), "-o", "/dev/full")
     assert (status, "/dev/full" in out) == (3, False)
