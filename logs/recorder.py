@@ -10,11 +10,11 @@ from collections.abc import Callable
 from functools import cache, partial
 from io import BufferedWriter
 from pathlib import Path
-from queue import SimpleQueue
 from typing import TYPE_CHECKING, Self
 
 from .compaction import rewrite
 from .errors import LogError, RecordingExists, RecordingIncomplete, RecordingNotCreated
+from .jobs import Jobs
 from .records import Item, Sent
 from .summary import Summary
 
@@ -31,16 +31,13 @@ FSYNC_S = 1.0
 _BEGIN_S = 10.0
 
 
-_Jobs = SimpleQueue[Callable[[], object]]
-
-
 class Recorder:
     """Records one run into one file, without ever keeping the run waiting.
 
-    `put` is one queue put, from any thread. One thread writes all that
-    is recorded in this process, another brings it to the disk. While it runs the file is a
-    locked journal, handed to the operating system after every record and brought to the disk within
-    `FSYNC_S`; `close` makes the final recording of it.
+    `put` is one queue put, from any thread. One thread writes all that is recorded in this process,
+    another brings it to the disk. While it runs the file is a locked journal, handed to the
+    operating system after every record, a frame at a beat within 1 ms of its time, and brought to
+    the disk within `FSYNC_S`; `close` makes the final recording of it.
     """
 
     def __init__(self, path: Path, epoch_ns: int, on_failure: Callable[[Exception], None]) -> None:
@@ -78,9 +75,12 @@ class Recorder:
         Args:
             items: One, or what is to be written together; a frame by itself.
         """
+        job = partial(self._take, items)
         if type(items[0]) is Sent:
             self._sent += 1  # by the streamer alone
-        self._jobs.put(partial(self._take, items))
+            self._jobs.put_at_beat(job)
+        else:
+            self._jobs.put(job)
 
     def caught_up(self, timeout: float) -> bool:
         """Whether every frame that was put is on its way to the disk.
@@ -217,14 +217,6 @@ def _create(path: Path) -> BufferedWriter:
 
 
 @cache
-def _thread(name: str) -> _Jobs:
-    """What a thread does, in turn: one for all recorders, for to start one keeps a goal waiting."""
-    jobs = _Jobs()
-
-    def work() -> None:
-        while True:
-            jobs.get()()
-
-    # A daemon: whoever leaves without close() leaves a journal, which recovery can read.
-    threading.Thread(target=work, name=name, daemon=True).start()
-    return jobs
+def _thread(name: str) -> Jobs:
+    """One for all recorders, for to start a thread keeps a goal waiting."""
+    return Jobs(name)
