@@ -53,7 +53,6 @@ def draw_plan(picture: PlanPicture, output: Path) -> None:
         OSError: The PNG cannot be written.
     """
     figure = Figure(figsize=(7.16, 8.2), dpi=200, layout="constrained")
-    figure.suptitle(picture.title, fontsize=9)
     axes = figure.subplots(3, 2, height_ratios=(1.0, 1.0, 1.5))
     _path(axes[0, 0], picture)
     _over_time(axes[0, 1], picture, picture.positions, f"position {_unit(picture)}", ())
@@ -68,7 +67,15 @@ def draw_plan(picture: PlanPicture, output: Path) -> None:
         picture.acceleration_limits,
     )
     draw_sweep(axes[2], picture.sweep)
-    axes[0, 1].legend(fontsize=6, loc="best")
+    figure.legend(
+        *axes[0, 1].get_legend_handles_labels(),
+        title=picture.title,
+        title_fontsize=9,
+        fontsize=7,
+        ncols=5,
+        frameon=False,
+        loc="outside upper center",
+    )
     save(figure, output)
 
 

@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from matplotlib.axes import Axes
-from matplotlib.patches import Patch, Polygon
+from matplotlib.collections import PolyCollection
+from matplotlib.patches import Patch
 
 _START, _ARM, _BODY = "#777777", "#0072B2", "#D55E00"
 _SIDES = ((0, 2), (0, 1))
+_KEY = 0.12  # of the height, kept free for the key: to search for a free corner takes a second
 
 Point = tuple[float, float]
 Shape = Sequence[Sequence[float]]
@@ -38,34 +40,31 @@ def draw_sweep(sides: Sequence[Axes], sweep: Sweep) -> None:
 
 
 def _side(axes: Axes, sweep: Sweep, across: int, up: int) -> None:
-    axes.set_aspect("equal")
+    axes.set_aspect("equal", adjustable="datalim")
     axes.tick_params(labelsize=6)
     axes.locator_params(nbins=6)
     axes.set_xlabel(f"{'xyz'[across]} [m]", fontsize=7)
     axes.set_ylabel(f"{'xyz'[up]} [m]", fontsize=7)
     axes.set_title("sweep from the front" if up == 2 else "sweep from above", fontsize=7)
-    for shape in sweep.bodies:
-        _shape(axes, shape, (across, up), _BODY, 0.5)
-    for poses, color, alpha in (
-        (sweep.poses[1:-1], _ARM, 0.06),
-        (sweep.poses[:1], _START, 0.3),
-        (sweep.poses[1:][-1:], _ARM, 0.3),
+    for shapes, color, alpha in (
+        (sweep.bodies, _BODY, 0.5),
+        ([shape for pose in sweep.poses[1:-1] for shape in pose], _ARM, 0.06),
+        ([shape for pose in sweep.poses[:1] for shape in pose], _START, 0.3),
+        ([shape for pose in sweep.poses[1:][-1:] for shape in pose], _ARM, 0.3),
     ):
-        for pose in poses:
-            for shape in pose:
-                _shape(axes, shape, (across, up), color, alpha)
+        hulls = [_hull([(point[across], point[up]) for point in shape]) for shape in shapes]
+        axes.add_collection(
+            PolyCollection(hulls, facecolors=color, edgecolors=color, alpha=alpha, lw=0.3)
+        )
     handles = [Patch(color=_START, alpha=0.5, label="start")]
     if len(sweep.poses) > 1:
         handles.append(Patch(color=_ARM, label="end"))
     if sweep.bodies:
         handles.append(Patch(color=_BODY, alpha=0.5, label="bodies"))
-    axes.legend(handles=handles, fontsize=6, loc="best")
     axes.autoscale_view()
-
-
-def _shape(axes: Axes, points: Shape, plane: tuple[int, int], color: str, alpha: float) -> None:
-    flat = [(point[plane[0]], point[plane[1]]) for point in points]
-    axes.add_patch(Polygon(_hull(flat), facecolor=color, alpha=alpha, edgecolor=color, lw=0.3))
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + _KEY * (high - low))
+    axes.legend(handles=handles, fontsize=6, ncols=3, loc="upper right")
 
 
 def _hull(points: Sequence[Point]) -> list[Point]:

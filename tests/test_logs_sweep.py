@@ -1,0 +1,32 @@
+"""Motions in space, from two sides: all that is drawn is seen."""
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+
+from logs.sweep import Sweep, draw_sweep
+
+SQUARE = [(x, y, z) for x in (0.0, 0.1) for y in (0.0, 0.1) for z in (0.0, 0.3)]
+HIGH = [(x, y, z + 0.2) for x, y, z in SQUARE]
+
+
+@pytest.mark.parametrize("size", [(7.0, 3.0), (7.0, 9.0)])
+def test_the_key_hides_nothing_that_is_drawn(size: tuple[float, float]) -> None:
+    figure = Figure(figsize=size)
+    FigureCanvasAgg(figure)
+    sides = figure.subplots(1, 2)
+    draw_sweep(sides, Sweep([[SQUARE], [SQUARE, HIGH], [HIGH]], [HIGH]))
+    figure.draw_without_rendering()
+    for axes in sides:
+        legend = axes.get_legend()
+        assert legend
+        assert [text.get_text() for text in legend.get_texts()] == ["start", "end", "bodies"]
+        shapes = [drawn for drawn in axes.collections if isinstance(drawn, PolyCollection)]
+        colors = [to_hex(np.array(shape.get_facecolor())[0].tolist()) for shape in shapes]
+        assert colors == ["#d55e00", "#0072b2", "#777777", "#0072b2"]  # bodies, between, start, end
+        corners = np.vstack([path.vertices for each in shapes for path in each.get_paths()])
+        top = axes.transData.transform(corners)[:, 1].max()
+        assert axes.bbox.y0 < top < legend.get_window_extent().y0
