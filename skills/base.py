@@ -156,7 +156,7 @@ class Skill(BehaviourWithPorts):
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Where the inputs written in the task send the arm: values of the actuated joints [rad].
+        """Where the inputs that are known send the arm: values of the actuated joints [rad].
 
         Only whole configurations count; they are what can be checked for collision beforehand.
         """

@@ -38,6 +38,13 @@ class Target(Skill):
             boot = Positions((joint.name, joint.boot) for joint in robot.actuated)
             check_targets(robot, _completed(robot, boot, inputs["joints"], "joints"), ("joints",))
 
+    @classmethod
+    def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
+        """The goal, where start and targets are known."""
+        if "start" not in inputs or "joints" not in inputs:
+            return []
+        return [tuple(_goal(robot, inputs["start"], inputs["joints"], "joints").values())]
+
     def on_start(self) -> Status:
         """Complete it, and check."""
         robot, start, joints = self.context.robot, self.get_input("start"), self.get_input("joints")
@@ -63,19 +70,34 @@ class Shift(Skill):
             check_whole(robot, "start", inputs["start"])
         _check_distances(robot, inputs.get("by", {}))
 
+    @classmethod
+    def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
+        """The goal, where start and distances are known."""
+        if "start" not in inputs or "by" not in inputs:
+            return []
+        joints = _shifted(inputs["start"], inputs["by"])
+        return [tuple(_goal(robot, inputs["start"], joints, "by").values())]
+
     def on_start(self) -> Status:
         """Add, and check."""
         robot, start, by = self.context.robot, self.get_input("start"), self.get_input("by")
         _check_distances(robot, by)
         check_whole(robot, "start", start)
-        joints = Positions((name, start[name] + distance) for name, distance in by.items())
-        self._set_output("goal", _checked(robot, start, joints, "by"))
+        self._set_output("goal", _checked(robot, start, _shifted(start, by), "by"))
         return Status.SUCCESS
 
 
+def _shifted(start: Positions, by: Positions) -> Positions:
+    return Positions((name, start[name] + distance) for name, distance in by.items())
+
+
 def _checked(robot: Robot, start: Positions, joints: Positions, port: str) -> Positions:
+    check_targets(robot, _completed(robot, start, joints, port), (port,))
+    return _goal(robot, start, joints, port)
+
+
+def _goal(robot: Robot, start: Positions, joints: Positions, port: str) -> Positions:
     targets = _completed(robot, start, joints, port)
-    check_targets(robot, targets, (port,))
     joined = {name: q for target in targets.values() for name, q in target.items()}
     return Positions((joint.name, joined[joint.name]) for joint in robot.actuated)
 

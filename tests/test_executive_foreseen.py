@@ -1,6 +1,7 @@
 """What a task puts around the arm counts before it runs, too: in `armtree check` and `plan`."""
 
 import re
+from math import radians
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,8 @@ from click.testing import CliRunner
 from executive.building.check import check
 from executive.commands.cli import cli
 from hardware import Robot
+from skills import BadTarget
+from trees import FileError
 
 HEAD = "task: 7\nname: x\ndescription: y\ntree:\n  sequence:\n"
 POST = "AddBox: {body: post, size: [3 cm, 3 cm, 3 cm], position: [0.12, 0.04, 0.07]}"
@@ -25,6 +28,8 @@ LEFT = (
 )
 WHOLE = "{joint_1: 0.3, joint_2: -0.6, joint_3: 0, joint_4: -0.3}"
 BEAM = "AddBox: {body: beam, size: [0.1, 0.1, 0.1], position: [0.5, 0, 0.5], touches: [ball]}"
+TURN = "{subtree: move_joints, with: {joints: {joint_1: -80 deg, joint_4: -20 deg}}}"
+FURTHER = "{subtree: move_relative, with: {by: {joint_1: -10 deg}}}"
 MAYBE = "{{selector: [{{RemoveBody: {{body: {}}}}}, Succeed]}}"
 
 
@@ -93,6 +98,67 @@ def test_plan_shows_a_round_again_only_where_it_differs(tmp_path: Path) -> None:
     assert ["Around    tall" in motion for motion in told] == [False, False, True, True]
 
 
+def goals(told: list[str]) -> list[float]:
+    """Of the first joint, motion by motion [deg]."""
+    found = [re.search(r"Goal +joint_1 (\S+),", motion) for motion in told]
+    return [round(float(each[1]) / radians(1.0), 1) for each in found if each]
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    ("steps", "angles"),
+    [
+        ((TURN,), [-80]),
+        ((TURN, FURTHER, TURN.replace("joint_1: -80 deg", "joint_2: 0.1")), [-80, -90, -90]),
+        ((GO, FURTHER.replace("-10", "40")), [-80.2, -40.2]),
+        ((f"{{selector: [{TURN}, {FURTHER}]}}", FURTHER), [-80]),  # nobody knows where it is then
+        (("{SetStart: {start: $s}}", f"{{repeat: {{sequence: [{FURTHER}]}}, times: 2}}",
+          "{Target: {start: $s, joints: {joint_2: 0.1}, goal: $g}}",
+          "{subtree: go, with: {start: $s, goal: $g}}"), [-10, -20, 0]),
+    ],
+)  # fmt: skip
+def test_plan_follows_targets_of_some_joints(
+    tmp_path: Path, steps: tuple[str, ...], angles: list[float]
+) -> None:
+    assert goals(planned(tmp_path, *steps)) == angles
+
+
+def test_plan_tells_all_of_a_task_that_carries(tmp_path: Path) -> None:
+    told = planned(tmp_path, TALL, BALL, HOLD, TURN)
+    assert goals(told) == [-80]
+    assert "Path      round something" in told[0]
+    assert "Around    tall, ball on claw_support\n" in told[0]
+
+
+def test_plan_names_what_a_task_spells_out_wrong(tmp_path: Path) -> None:
+    bounds = "{CheckBounds: {arm: {joint_1: 0}, gripper: open, goal: $goal}}"
+    steps = (
+        "{SetStart: {start: $start}}",
+        bounds,
+        "{subtree: go, with: {start: $start, goal: $goal}}",
+    )
+    with pytest.raises(FileError, match=r"7_x.yaml:7:.* joint_2"):
+        planned(tmp_path, *steps)
+
+
+def test_plan_says_why_it_foresees_nothing(tmp_path: Path) -> None:
+    point = "{ReachPoint: {start: $start, point: [10 cm, 5 cm, 8 cm], target: $there}}"
+    steps = ("{SetStart: {start: $start}}", point, "{subtree: move_joints, with: {joints: $there}}")
+    with pytest.raises(BadTarget, match=r"no goal of task 7 is known before it runs; those .* are"):
+        planned(tmp_path, *steps)
+
+
+def test_check_follows_targets_of_some_joints(robot: Robot, tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        POST,
+        COME,
+        "{subtree: move_joints, with: {joints: {joint_1: -1.4, joint_2: -0.6, joint_3: -0.07}}}",
+    )
+    (mistake,) = check(robot, None, [path]).mistakes
+    assert re.search("this pose collides: .* deep in post", mistake.message)
+
+
 def test_plan_takes_along_what_the_task_holds(tmp_path: Path) -> None:
     first, second = planned(tmp_path, BALL, LEFT, HOLD, GO)
     assert "Around    ball\n" in first
@@ -108,7 +174,9 @@ def test_plan_takes_along_what_the_task_holds(tmp_path: Path) -> None:
          "parameters: {z: {type: length}}\n", "tall"),
         ((TALL, "{RemoveBody: {body: $b}}", GO), "parameters: {b: {type: text}}\n",
          "bodies named at run time, tall"),
-        ((BALL, "{SetStart: {start: $s}}", "{Shift: {start: $s, by: {joint_1: 0.1}, goal: $g}}",
+        ((BALL, "{SetStart: {start: $s}}",
+          "{ReachPoint: {start: $s, point: [0.1, 0.05, 0.08], target: $t}}",
+          "{Target: {start: $s, joints: $t, goal: $g}}",
           "{PlanArm: {start: $s, goal: $g, plan: $a}}",
           "{PlanGripper: {start: $s, goal: $g, plan: $b}}",
           "{Execute: {arm_plan: $a, gripper_plan: $b}}", HOLD, GO),

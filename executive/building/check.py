@@ -99,7 +99,7 @@ def motions_of(
     start: Pose,
     world: World,
 ) -> list[Motion]:
-    """Where a task spells out that the arm goes, in order, with what is around it by then.
+    """Where the arm goes, as far as a task tells, in order, with what is around it by then.
 
     Args:
         robot: The robot.
@@ -114,6 +114,8 @@ def motions_of(
         FileError: It is wrong.
     """
     assembly, root = _assembled(robot, library, number)
+    if refused := refusals(assembly.leaves, robot):
+        raise FileError(refused)
     return foresee(root, assembly.leaves, robot, carry, start, world)
 
 

@@ -1,14 +1,25 @@
 """What is around the arm by the time of each motion, as far as a task spells it out."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from py_trees import composites
 from py_trees.behaviour import Behaviour
 
 from hardware import Robot
-from skills import AddBox, AddCylinder, AddMesh, AddSphere, Attach, Detach, RemoveBody, Skill
+from skills import (
+    AddBox,
+    AddCylinder,
+    AddMesh,
+    AddSphere,
+    Attach,
+    Detach,
+    Positions,
+    RemoveBody,
+    SetStart,
+    Skill,
+)
 from skills.motion import EMPTY, Body, Carry, MotionError, World
 from trees import Place
 
@@ -26,7 +37,7 @@ _UNNAMED = "bodies named at run time"
 
 @dataclass(frozen=True)
 class Motion:
-    """A target that a task spells out.
+    """A target that follows from what a task spells out.
 
     Attributes:
         place: Where it is written.
@@ -69,11 +80,19 @@ def foresee(
 
 @dataclass(frozen=True)
 class _Now:
-    """What is known at one moment: bodies, where the arm stands, and bodies that may be there."""
+    """What is known at one moment.
+
+    Attributes:
+        world: Bodies.
+        pose: Where the arm stands.
+        unsure: Names of bodies that may be there.
+        keys: Configurations by key.
+    """
 
     world: World
     pose: Pose | None
     unsure: frozenset[str] = frozenset()
+    keys: Mapping[str, Positions] = field(default_factory=dict)
 
     def having(self, body: Body) -> "_Now":
         """With a body, in place of one of its name."""
@@ -135,16 +154,29 @@ class _Walk:
 
     def _after(self, leaf: Leaf, now: _Now) -> _Now:
         kind = type(leaf.skill)
-        poses = kind.poses(self._robot, leaf.known)
+        start = now.keys.get(leaf.keys.get("start", ""))
+        inputs = {**leaf.known, "start": start} if start else leaf.known
+        poses = kind.poses(self._robot, inputs)
         for pose in poses:
             left_out = tuple(sorted(now.unsure))
             self.motions.append(Motion(target_of(leaf), pose, now.pose, now.world, left_out))
             now = replace(now, pose=pose)
         if not poses and "goal" in (*kind.output_ports(), *leaf.inputs):  # found by other means
             now = replace(now, pose=None)
+        now = self._written(leaf, now)
         if isinstance(leaf.skill, (*_ADDS, Attach, Detach, RemoveBody)):
             now = self._changed(leaf.skill, leaf.known, now)
         return now
+
+    def _written(self, leaf: Leaf, now: _Now) -> _Now:
+        """With the configuration that a skill writes, and no other that it may write."""
+        outputs = {leaf.keys[port] for port in type(leaf.skill).output_ports() if port in leaf.keys}
+        keys = {key: value for key, value in now.keys.items() if key not in outputs}
+        key = leaf.keys.get("start" if isinstance(leaf.skill, SetStart) else "goal")
+        if now.pose and key in outputs:
+            names = (joint.name for joint in self._robot.actuated)
+            keys[key] = Positions(zip(names, now.pose, strict=True))
+        return replace(now, keys=keys)
 
     def _changed(self, skill: Skill, known: Mapping[str, Any], now: _Now) -> _Now:
         """With the body that a skill adds, hands over or removes."""
@@ -174,4 +206,7 @@ def _common(ways: Sequence[_Now]) -> _Now:
     bodies = {body for way in ways for body in way.world.bodies}
     unsure |= {body.name for body in bodies if any(body not in way.world.bodies for way in ways)}
     pose = first.pose if all(way.pose == first.pose for way in others) else None
-    return replace(first, pose=pose).unsure_of(unsure)
+    keys = {
+        key: q for key, q in first.keys.items() if all(q == way.keys.get(key) for way in others)
+    }
+    return replace(first, pose=pose, keys=keys).unsure_of(unsure)

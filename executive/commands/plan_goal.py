@@ -81,8 +81,9 @@ class Goal:
         number = int(self.words[0])
         motions = motions_of(self.robot, self.library, number, planner.carry, begin, world)
         if not motions:
-            why = "it finds its way while it runs; give joints, a pose or a point"
-            raise BadTarget(f"task {number} spells out no whole target: {why}")
+            why = f"no goal of task {number} is known before it runs; those of CheckBounds, Target "
+            why += "and Shift are, where their values are written down and so is all before them. "
+            raise BadTarget(why + "Give joints, a pose or a point instead")
         own = [joint in self.robot.leaders(group) for joint in self.robot.actuated]
         queries = []
         for motion in motions:
