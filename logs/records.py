@@ -188,6 +188,7 @@ class Plan:
         milliseconds: What each rung of the planning ladder took [ms].
         code: Stable name of the cause of a failure, empty where a motion was found.
         message: That cause in words.
+        spare: Distance kept between the ends, beyond the robot's margin [m].
     """
 
     time: float
@@ -207,6 +208,7 @@ class Plan:
     milliseconds: dict[str, float]
     code: str
     message: str
+    spare: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

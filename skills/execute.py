@@ -6,18 +6,13 @@ from dataclasses import replace
 from py_trees.common import Status
 from py_trees.ports import PortInformation
 
-from hardware import Playback, PlaybackState, Schedule, compile_schedule, played
+from hardware import Playback, PlaybackState, Schedule, compile_schedule
 
 from .base import Scheduled, Skill
 from .errors import Interrupted, StartMoved
-from .merged import Merged
-from .motion import MotionError, Plan, Rest, Verify
+from .merged import Merged, as_played
+from .motion import MotionError, Plan, Rest
 from .pending import Pending
-
-# The frames are checked as they will be played. Decoded whole degrees, turned one servo after the
-# other, stray up to 15 mm from the plan at the fingertip (measured), so that this margin is smaller
-# than planning's and yet proves half a millimetre everywhere [m].
-PLAYED_MARGIN = 0.001
 
 
 class Execute(Skill):
@@ -110,8 +105,8 @@ class Execute(Skill):
         start = self._start
         self._schedule, self._motion, self._playback = schedule, motion, None
         context.tell(Scheduled(schedule, start, motion, resumed))
-        times, rows = played(context.robot, start, schedule)
-        request = Verify(rows, PLAYED_MARGIN, times, context.timeout, context.scene.world)
+        world = context.scene.world
+        request = as_played(context.robot, start, schedule, context.timeout, world)
         self._pending = Pending(context, request)
         return Status.RUNNING
 

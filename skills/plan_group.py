@@ -1,26 +1,34 @@
 """Planning one group of joints, in a worker process."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from py_trees.common import Status
 from py_trees.ports import PortInformation
 
-from hardware import Robot
+from hardware import Robot, compile_schedule
 
 from .base import Planned
 from .bounds import by_group, check_targets, check_whole
+from .merged import Merged, as_played
 from .motion import (
     GoalInCollision,
+    MotionCollides,
     MotionError,
     Plan,
     PlanCanceled,
     Query,
     Result,
     StartInCollision,
+    Verify,
 )
 from .pending import Asking
 from .positions import Positions
+
+# Distance that is kept more by a way round something, where the frames of the first would come too
+# near it. Much more and there often is no such way at all (measured) [m].
+_SPARE = 0.002
 
 
 class _PlanGroup(Asking, register=False):
@@ -40,6 +48,9 @@ class _PlanGroup(Asking, register=False):
         ),
     }
     OUTPUT_PORTS = {"plan": PortInformation(Plan, description="the motion of this group")}
+
+    _query: Query
+    _first: Plan | None = None  # a way round something, whose frames are being checked
 
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
@@ -67,10 +78,28 @@ class _PlanGroup(Asking, register=False):
             via=tuple(tuple(point[joint.name] for joint in leaders) for point in via),
             world=self.context.scene.world,
         )
+        self._first = None
         return self.ask(self._query)
 
     def on_answer(self, answer: Result) -> Status:
-        """Tell of it, and hand it on."""
+        """Have the frames of a way round something checked, and a wider way tried; hand it on."""
+        if isinstance(answer, Plan) and not answer.curve.straight and not self._first:
+            self._first = answer
+            return self.ask(self._frames_of(answer))
+        if self._first and not self._query.spare and isinstance(answer, MotionCollides):
+            self._query = replace(self._query, spare=_SPARE)
+            return self.ask(self._query)
+        if self._first and not isinstance(answer, Plan):  # Execute says what is wrong with it
+            self._query, answer = replace(self._query, spare=0.0), self._first
+        return self._tell(answer)
+
+    def _frames_of(self, plan: Plan) -> Verify:
+        robot, start = self.context.robot, tuple(plan.start.tolist())
+        merged = Merged(robot, start, [plan], together=False)
+        schedule = compile_schedule(robot, start, merged.sample, merged.duration)
+        return as_played(robot, start, schedule, self._query.timeout, self._query.world)
+
+    def _tell(self, answer: Result) -> Status:
         assert isinstance(answer, (Plan, MotionError))
         self.context.tell(Planned(self._query, answer))
         if isinstance(answer, StartInCollision) and self.moved_before:
@@ -87,6 +116,8 @@ class _PlanGroup(Asking, register=False):
         """Cancel the planner, and tell of the plan that will not be."""
         super().on_halt()
         answer = self._pending.answer if self._pending else None
+        if self._first and not self._query.spare:  # that was about its frames
+            answer = self._first
         told = answer if isinstance(answer, (Plan, MotionError)) else PlanCanceled()
         self.context.tell(Planned(self._query, told))
 

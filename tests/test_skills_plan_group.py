@@ -1,18 +1,29 @@
 """Planning in a worker: asked once, halted at once, late answers reach nobody."""
 
+from dataclasses import replace
+
 import pytest
 from py_trees.common import Status
 
+from hardware import Robot, compile_schedule
 from skills import BadTarget, PlanArm, PlanGripper, Planned, Positions
+from skills.merged import Merged, as_played
 from skills.motion import (
+    BadQuery,
+    Body,
+    Box,
     GoalInCollision,
+    MotionCollides,
     NoPath,
     Plan,
     PlanCanceled,
     PlanTimeout,
     Query,
     StartInCollision,
+    Verify,
+    World,
 )
+from skills.motion.planner import Planner
 from tests.conftest import Bench
 
 START = Positions(joint_1=0.0, joint_2=0.0, joint_3=0.0, joint_4=0.0)
@@ -118,3 +129,108 @@ def test_a_finished_planner_is_not_canceled(bench: Bench, skill: PlanArm, plans:
     skill.tick_once()
     skill.stop(Status.INVALID)
     assert bench.desk.jobs[0].canceled == 0
+
+
+# Round a box so closely that the frames, in whole degrees, come too near it.
+BOX = Body("box", Box((0.0715, 0.077, 0.0376)), (-0.1128, 0.0795, 0.1911))
+CLOSE = {
+    "start": Positions(joint_1=-0.04, joint_2=1.09, joint_3=1.54, joint_4=0.0),
+    "goal": Positions(joint_1=0.91, joint_2=-0.54, joint_3=-0.35, joint_4=0.0),
+}
+HIT = MotionCollides(3, 1.0, "claw_support", "box", 0.0, 0.001)
+
+
+@pytest.fixture(scope="module")
+def planner(robot: Robot) -> Planner:
+    return Planner(robot)
+
+
+@pytest.fixture
+def detour(bench: Bench, planner: Planner) -> tuple[PlanArm, Plan]:
+    """A skill that has been answered with a way round something."""
+    bench.context.scene.world = World((BOX,))
+    skill: PlanArm = bench.skill(PlanArm, **CLOSE)
+    skill.tick_once()
+    (job,) = bench.desk.jobs
+    assert isinstance(job.request, Query)
+    plan = planner.plan(job.request)
+    job.answer(plan)
+    skill.tick_once()
+    return skill, plan
+
+
+def told_of(bench: Bench) -> tuple[float, object]:
+    """How much more was to be kept, by the only plan that was told of, and the answer."""
+    (told,) = bench.told
+    assert isinstance(told, Planned)
+    return told.query.spare, told.answer
+
+
+def test_a_wider_way_where_frames_would_touch(
+    bench: Bench, planner: Planner, detour: tuple[PlanArm, Plan]
+) -> None:
+    skill, first = detour
+    frames = bench.desk.jobs[1].request
+    assert isinstance(frames, Verify)
+    with pytest.raises(MotionCollides) as caught:
+        planner.verify(frames)
+    bench.desk.jobs[1].answer(caught.value)
+    skill.tick_once()
+    query = bench.desk.jobs[2].request
+    assert isinstance(query, Query)
+    assert replace(query, spare=0.0) == bench.desk.jobs[0].request
+    wider = planner.plan(query)
+    bench.desk.jobs[2].answer(wider)
+    skill.tick_once()
+    assert (skill.status, bench.output("plan"), len(bench.desk.jobs)) == (Status.SUCCESS, wider, 3)
+    assert told_of(bench) == (query.spare, wider)
+    assert first.duration < wider.duration < 1.2 * first.duration
+    merged = Merged(bench.robot, query.start, [wider], together=False)
+    schedule = compile_schedule(bench.robot, query.start, merged.sample, merged.duration)
+    planner.verify(as_played(bench.robot, query.start, schedule, 5.0, query.world))
+
+
+def test_the_first_way_where_there_is_no_wider_one(
+    bench: Bench, detour: tuple[PlanArm, Plan]
+) -> None:
+    skill, first = detour
+    bench.desk.jobs[1].answer(HIT)
+    skill.tick_once()
+    bench.desk.jobs[2].answer(NoPath(9))
+    skill.tick_once()
+    assert (skill.status, bench.output("plan")) == (Status.SUCCESS, first)  # Execute refuses it
+    assert told_of(bench) == (0.0, first)
+
+
+def test_a_way_whose_frames_are_free(bench: Bench, detour: tuple[PlanArm, Plan]) -> None:
+    skill, first = detour
+    bench.desk.jobs[1].answer(None)
+    skill.tick_once()
+    assert (skill.status, bench.output("plan"), len(bench.desk.jobs)) == (Status.SUCCESS, first, 2)
+    assert told_of(bench) == (0.0, first)
+
+
+@pytest.mark.parametrize("answer", [None, HIT])
+def test_halted_while_its_frames_are_checked(
+    bench: Bench, detour: tuple[PlanArm, Plan], answer: MotionCollides | None
+) -> None:
+    skill, first = detour
+    if answer:
+        bench.desk.jobs[1].answer(answer)
+    skill.stop(Status.INVALID)
+    assert told_of(bench) == (0.0, first)
+
+
+def test_halted_while_a_wider_way_is_looked_for(bench: Bench, detour: tuple[PlanArm, Plan]) -> None:
+    skill, _ = detour
+    bench.desk.jobs[1].answer(HIT)
+    skill.tick_once()
+    skill.stop(Status.INVALID)
+    spare, answer = told_of(bench)
+    assert (spare > 0.0, type(answer)) == (True, PlanCanceled)
+
+
+@pytest.mark.parametrize("spare", [-0.001, float("nan"), float("inf"), "2 mm"])
+def test_how_much_more_may_be_kept(planner: Planner, spare: float) -> None:
+    with pytest.raises(BadQuery, match="The spare is"):
+        planner.plan(Query("arm", (0.0,) * 4, (0.3, 0.0, 0.0), spare=spare))

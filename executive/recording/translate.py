@@ -73,6 +73,7 @@ def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
         milliseconds=dict(answer.milliseconds),
         code=error.code if error else "",
         message=str(error) if error else "",
+        spare=query.spare,
     )
 
 

@@ -244,6 +244,7 @@ def _plan(
             timeout=_TIMEOUT,
             via=recorded.via,
             world=world_of(recorded.world, files),
+            spare=recorded.spare,
         )
         return planner.plan(query)
     except MotionError as error:

@@ -23,6 +23,7 @@ from .query import Query
 
 Array = NDArray[np.float64]
 
+_WIDEST = 1.0  # distance to be kept beyond the margin [m]
 _FARTHEST = 1e6  # of a joint without an end; of much more no angle can be told [rad]
 
 
@@ -61,6 +62,8 @@ class Ends:
         """
         if not (isinstance(query.seed, int) and query.seed >= 0):
             raise BadQuery(f"The seed is {query.seed!r}; give a whole number from 0")
+        if not (isinstance(query.spare, (int, float)) and 0.0 <= query.spare <= _WIDEST):
+            raise BadQuery(f"The spare is {query.spare!r} m; give 0 to {_WIDEST:g}")
         start, own = finite("start", query.start, self._actuated), self.columns
         goals = (*(("via point", via) for via in query.via), ("goal", query.goal))
         points = [start[own], *(finite(what, goal, self._own) for what, goal in goals)]

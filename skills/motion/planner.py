@@ -107,8 +107,8 @@ class Planner:
             start=start,
             columns=group.ends.columns,
             levers=scene.model.levers[:, group.ends.columns],
-            margin=self._robot.collision.margin,
-            proved=0.5 * self._robot.collision.margin,
+            margin=self._robot.collision.margin + query.spare,
+            proved=0.5 * self._robot.collision.margin + query.spare,
             deadline=deadline,
         )
         found = ways(space, group.search, stations, query.seed, watch)

@@ -26,6 +26,7 @@ class Query:
         via: Points on the way, each as `goal`; passed in their order, without a stop where that
             is free, no part of the arm further off than `blend.NEARNESS`.
         world: What stands around the arm, and what it holds.
+        spare: Distance to be kept between the ends, beyond the robot's own margin [m].
     """
 
     group: str
@@ -35,6 +36,7 @@ class Query:
     timeout: float = 5.0
     via: tuple[tuple[float, ...], ...] = ()
     world: World = EMPTY
+    spare: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
