@@ -311,6 +311,10 @@ def test_verify_looks_between_the_rows(planner: Planner) -> None:
     [
         (Verify([(0.0, 0.0, math.nan, 0.0)], 0.001), NotFinite),
         (Verify([(0.0, 0.0, 0.0)], 0.001), BadQuery),
+        (Verify([(0.0,) * 4, (1e15, 0.0, 0.0, 0.0)], 0.001), BadQuery),
+        (Verify([(0.0, 0.0, 0.0, -1e300)], 0.001), BadQuery),
+        (Verify([(0.0,) * 4, (0.0, 1e6, 0.0, 0.0)], 0.001, timeout=0.05), MotionCollides),
+        (Verify([(0.0,) * 4, (1e6, 0.0, 0.0, 0.0)], 0.001, timeout=0.05), PlanTimeout),
         (Verify(np.empty((0, 4)), 0.001), BadQuery),
         (Verify([(0.0, 0.0, 0.0, 0.0)], -0.001), BadQuery),
         (Verify([(0.0, 0.0, 0.0, 0.0)], 0.001, times=[0.0, 1.0]), BadQuery),

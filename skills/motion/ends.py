@@ -24,7 +24,7 @@ from .query import Query
 Array = NDArray[np.float64]
 
 _WIDEST = 1.0  # distance to be kept beyond the margin [m]
-_FARTHEST = 1e6  # of a joint without an end; of much more no angle can be told [rad]
+FARTHEST = 1e6  # of a joint without an end; of much more no angle can be told [rad]
 
 
 class Ends:
@@ -84,7 +84,7 @@ class Ends:
         """Refuse joints outside their limits, followers included."""
         for place, multiplier, offset, joint in self._rules:
             value = multiplier * row[place] + offset
-            lower, upper = max(joint.lower, -_FARTHEST), min(joint.upper, _FARTHEST)
+            lower, upper = max(joint.lower, -FARTHEST), min(joint.upper, FARTHEST)
             if not lower <= value <= upper:
                 raise error(joint.name, value, lower, upper, joint.unit)
 

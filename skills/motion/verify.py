@@ -1,13 +1,14 @@
 """The last check: the motion as it will be played, between its rows too."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .contacts import Contacts
 from .deadline import Deadline
+from .ends import FARTHEST
 from .errors import BadQuery, MotionCollides, NotFinite
 from .query import Verify
 from .space import LEAST_STEP
@@ -33,10 +34,8 @@ def check_motion(
     if blocked:
         time = None if times is None else float(times[0])
         raise MotionCollides(0, time, *blocked[1], request.margin)
-    places = _places(rows, levers, step)
-    for begin in range(0, len(places), _CHUNK):
+    for chunk in _places(rows, levers, step):
         deadline.check()
-        chunk = places[begin : begin + _CHUNK]
         points = _between(rows, chunk)
         hit = contacts.first_hit(points, request.margin)
         if hit is not None:
@@ -47,12 +46,15 @@ def check_motion(
             raise MotionCollides(int(place), time, *nearest, request.margin)
 
 
-def _places(rows: Array, levers: Array, step: float) -> Array:
-    """Where to look, in rows and fractions of rows: 0 ... N - 1 (P,)."""
+def _places(rows: Array, levers: Array, step: float) -> Iterator[Array]:
+    """Where to look, in rows and fractions of rows: 0 ... N - 1, a chunk at a time."""
     travels = (abs(np.diff(rows, axis=0)) @ levers.T).max(axis=1, initial=0.0)
-    counts = (travels / step).astype(int) + 1
-    parts = [i + np.arange(count) / count for i, count in enumerate(counts)]
-    return np.concatenate((*parts, [len(rows) - 1.0]))
+    counts = np.append((travels / step).astype(int) + 1, 1)
+    ends = np.cumsum(counts)
+    for begin in range(0, int(ends[-1]), _CHUNK):
+        numbers = np.arange(begin, min(begin + _CHUNK, int(ends[-1])))
+        row = np.searchsorted(ends, numbers, side="right")
+        yield row + (numbers - (ends - counts)[row]) / counts[row]
 
 
 def _between(rows: Array, places: Array) -> Array:
@@ -73,4 +75,7 @@ def _checked(request: Verify, joints: Sequence[str]) -> tuple[Array, Array | Non
         raise BadQuery(f"The margin is {margin} m; give a finite number from 0")
     for row, column in np.argwhere(~np.isfinite(rows)):
         raise NotFinite(f"row {row}", joints[column], float(rows[row, column]))
+    for row, column in np.argwhere(abs(rows) > FARTHEST):
+        what = f"Row {row} has {joints[column]} at {rows[row, column]:g}"
+        raise BadQuery(f"{what}; give at most {FARTHEST:g} rad or m either way")
     return rows, None if times is None else np.asarray(times)
