@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 
 _START, _ARM, _BODY = "#777777", "#0072B2", "#D55E00"
 _SIDES = ((0, 2), (0, 1))
-_KEY = 0.12  # of the height, kept free for the key: to search for a free corner takes a second
+_KEY = 0.15  # of the height, kept free for the key: to search for a free corner takes a second
 
 Point = tuple[float, float]
 Shape = Sequence[Sequence[float]]
@@ -61,9 +61,9 @@ def _side(axes: Axes, sweep: Sweep, across: int, up: int) -> None:
         handles.append(Patch(color=_ARM, label="end"))
     if sweep.bodies:
         handles.append(Patch(color=_BODY, alpha=0.5, label="bodies"))
+    drawn = axes.dataLim
+    axes.update_datalim([(drawn.x0, drawn.y1 + _KEY * drawn.height)])
     axes.autoscale_view()
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + _KEY * (high - low))
     axes.legend(handles=handles, fontsize=6, ncols=3, loc="upper right")
 
 

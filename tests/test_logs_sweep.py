@@ -14,7 +14,9 @@ HIGH = [(x, y, z + 0.2) for x, y, z in SQUARE]
 
 
 @pytest.mark.parametrize("size", [(7.0, 3.0), (7.0, 9.0)])
-def test_the_key_hides_nothing_that_is_drawn(size: tuple[float, float]) -> None:
+def test_the_key_hides_nothing_that_is_drawn(
+    size: tuple[float, float], caplog: pytest.LogCaptureFixture
+) -> None:
     figure = Figure(figsize=size)
     FigureCanvasAgg(figure)
     sides = figure.subplots(1, 2)
@@ -30,3 +32,4 @@ def test_the_key_hides_nothing_that_is_drawn(size: tuple[float, float]) -> None:
         corners = np.vstack([path.vertices for each in shapes for path in each.get_paths()])
         top = axes.transData.transform(corners)[:, 1].max()
         assert axes.bbox.y0 < top < legend.get_window_extent().y0
+    assert not caplog.records
