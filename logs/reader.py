@@ -95,7 +95,7 @@ def content(records: Salvage) -> Iterator["Message | Attachment | Metadata"]:
     """Gives messages, attachments and notes in the order in which they were written."""
     from mcap import records as mcap
 
-    types: dict[int, str] = {}
+    types = {0: ""}  # what has no schema
     channels: dict[int, tuple[str, str]] = {}
     for record in records:
         match record:

@@ -36,7 +36,7 @@ class Recorder:
 
     `put` is one queue put, from any thread. One thread writes all that is recorded in this process,
     another brings it to the disk. While it runs the file is a locked journal, handed to the
-    operating system after every record, a frame at a beat within 1 ms of its time, and brought to
+    operating system after every record, a frame that keeps its beat within 1 ms, and brought to
     the disk within `FSYNC_S`; `close` makes the final recording of it.
     """
 
@@ -76,8 +76,10 @@ class Recorder:
             items: One, or what is to be written together; a frame by itself.
         """
         job = partial(self._take, items)
-        if type(items[0]) is Sent:
+        frame = items[0] if type(items[0]) is Sent else None
+        if frame:
             self._sent += 1  # by the streamer alone
+        if frame and not frame.hold:
             self._jobs.put_at_beat(job)
         else:
             self._jobs.put(job)

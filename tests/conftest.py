@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import pytest
+from hypothesis import HealthCheck, settings
 from py_trees.blackboard import Blackboard
 
 import logs
@@ -22,6 +23,10 @@ from trees import Library
 
 # Under nohup a hang-up is ignored, by whatever the tests start, too; some tests want it to count.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+# How long an example takes says how busy the machine is.
+settings.register_profile("suite", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("suite")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:

@@ -64,7 +64,7 @@ def test_a_cancel_at_every_node_at_every_tick(
     folder.mkdir()
     (folder / "14_kinds.yaml").write_text(KINDS)
     arm, ticks = server(tasks=folder), _Ticks(monkeypatch)
-    states, names, number = list[GoalState](), set[str](), 0
+    names, number = set[str](), 0
     while ticks.came:
         arm.records.clear()
         swing = "0.1" if number % 2 else "-0.1"
@@ -72,11 +72,11 @@ def test_a_cancel_at_every_node_at_every_tick(
         goal = arm.executive.send(14, {"swing": swing}).identity
         outcome = arm.executive.result(goal)
         check_ended(arm, outcome, 0)
-        states.append(outcome.state)
+        # In the last tick of the tree, of its few nodes, it may come too late.
+        assert outcome.state is GoalState.CANCELED or ticks.after < 10
         names |= ticks.names
         number += 1
     assert number > 50
-    assert set(states[:-10]) == {GoalState.CANCELED}  # in the last tick it may come too late
     assert names >= {"Wait", "Fail", "CheckHardware", "PlanArm", "PlanGripper", "Execute"}
 
 
@@ -98,6 +98,11 @@ class _Ticks:
             return update(skill)
 
         monkeypatch.setattr(Skill, "update", counted)
+
+    @property
+    def after(self) -> int:
+        """Ticks of skills from the cancel on."""
+        return -self._left
 
     def cancel_at(self, number: int, arm: Rig) -> None:
         """Cancel at the tick of that number from now on."""

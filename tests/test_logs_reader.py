@@ -95,3 +95,14 @@ def test_a_recording_is_summed_up_in_one_reading(
     found = overview(path)
     assert (found.messages, found.complete, found.files) == (whole.messages, True, ("task.yaml",))
     assert given < total + 10  # the head is looked at before
+
+
+def test_a_summary_whose_channel_lost_its_schema_is_damage(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    data = bytearray(path.read_bytes())
+    topic = data.rindex(b"/serial/tx")
+    data[topic - 6 : topic - 4] = b"\0\0"  # the number of its schema, before the topic's length
+    path.write_bytes(data)
+    with pytest.raises(RecordingTruncated):
+        list(read(path))

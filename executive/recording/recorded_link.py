@@ -7,6 +7,9 @@ from .recordings import Recordings
 # A disk that takes longer is a fault: what is not recorded must not go on moving.
 MOST_BEHIND = 0.05  # [s]
 
+# For this long a stop lets the frame before it get to the disk; it does not wait for a slow one.
+_HOLD_WAITS = 0.002  # [s]
+
 
 class RecordingBehind(LinkError):
     """The frame before is not recorded yet, so the next one was not sent."""
@@ -50,8 +53,9 @@ class RecordedLink:
             RecordingBehind: What was sent before is not recorded.
             LinkError: As the link's own.
         """
-        # A stop repeats the frame before, which commands nothing new: it never waits for a disk.
-        if data != self._last and not self._recorded():
+        if data == self._last:  # as a stop does: it commands nothing new, so it goes in any case
+            self._recordings.caught_up(_HOLD_WAITS)
+        elif not self._recorded():
             raise RecordingBehind(self.port)
         self._link.write(data)
         self._last = data
