@@ -334,7 +334,9 @@ def test_no_frame_overtakes_its_recording_but_a_hold_always_goes(rig: RigMaker) 
         with pytest.raises(RecordingBehind, match="more than 50 ms behind"):
             link.write(b"b090,s090,e090,g000,")
         link._last = b"b090,s090,e090,g000,"
+        before = arm.clock.now()
         link.write(b"b090,s090,e090,g000,")
+        assert arm.clock.now() - before == pytest.approx(0.002)  # for the frame before it
         link.close()
 
 
