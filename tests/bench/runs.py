@@ -296,8 +296,8 @@ def rest(clock: Clock, seconds: float) -> None:
 
 
 def _sweep(folder: Path) -> None:
-    """Recordings of ten thousand runs would fill the disk; all but the last few go."""
-    for path in sorted(folder.glob("*Z-2[12].mcap"))[:-10]:
+    """Recordings of ten thousand runs would fill the disk; those that are surely finished go."""
+    for path in sorted(folder.glob("*Z-2[12].mcap"))[:-100]:
         path.unlink()
 
 
