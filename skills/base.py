@@ -10,6 +10,7 @@ from py_trees.ports import BehaviourWithPorts
 
 from hardware import Arm, Clock, HardwareError, Robot, Schedule
 
+from .causes import as_one, causes_of
 from .errors import SkillBroken, SkillError
 from .merged import Merged
 from .motion import EMPTY, Body, MotionError, Plan, Pool, Query, World
@@ -120,6 +121,8 @@ class Skill(BehaviourWithPorts):
         moves: Whether it moves the arm, which only one skill may do at a time.
         condition: Whether it only asks, and ends in the tick in which it begins.
         pure: Whether its answer follows from its inputs alone.
+        judges_parts: Whether `judge` is also handed inputs of which only a part is known: Positions
+            with `unknown` joints, and None for an item of a list.
         may_fail: Whether it can fail.
         may_succeed: Whether it can succeed.
         failure: Why it failed last, if it did.
@@ -128,6 +131,7 @@ class Skill(BehaviourWithPorts):
     moves = False
     condition = False
     pure = False
+    judges_parts = False
     may_fail = True
     may_succeed = True
 
@@ -143,10 +147,12 @@ class Skill(BehaviourWithPorts):
 
         Args:
             robot: The robot.
-            inputs: Values of the input ports that the task spells out.
+            inputs: Values of the input ports that are known by then: those that the task spells
+                out, and defaults.
 
         Raises:
-            SkillError: What is wrong.
+            SkillError: What is wrong; `at` says which value, so that its line is shown.
+            ExceptionGroup: Several of these, which are told each at its own line.
         """
 
     @classmethod
@@ -207,14 +213,15 @@ class Skill(BehaviourWithPorts):
             self.failure, self.feedback_message = None, ""
         try:
             status = self.on_start() if begin else self.on_running()
-        except (SkillError, MotionError, HardwareError) as error:
-            self.failure, self.feedback_message = error, str(error)
-            status = Status.FAILURE
         except BaseException as error:  # SystemExit, too, would end the thread that ticks
-            self._broke("on_start" if begin else "on_running", error)
-            if not begin:
-                self._halt()
             status = Status.FAILURE
+            if causes := causes_of(error):
+                self.failure = as_one(causes)
+                self.feedback_message = str(self.failure)
+            else:
+                self._broke("on_start" if begin else "on_running", error)
+                if not begin:
+                    self._halt()
         self._live = status is Status.RUNNING
         return status
 

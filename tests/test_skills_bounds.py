@@ -118,7 +118,7 @@ def test_joints_are_told_apart_by_their_groups(robot: Robot) -> None:
         "arm": {"joint_1": 0.2},
         "gripper": {"joint_4": 0.1},
     }
-    why = "^joint_8, joint_9 is no joint of the robot; it has joint_1, joint_2, joint_3, joint_4, "
+    why = "^joint_8 is no joint of the robot; it has joint_1.*; joint_9 is no joint of the robot"
     with pytest.raises(BadTarget, match=why) as caught:
         by_group(robot, {"joint_8": 0.0, "joint_1": 0.0, "joint_9": 0.0}, "to")
     assert caught.value.way == ("to", "joint_8")

@@ -4,7 +4,7 @@ Every node may succeed, may fail, and takes at least some time; what that is fol
 nodes below it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from py_trees.behaviour import Behaviour
@@ -37,6 +37,7 @@ def check_flow(
     root: Behaviour,
     shortest: Mapping[Behaviour, float],
     places: Mapping[Behaviour, Place],
+    doubtful: Collection[Behaviour],
     mistakes: Mistakes,
 ) -> None:
     """Find what cannot be meant.
@@ -45,9 +46,10 @@ def check_flow(
         root: Of the tree.
         shortest: How long each skill takes at least [s].
         places: Where the nodes stand.
+        doubtful: Nodes of which anything may become, as what they do is not known.
         mistakes: Told what is wrong.
     """
-    _Judge(shortest, places, mistakes).fate(root, False)
+    _Judge(shortest, places, doubtful, mistakes).fate(root, False)
 
 
 class _Judge:
@@ -55,12 +57,18 @@ class _Judge:
         self,
         shortest: Mapping[Behaviour, float],
         places: Mapping[Behaviour, Place],
+        doubtful: Collection[Behaviour],
         mistakes: Mistakes,
     ) -> None:
         self._shortest, self._places, self._mistakes = shortest, places, mistakes
+        self._doubtful = doubtful
 
     def fate(self, node: Behaviour, ended: bool) -> Fate:
         """What can become of a node; `ended` says whether something above may halt it."""
+        if node in self._doubtful:
+            for child in node.children:
+                self.fate(child, True)
+            return Fate()
         match node:
             case Skill():
                 least = self._shortest.get(node, 0.0)
@@ -163,7 +171,6 @@ class _Judge:
         for child, on, following in zip(node.children, goes_on, node.children[1:], strict=False):
             if not on:
                 self._wrong(following, f"is never reached: {child.name} before it never {how}")
-                return
 
     def _wrong(self, node: Behaviour, message: str) -> None:
         self._mistakes.add(self._places[node], f"{node.name} {message}")
