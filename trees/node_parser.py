@@ -14,7 +14,10 @@ MAX_NUMBER = 2**31 - 1
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 _HEADS = (*KINDS, *_FILES)
-_BESIDE = ("with", "name", *(key for kind in KINDS.values() for key in kind.options))
+_BESIDE = (
+    *("with", "name"),
+    *(key for kind in KINDS.values() for key in (*kind.options, kind.condition)),
+)
 
 
 class Mistakes:
@@ -84,7 +87,8 @@ class NodeParser:
 
     def _broken(self, value: Located, keys: Mapping[str, Located]) -> TreeNode:
         """What is no node, with the nodes in it that can be made out."""
-        below: list[TreeNode] = [self._unknown(value)]
+        items = value.value if isinstance(value.value, list) else ()
+        below: list[TreeNode] = [self._unknown(value), *self._items(items)]
         for key, item in keys.items():
             if key in KINDS:
                 below += self._children(key, item)
@@ -166,7 +170,8 @@ class NodeParser:
             return (self.node(inner),)
         if not isinstance(inner.value, list) or not inner.value:
             self._wrong(inner.place, f"{kind} needs a list of nodes, not {inner}")
-            return (self._broken(inner, nested(inner)),)
+            one = len([key for key in nested(inner) if key not in _BESIDE]) == 1
+            return (self.node(inner) if one else self._broken(inner, nested(inner)),)
         return self._items(inner.value)
 
     def _items(self, items: Iterable[Located]) -> tuple[TreeNode, ...]:

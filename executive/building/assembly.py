@@ -116,6 +116,7 @@ class Assembly:
         scope = Scope(namespace, {}, (file.name,), stand_ins, fixed(file.ports, "port"))
         root = self.node(file.tree, scope, file.name)
         for name, port in file.ports.items():
+            self._given(name, port, None)
             if port.output:
                 key = f"{namespace}/{name}"
                 self._check_output(file.tree.place, f"subtree {file.name}", name, port, key)
@@ -220,7 +221,7 @@ class Assembly:
             self._check_written(spec, source, ports, what)
             return node
         self._forgive(spec.values.values(), scope)
-        return self._doubt(label, spec.place)
+        return self._doubt(label or "subtree", spec.place)
 
     def _ports(
         self, spec: SubtreeNode, source: Source, scope: Scope, what: str

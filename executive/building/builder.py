@@ -80,7 +80,7 @@ def build(
         assembly.files[FILE] = as_text(arguments)
     root = assembly.task(*draft, f"/{namespace}", arguments or {})
     refused = refusals(assembly, context.robot)
-    if found := [*assembly.mistakes.found, *hidden(draft, library, context)]:
+    if found := mistakes_of(assembly, draft, library, context):
         raise wrong([*found, *(refusal.mistake for refusal in refused)], arguments or {})
     if refused:
         raise _cause(refused, dict(paths(root)))
@@ -91,7 +91,23 @@ def build(
     return Tree(root, skills, assembly.files, namespace)
 
 
-def hidden(
+def mistakes_of(
+    assembly: Assembly,
+    draft: tuple[TaskFile, list[Mistake]],
+    library: Library,
+    context: Context,
+) -> list[Mistake]:
+    """What is wrong with a task that was put together, or would be without its defaults."""
+    hidden = _hidden(draft, library, context)
+    told = assembly.mistakes.found
+    for name, declared in draft[0].parameters.items():
+        mistyped = any(f"${name} is " in mistake.message for mistake in hidden)
+        if mistyped and isinstance(declared.default, Located):  # of which that tells already
+            told = [mistake for mistake in told if mistake.place != declared.default.place]
+    return [*told, *hidden]
+
+
+def _hidden(
     draft: tuple[TaskFile, list[Mistake]], library: Library, context: Context
 ) -> list[Mistake]:
     """What is wrong with a task whatever its parameters are, and only their defaults hide."""

@@ -25,7 +25,7 @@ from skills.motion import (
 from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, StandIn, TreeError
 
 from .assembly import Assembly
-from .builder import hidden, refusals
+from .builder import mistakes_of, refusals
 from .foreseen import Motion, Pose, foresee
 from .outline import Entry, outline
 
@@ -122,7 +122,7 @@ def motions_of(
 def _assembled(robot: Robot, library: Library, number: int) -> tuple[Assembly, Behaviour]:
     assembly, draft = Assembly(library, _context(robot)), library.draft(number)
     root = assembly.task(*draft, "/show", None)
-    if found := [*assembly.mistakes.found, *hidden(draft, library, _context(robot))]:
+    if found := mistakes_of(assembly, draft, library, _context(robot)):
         raise FileError([*found, *(refusal.mistake for refusal in refusals(assembly, robot))])
     return assembly, root
 
@@ -197,7 +197,7 @@ class _Checker:
             if isinstance(name, int):
                 draft = self._library.draft(name)
                 root = assembly.task(*draft, "/check", None)
-                found = [*assembly.mistakes.found, *hidden(draft, self._library, self._context)]
+                found = mistakes_of(assembly, draft, self._library, self._context)
             else:
                 place = Place(self._library.subtree_path(name), 1, 1)
                 file, known = self._library.subtree(name, place)

@@ -66,8 +66,9 @@ class _Judge:
     def fate(self, node: Behaviour, ended: bool) -> Fate:
         """What can become of a node; `ended` says whether something above may halt it."""
         if node in self._doubtful:
+            ends = isinstance(node, Guard | Join | Timeout)  # perhaps what it holds
             for child in node.children:
-                self.fate(child, True)
+                self.fate(child, ended or ends)
             return Fate()
         match node:
             case Skill():
