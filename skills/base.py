@@ -126,6 +126,7 @@ class Skill(BehaviourWithPorts):
         may_fail: Whether it can fail.
         may_succeed: Whether it can succeed.
         failure: Why it failed last, if it did.
+        broken: What its code raised last that it must not.
     """
 
     moves = False
@@ -135,10 +136,19 @@ class Skill(BehaviourWithPorts):
     may_fail = True
     may_succeed = True
 
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Take a class that begins something for a skill, though it names no ports."""
+        if cls.on_start is not Skill.on_start:
+            for ports in ("INPUT_PORTS", "OUTPUT_PORTS"):
+                if not hasattr(cls, ports):
+                    setattr(cls, ports, {})
+        super().__init_subclass__(**more)
+
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name)
         self.context = context
         self.failure: SkillError | MotionError | HardwareError | None = None
+        self.broken: SkillBroken | None = None
         self._live = False
 
     @classmethod
@@ -225,6 +235,18 @@ class Skill(BehaviourWithPorts):
         self._live = status is Status.RUNNING
         return status
 
+    def look(self, what: str) -> Any:
+        """What `busy` or `progress` says, or `on_pause` does.
+
+        Raises:
+            SkillBroken: It raises what it must not; the arm is stopped.
+        """
+        try:
+            found = getattr(self, what)
+            return found() if callable(found) else found
+        except BaseException as error:
+            raise self._broke(what, error) from error
+
     def terminate(self, new_status: Status) -> None:
         """Halt if it was running; py_trees calls this for finished leaves too."""
         if self._live:
@@ -237,11 +259,13 @@ class Skill(BehaviourWithPorts):
         except BaseException as error:
             self._broke("on_halt", error)
 
-    def _broke(self, what: str, raised: BaseException) -> None:
+    def _broke(self, what: str, raised: BaseException) -> SkillBroken:
         """Note what the code of the skill raised; nobody knows what it leaves, so the arm stops."""
         error = SkillBroken(f"{type(self).__name__}.{what}", raised)
+        self.broken = error
         logger.error("%s", error)
         logger.debug("it was raised here", exc_info=raised)
         self.failure = self.failure or error
         self.feedback_message = str(self.failure)
         self.context.arm.stop()
+        return error
