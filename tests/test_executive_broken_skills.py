@@ -14,7 +14,6 @@ from skills import Skill, skill
 from tests.conftest import RigMaker
 from tests.server_acts import at_frame, run
 
-
 _NAMES = ("leaves", "Leaves", "Doubts", "Hangs", "Unsure", "Lost", "Restless")
 
 

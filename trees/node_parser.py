@@ -36,6 +36,10 @@ class Mistakes:
         if place not in self._told:
             self.found.append(Mistake(place, message))
 
+    def add_also(self, place: Place, message: str) -> None:
+        """Note a mistake of a node, whatever is told of what begins at the same place."""
+        self.found.append(Mistake(place, message))
+
     def add_last(self, place: Place, message: str) -> None:
         """Note a mistake after which nothing more can be said of that place."""
         self.add(place, message)
@@ -170,8 +174,9 @@ class NodeParser:
             return (self.node(inner),)
         if not isinstance(inner.value, list) or not inner.value:
             self._wrong(inner.place, f"{kind} needs a list of nodes, not {inner}")
-            one = len([key for key in nested(inner) if key not in _BESIDE]) == 1
-            return (self.node(inner) if one else self._broken(inner, nested(inner)),)
+            keys = nested(inner)
+            one = len(keys.keys() & {*_HEADS} or keys.keys() - {"name"}) == 1
+            return (self.node(inner) if one else self._broken(inner, keys),)
         return self._items(inner.value)
 
     def _items(self, items: Iterable[Located]) -> tuple[TreeNode, ...]:

@@ -36,7 +36,7 @@ from trees import (
 
 from .arguments import MISSING
 from .branches import Branches
-from .flow import check_flow
+from .flow import Places, check_flow
 from .keys import Keys
 from .leaf import Leaf
 from .port_types import declaration, declarations, known_skills, port_value
@@ -59,6 +59,7 @@ class Assembly:
         mistakes: What is wrong.
         leaves: The skills, in the order of the file.
         places: Where the nodes stand.
+        calls: Where those stand that files of their own are taken for.
         controls: What the nodes above them are: a key of `KINDS`, and the values of its options.
         doubtful: Nodes that are wrong, so that nobody knows what they would do.
         files: What was read, by name.
@@ -71,6 +72,7 @@ class Assembly:
         self.known = known_skills()
         self.keys = Keys()
         self.places: dict[Behaviour, Place] = {}
+        self.calls: dict[Behaviour, Place] = {}
         self._nodes = 0
         self.mistakes = Mistakes()
         self.leaves: list[Leaf] = []
@@ -133,7 +135,8 @@ class Assembly:
         shortest: dict[Behaviour, float] = {
             leaf.skill: type(leaf.skill).shortest(leaf.known) for leaf in self.leaves
         }
-        check_flow(root, shortest, self.places, self.doubtful, self.mistakes)
+        places = Places(self.places, self.calls)
+        check_flow(root, shortest, places, self.doubtful, self.mistakes)
 
     def _doubt(self, name: str, place: Place) -> Behaviour:
         """What stands for a node that is wrong."""
@@ -219,6 +222,7 @@ class Assembly:
             inner = Scope(namespace, ports, way, stand_ins, unwritten)
             node = self.node(source.tree, inner, shown or source.name)
             self._check_written(spec, source, ports, what)
+            self.calls[node] = spec.place
             return node
         self._forgive(spec.values.values(), scope)
         return self._doubt(label or "subtree", spec.place)

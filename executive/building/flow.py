@@ -33,10 +33,23 @@ class Fate:
     shortest: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Where nodes stand.
+
+    Attributes:
+        own: By node.
+        calls: Of the roots of subtrees, where these are asked for.
+    """
+
+    own: Mapping[Behaviour, Place]
+    calls: Mapping[Behaviour, Place]
+
+
 def check_flow(
     root: Behaviour,
     shortest: Mapping[Behaviour, float],
-    places: Mapping[Behaviour, Place],
+    places: Places,
     doubtful: Collection[Behaviour],
     mistakes: Mistakes,
 ) -> None:
@@ -56,7 +69,7 @@ class _Judge:
     def __init__(
         self,
         shortest: Mapping[Behaviour, float],
-        places: Mapping[Behaviour, Place],
+        places: Places,
         doubtful: Collection[Behaviour],
         mistakes: Mistakes,
     ) -> None:
@@ -171,7 +184,9 @@ class _Judge:
         """See that what stands after a child can be reached."""
         for child, on, following in zip(node.children, goes_on, node.children[1:], strict=False):
             if not on:
-                self._wrong(following, f"is never reached: {child.name} before it never {how}")
+                place = self._places.calls.get(following, self._places.own[following])
+                why = f"is never reached: {child.name} before it never {how}"
+                self._mistakes.add_also(place, f"{following.name} {why}")
 
     def _wrong(self, node: Behaviour, message: str) -> None:
-        self._mistakes.add(self._places[node], f"{node.name} {message}")
+        self._mistakes.add_also(self._places.own[node], f"{node.name} {message}")
