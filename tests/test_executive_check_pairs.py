@@ -8,11 +8,15 @@ import random
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
+from py_trees.common import Status
+from py_trees.ports import PortInformation
 
 from executive.building.check import check
 from hardware import Robot
+from skills import Skill, SkillError, refuse
 from tests.test_executive_builder import WRONG as LINES
 from tests.test_executive_check import WRONG
 from tests.test_executive_check_files import ONCE
@@ -318,6 +322,29 @@ def test_one_slip_is_told_once(robot: Robot, tmp_path: Path) -> None:
     }
     for text, messages in zip(ONE_SLIP, told(robot, tmp_path, files).values(), strict=True):
         assert len(messages) == 1, (text, messages)
+
+
+class Picky(Skill):
+    """Refuses several things at once."""
+
+    INPUT_PORTS: dict[str, PortInformation] = {
+        name: PortInformation(float, description=name) for name in ("litres", "bars")
+    }
+
+    @classmethod
+    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Refuse whatever is given."""
+        refuse([SkillError(f"{port} is odd").at(port) for port in inputs])
+
+    def on_start(self) -> Status:
+        """Do nothing."""
+        return Status.SUCCESS
+
+
+def test_a_skill_of_ones_own_may_refuse_several_values(robot: Robot, tmp_path: Path) -> None:
+    (tmp_path / "3_x.yaml").write_text(f"{HEAD.format(3)}tree: {{Picky: {{litres: 1, bars: 2}}}}\n")
+    told = [(m.place.column, m.message) for m in check(robot, tmp_path).mistakes]
+    assert told == [(24, "Picky: litres is odd"), (33, "Picky: bars is odd")]
 
 
 def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:

@@ -91,6 +91,17 @@ def outline_of(robot: Robot, library: Library, number: int) -> Entry:
     return outline(root, assembly.leaves, "/show")
 
 
+def check_task(robot: Robot, library: Library, number: int) -> None:
+    """See that a task is right, as far as that goes without a planner.
+
+    Raises:
+        UnknownTask: There is none of that number.
+        FileError: It is wrong, or a skill refuses what it spells out.
+    """
+    assembly, _ = _assembled(robot, library, number)
+    _check_refused(assembly, robot)
+
+
 def motions_of(
     robot: Robot,
     library: Library,
@@ -114,9 +125,13 @@ def motions_of(
         FileError: It is wrong.
     """
     assembly, root = _assembled(robot, library, number)
+    _check_refused(assembly, robot)
+    return foresee(root, assembly.leaves, robot, carry, start, world)
+
+
+def _check_refused(assembly: Assembly, robot: Robot) -> None:
     if refused := refusals(assembly, robot):
         raise FileError(refusal.mistake for refusal in refused)
-    return foresee(root, assembly.leaves, robot, carry, start, world)
 
 
 def _assembled(robot: Robot, library: Library, number: int) -> tuple[Assembly, Behaviour]:
