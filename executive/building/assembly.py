@@ -39,7 +39,7 @@ from .branches import Branches
 from .flow import Places, check_flow
 from .keys import Keys
 from .leaf import Leaf
-from .port_types import declaration, declarations, known_skills, port_value
+from .port_types import declaration, declarations, known_skills, port_value, type_of
 from .scope import Scope, fixed
 from .scope import resolve as without_scope
 from .sources import Source, Sources
@@ -286,11 +286,10 @@ class Assembly:
             self._forgive(spec.ports.values(), scope)
             return self._doubt(spec.skill, spec.place)
         ports = declarations(kind)
+        given = self._named(spec.ports, ports, f"port of {spec.skill}", scope)
         wired = {
             port: self.resolve(value, scope)
-            for port, value in self._named(
-                spec.ports, ports, f"port of {spec.skill}", scope
-            ).items()
+            for port, value in given.items()
             if not (ports[port].output and self._fixed(value, scope, f"{spec.skill}.{port}"))
         }
         keys = {port: value.name for port, value in wired.items() if isinstance(value, Key)}
@@ -324,7 +323,7 @@ class Assembly:
             elif value is not None:
                 fitted = self.fit(value, wanted, what)
                 inputs[port] = REFUSED if fitted is None else port_value(fitted)
-                types[port] = _type_of(inputs[port]) if wanted.type == ANY else wanted.type
+                types[port] = type_of(inputs[port]) if wanted.type == ANY else wanted.type
             elif wanted.needed:
                 self.wrong(spec.place, f"{spec.skill} needs {port}: {info.description}")
         return inputs, types
@@ -399,7 +398,3 @@ class Assembly:
                     self._forgive((given[port],), scope)
         named = {likely.get(port, port): value for port, value in given.items()}
         return {port: value for port, value in named.items() if port in known}
-
-
-def _type_of(value: object) -> str:
-    return {bool: "boolean", float: "number", str: "text"}.get(type(value), ANY)

@@ -99,11 +99,14 @@ def mistakes_of(
 ) -> list[Mistake]:
     """What is wrong with a task that was put together, or would be without its defaults."""
     hidden = _hidden(draft, library, context)
-    told = assembly.mistakes.found
-    for name, declared in draft[0].parameters.items():
-        mistyped = any(f"${name} is " in mistake.message for mistake in hidden)
-        if mistyped and isinstance(declared.default, Located):  # of which that tells already
-            told = [mistake for mistake in told if mistake.place != declared.default.place]
+    mistyped = {
+        declared.default.place: f"the default of {name}: "
+        for name, declared in draft[0].parameters.items()
+        if isinstance(declared.default, Located)
+        and any(f"${name} is " in mistake.message for mistake in hidden)
+    }
+    # That a default fits no use of a mistyped parameter is told there, of every value.
+    told = (m for m in assembly.mistakes.found if m.message.startswith(mistyped.get(m.place, "")))
     return [*told, *hidden]
 
 
