@@ -8,6 +8,7 @@ from py_trees.common import Status
 
 from hardware import Arm, CancelTimeout, Clock
 from logs import Feedback, NodeStatus, Record
+from skills import Skill, SkillBroken
 
 from .building.builder import Tree
 from .building.paths import paths
@@ -48,6 +49,7 @@ class Run:
         self._clock, self._mailbox, self._tell = clock, goal.mailbox, tell
         self._shown = [_Shown(node, path) for node, path in paths(tree.root)]
         self._progress = Progress(tree)
+        self._broken: SkillBroken | None = None
 
     def execute(self) -> bool:
         """Tick until the tree has ended, was canceled, or something failed.
@@ -74,13 +76,14 @@ class Run:
             if mailbox.stopping:
                 break
             if mailbox.paused:
-                self._pause()
+                self._guarded(self._pause)
                 continue
-            root.tick_once()
-            self._show()
+            self._guarded(self._tick)
         if root.status is not Status.SUCCESS and mailbox.stopping:  # which may have made it fail
             self._interrupt()
         self._settle()
+        if self._broken:
+            raise self._broken
         if root.status is Status.SUCCESS:
             done = self._progress.done()
             self._tell(Feedback(self._clock.now(), self._goal.identity, *done))
@@ -89,11 +92,29 @@ class Run:
             raise mailbox.fault
         return False
 
+    def _tick(self) -> None:
+        self._tree.root.tick_once()
+        self._show()
+
+    def _guarded(self, step: Callable[[], None]) -> None:
+        """Take a step; where the code of a skill raises in it, the run ends for that."""
+        try:
+            step()
+        except SkillBroken as error:
+            self._note(error)
+            self._mailbox.fail(error)
+
+    def _note(self, error: SkillBroken) -> None:
+        """Keep what the code of a skill raised, with its node."""
+        raised = (shown for shown in self._shown if getattr(shown.node, "broken", None) is error)
+        error.node = next(raised).path
+        self._broken = self._broken or error
+
     def _pause(self) -> None:
         """Stand still; the goal stays."""
         for skill in self._tree.skills:
             if skill.status is Status.RUNNING:
-                skill.on_pause()
+                skill.look("on_pause")
         self._show(paused=True)
         self._mailbox.wait_for_resume()
 
@@ -101,7 +122,7 @@ class Run:
         """Stop the tree and the arm."""
         self._tree.root.stop(Status.INVALID)
         self._arm.stop()
-        self._show()
+        self._guarded(self._show)
 
     def _settle(self) -> None:
         """Wait until all that the tree began has ended; what is left may not disturb what follows.
@@ -112,13 +133,20 @@ class Run:
         self._mailbox.ticking = False
         deadline = CANCEL_DEADLINE + self._arm.robot.brake
         if not self._mailbox.wait_until(self._settled, deadline):
-            busy = ", ".join(skill.name for skill in self._tree.skills if skill.busy)
+            busy = ", ".join(skill.name for skill in self._tree.skills if self._busy(skill))
             late = CancelTimeout(f"{busy} did not stop within {deadline * 1000:.0f} ms")
             self._arm.fault(late)
             raise late
 
     def _settled(self) -> bool:
-        return not any(skill.busy for skill in self._tree.skills)
+        return not any(map(self._busy, self._tree.skills))
+
+    def _busy(self, skill: Skill) -> bool:
+        try:
+            return bool(skill.look("busy"))
+        except SkillBroken as error:
+            self._note(error)
+            return False
 
     def _show(self, paused: bool = False) -> None:
         """Tell what has changed since the last tick."""

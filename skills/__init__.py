@@ -3,6 +3,7 @@
 from .ask import Ask
 from .base import Context, Planned, Scene, Scheduled, Skill, SkillEvent
 from .bounds import CheckBounds, check_targets
+from .causes import as_one, causes_of
 from .check_hardware import CheckHardware
 from .errors import (
     BadQuestion,
@@ -17,6 +18,7 @@ from .errors import (
     TaskFailed,
     TookTooLong,
     Unanswered,
+    refuse,
 )
 from .execute import Execute
 from .function import Cancel, condition, skill
@@ -81,8 +83,11 @@ __all__ = [
     "TookTooLong",
     "Unanswered",
     "Wait",
+    "as_one",
+    "causes_of",
     "check_targets",
     "condition",
+    "refuse",
     "skill",
     "three",
 ]

@@ -1,6 +1,6 @@
 """Asking the person beside the arm."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from py_trees.common import Status
@@ -9,15 +9,24 @@ from py_trees.ports import PortInformation
 from hardware import Robot
 
 from .base import Skill
-from .errors import BadQuestion, ConditionFails, Unanswered
+from .errors import BadQuestion, ConditionFails, Unanswered, refuse
 from .operator import Question
 from .ports import Port
 
 _CHOICES = ["yes", "no"]
 
 
+def _bad_choice(choice: str, before: Sequence[str | None]) -> str:
+    """Why there is no such choice; empty where there may be."""
+    if not choice.strip():
+        return "a choice is empty"
+    return f"the choice {choice} is given twice" if choice in before else ""
+
+
 class Ask(Skill):
     """Ask the operator, and wait for the answer; fail without one, or with another than wanted."""
+
+    judges_parts = True
 
     INPUT_PORTS = {
         "question": Port(str, description="what to ask"),
@@ -42,18 +51,17 @@ class Ask(Skill):
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Refuse what cannot be asked, and a wanted answer that cannot be given."""
+        wrong = list[BadQuestion]()
         if not inputs.get("question", "?").strip():
-            raise BadQuestion("there is no question").at("question")
-        wanted, there = inputs.get("wanted", ""), inputs.get("choices", _CHOICES)
+            wrong.append(BadQuestion("there is no question").at("question"))
+        wanted, there = inputs.get("wanted", ""), inputs.get("choices", [])
         for number, choice in enumerate(there):
-            if not choice.strip():
-                raise BadQuestion("a choice is empty").at("choices", number)
-            if choice in there[:number]:
-                raise BadQuestion(f"the choice {choice} is given twice").at("choices", number)
-        if wanted and there and wanted not in there:
-            raise BadQuestion(f"{wanted} is wanted, but the choices are {', '.join(there)}").at(
-                "wanted"
-            )
+            if choice is not None and (why := _bad_choice(choice, there[:number])):
+                wrong.append(BadQuestion(why).at("choices", number))
+        if wanted and there and wanted not in there and None not in there:
+            why = f"{wanted} is wanted, but the choices are {', '.join(there)}"
+            wrong.append(BadQuestion(why).at("wanted"))
+        refuse(wrong)
 
     def on_start(self) -> Status:
         """Put the question."""

@@ -10,6 +10,7 @@ from py_trees.ports import BehaviourWithPorts
 
 from hardware import Arm, Clock, HardwareError, Robot, Schedule
 
+from .causes import as_one, causes_of
 from .errors import SkillBroken, SkillError
 from .merged import Merged
 from .motion import EMPTY, Body, MotionError, Plan, Pool, Query, World
@@ -120,21 +121,34 @@ class Skill(BehaviourWithPorts):
         moves: Whether it moves the arm, which only one skill may do at a time.
         condition: Whether it only asks, and ends in the tick in which it begins.
         pure: Whether its answer follows from its inputs alone.
+        judges_parts: Whether `judge` is also handed inputs of which only a part is known: Positions
+            with `unknown` joints, and None for an item of a list.
         may_fail: Whether it can fail.
         may_succeed: Whether it can succeed.
         failure: Why it failed last, if it did.
+        broken: What its code raised last that it must not.
     """
 
     moves = False
     condition = False
     pure = False
+    judges_parts = False
     may_fail = True
     may_succeed = True
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        """Take a class that begins something for a skill, though it names no ports."""
+        if cls.on_start is not Skill.on_start:
+            for ports in ("INPUT_PORTS", "OUTPUT_PORTS"):
+                if not hasattr(cls, ports):
+                    setattr(cls, ports, {})
+        super().__init_subclass__(**more)
 
     def __init__(self, name: str, context: Context) -> None:
         super().__init__(name)
         self.context = context
         self.failure: SkillError | MotionError | HardwareError | None = None
+        self.broken: SkillBroken | None = None
         self._live = False
 
     @classmethod
@@ -143,10 +157,12 @@ class Skill(BehaviourWithPorts):
 
         Args:
             robot: The robot.
-            inputs: Values of the input ports that the task spells out.
+            inputs: Values of the input ports that are known by then: those that the task spells
+                out, and defaults.
 
         Raises:
-            SkillError: What is wrong.
+            SkillError: What is wrong; `at` says which value, so that its line is shown.
+            ExceptionGroup: Several of these, which are told each at its own line.
         """
 
     @classmethod
@@ -207,16 +223,29 @@ class Skill(BehaviourWithPorts):
             self.failure, self.feedback_message = None, ""
         try:
             status = self.on_start() if begin else self.on_running()
-        except (SkillError, MotionError, HardwareError) as error:
-            self.failure, self.feedback_message = error, str(error)
-            status = Status.FAILURE
         except BaseException as error:  # SystemExit, too, would end the thread that ticks
-            self._broke("on_start" if begin else "on_running", error)
-            if not begin:
-                self._halt()
             status = Status.FAILURE
+            if causes := causes_of(error):
+                self.failure = as_one(causes)
+                self.feedback_message = str(self.failure)
+            else:
+                self._broke("on_start" if begin else "on_running", error)
+                if not begin:
+                    self._halt()
         self._live = status is Status.RUNNING
         return status
+
+    def look(self, what: str) -> Any:
+        """What `busy` or `progress` says, or `on_pause` does.
+
+        Raises:
+            SkillBroken: It raises what it must not; the arm is stopped.
+        """
+        try:
+            found = getattr(self, what)
+            return found() if callable(found) else found
+        except BaseException as error:
+            raise self._broke(what, error) from error
 
     def terminate(self, new_status: Status) -> None:
         """Halt if it was running; py_trees calls this for finished leaves too."""
@@ -230,11 +259,13 @@ class Skill(BehaviourWithPorts):
         except BaseException as error:
             self._broke("on_halt", error)
 
-    def _broke(self, what: str, raised: BaseException) -> None:
+    def _broke(self, what: str, raised: BaseException) -> SkillBroken:
         """Note what the code of the skill raised; nobody knows what it leaves, so the arm stops."""
         error = SkillBroken(f"{type(self).__name__}.{what}", raised)
+        self.broken = error
         logger.error("%s", error)
         logger.debug("it was raised here", exc_info=raised)
         self.failure = self.failure or error
         self.feedback_message = str(self.failure)
         self.context.arm.stop()
+        return error

@@ -1,7 +1,8 @@
 """Whether a target may be commanded at all."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from difflib import get_close_matches
 from typing import Any
 
 from py_trees.common import Status
@@ -10,12 +11,15 @@ from py_trees.ports import PortInformation
 from hardware import BadPosition, Joint, Robot, check_position
 
 from .base import Skill
-from .errors import BadTarget, OutOfBounds
+from .causes import as_one
+from .errors import BadTarget, OutOfBounds, SkillError, refuse
 from .positions import Positions
 
 
 class CheckBounds(Skill):
     """Refuse a target that is incomplete or outside the limits of any joint of both groups."""
+
+    judges_parts = True
 
     INPUT_PORTS = {
         "arm": PortInformation(Positions, description="target of the arm's joints [rad]"),
@@ -30,7 +34,8 @@ class CheckBounds(Skill):
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check the targets that are spelled out."""
-        check_targets(robot, {name: inputs[name] for name in cls.INPUT_PORTS if name in inputs})
+        given = {name: inputs[name] for name in cls.INPUT_PORTS if name in inputs}
+        refuse(wrong_targets(robot, given))
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
@@ -67,22 +72,31 @@ def check_targets(
         port: The way to where all of them are written; None for each at the port of its group.
 
     Raises:
+        OutOfBounds: Joints are out; its words are of all that is wrong.
         BadTarget: An unknown or missing joint, or a mimic joint that contradicts its leader.
-        OutOfBounds: Names every joint that is out, its value and its limits.
     """
-    wrong, out = list[tuple[tuple[str | int, ...], str]](), list[BadPosition]()
-    ways = {group: (group,) if port is None else port for group in targets}
-    first: tuple[str | int, ...] = ()
+    if wrong := wrong_targets(robot, targets, port):
+        raise as_one(wrong)
+
+
+def wrong_targets(
+    robot: Robot,
+    targets: Mapping[str, Mapping[str, float]],
+    port: tuple[str | int, ...] | None = None,
+) -> list[SkillError]:
+    """All that is wrong with a target per group, each with the way there; as `check_targets`."""
+    wrong: list[SkillError] = []
     for group, target in targets.items():
-        wrong += [((*ways[group], name), why) for name, why in _wrong_names(robot, group, target)]
-        outside = [error for name, q in target.items() if (error := _outside(robot, name, q))]
-        if outside and not out:
-            first = (*ways[group], outside[0].joint)
-        out += outside
-    if out:
-        raise OutOfBounds(out).at(*first)
-    if wrong:
-        raise BadTarget("; ".join(why for _, why in wrong)).at(*wrong[0][0])
+        way = (group,) if port is None else port
+        wrong += _wrong_values(robot, target, *way)
+        wrong += [BadTarget(why).at(*way, name) for name, why in _wrong_names(robot, group, target)]
+    return wrong
+
+
+def wrong_whole(robot: Robot, port: str, given: Mapping[str, float]) -> list[SkillError]:
+    """All that is wrong with a target of every joint that is moved, each with the way there."""
+    names = [*lacking(robot, port, given), *unknown_joints(robot, given, port)]
+    return [*_wrong_values(robot, given, port), *names]
 
 
 def check_whole(robot: Robot, port: str, given: Mapping[str, float]) -> None:
@@ -96,11 +110,17 @@ def check_whole(robot: Robot, port: str, given: Mapping[str, float]) -> None:
     Raises:
         BadTarget: A joint is missing.
     """
+    refuse(lacking(robot, port, given))
+
+
+def lacking(robot: Robot, port: str, given: Mapping[str, float]) -> list[SkillError]:
+    """What `check_whole` refuses; a joint that is misspelt does not lack."""
     names = [joint.name for joint in robot.actuated]
-    if missing := [name for name in names if name not in given]:
-        raise BadTarget(
-            f"the {port} lacks {', '.join(missing)}; it must name {', '.join(names)}"
-        ).at(port)
+    written = _written(given)
+    meant = _respelt(written, [joint.name for joint in robot.joints]).values()
+    missing = [name for name in names if name not in written and name not in meant]
+    why = f"the {port} lacks {', '.join(missing)}; it must name {', '.join(names)}"
+    return [BadTarget(why).at(port)] if missing else []
 
 
 def check_link(robot: Robot, port: str, name: str) -> None:
@@ -109,8 +129,13 @@ def check_link(robot: Robot, port: str, name: str) -> None:
     Raises:
         BadTarget: It is not.
     """
-    if name not in robot.links:
-        raise BadTarget(f"the robot has no link {name}; it has {', '.join(robot.links)}").at(port)
+    refuse(no_link(robot, port, name))
+
+
+def no_link(robot: Robot, port: str, name: str) -> list[SkillError]:
+    """What `check_link` refuses."""
+    there = f"the robot has no link {name}; it has {', '.join(robot.links)}"
+    return [] if name in robot.links else [BadTarget(there + hint(name, robot.links)).at(port)]
 
 
 def by_group(robot: Robot, joints: Mapping[str, float], port: str) -> dict[str, dict[str, float]]:
@@ -119,16 +144,24 @@ def by_group(robot: Robot, joints: Mapping[str, float], port: str) -> dict[str, 
     Raises:
         BadTarget: A name is no joint's.
     """
-    known = [name for group in robot.groups.values() for name in group]
-    if unknown := [name for name in joints if name not in known]:
-        there = ", ".join(joint.name for joint in robot.joints)
-        raise BadTarget(f"{', '.join(unknown)} is no joint of the robot; it has {there}").at(
-            port, unknown[0]
-        )
+    if unknown := unknown_joints(robot, joints, port):
+        raise as_one(unknown)
     return {
         group: {name: joints[name] for name in names if name in joints}
         for group, names in robot.groups.items()
     }
+
+
+def unknown_joints(robot: Robot, joints: Mapping[str, float], *way: str | int) -> list[SkillError]:
+    """What `by_group` refuses."""
+    there, written = [joint.name for joint in robot.joints], _written(joints)
+    known = {name for group in robot.groups.values() for name in group}
+    words = f"is no joint of the robot; it has {', '.join(there)}"
+    return [
+        BadTarget(f"{name} {words}{hint(name, there, written)}").at(*way, name)
+        for name in written
+        if name not in known
+    ]
 
 
 def _wrong_names(
@@ -139,16 +172,50 @@ def _wrong_names(
         yield group, f"the robot has no group {group}; it has {', '.join(robot.groups)}"
         return
     joints = {name: robot.joint(name) for name in robot.groups[group]}
-    there = f"the {group} has {', '.join(joints)}"
-    for name in target:
+    there, written = f"the {group} has {', '.join(joints)}", _written(target)
+    meant = _respelt(written, joints)
+    for name in written:
         if name not in joints:
-            yield name, f"{name} is no joint of the {group}; {there}"
+            yield name, f"{name} is no joint of the {group}; {there}{hint(name, joints, written)}"
     for name, joint in joints.items():
-        if joint.mimic is None and name not in target:
+        if joint.mimic is None and name not in written and name not in meant.values():
             yield name, f"{name} is missing; {there}"
-    for name, joint in joints.items():
-        if reason := _contradicts(joint, target):
-            yield name, reason
+
+
+def _written(target: Mapping[str, float]) -> list[str]:
+    """The joints that are named, with those of which the value is not known."""
+    return [*target, *getattr(target, "unknown", ())]
+
+
+def _respelt(given: Collection[str], known: Collection[str]) -> dict[str, str]:
+    """The names that were probably meant by those that are not known, none of them twice."""
+    left = [name for name in known if name not in given]
+    found: dict[str, str] = {}
+    for word in given:
+        if word not in known and (near := get_close_matches(word, left, n=1)):
+            found[word] = near[0]
+            left.remove(near[0])
+    return found
+
+
+def hint(word: str, known: Collection[str], given: Collection[str] = ()) -> str:
+    """What was probably meant, of all that is not given already; empty where nothing is near."""
+    near = get_close_matches(word, [name for name in known if name not in given], n=1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def _wrong_values(robot: Robot, target: Mapping[str, float], *way: str | int) -> list[SkillError]:
+    """Joints that are out of their limits, and mimic joints that contradict their leaders."""
+    wrong: list[SkillError] = []
+    for joint in (joint for joint in robot.joints if joint.name in target):
+        try:
+            check_position(joint, target[joint.name])
+        except BadPosition as error:
+            wrong.append(OutOfBounds([error]).at(*way, joint.name))
+        else:
+            why = _contradicts(joint, target)
+            wrong += [BadTarget(why).at(*way, joint.name)] if why else []
+    return wrong
 
 
 def _contradicts(joint: Joint, target: Mapping[str, float]) -> str:
@@ -162,13 +229,3 @@ def _contradicts(joint: Joint, target: Mapping[str, float]) -> str:
         f"{joint.name} = {given:g} contradicts {mimic.leader} = {target[mimic.leader]:g}, which it "
         f"follows to {follows:g}; leave {joint.name} out"
     )
-
-
-def _outside(robot: Robot, name: str, q: float) -> BadPosition | None:
-    joints = {joint.name: joint for joint in robot.joints}
-    if name in joints:
-        try:
-            check_position(joints[name], q)
-        except BadPosition as error:
-            return error
-    return None

@@ -39,6 +39,14 @@ class SkillError(Exception):
         return self
 
 
+def refuse(errors: Sequence[Exception]) -> None:
+    """Raise all that is wrong: nothing, one error, or a group of them."""
+    if len(errors) == 1:
+        raise errors[0]
+    if errors:
+        raise ExceptionGroup("several things are wrong", errors)
+
+
 class OutOfBounds(SkillError):
     """A target lies outside the limits of its joints.
 

@@ -10,7 +10,8 @@ from py_trees.ports import PortInformation
 from hardware import Robot, compile_schedule
 
 from .base import Planned
-from .bounds import by_group, check_targets, check_whole
+from .bounds import check_whole, wrong_targets, wrong_whole
+from .errors import refuse
 from .merged import Merged, as_played
 from .motion import (
     GoalInCollision,
@@ -34,6 +35,7 @@ _SPARE = 0.002
 class _PlanGroup(Asking, register=False):
     """Plan a motion of one group; the other joints stand still meanwhile."""
 
+    judges_parts = True
     group: str
     # Groups that are already at their goal when this one begins to move.
     moved_before: tuple[str, ...] = ()
@@ -55,12 +57,12 @@ class _PlanGroup(Asking, register=False):
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check what is spelled out."""
-        for port in ("start", "goal"):
-            if port in inputs:
-                check_whole(robot, port, inputs[port])
-                check_targets(robot, by_group(robot, inputs[port], port), (port,))
+        ports = [port for port in ("start", "goal") if port in inputs]
+        wrong = [error for port in ports for error in wrong_whole(robot, port, inputs[port])]
         for number, point in enumerate(inputs.get("via", [])):
-            check_targets(robot, {cls.group: point}, ("via", number))
+            if point is not None:
+                wrong += wrong_targets(robot, {cls.group: point}, ("via", number))
+        refuse(wrong)
 
     def on_start(self) -> Status:
         """Hand the query to a worker."""

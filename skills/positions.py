@@ -6,7 +6,13 @@ from .errors import BadTarget
 
 
 class Positions(dict[str, float]):
-    """Joint name to position [rad]."""
+    """Joint name to position [rad].
+
+    Attributes:
+        unknown: Further joints that are named, but with a value that is wrong or not given yet.
+    """
+
+    unknown: tuple[str, ...] = ()
 
 
 def three(what: str, values: Sequence[float]) -> tuple[float, float, float]:

@@ -8,8 +8,8 @@ from py_trees.ports import PortInformation
 
 from hardware import Robot
 
-from .bounds import check_link, check_whole
-from .errors import BadTarget
+from .bounds import check_whole, hint, lacking, no_link
+from .errors import BadTarget, SkillError, refuse
 from .motion import MotionError, Reached, Result, ToolQuery
 from .pending import Asking
 from .ports import Port
@@ -63,15 +63,16 @@ class ReachPoint(Asking):
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check what is spelled out."""
-        if "start" in inputs:
-            check_whole(robot, "start", inputs["start"])
+        wrong = lacking(robot, "start", inputs["start"]) if "start" in inputs else []
         if "group" in inputs:
-            _leaders(robot, inputs["group"])
+            wrong += _no_group(robot, inputs["group"])
         if inputs.get("tool"):
-            check_link(robot, "tool", inputs["tool"])
+            wrong += no_link(robot, "tool", inputs["tool"])
         for port in ("direction", "axis"):
             if inputs.get(port) and not any(inputs[port]):
-                raise BadTarget(f"{port} points nowhere; one of x, y, z must not be 0").at(port)
+                why = f"{port} points nowhere; one of x, y, z must not be 0"
+                wrong.append(BadTarget(why).at(port))
+        refuse(wrong)
 
     def on_start(self) -> Status:
         """Hand the question to a worker."""
@@ -108,8 +109,12 @@ class ReachPoint(Asking):
 
 def _leaders(robot: Robot, group: str) -> list[str]:
     """Names of the joints of a group that move of their own."""
-    if group not in robot.groups:
-        raise BadTarget(f"the robot has no group {group}; it has {', '.join(robot.groups)}").at(
-            "group"
-        )
+    refuse(_no_group(robot, group))
     return [joint.name for joint in robot.leaders(group)]
+
+
+def _no_group(robot: Robot, group: str) -> list[SkillError]:
+    if group in robot.groups:
+        return []
+    there = f"the robot has no group {group}; it has {', '.join(robot.groups)}"
+    return [BadTarget(there + hint(group, robot.groups)).at("group")]

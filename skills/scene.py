@@ -12,7 +12,7 @@ from hardware import Robot
 
 from .base import Skill
 from .bounds import check_link
-from .errors import BadTarget
+from .errors import BadTarget, refuse
 from .motion import Body, Box, Carry, Cylinder, Mesh, MotionError, Result, Shape, Sphere, quaternion
 from .pending import Asking
 from .ports import Port
@@ -64,21 +64,18 @@ class _Add(Skill, register=False):
     @classmethod
     def body(cls, inputs: Mapping[str, Any]) -> Body | None:
         """What is put there."""
-        ports = cls.INPUT_PORTS.items()
-        given = {name: port.default_value for name, port in ports if port.default_value is not None}
-        given |= inputs
-        if len(given) < len(ports):
+        if any(port not in inputs for port in cls.INPUT_PORTS):
             return None
-        rotation = three("rotation", given["rotation"])
+        rotation = three("rotation", inputs["rotation"])
         if not all(map(math.isfinite, rotation)):
-            why = f"the rotation of {given['body']} is not finite; give radians"
+            why = f"the rotation of {inputs['body']} is not finite; give radians"
             raise BadTarget(why).at("rotation")
         return Body(
-            given["body"],
-            cls.shape(given),
-            three("position", given["position"]),
+            inputs["body"],
+            cls.shape(inputs),
+            three("position", inputs["position"]),
             quaternion(*rotation),
-            touches=frozenset(given["touches"]),
+            touches=frozenset(inputs["touches"]),
         )
 
     def on_start(self) -> Status:
@@ -152,17 +149,28 @@ class AddMesh(_Add):
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check the file that is spelled out."""
-        if "file" in inputs and Path(inputs["file"]).suffix.lower() not in _MESHES:
-            raise BadTarget(f"{inputs['file']} is no STL, DAE or OBJ file").at("file")
-        if "file" in inputs and not Path(inputs["file"]).is_file():
-            where = "a path counts from where armtree is started"
-            raise BadTarget(f"there is no file {inputs['file']}; {where}").at("file")
-        super().judge(robot, inputs)
+        wrong: list[Exception] = []
+        if "file" in inputs and (why := _no_mesh(Path(inputs["file"]))):
+            wrong.append(BadTarget(why).at("file"))
+        try:
+            super().judge(robot, inputs)
+        except (BadTarget, MotionError) as error:
+            wrong.append(error)
+        refuse(wrong)
 
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Mesh:
         """Its form."""
         return Mesh(given["file"], three("scale", given["scale"]))
+
+
+def _no_mesh(file: Path) -> str:
+    """Why a file is none of triangles; empty where it may be one."""
+    if file.suffix.lower() not in _MESHES:
+        return f"{file} is no STL, DAE or OBJ file"
+    if not file.is_file():
+        return f"there is no file {file}; a path counts from where armtree is started"
+    return ""
 
 
 class RemoveBody(Skill):

@@ -7,11 +7,19 @@ from typing import Any
 from py_trees.common import Status
 from py_trees.ports import PortInformation
 
-from hardware import BadPosition, Robot
+from hardware import BadPosition, Joint, Robot
 
 from .base import Skill
-from .bounds import by_group, check_targets, check_whole
-from .errors import BadTarget, OutOfBounds
+from .bounds import (
+    by_group,
+    check_targets,
+    check_whole,
+    hint,
+    lacking,
+    unknown_joints,
+    wrong_targets,
+)
+from .errors import BadTarget, OutOfBounds, SkillError, refuse
 from .positions import Positions
 
 _OUTPUTS: dict[str, PortInformation] = {
@@ -23,6 +31,8 @@ _START = PortInformation(Positions, description="where the arm stands [rad]")
 class Target(Skill):
     """Take targets for some joints, and for all others where they stand; refuse what is outside."""
 
+    judges_parts = True
+
     INPUT_PORTS = {
         "start": _START,
         "joints": PortInformation(Positions, description="targets of some joints [rad]"),
@@ -32,11 +42,10 @@ class Target(Skill):
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check what is spelled out."""
-        if "start" in inputs:
-            check_whole(robot, "start", inputs["start"])
+        wrong = lacking(robot, "start", inputs["start"]) if "start" in inputs else []
         if "joints" in inputs:
-            boot = Positions((joint.name, joint.boot) for joint in robot.actuated)
-            check_targets(robot, _completed(robot, boot, inputs["joints"], "joints"), ("joints",))
+            wrong += _wrong_joints(robot, inputs["joints"], "joints")
+        refuse(wrong)
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
@@ -57,6 +66,8 @@ class Target(Skill):
 class Shift(Skill):
     """Take targets a distance away from where the joints stand; refuse what is outside."""
 
+    judges_parts = True
+
     INPUT_PORTS = {
         "start": _START,
         "by": PortInformation(Positions, description="how far each of some joints moves [rad]"),
@@ -66,9 +77,8 @@ class Shift(Skill):
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check the joints' names, and that none moves further than it can."""
-        if "start" in inputs:
-            check_whole(robot, "start", inputs["start"])
-        _check_distances(robot, inputs.get("by", {}))
+        wrong = lacking(robot, "start", inputs["start"]) if "start" in inputs else []
+        refuse([*wrong, *_wrong_distances(robot, inputs.get("by", {}))])
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
@@ -81,7 +91,7 @@ class Shift(Skill):
     def on_start(self) -> Status:
         """Add, and check."""
         robot, start, by = self.context.robot, self.get_input("start"), self.get_input("by")
-        _check_distances(robot, by)
+        refuse(_wrong_distances(robot, by))
         check_whole(robot, "start", start)
         self._set_output("goal", _checked(robot, start, _shifted(start, by), "by"))
         return Status.SUCCESS
@@ -89,6 +99,19 @@ class Shift(Skill):
 
 def _shifted(start: Positions, by: Positions) -> Positions:
     return Positions((name, start[name] + distance) for name, distance in by.items())
+
+
+def _wrong_joints(robot: Robot, joints: Positions, port: str) -> list[SkillError]:
+    """What is wrong with targets of some joints, wherever the others stand."""
+    unknown = unknown_joints(robot, joints, port)
+    named = {error.way[-1] for error in unknown}
+    part = Positions((name, q) for name, q in joints.items() if name not in named)
+    boot = Positions((joint.name, joint.boot) for joint in robot.actuated)
+    targets = {}
+    for group, target in _completed(robot, boot, part, port).items():
+        targets[group] = Positions(each for each in target.items() if each[0] not in joints.unknown)
+        targets[group].unknown = tuple(name for name in joints.unknown if name in target)
+    return [*unknown, *wrong_targets(robot, targets, (port,))]
 
 
 def _checked(robot: Robot, start: Positions, joints: Positions, port: str) -> Positions:
@@ -113,21 +136,30 @@ def _completed(
     }
 
 
-def _check_distances(robot: Robot, by: Mapping[str, float]) -> None:
+def _wrong_distances(robot: Robot, by: Mapping[str, float]) -> list[SkillError]:
+    """What is wrong with distances of some joints."""
     joints = {joint.name: joint for joint in robot.actuated}
-    if unknown := [name for name in by if name not in joints]:
-        there = ", ".join(joints)
-        raise BadTarget(f"{', '.join(unknown)} is no joint that turns; there are {there}").at(
-            "by", unknown[0]
-        )
-    far = []
-    for name, distance in by.items():
-        span = math.pi if joints[name].endless else joints[name].upper - joints[name].lower
-        if not abs(distance) <= span:  # not a number, too
-            unit = joints[name].unit
-            most = "half a turn" if joints[name].endless else "its limits are apart"
-            why = f"{name} by {distance:g} {unit} is further than {most}, {span:g} {unit}"
-            limit = math.copysign(span, distance) if math.isfinite(distance) else None
-            far.append(BadPosition(why, name, distance, limit))
-    if far:
-        raise OutOfBounds(far).at("by", far[0].joint)
+    written = [*by, *getattr(by, "unknown", ())]
+    there = ", ".join(joints)
+    wrong: list[SkillError] = [
+        BadTarget(
+            f"{name} is no joint that turns; there are {there}{hint(name, joints, written)}"
+        ).at("by", name)
+        for name in written
+        if name not in joints
+    ]
+    for name, joint in joints.items():
+        if name in by and (far := _too_far(joint, by[name])):
+            wrong.append(OutOfBounds([far]).at("by", name))
+    return wrong
+
+
+def _too_far(joint: Joint, distance: float) -> BadPosition | None:
+    """Why a joint does not move by a distance; None where it may."""
+    span = math.pi if joint.endless else joint.upper - joint.lower
+    if abs(distance) <= span:  # not where it is no number
+        return None
+    most = "half a turn" if joint.endless else "its limits are apart"
+    why = f"{joint.name} by {distance:g} {joint.unit} is further than {most}, {span:g} {joint.unit}"
+    limit = math.copysign(span, distance) if math.isfinite(distance) else None
+    return BadPosition(why, joint.name, distance, limit)

@@ -14,6 +14,8 @@ from skills import Skill, skill
 from tests.conftest import RigMaker
 from tests.server_acts import at_frame, run
 
+_NAMES = ("leaves", "Leaves", "Doubts", "Hangs", "Unsure", "Lost", "Restless")
+
 
 @skill
 def leaves() -> None:
@@ -56,11 +58,43 @@ class Hangs(Skill):
         return Status.SUCCESS
 
 
+class Unsure(Skill):
+    """Cannot say whether it is busy; names no ports, as it has none."""
+
+    def on_start(self) -> Status:
+        return Status.SUCCESS
+
+    @property
+    def busy(self) -> bool:
+        raise ValueError("no idea")
+
+
+class Lost(Skill):
+    """Cannot say how far it is."""
+
+    def on_start(self) -> Status:
+        return Status.RUNNING
+
+    @property
+    def progress(self) -> float | None:
+        raise ValueError("no idea")
+
+
+class Restless(Skill):
+    """Cannot stand still."""
+
+    def on_start(self) -> Status:
+        return Status.RUNNING
+
+    def on_pause(self) -> None:
+        raise ValueError("no idea")
+
+
 @pytest.fixture
 def tasks(tmp_path: Path) -> Path:
     folder = tmp_path / "tasks"
     folder.mkdir()
-    for number, name in enumerate(("leaves", "Leaves", "Doubts", "Hangs"), 40):
+    for number, name in enumerate(_NAMES, 40):
         tree = f"  sequence:\n    - {name}\n    - Succeed\n"
         head = f"task: {number}\nname: t{number}\ndescription: Breaks.\n"
         (folder / f"{number}_t{number}.yaml").write_text(f"{head}tree:\n{tree}")
@@ -73,6 +107,8 @@ def tasks(tmp_path: Path) -> Path:
         (40, "task.function", "t40/leaves", "leaves: SystemExit: 3"),
         (41, "skill.broken", "t41/Leaves", "Leaves.on_start raised SystemExit: 3"),
         (42, "skill.broken", "t42/Doubts", "Doubts.judge raised ValueError: no idea"),
+        (44, "skill.broken", "t44/Unsure", "Unsure.busy raised ValueError: no idea"),
+        (45, "skill.broken", "t45/Lost", "Lost.progress raised ValueError: no idea"),
     ],
 )
 def test_the_goal_ends_with_its_cause_and_the_next_one_is_done(
@@ -84,6 +120,18 @@ def test_the_goal_ends_with_its_cause_and_the_next_one_is_done(
     assert outcome.cause
     assert outcome.cause.node == node
     assert words in outcome.message
+    assert run(arm, 1).success
+
+
+def test_what_breaks_in_a_pause_ends_its_goal(server: RigMaker, tasks: Path) -> None:
+    arm = server(tasks=tasks)
+    goal = arm.executive.send(46).identity
+    arm.rest(1.0)
+    arm.executive.pause(goal)
+    outcome = arm.executive.result(goal, 60.0)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "skill.broken")
+    assert outcome.cause
+    assert outcome.cause.node == "t46/Restless"
     assert run(arm, 1).success
 
 

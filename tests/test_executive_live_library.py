@@ -79,6 +79,15 @@ def test_a_wrong_one_is_told_of_and_the_last_good_one_kept(files: Files, wrong: 
     assert files.says() == "two"
 
 
+def test_one_that_a_skill_refuses_is_wrong_too(files: Files, robot: Robot, tmp_path: Path) -> None:
+    refused = "task: 7\nname: say\ndescription: x\ntree: {Attach: {body: b, link: nolink}}\n"
+    files.path.write_text(refused)
+    assert files.says() == "one"
+    assert "the robot has no link nolink" in files.warning
+    never_right = LiveLibrary(tmp_path, robot)  # then the goal says it, with its own code
+    assert never_right.for_task(7)[0].draft(7)[0].text == refused
+
+
 def test_so_are_a_subtree_and_poses_that_became_wrong(files: Files, tmp_path: Path) -> None:
     files.path.write_text("task: 7\nname: go\ndescription: Go.\ntree:\n  subtree: mine\n")
     mine = tmp_path / "mine.yaml"

@@ -121,5 +121,5 @@ def test_the_first_answer_counts() -> None:
 
 def test_an_answer_that_cannot_be_given_is_refused_beforehand(bench: Bench) -> None:
     with pytest.raises(BadQuestion, match="maybe is wanted, but the choices are yes, no"):
-        Ask.judge(bench.robot, {"wanted": "maybe"})
+        Ask.judge(bench.robot, {"wanted": "maybe", "choices": ["yes", "no"]})
     Ask.judge(bench.robot, {"wanted": "maybe", "choices": []})

@@ -6,7 +6,16 @@ import pytest
 from py_trees.common import Status
 
 from hardware import Robot
-from skills import BadTarget, CheckBounds, OutOfBounds, Positions, Shift, SkillError, check_targets
+from skills import (
+    BadTarget,
+    CheckBounds,
+    OutOfBounds,
+    Positions,
+    Shift,
+    SkillError,
+    causes_of,
+    check_targets,
+)
 from skills.bounds import by_group, check_link, check_whole
 from tests.arms import foreign
 from tests.conftest import Bench
@@ -118,7 +127,7 @@ def test_joints_are_told_apart_by_their_groups(robot: Robot) -> None:
         "arm": {"joint_1": 0.2},
         "gripper": {"joint_4": 0.1},
     }
-    why = "^joint_8, joint_9 is no joint of the robot; it has joint_1, joint_2, joint_3, joint_4, "
+    why = "^joint_8 is no joint of the robot; it has joint_1.*; joint_9 is no joint of the robot"
     with pytest.raises(BadTarget, match=why) as caught:
         by_group(robot, {"joint_8": 0.0, "joint_1": 0.0, "joint_9": 0.0}, "to")
     assert caught.value.way == ("to", "joint_8")
@@ -176,3 +185,26 @@ def test_a_joint_without_an_end_is_moved_half_a_turn_at_the_most(turns: float) -
     Shift.judge(foreign("endless"), {"by": {"turn": math.copysign(3.1, turns)}})
     with pytest.raises(OutOfBounds, match="further than half a turn"):
         Shift.judge(foreign("endless"), {"by": {"turn": turns}})
+
+
+def test_everything_that_is_wrong_is_told_each_with_its_value(robot: Robot) -> None:
+    arm = Positions(joint_1=9.0, joint_7=0.2)
+    arm.unknown = ("joint_3",)
+    with pytest.raises(ExceptionGroup) as caught:
+        CheckBounds.judge(robot, {"arm": arm, "gripper": {"joint_4": -0.3, "joint_5": 0.1}})
+    told = [(error.way, str(error)) for error in causes_of(caught.value) if error.way]  # type: ignore[union-attr]
+    assert [way for way, _ in told] == [
+        ("arm", "joint_1"),
+        ("arm", "joint_7"),
+        ("gripper", "joint_5"),
+    ]
+    assert told[1][1].endswith("did you mean joint_2?")  # so that it is not called missing, too
+
+
+def test_at_run_time_all_of_it_is_one_cause(bench: Bench) -> None:
+    arm = Positions(joint_1=9.0, joint_7=0.2, joint_3=0.0)
+    skill = bench.skill(CheckBounds, arm=arm, gripper=Positions(joint_4=0.0))
+    skill.tick_once()
+    assert isinstance(skill.failure, OutOfBounds)
+    assert "joint_1 = 9.0" in str(skill.failure)
+    assert "joint_7 is no joint of the arm" in str(skill.failure)

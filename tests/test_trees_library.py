@@ -91,8 +91,8 @@ def test_a_number_that_the_file_contradicts(tmp_path: Path) -> None:
 def test_a_subtree_that_the_file_contradicts(tmp_path: Path) -> None:
     text = "subtree: b\ndescription: y\nports: []\ntree: Succeed\n"
     library = Library(write(tmp_path, "a.yaml", text))
-    with pytest.raises(FileError, match=r"a.yaml:1:1: the file is named a.yaml but says subtree b"):
-        library.subtree("a", Place(Path(), 0, 0))
+    _, (mistake,) = library.subtree("a", Place(Path(), 0, 0))
+    assert "a.yaml:1:1: the file is named a.yaml but says subtree b" in str(mistake)
 
 
 def test_a_subtree_that_is_not_there() -> None:

@@ -1,6 +1,6 @@
 """The tasks that ship, their grammar, and the reading of task files."""
 
-from .document import Located, StandIn, nested, read_text
+from .document import REFUSED, Located, StandIn, nested, read_text
 from .errors import DuplicateTask, FileError, Mistake, Place, TreeError, UnknownTask
 from .grammar import (
     UNTYPED,
@@ -10,7 +10,7 @@ from .grammar import (
     TaskFile,
     parse_value,
 )
-from .library import Library
+from .library import Library, poses_of
 from .node_parser import MAX_NUMBER, Mistakes
 from .nodes import (
     KINDS,
@@ -22,13 +22,26 @@ from .nodes import (
     TreeNode,
     Value,
 )
-from .values import ANY, LIST, TYPES, UNITS, Declaration, choices, fit, meant, type_fits, words
+from .values import (
+    ANY,
+    LIST,
+    TYPES,
+    UNITS,
+    Declaration,
+    choices,
+    fit,
+    meant,
+    respelt,
+    type_fits,
+    words,
+)
 
 __all__ = [
     "ANY",
     "KINDS",
     "LIST",
     "MAX_NUMBER",
+    "REFUSED",
     "TYPES",
     "UNITS",
     "UNTYPED",
@@ -59,7 +72,9 @@ __all__ = [
     "meant",
     "nested",
     "parse_value",
+    "poses_of",
     "read_text",
+    "respelt",
     "type_fits",
     "words",
 ]

@@ -6,8 +6,9 @@ library's own constructors know more types than task files shall have, and some 
 
 import io
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -51,6 +52,10 @@ class StandIn:
         return f"${self.name}"
 
     __repr__ = __str__
+
+
+# What stands for a value that is refused, so that what is around it can be judged all the same.
+REFUSED = StandIn("", "any")
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,10 +151,8 @@ def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
     text = text.removeprefix("\ufeff")
     if len(text) > MAX_BYTES:
         raise FileError([Mistake(Place(path, 1, 1), f"longer than {MAX_BYTES} characters")])
-    if found := _FORBIDDEN.search(text):
-        place = _place_of(path, text[: found.start()], _lines(text))
-        what = "directives are" if found[0] == "%" else f"the character {found[0]!r} is"
-        raise FileError([Mistake(place, f"{what} not allowed")])
+    if forbidden := list(islice(_forbidden(path, text), MAX_MISTAKES)):
+        raise FileError(forbidden)
     reader = _Reader(path, text)
     try:
         return reader.document(), reader.mistakes
@@ -166,12 +169,31 @@ def nested(value: Located) -> Mapping[str, Located]:
     return value.value if isinstance(value.value, dict) else {}
 
 
+def names_within(value: Located) -> Iterator[str]:
+    """The names with a $ that stand in a value."""
+    inner = value.value
+    if isinstance(inner, str) and inner.startswith("$"):
+        yield inner[1:]
+    for item in inner if isinstance(inner, list) else nested(value).values():
+        yield from names_within(item)
+
+
 # A directive could change what values mean; control characters and Unicode's line separators
 # would make editors and readers disagree about the text and its lines.
 _FORBIDDEN = re.compile(
-    r"^%|[^\t\n\r -~\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]",
-    re.MULTILINE,
+    r"^%|[^\t\n\r -~\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 )
+
+
+def _forbidden(path: Path, text: str) -> Iterator[Mistake]:
+    """The characters that may not be there, the first of every line."""
+    lines = _lines(text)
+    for number, line in enumerate(lines, 1):
+        if found := _FORBIDDEN.search(line):
+            place = Place(path, number, found.start() + 1, "", lines)
+            what = "directives are" if found[0] == "%" else f"the character {found[0]!r} is"
+            yield Mistake(place, f"{what} not allowed")
+
 
 # YAML 1.2.2, section 10.3.2; what matches none is a text.
 _CORE: tuple[tuple[re.Pattern[str], Callable[[str], Scalar]], ...] = tuple(
@@ -219,7 +241,7 @@ class _Reader:
         after = next(self._events)
         if not isinstance(after, StreamEndEvent):
             place = self._place(after, "")
-            self._end(place, "a second document begins here; a file holds one")
+            self._wrong(place, "a second document begins here; a file holds one")
         return root
 
     def _value(self, event: Event, depth: int, way: str, label: Place | None = None) -> Located:

@@ -5,16 +5,16 @@ What a skill's name or port means is not known here; the builder above checks th
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from .document import Located, draft_document, nested
+from .document import Located, draft_document, names_within, nested
 from .errors import FileError, Mistake
 from .node_parser import Mistakes, NodeParser
 from .nodes import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
-from .values import LIST, TYPES, Declaration, choices, fit
+from .values import LIST, TYPES, Declaration, choices, fit, respelt
 
 VERSION = 1  # of the grammar
 
@@ -82,7 +82,8 @@ class PosesFile:
     Attributes:
         path: The file.
         text: The file as it was read.
-        poses: Joint values [rad] by joint name, by the name of the pose.
+        poses: Joint values [rad] by joint name, by the name of the pose; one that is wrong is
+            REFUSED, of a pose that is wrong as a whole there are none.
         labels: Where each name stands.
         replaces: Which of them take the place of shipped ones.
     """
@@ -172,11 +173,11 @@ def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
 
 
 @lru_cache(maxsize=16)  # every task asks for all of them
-def parse_poses(path: Path, text: str) -> PosesFile:
-    """Check a file of poses.
+def draft_poses(path: Path, text: str) -> tuple[PosesFile, tuple[Mistake, ...]]:
+    """Read a file of poses as far as it can be read, with every mistake in it.
 
     Raises:
-        FileError: With every mistake in it.
+        FileError: It is not YAML.
     """
     parser = _Parser(path, text, _POSES_KEYS)
     given = parser.get("poses")
@@ -184,7 +185,7 @@ def parse_poses(path: Path, text: str) -> PosesFile:
     wanted, wrong = Declaration("positions"), parser.mistakes.add
     if given and not isinstance(given.value, dict):
         wrong(given.place, f"poses: {given} is not a mapping of names to joint values")
-    poses = {name: fit(value, wanted, {}, wrong) for name, value in labels.items()}
+    poses = {name: fit(value, wanted, {}, wrong) or {} for name, value in labels.items()}
     for name, value in labels.items():
         parser.nodes.name(Located(value.label, name, value.label), "a pose")
     replaced = parser.get("replaces", needed=False)
@@ -192,7 +193,7 @@ def parse_poses(path: Path, text: str) -> PosesFile:
     if replaced and not names:
         wrong(replaced.place, f"replaces: {replaced} is not a list of names of poses")
     replaces = tuple(parser.nodes.name(item, "replaces") for item in names)
-    return _strict(PosesFile(path, text, poses, labels, replaces), parser.mistakes.found)
+    return PosesFile(path, text, poses, labels, replaces), tuple(parser.mistakes.found)
 
 
 def parse_value(text: str, source: str) -> Located:
@@ -227,9 +228,7 @@ class _Parser:
         if not self._values:
             needed = ", ".join(key for key in keys if key not in _OPTIONAL)
             self._wrong(self.root.place, f"expected the keys {needed}")
-        for key, value in self._values.items():
-            if key not in keys:
-                self._wrong(value.label, f"unknown key {key}; there are {choices(key, keys)}")
+        self._values = self._respelt(self._values, keys)
         version = self.get("grammar", needed=False)
         if version and (type(version.value) is not int or version.value != VERSION):
             here = f"this armtree reads grammar {VERSION}"
@@ -238,8 +237,19 @@ class _Parser:
     def get(self, key: str, needed: bool = True) -> Located | None:
         value = self._values.get(key)
         if value is None and needed and self._values:
-            self._wrong(self.root.place, f"the key {key} is missing")
+            self._wrong(replace(self.root.place, way=key), f"the key {key} is missing")
         return value
+
+    def _respelt(
+        self, values: Mapping[str, Located], known: tuple[str, ...]
+    ) -> Mapping[str, Located]:
+        """The keys as they were probably meant; tells those that are not known."""
+        for key, value in values.items():
+            if key not in known:
+                there = choices(key, known, values)
+                self._wrong(value.label, f"unknown key {key}; there are {there}")
+        likely = respelt(values, known)
+        return {likely.get(key, key): value for key, value in values.items()}
 
     def number(self, key: str) -> int:
         value = self.get(key)
@@ -278,8 +288,8 @@ class _Parser:
 
     def used(self, key: str, tree: TreeNode) -> None:
         """See to it that every declared name is used."""
-        names, value = set(_keys(tree)), self._values.get(key)
-        if value is None:
+        names, value = {*_keys(tree), *self.nodes.spare}, self._values.get(key)
+        if value is None or tree == SkillNode(tree.place, "", {}):
             return
         items = value.value if isinstance(value.value, list) and key == "ports" else []
         places = {item.value: item.place for item in items}
@@ -292,34 +302,32 @@ class _Parser:
         names: list[str] = []
         for item in value.value if isinstance(value.value, list) else []:
             name = self.nodes.name(item, key)
-            if name in names and name:
+            if name in names:
                 self._wrong(item.place, f"{key}: {name} is given twice")
-            names.append(name)
+            names += [name] if name else []
         return names
 
     def _declaration(self, value: Located, what: str, known: tuple[str, ...]) -> Declaration:
         if isinstance(value.value, str):
             return Declaration(self._type(value, what, "output" in known))
-        keys = nested(value)
-        for key, item in keys.items():
-            if key not in known:
-                self._wrong(item.label, f"unknown key {key}; there are {choices(key, known)}")
-        if "type" not in keys:
+        keys = self._respelt(nested(value), known)
+        kind, output = UNTYPED, self._flag(keys.get("output"))
+        if "type" in keys:
+            kind = self._type(keys["type"], what, "output" in known)
+        else:
             self._wrong(value.place, f"{what} needs a type: {', '.join(TYPES)}")
-            return Declaration(UNTYPED)
-        kind = self._type(keys["type"], what, "output" in known)
-        if "default" in keys and self._flag(keys.get("output")):
+        if "default" in keys and output:
             self._wrong(keys["default"].label, f"{what} is written, and takes no default")
         least, most = self._bound(kind, keys.get("min")), self._bound(kind, keys.get("max"))
         if least is not None and most is not None and most < least:
             self._wrong(keys["max"].place, f"{what}: max is less than min")
         return Declaration(
-            kind,
+            UNTYPED if output is None else kind,
             default=self._default(keys.get("default"), what),
             least=least,
             most=most,
             choices=self._choices(kind, keys.get("choices")),
-            output=self._flag(keys.get("output")),
+            output=output is True,
             description=self.nodes.line(keys["description"], what) if "description" in keys else "",
         )
 
@@ -363,10 +371,12 @@ class _Parser:
                 self._wrong(item.place, f"choices: {item} is given twice")
         return tuple(str(item.value) for item in items)
 
-    def _flag(self, value: Located | None) -> bool:
-        if value is not None and not isinstance(value.value, bool):
-            self._wrong(value.place, f"{value} is not true or false")
-        return value is not None and value.value is True
+    def _flag(self, value: Located | None) -> bool | None:
+        """True or false; None where it is neither."""
+        if value is None or isinstance(value.value, bool):
+            return value is not None and value.value is True
+        self._wrong(value.place, f"{value} is not true or false")
+        return None
 
 
 def _keys(node: TreeNode) -> Iterator[str]:
@@ -385,9 +395,6 @@ def _keys(node: TreeNode) -> Iterator[str]:
 
 
 def _keys_within(value: Located) -> Iterator[str]:
-    inner = value.value
-    items = inner if isinstance(inner, list) else nested(value).values()
-    for item in items:
-        if isinstance(item.value, str) and item.value.startswith("$"):
-            yield item.value[1:]
-        yield from _keys_within(item)
+    """The names within a mapping or a list; a text by itself that begins with a $ is one."""
+    if not isinstance(value.value, str):
+        yield from names_within(value)

@@ -6,7 +6,7 @@ reading the others; `poses.yaml` holds poses, any other `.yaml` file a subtree n
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 
@@ -16,10 +16,10 @@ from .grammar import (
     PosesFile,
     SubtreeFile,
     TaskFile,
+    draft_poses,
     draft_subtree,
     draft_task,
     parse_head,
-    parse_poses,
     parse_task,
 )
 from .values import choices
@@ -208,8 +208,10 @@ class Library:
         """
         path = self.path(number)
         task, mistakes = draft_task(path, self.read(path))
-        told = any(mistake.place.way in ("", "task", "name") for mistake in mistakes)
-        named = [] if told else _misnaming(task, number)
+        told = {mistake.place.way for mistake in mistakes}
+        named = (
+            [] if "" in told else [m for m in _misnaming(task, number) if m.place.way not in told]
+        )
         return task, [*mistakes, *named, *self._replacing(task, f"task {number}", _TASK)]
 
     def subtree(self, name: str, asked: Place) -> tuple[SubtreeFile, list[Mistake]]:
@@ -229,9 +231,9 @@ class Library:
             raise self._claimed[name]
         path = self._subtrees[name]
         subtree, mistakes = draft_subtree(path, self.read(path))
-        if subtree.name != name and not mistakes:
+        if subtree.name not in ("", name):  # else it is told already
             message = f"the file is named {path.name} but says subtree {subtree.name}"
-            raise FileError([Mistake(_top(path, subtree.text, "subtree"), message)])
+            mistakes.append(Mistake(_top(path, subtree.text, "subtree"), message))
         return subtree, [*mistakes, *self._replacing(subtree, f"subtree {name}", _SUBTREE)]
 
     def _replacing(
@@ -252,27 +254,37 @@ class Library:
         Raises:
             FileError: A file is wrong, or has a pose that ships too and does not say so.
         """
-        poses: dict[str, Mapping[str, float]] = {}
-        texts: dict[str, str] = {}
-        for path in self._poses:
-            file = self.poses_in(path)
-            _check_replaced(file, poses)
-            poses |= file.poses
-            texts[path.name if path.name not in texts else f"{path.parent.name}_{_POSES}"] = (
-                file.text
-            )
-        return poses, texts
+        files, mistakes = self.draft_poses()
+        if mistakes:
+            raise FileError(mistakes)
+        return poses_of(files), {self._shown(file): file.text for file in files}
 
-    def poses_in(self, path: Path) -> PosesFile:
-        """Read one of the files of poses.
+    def draft_poses(self) -> tuple[tuple[PosesFile, ...], list[Mistake]]:
+        """Read the poses as far as they can be read, with every mistake in their files.
 
         Raises:
-            FileError: It is wrong.
+            FileError: A file is not YAML.
         """
-        return parse_poses(path, self.read(path))
+        files, mistakes = list[PosesFile](), list[Mistake]()
+        for path in self._poses:
+            file, wrong = draft_poses(path, self.read(path))
+            mistakes += [*wrong, *_replaced_poses(file, poses_of(files))]
+            files.append(file)
+        return tuple(files), mistakes
+
+    def _shown(self, file: PosesFile) -> str:
+        """What a recording calls a file of poses."""
+        first = file.path == self._poses[0]
+        return file.path.name if first else f"{file.path.parent.name}_{_POSES}"
 
 
-def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:
+def poses_of(files: Iterable[PosesFile]) -> dict[str, Mapping[str, float]]:
+    """Joint values [rad] by the name of the pose, those of the last file on top."""
+    return {name: pose for file in files for name, pose in file.poses.items()}
+
+
+def _replaced_poses(file: PosesFile, shipped: Mapping[str, object]) -> list[Mistake]:
+    """What is wrong with the poses that take the place of shipped ones."""
     mistakes = [
         Mistake(file.labels[name].label, f"pose {name} ships; to replace it, add it to replaces")
         for name in file.poses
@@ -282,27 +294,25 @@ def _check_replaced(file: PosesFile, shipped: Mapping[str, object]) -> None:
     mistakes += [
         Mistake(place, f"replaces: no pose {name} ships; there are {choices(name, shipped)}")
         for name in file.replaces
-        if name not in shipped
+        if name and name not in shipped
     ]
     mistakes += [
         Mistake(place, f"replaces: here is no pose {name}; there are {choices(name, file.poses)}")
         for name in file.replaces
         if name in shipped and name not in file.poses
     ]
-    if mistakes:
-        raise FileError(mistakes)
+    return mistakes
 
 
 def _misnaming(task: TaskFile, number: int) -> list[Mistake]:
     """What a file says otherwise than its own name does."""
     _, _, name = task.path.stem.partition("_")
+    wrong = {}
     if task.number != number:
-        key, message = "task", f"the file is named for task {number} but says task {task.number}"
-    elif task.name != name:
-        key, message = "name", f"the file is named {task.path.name} but says name {task.name}"
-    else:
-        return []
-    return [Mistake(_top(task.path, task.text, key), message)]
+        wrong["task"] = f"the file is named for task {number} but says task {task.number}"
+    if task.name != name:
+        wrong["name"] = f"the file is named {task.path.name} but says name {task.name}"
+    return [Mistake(_top(task.path, task.text, key), why) for key, why in wrong.items()]
 
 
 def _as_named(task: TaskFile, number: int) -> TaskFile:
@@ -319,7 +329,7 @@ def _top(path: Path, text: str, key: str) -> Place:
 
 
 def _task_replaces(path: Path, text: str) -> str:
-    return parse_head(path, text).replaces
+    return draft_task(path, text)[0].replaces
 
 
 def _subtree_replaces(path: Path, text: str) -> str:

@@ -1,19 +1,23 @@
 """Nodes: a located value in, the node it says out."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import TypeGuard
 
-from .document import Located, nested
+from .document import Located, names_within, nested
 from .errors import Mistake, Place
 from .nodes import KINDS, ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
-from .values import choices, meant
+from .values import choices, meant, respelt
 
 MAX_NUMBER = 2**31 - 1
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 _HEADS = (*KINDS, *_FILES)
+_BESIDE = (
+    *("with", "name"),
+    *(key for kind in KINDS.values() for key in (*kind.options, kind.condition)),
+)
 
 
 class Mistakes:
@@ -32,21 +36,36 @@ class Mistakes:
         if place not in self._told:
             self.found.append(Mistake(place, message))
 
+    def add_also(self, place: Place, message: str) -> None:
+        """Note a mistake of a node, whatever is told of what begins at the same place."""
+        self.found.append(Mistake(place, message))
+
     def add_last(self, place: Place, message: str) -> None:
         """Note a mistake after which nothing more can be said of that place."""
         self.add(place, message)
         self._told.add(place)
 
+    def take(self, mistakes: Iterable[Mistake]) -> None:
+        """Note what was found elsewhere; the same places are not told twice."""
+        taken = list(mistakes)
+        for mistake in taken:
+            self.add(mistake.place, mistake.message)
+        self._told |= {mistake.place for mistake in taken}
+
 
 class NodeParser:
-    """Reads nodes and names.
+    """Reads nodes and names. What is misspelt is told, and read on as what was probably meant.
 
     Args:
         mistakes: Where to tell what is wrong.
+
+    Attributes:
+        spare: Names with a $ that stand where nothing reads them.
     """
 
     def __init__(self, mistakes: Mistakes) -> None:
         self._wrong = mistakes.add
+        self.spare: set[str] = set()
 
     def node(self, value: Located) -> TreeNode:
         """The node that a value says."""
@@ -54,16 +73,41 @@ class NodeParser:
             return SkillNode(value.place, self.name(value, "a node"), {})
         keys = nested(value)
         heads = [key for key in keys if key in _HEADS]
-        if len(heads) == 1:
-            (head,) = heads
-            if head in _FILES:
-                return self._file(value.place, head, keys)
-            return self._control(value.place, head, keys)
         rest = [key for key in keys if key != "name"]
-        if heads or len(rest) != 1:
-            self._wrong(value.place, _no_node(value, tuple(keys)))
-            return SkillNode(value.place, "", {})
-        return self._skill(value.place, rest[0], keys)
+        if len(heads) == 1:
+            return self._headed(value.place, heads[0], keys)
+        if not heads and len(rest) == 1:
+            return self._skill(value.place, rest[0], keys)
+        self._wrong(value.place, _no_node(value, tuple(keys)))
+        likely = {} if heads else respelt(rest, _HEADS)
+        if len(likely) == 1:
+            (head,) = likely.values()
+            return self._headed(value.place, head, _respell(keys, likely))
+        return self._broken(value, keys)
+
+    def _headed(self, place: Place, head: str, keys: Mapping[str, Located]) -> TreeNode:
+        made = self._file if head in _FILES else self._control
+        return made(place, head, keys)
+
+    def _broken(self, value: Located, keys: Mapping[str, Located]) -> TreeNode:
+        """What is no node, with the nodes in it that can be made out."""
+        items = value.value if isinstance(value.value, list) else ()
+        below: list[TreeNode] = [self._unknown(value), *self._items(items)]
+        for key, item in keys.items():
+            if key in KINDS:
+                below += self._children(key, item)
+            elif key in _FILES:
+                own = {key, "with"} if len(_FILES.keys() & keys.keys()) == 1 else {key}
+                mine = {name: each for name, each in keys.items() if name in own}
+                below.append(self._file(value.place, key, mine))
+            elif key not in _BESIDE and isinstance(item.value, dict):
+                below.append(self._skill(value.place, key, {key: item}))
+        return ControlNode(value.place, "", tuple(below)) if below[1:] else below[0]
+
+    def _unknown(self, value: Located) -> SkillNode:
+        """A leaf of which nothing is known but the keys that stand in it."""
+        keys = {name: Key(value.place, name, value.label) for name in names_within(value)}
+        return SkillNode(value.place, "", keys)
 
     def is_name(self, value: object) -> TypeGuard[str]:
         """Whether something is a name."""
@@ -79,9 +123,8 @@ class NodeParser:
 
     def number(self, value: Located, what: str) -> int:
         """A task number; 0 where it is none."""
-        number = value.value
-        if type(number) is int and 0 <= number <= MAX_NUMBER:
-            return number
+        if is_number(value.value):
+            return value.value
         self._wrong(value.place, f"{what}: {value} is no number from 0 to {MAX_NUMBER}")
         return 0
 
@@ -101,21 +144,22 @@ class NodeParser:
         name = Located(value.place, value.value[1:], value.label)
         return Key(value.place, self.name(name, "what follows $"), value.label)
 
-    def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> SkillNode:
+    def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> TreeNode:
         inner = keys[skill]
         if isinstance(inner.value, list):
             lists = [kind for kind in KINDS if KINDS[kind].many]
             there = choices(skill, lists)
             self._wrong(inner.label, f"only {there} hold a list of nodes, not {skill}")
-            return SkillNode(place, "", {})
+            kind = respelt((skill,), lists).get(skill, "")
+            return ControlNode(place, kind, self._items(inner.value))
         ports = self._wiring(inner, f"the ports of {skill}")
         shown = self._shown(keys)
-        return SkillNode(place, "" if ports is None else skill, ports or {}, shown)
+        return self._unknown(inner) if ports is None else SkillNode(place, skill, ports, shown)
 
     def _control(self, place: Place, kind: str, keys: Mapping[str, Located]) -> ControlNode:
         known = KINDS[kind]
         beside = (*known.options, *filter(None, (known.condition,)), "name")
-        self._beside(kind, keys, beside)
+        keys = self._beside(kind, keys, beside)
         children = self._children(kind, keys[kind])
         if known.condition:
             children += self._condition(place, kind, known.condition, keys)
@@ -130,8 +174,13 @@ class NodeParser:
             return (self.node(inner),)
         if not isinstance(inner.value, list) or not inner.value:
             self._wrong(inner.place, f"{kind} needs a list of nodes, not {inner}")
-            return ()
-        return tuple(self.node(item) for item in inner.value)
+            keys = nested(inner)
+            one = len(keys.keys() & {*_HEADS} or keys.keys() - {"name"}) == 1
+            return (self.node(inner) if one else self._broken(inner, keys),)
+        return self._items(inner.value)
+
+    def _items(self, items: Iterable[Located]) -> tuple[TreeNode, ...]:
+        return tuple(self.node(item) for item in items)
 
     def _condition(
         self, place: Place, kind: str, key: str, keys: Mapping[str, Located]
@@ -142,18 +191,30 @@ class NodeParser:
         return ()
 
     def _file(self, place: Place, head: str, keys: Mapping[str, Located]) -> SubtreeNode:
-        self._beside(head, keys, _FILES[head])
-        read: Callable[[Located, str], str | int] = self.number if head == "task" else self.name
-        source = read(keys[head], head)
+        keys = self._beside(head, keys, _FILES[head])
+        source: str | int
+        if head == "task":
+            number = self.number(keys[head], head)
+            source = number if is_number(keys[head].value) else ""
+        else:
+            source = self.name(keys[head], head)
         values = self._wiring(keys["with"], "with") if "with" in keys else {}
         shown = self._shown(keys)
-        return SubtreeNode(place, "" if values is None else source, values or {}, shown)
+        if values is None:
+            return SubtreeNode(place, "", self._unknown(keys["with"]).ports, shown)
+        return SubtreeNode(place, source, values, shown)
 
-    def _beside(self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]) -> None:
-        for key, other in keys.items():
-            if key != head and key not in known:
-                there = choices(key, known)
-                self._wrong(other.label, f"unknown key {key}; beside {head} there are {there}")
+    def _beside(
+        self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]
+    ) -> Mapping[str, Located]:
+        """The keys of a node as they were probably meant; tells those that are not known."""
+        beside = [key for key in keys if key != head]
+        for key in beside:
+            if key not in known:
+                there = choices(key, known, beside)
+                self._wrong(keys[key].label, f"unknown key {key}; beside {head} there are {there}")
+                self.spare |= {*names_within(keys[key])}
+        return _respell(keys, respelt(beside, known))
 
     def _shown(self, keys: Mapping[str, Located]) -> str:
         if "name" not in keys:
@@ -171,6 +232,15 @@ class NodeParser:
             self._wrong(value.place, f"{what} must be a mapping, not {value}{form}")
             return None
         return {port: self.wired(item) for port, item in value.value.items()}
+
+
+def is_number(value: object) -> TypeGuard[int]:
+    """Whether something may be the number of a task."""
+    return type(value) is int and 0 <= value <= MAX_NUMBER
+
+
+def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str, Located]:
+    return {likely.get(key, key): item for key, item in keys.items()}
 
 
 def _no_node(value: Located, keys: tuple[str, ...]) -> str:

@@ -33,7 +33,7 @@ class SkillNode:
     Attributes:
         place: Where it stands.
         skill: Name of the skill; empty where the file is wrong here.
-        ports: What its ports are wired to.
+        ports: What its ports are wired to; where the file is wrong, the keys that stand here.
         name: How it is shown; empty for the skill's name.
     """
 
@@ -49,7 +49,7 @@ class ControlNode:
 
     Attributes:
         place: Where it stands.
-        kind: A key of KINDS.
+        kind: A key of KINDS; empty where the file is wrong here.
         children: What it holds; the condition of a guard comes last.
         options: What is written beside it.
         name: How it is shown; empty for its kind.
@@ -68,7 +68,7 @@ class SubtreeNode:
 
     Attributes:
         place: Where it stands.
-        source: Name of the subtree, or number of the task.
+        source: Name of the subtree, or number of the task; empty where the file is wrong here.
         values: What its ports or parameters are wired to.
         name: How it is shown; empty for the name of the file.
     """

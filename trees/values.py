@@ -2,12 +2,12 @@
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
 
-from .document import Located, StandIn
+from .document import REFUSED, Located, StandIn
 from .errors import Place
 
 # What the types with a unit are measured in; the first of each is what a bare number means.
@@ -106,7 +106,8 @@ def fit(
 
     Returns:
         A float in the type's first unit, an int, a bool, a str, a dict of floats, or a list of any
-        of these; None where it is wrong. What is not known yet is its StandIn.
+        of these; None where it is wrong. What is not known yet is its StandIn, and what is wrong
+        within a dict or a list is REFUSED.
     """
     if isinstance(value.value, StandIn):
         return _stands(value, value.value, wanted.type, wrong)
@@ -120,6 +121,7 @@ def fit(
         fitted = _plain(value, wanted.type, wrong)
     if fitted is not None and (reason := _beyond(fitted, wanted)):
         wrong(value.place, f"{value} {reason}")
+        return None
     return fitted
 
 
@@ -134,7 +136,7 @@ def _items(
         return None
     each = replace(wanted, type=wanted.type.removeprefix(LIST))
     fitted = [fit(item, each, poses, wrong) for item in value.value]
-    return None if None in fitted else fitted
+    return [REFUSED if item is None else item for item in fitted]
 
 
 def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
@@ -199,7 +201,7 @@ def _positions(
 ) -> dict[str, float | StandIn] | None:
     if isinstance(value.value, str):
         if value.value in poses:
-            return dict(poses[value.value])
+            return dict(poses[value.value]) or None  # an empty one is wrong, and told already
         wrong(value.place, f"no pose {value.value}; there are {choices(value.value, poses)}")
         return None
     if not isinstance(value.value, dict):
@@ -208,11 +210,10 @@ def _positions(
     if not value.value:
         wrong(value.place, f"{value} names no joint")
         return None
-    return {
-        joint: number
-        for joint, item in value.value.items()
-        if (number := _number(item, "angle", wrong, finite=False)) is not None
+    fitted = {
+        joint: _number(item, "angle", wrong, finite=False) for joint, item in value.value.items()
     }
+    return {joint: REFUSED if number is None else number for joint, number in fitted.items()}
 
 
 def _beyond(fitted: Any, wanted: Declaration) -> str:
@@ -227,13 +228,25 @@ def _beyond(fitted: Any, wanted: Declaration) -> str:
     return ""
 
 
-def choices(word: str, known: Iterable[str]) -> str:
-    """What there is, and what was probably meant."""
+def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
+    """What there is, and what was probably meant: none that is given already, if that may be."""
     names = sorted(known)
-    return (", ".join(names) or "none") + meant(word, names)
+    left = [name for name in names if name not in given]
+    return (", ".join(names) or "none") + (meant(word, left) or meant(word, names))
 
 
 def meant(word: str, known: Sequence[str]) -> str:
     """What was probably meant; empty where nothing is near."""
     near = get_close_matches(word, known, n=1)
     return f"; did you mean {near[0]}?" if near else ""
+
+
+def respelt(given: Collection[str], known: Collection[str]) -> dict[str, str]:
+    """The names that were probably meant by those that are not known, none of them twice."""
+    left = sorted(name for name in known if name not in given)
+    found: dict[str, str] = {}
+    for word in given if left else ():
+        if word not in known and (near := get_close_matches(word, left, n=1)):
+            found[word] = near[0]
+            left.remove(near[0])
+    return found

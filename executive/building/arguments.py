@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from trees import FileError, Located, Mistake, Place, parse_value
+from trees import REFUSED, FileError, Located, Mistake, Place, parse_value
 
 FILE = "arguments.yaml"  # what a recording keeps them as
 MISSING = Place(Path("arguments"), 0, 0)  # of one that is not given
@@ -27,17 +27,19 @@ def read_arguments(settings: Sequence[str], tasks: Sequence[int]) -> dict[str, L
         BadArguments: A setting is wrong, or it is not clear for which task it is.
     """
     arguments: dict[str, Located] = {}
+    wrong: list[Mistake] = []
     for setting in settings:
         name, equals, text = setting.partition("=")
         source = f"--set {setting}"
         if len(tasks) > 1:
-            raise _wrong(source, "goes with one task; run them one by one")
+            wrong.append(_wrong(source, "goes with one task; run them one by one"))
         if not equals or not name:
-            raise _wrong(source, "is not NAME=VALUE")
+            wrong.append(_wrong(source, "is not NAME=VALUE"))
+            continue
         if name in arguments:
-            raise _wrong(source, f"{name} is given twice")
-        arguments[name] = _parsed(text, source)
-    return arguments
+            wrong.append(_wrong(source, f"{name} is given twice"))
+        arguments[name] = _parsed(text, source, wrong)
+    return _right(arguments, wrong)
 
 
 def located(arguments: Mapping[str, str | Located]) -> dict[str, Located]:
@@ -46,10 +48,12 @@ def located(arguments: Mapping[str, str | Located]) -> dict[str, Located]:
     Raises:
         BadArguments: A text cannot be read.
     """
-    return {
-        name: _parsed(value, f"argument {name}") if isinstance(value, str) else value
+    wrong: list[Mistake] = []
+    read = {
+        name: _parsed(value, f"argument {name}", wrong) if isinstance(value, str) else value
         for name, value in arguments.items()
     }
+    return _right(read, wrong)
 
 
 def as_text(arguments: Mapping[str, Located]) -> str:
@@ -65,12 +69,19 @@ def wrong(mistakes: Iterable[Mistake], arguments: Mapping[str, Located]) -> File
     return (BadArguments if callers else FileError)(found)
 
 
-def _parsed(text: str, source: str) -> Located:
+def _parsed(text: str, source: str, wrong: list[Mistake]) -> Located:
     try:
         return parse_value(text, source)
     except FileError as error:
-        raise BadArguments(error.mistakes) from None
+        wrong += error.mistakes
+        return Located(MISSING, REFUSED, MISSING)
 
 
-def _wrong(source: str, message: str) -> BadArguments:
-    return BadArguments([Mistake(Place(Path(source), 0, 0), message)])
+def _right(arguments: dict[str, Located], wrong: list[Mistake]) -> dict[str, Located]:
+    if wrong:
+        raise BadArguments(wrong)
+    return arguments
+
+
+def _wrong(source: str, message: str) -> Mistake:
+    return Mistake(Place(Path(source), 0, 0), message)

@@ -1,7 +1,6 @@
 """Putting a tree together from its files, node by node, and noting every mistake on the way."""
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -12,6 +11,7 @@ from skills import Context, Port, Skill
 from trees import (
     ANY,
     KINDS,
+    REFUSED,
     UNTYPED,
     ControlNode,
     Declaration,
@@ -29,47 +29,23 @@ from trees import (
     TreeNode,
     Value,
     choices,
+    respelt,
     type_fits,
     words,
 )
 
 from .arguments import MISSING
 from .branches import Branches
-from .flow import check_flow
+from .flow import Places, check_flow
 from .keys import Keys
-from .port_types import declaration, declarations, known_skills, port_value
+from .leaf import Leaf
+from .port_types import declaration, declarations, known_skills, port_value, type_of
 from .scope import Scope, fixed
 from .scope import resolve as without_scope
 from .sources import Source, Sources
 
 MAX_NODES = 10_000
 MAX_SUBTREES = 8  # within each other
-
-
-@dataclass(frozen=True)
-class Leaf:
-    """A skill and what its ports are wired to.
-
-    Attributes:
-        skill: Which.
-        place: Where it stands.
-        namespace: Of its keys.
-        keys: Full names of keys, by port.
-        inputs: Values that are spelled out, by port.
-        written: The same as they are written.
-    """
-
-    skill: Skill
-    place: Place
-    namespace: str
-    keys: Mapping[str, str]
-    inputs: Mapping[str, Any]
-    written: Mapping[str, Located]
-
-    @property
-    def known(self) -> Mapping[str, Any]:
-        """The inputs of which the whole value is known before the task is called."""
-        return {port: value for port, value in self.inputs.items() if not _stands_in(value)}
 
 
 class Assembly:
@@ -83,7 +59,9 @@ class Assembly:
         mistakes: What is wrong.
         leaves: The skills, in the order of the file.
         places: Where the nodes stand.
+        calls: Where those stand that files of their own are taken for.
         controls: What the nodes above them are: a key of `KINDS`, and the values of its options.
+        doubtful: Nodes that are wrong, so that nobody knows what they would do.
         files: What was read, by name.
     """
 
@@ -94,10 +72,12 @@ class Assembly:
         self.known = known_skills()
         self.keys = Keys()
         self.places: dict[Behaviour, Place] = {}
+        self.calls: dict[Behaviour, Place] = {}
         self._nodes = 0
         self.mistakes = Mistakes()
         self.leaves: list[Leaf] = []
         self.controls: dict[Behaviour, tuple[str, Mapping[str, Any]]] = {}
+        self.doubtful: set[Behaviour] = set()
         self.files = self._sources.files
         self.wrong = self.mistakes.add
 
@@ -138,6 +118,7 @@ class Assembly:
         scope = Scope(namespace, {}, (file.name,), stand_ins, fixed(file.ports, "port"))
         root = self.node(file.tree, scope, file.name)
         for name, port in file.ports.items():
+            self._given(name, port, None)
             if port.output:
                 key = f"{namespace}/{name}"
                 self._check_output(file.tree.place, f"subtree {file.name}", name, port, key)
@@ -151,22 +132,31 @@ class Assembly:
         return {f"{namespace}/{name}": StandIn(name, kind) for name, kind in kinds.items()}
 
     def _finish(self, root: Behaviour) -> None:
-        if not self.mistakes.found:
-            shortest: dict[Behaviour, float] = {
-                leaf.skill: type(leaf.skill).shortest(leaf.known) for leaf in self.leaves
-            }
-            check_flow(root, shortest, self.places, self.mistakes)
+        shortest: dict[Behaviour, float] = {
+            leaf.skill: type(leaf.skill).shortest(leaf.known) for leaf in self.leaves
+        }
+        places = Places(self.places, self.calls)
+        check_flow(root, shortest, places, self.doubtful, self.mistakes)
+
+    def _doubt(self, name: str, place: Place) -> Behaviour:
+        """What stands for a node that is wrong."""
+        node = Dummy(name)
+        self.places[node] = place
+        self.doubtful.add(node)
+        return node
 
     def _arguments(
         self, task: TaskFile, arguments: Mapping[str, Located] | None
     ) -> dict[str, Value]:
-        for name, value in (arguments or {}).items():
+        asked = arguments or {}
+        for name, value in asked.items():
             if name not in task.parameters:
-                there = choices(name, task.parameters)
+                there = choices(name, task.parameters, asked)
                 self.wrong(
                     value.place, f"task {task.number} has no parameter {name}; there are {there}"
                 )
-        known = {n: v for n, v in (arguments or {}).items() if n in task.parameters}
+        likely = respelt(asked, task.parameters)
+        known = {likely.get(name, name): value for name, value in asked.items()}
         given: dict[str, Value] = {}
         for name, declared in task.parameters.items():
             taken = self._given(name, declared, known.get(name))
@@ -178,13 +168,18 @@ class Assembly:
 
     def _given(self, name: str, declared: Declaration, value: Value | None) -> Value | None:
         """What a parameter or port is given, else its default, checked; None for nothing."""
-        if isinstance(declared.default, Located) and declared.type != UNTYPED:
-            self.fit(declared.default, declared, f"the default of {name}")
-        if value is None and isinstance(declared.default, Located):
-            return declared.default
-        if isinstance(value, Located) and declared.type != UNTYPED:
-            self.fit(value, declared, name)
-        return value
+        default = declared.default if isinstance(declared.default, Located) else None
+        if default:
+            default = self._taken(default, declared, f"the default of {name}")
+        if value is None:
+            return default
+        return self._taken(value, declared, name) if isinstance(value, Located) else value
+
+    def _taken(self, value: Located, declared: Declaration, what: str) -> Located:
+        """A value as it is handed on: where it is wrong, nobody else judges it."""
+        if declared.type == UNTYPED or self.fit(value, declared, what) is not None:
+            return value
+        return Located(value.place, REFUSED, value.label)
 
     def node(self, spec: TreeNode, scope: Scope, name: str = "") -> Behaviour:
         """The node of a spec, with all below it."""
@@ -192,7 +187,7 @@ class Assembly:
         if self._nodes > MAX_NODES:
             if self._nodes == MAX_NODES + 1:
                 self.wrong(spec.place, f"the tree has more than {MAX_NODES} nodes")
-            return Dummy("too many")
+            return self._doubt("too many", spec.place)
         shown = name or spec.name
         if isinstance(spec, SubtreeNode):
             return self._file(spec, scope, shown)
@@ -215,38 +210,44 @@ class Assembly:
         elif len(way) > MAX_SUBTREES:
             self.wrong(spec.place, f"more than {MAX_SUBTREES} subtrees within each other")
         elif spec.source != "" and (source := self._sources.get(spec, self.mistakes)):
-            self._check_names(spec.values, source.declared, f"{source.what} of {what}")
             ports = self._ports(spec, source, scope, what)
-            if ports is not None:
-                namespace = f"{scope.namespace}/{source.name}_{self._nodes}"
-                unwritten = fixed(source.declared, source.what)
-                inner = Scope(namespace, ports, way, scope.stand_ins, unwritten)
-                node = self.node(source.tree, inner, shown or source.name)
-                self._check_written(spec, source, ports, what)
-                return node
-        return Dummy(label)
+            missing = {
+                name: declared
+                for name, declared in source.declared.items()
+                if name not in ports and not declared.output
+            }
+            namespace = f"{scope.namespace}/{source.name}_{self._nodes}"
+            stand_ins = {**scope.stand_ins, **self._stand_ins(missing, namespace)}
+            unwritten = fixed(source.declared, source.what)
+            inner = Scope(namespace, ports, way, stand_ins, unwritten)
+            node = self.node(source.tree, inner, shown or source.name)
+            self._check_written(spec, source, ports, what)
+            self.calls[node] = spec.place
+            return node
+        self._forgive(spec.values.values(), scope)
+        return self._doubt(label or "subtree", spec.place)
 
     def _ports(
         self, spec: SubtreeNode, source: Source, scope: Scope, what: str
-    ) -> dict[str, Value] | None:
+    ) -> dict[str, Value]:
+        """What the ports of a subtree are given; those that are wrong as a whole are left out."""
         ports: dict[str, Value] = {}
-        complete = True
+        named = f"{source.what} of {what}" if source.certain else ""
+        values = self._named(spec.values, source.declared, named, scope)
         for name, declared in source.declared.items():
-            value = spec.values.get(name)
+            value = values.get(name)
             if declared.output and self._fixed(value, scope, f"{what}: {name}"):
-                complete = False
                 continue
             given = self._given(name, declared, self.resolve(value, scope))
             if given is None:
-                complete = False
                 self.wrong(spec.place, f"{what} needs {name}: {declared.description or declared}")
-                continue
-            ports[name] = given
+            elif isinstance(given, Located) and declared.output:
+                self._unnamed(given, declared.type, f"{what} writes {name}", name, scope)
+            else:
+                ports[name] = given
             if isinstance(given, Key) and self._typed(given, declared):
                 self.keys.copy().read(given, declared.type, f"{what}: {name}", self.mistakes)
-            elif isinstance(given, Located) and declared.output:
-                self.wrong(given.place, f"{what} writes {name}; name a key such as ${name}")
-        return ports if complete else None
+        return ports
 
     def _typed(self, key: Key, declared: Declaration) -> bool:
         """Whether a port that reads a key says of which type."""
@@ -257,7 +258,7 @@ class Assembly:
         self, spec: SubtreeNode, source: Source, ports: Mapping[str, Value], what: str
     ) -> None:
         for name, declared in source.declared.items():
-            key = ports[name]
+            key = ports.get(name)
             if declared.output and isinstance(key, Key):
                 self._check_output(spec.place, what, name, declared, key.name)
 
@@ -283,29 +284,28 @@ class Assembly:
                 own = "; one of your own comes with --skills DIR"
                 self.wrong(spec.place, f"no skill {spec.skill}; there are {there}{own}")
             self._forgive(spec.ports.values(), scope)
-            return Dummy(spec.skill)
+            return self._doubt(spec.skill, spec.place)
         ports = declarations(kind)
-        self._check_names(spec.ports, ports, f"port of {spec.skill}")
-        self._forgive((v for p, v in spec.ports.items() if p not in ports), scope)
+        given = self._named(spec.ports, ports, f"port of {spec.skill}", scope)
         wired = {
             port: self.resolve(value, scope)
-            for port, value in spec.ports.items()
-            if port in ports
-            and not (ports[port].output and self._fixed(value, scope, f"{spec.skill}.{port}"))
+            for port, value in given.items()
+            if not (ports[port].output and self._fixed(value, scope, f"{spec.skill}.{port}"))
         }
         keys = {port: value.name for port, value in wired.items() if isinstance(value, Key)}
         skill: Skill = kind(shown or spec.skill, self._context)
         inputs, types = self._inputs(spec, kind, wired)
-        self._outputs(spec, kind, wired, types)
+        self._outputs(spec, kind, wired, types, scope)
         written = {p: v for p, v in wired.items() if isinstance(v, Located) and p in inputs}
         self.leaves.append(Leaf(skill, spec.place, scope.namespace, keys, inputs, written))
         return skill
 
     def _forgive(self, values: Iterable[Value], scope: Scope) -> None:
-        """Take keys at ports that are not there as written, so that one mistake is told once."""
+        """Take keys at ports that are not there as read and written: one mistake is told once."""
         for value in values:
             if isinstance(key := self.resolve(value, scope), Key):
                 self.keys.written.setdefault(key.name, ANY)
+                self.keys.unread.pop(key.name, None)
 
     def _inputs(
         self, spec: SkillNode, kind: type[Skill], wired: Mapping[str, Value | None]
@@ -321,8 +321,9 @@ class Assembly:
             if isinstance(value, Key):
                 types[port] = self.keys.read(value, wanted.type, what, self.mistakes)
             elif value is not None:
-                inputs[port] = port_value(self.fit(value, wanted, what))
-                types[port] = _type_of(inputs[port]) if wanted.type == ANY else wanted.type
+                fitted = self.fit(value, wanted, what)
+                inputs[port] = REFUSED if fitted is None else port_value(fitted)
+                types[port] = type_of(inputs[port]) if wanted.type == ANY else wanted.type
             elif wanted.needed:
                 self.wrong(spec.place, f"{spec.skill} needs {port}: {info.description}")
         return inputs, types
@@ -333,14 +334,22 @@ class Assembly:
         kind: type[Skill],
         wired: Mapping[str, Value | None],
         types: Mapping[str, str],
+        scope: Scope,
     ) -> None:
         for port, info in kind.output_ports().items():
             value = wired.get(port)
+            like = types.get(info.like) if isinstance(info, Port) else None
+            written = like or declaration(info).type
             if isinstance(value, Key):
-                like = types.get(info.like) if isinstance(info, Port) else None
-                self.keys.write(value, like or declaration(info).type, self.mistakes)
+                self.keys.write(value, written, self.mistakes)
             elif value is not None:
-                self.wrong(value.place, f"{spec.skill} writes {port}; name a key such as ${port}")
+                self._unnamed(value, written, f"{spec.skill} writes {port}", port, scope)
+
+    def _unnamed(self, value: Located, kind: str, what: str, port: str, scope: Scope) -> None:
+        """Tell of a value where a key must be; a name that only lacks its $ counts as written."""
+        self.wrong(value.place, f"{what}; name a key such as ${port}")
+        if isinstance(value.value, str):
+            self.keys.written.setdefault(f"{scope.namespace}/{value.value}", kind)
 
     def _fixed(self, value: Value | None, scope: Scope, what: str) -> bool:
         """Whether something is written that may not be."""
@@ -368,19 +377,24 @@ class Assembly:
                 self._sources.use_poses()
         return fitted
 
-    def _check_names(self, given: Mapping[str, Value], known: Collection[str], what: str) -> None:
+    def _named(
+        self, given: Mapping[str, Value], known: Collection[str], what: str, scope: Scope
+    ) -> dict[str, Value]:
+        """The values of known ports, and of those that were probably meant by others.
+
+        Args:
+            given: As they are written.
+            known: The ports there are.
+            what: They are, in words, to tell what is none; empty for not to tell.
+            scope: Of the values.
+        """
+        likely = respelt(given, known)
         for port in given:
             if port not in known:
-                there = choices(port, known)
-                self.wrong(given[port].label, f"{port} is no {what}; there are {there}")
-
-
-def _stands_in(value: Any) -> bool:
-    """Whether a value, or one within it, is not known yet."""
-    if isinstance(value, Mapping):
-        return any(map(_stands_in, value.values()))
-    return any(map(_stands_in, value)) if isinstance(value, list) else isinstance(value, StandIn)
-
-
-def _type_of(value: object) -> str:
-    return {bool: "boolean", float: "number", str: "text"}.get(type(value), ANY)
+                there = choices(port, known, given)
+                if what:
+                    self.wrong(given[port].label, f"{port} is no {what}; there are {there}")
+                if port not in likely:
+                    self._forgive((given[port],), scope)
+        named = {likely.get(port, port): value for port, value in given.items()}
+        return {port: value for port, value in named.items() if port in known}

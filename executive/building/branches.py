@@ -9,7 +9,17 @@ from py_trees.composites import Selector, Sequence
 from py_trees.decorators import FailureIsSuccess, Inverter
 
 from skills import Context, Skill
-from trees import KINDS, ControlNode, Declaration, Key, Located, SkillNode, TreeNode, choices
+from trees import (
+    KINDS,
+    REFUSED,
+    ControlNode,
+    Declaration,
+    Key,
+    Located,
+    SkillNode,
+    TreeNode,
+    choices,
+)
 
 from .control import Guard, ReactiveSelector, ReactiveSequence, Repeat, Retry, Timeout, WaitFor
 from .join import Join, Race
@@ -36,16 +46,37 @@ class Branches:
 
     def make(self, spec: ControlNode, scope: Scope, shown: str) -> Behaviour:
         """The node of a spec, with all below it."""
-        options = {
+        if not spec.kind:
+            return self._unknown(spec, scope, shown)
+        found = {
             option: self._option(spec, option, declared, scope)
             for option, declared in KINDS[spec.kind].options.items()
         }
+        options = {option: value for option, value in found.items() if value is not REFUSED}
+        wrong = {
+            option: _UNKNOWN.get(option, KINDS[spec.kind].options[option].default)
+            for option in found.keys() - options.keys()
+        }
+        options |= wrong
         make: Callable[..., Behaviour] = getattr(self, f"_{spec.kind}", self._decorator)
         node = make(spec, scope, shown or spec.kind, options)
         self._assembly.controls[node] = spec.kind, options
+        if wrong:
+            self._assembly.doubtful.add(node)
+        return node
+
+    def _unknown(self, spec: ControlNode, scope: Scope, shown: str) -> Behaviour:
+        """A node of which nobody knows what it does with those it holds."""
+        children, ways = self._apart(spec, scope)
+        for way in ways:
+            self._assembly.keys.written |= way.written
+        self._assembly.keys.unread = {}
+        node = Join(shown or "?", children)
+        self._assembly.doubtful.add(node)
         return node
 
     def _option(self, spec: ControlNode, option: str, declared: Declaration, scope: Scope) -> Any:
+        """What an option is; REFUSED where it is wrong."""
         value = self._assembly.resolve(spec.options.get(option), scope)
         if isinstance(value, Key) and value.name in scope.stand_ins:
             stand_in = Located(value.place, scope.stand_ins[value.name], value.label)
@@ -53,10 +84,11 @@ class Branches:
             return _UNKNOWN.get(option, declared.default)
         if isinstance(value, Key):
             self._assembly.wrong(value.place, f"{spec.kind}: {option} must be known before the run")
-            return declared.default
+            return REFUSED
         if value is None:
-            return declared.default
-        return self._assembly.fit(value, declared, f"{spec.kind}: {option}")
+            return REFUSED if declared.needed else declared.default
+        fitted = self._assembly.fit(value, declared, f"{spec.kind}: {option}")
+        return REFUSED if fitted is None else fitted
 
     def _sequence(
         self, spec: ControlNode, scope: Scope, shown: str, options: Mapping[str, Any]
@@ -104,7 +136,7 @@ class Branches:
                 )
         children = [self._assembly.node(child, scope), asked]
         pause = options["otherwise"] == "pause"
-        return Guard(shown, children, self._context, pause, options["every"] or 0.1)
+        return Guard(shown, children, self._context, pause, options["every"])
 
     def _decorator(
         self, spec: ControlNode, scope: Scope, shown: str, options: Mapping[str, Any]
@@ -116,17 +148,15 @@ class Branches:
                 self._assembly.wrong(
                     child.place, "wait_for waits for nothing: its condition is known before the run"
                 )
-            return WaitFor(shown, asked, context, options["every"] or 0.1)
+            return WaitFor(shown, asked, context, options["every"])
         node = self._assembly.node(child, scope)
         match spec.kind:
             case "retry":
-                return Retry(
-                    shown, node, context, options["attempts"] or 1, options["backoff"] or 0
-                )
+                return Retry(shown, node, context, options["attempts"], options["backoff"])
             case "repeat":
                 return Repeat(shown, node, context, options["times"])
             case "timeout":
-                return Timeout(shown, node, context, options["after"] or 0.0)
+                return Timeout(shown, node, context, options["after"])
             case "force_success":
                 self._assembly.keys.join([before, self._assembly.keys])
                 return FailureIsSuccess(shown, node)

@@ -1,6 +1,6 @@
 """From a task file to a tree of skills: names, ports and wiring checked, nothing ticked yet."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,12 +9,13 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Access, Status
 
 from hardware import Robot
-from skills import Context, Positions, Skill, SkillBroken, SkillError
+from skills import Context, Positions, Skill, SkillBroken, SkillError, as_one, causes_of
 from skills.motion import MotionError
-from trees import Library, Located, Mistake, Place, TaskFile, meant
+from trees import Library, Located, Mistake, Place, TaskFile
 
 from .arguments import FILE, as_text, wrong
-from .assembly import Assembly, Leaf
+from .assembly import Assembly
+from .leaf import Leaf
 from .paths import paths
 from .resolved import RESOLVED, resolved
 
@@ -78,17 +79,11 @@ def build(
     if arguments:
         assembly.files[FILE] = as_text(arguments)
     root = assembly.task(*draft, f"/{namespace}", arguments or {})
-    if found := [*assembly.mistakes.found, *hidden(draft, library, context)]:
-        raise wrong(found, arguments or {})
-    for leaf in assembly.leaves:
-        try:
-            _judge(leaf, context.robot)
-        except SkillError as error:
-            place = _place(leaf, error)
-            at = f"{place.path.name}:{place.line}:{place.column}"
-            error.args = (f"{error}{_meant(error, context.robot)} ({at})",)
-            error.node = dict(paths(root))[leaf.skill]
-            raise
+    refused = refusals(assembly, context.robot)
+    if found := mistakes_of(assembly, draft, library, context):
+        raise wrong([*found, *(refusal.mistake for refusal in refused)], arguments or {})
+    if refused:
+        raise _cause(refused, dict(paths(root)))
     for leaf in assembly.leaves:
         _wire(leaf)
     assembly.files[RESOLVED] = resolved(root, assembly, f"/{namespace}")
@@ -96,40 +91,96 @@ def build(
     return Tree(root, skills, assembly.files, namespace)
 
 
-def hidden(
+def mistakes_of(
+    assembly: Assembly,
+    draft: tuple[TaskFile, list[Mistake]],
+    library: Library,
+    context: Context,
+) -> list[Mistake]:
+    """What is wrong with a task that was put together, or would be without its defaults."""
+    hidden = _hidden(draft, library, context)
+    mistyped = {
+        declared.default.place: f"the default of {name}: "
+        for name, declared in draft[0].parameters.items()
+        if isinstance(declared.default, Located)
+        and any(f"${name} is " in mistake.message for mistake in hidden)
+    }
+    # That a default fits no use of a mistyped parameter is told there, of every value.
+    told = (m for m in assembly.mistakes.found if m.message.startswith(mistyped.get(m.place, "")))
+    return [*told, *hidden]
+
+
+def _hidden(
     draft: tuple[TaskFile, list[Mistake]], library: Library, context: Context
 ) -> list[Mistake]:
     """What is wrong with a task whatever its parameters are, and only their defaults hide."""
     task, known = draft
-    if known or all(declared.needed for declared in task.parameters.values()):
+    if all(declared.needed for declared in task.parameters.values()):
         return []
     bare = {name: replace(each, default=None) for name, each in task.parameters.items()}
     assembly = Assembly(library, context)
-    assembly.task(replace(task, parameters=bare), (), "/hidden", None)
+    assembly.task(replace(task, parameters=bare), known, "/hidden", None)
     return assembly.mistakes.found
 
 
-def refusals(leaves: list[Leaf], robot: Robot) -> list[Mistake]:
-    """What skills refuse of what a task spells out, each at its place."""
-    refused: dict[tuple[Place, str], Mistake] = {}
-    for leaf in leaves:
-        try:
-            _judge(leaf, robot)
-        except (SkillError, MotionError) as error:
-            place, why = _place(leaf, error), f"{error}{_meant(error, robot)}"
+@dataclass(frozen=True)
+class Refusal:
+    """One thing that a skill refuses of what a task spells out.
+
+    Attributes:
+        leaf: Of the skill.
+        error: Why.
+        place: Where the value stands, as near as is known.
+    """
+
+    leaf: Leaf
+    error: SkillError | MotionError
+    place: Place
+
+    @property
+    def mistake(self) -> Mistake:
+        """The same as a mistake in a file."""
+        return Mistake(self.place, f"{type(self.leaf.skill).__name__}: {self.error}")
+
+
+def refusals(assembly: Assembly, robot: Robot) -> list[Refusal]:
+    """What skills refuse of what a task spells out; they count as doubtful from now on."""
+    refused: dict[tuple[Place, str], Refusal] = {}
+    for leaf in assembly.leaves:
+        for error in _judged(leaf, robot):
+            assembly.doubtful.add(leaf.skill)
+            place = _place(leaf, error)
             # What several skills refuse alike is told once.
-            refused.setdefault((place, why), Mistake(place, f"{type(leaf.skill).__name__}: {why}"))
+            refused.setdefault((place, str(error)), Refusal(leaf, error, place))
     return list(refused.values())
 
 
-def _judge(leaf: Leaf, robot: Robot) -> None:
-    """Have a skill judge its inputs; what its code raises else is an error of ours, too."""
+def _judged(leaf: Leaf, robot: Robot) -> Sequence[SkillError | MotionError]:
+    """What a skill refuses of its inputs; what its code raises else is an error of ours, too."""
+    kind = type(leaf.skill)
+    inputs = {**leaf.known, **leaf.partly} if kind.judges_parts else leaf.known
     try:
-        type(leaf.skill).judge(robot, leaf.known)
-    except (SkillError, MotionError):
-        raise
+        kind.judge(robot, inputs)
     except (Exception, SystemExit) as error:
-        raise SkillBroken(f"{type(leaf.skill).__name__}.judge", error) from error
+        causes = causes_of(error)
+        own = [cause for cause in causes if isinstance(cause, SkillError | MotionError)]
+        if own and len(own) == len(causes):
+            return own
+        return [SkillBroken(f"{kind.__name__}.judge", error)]
+    return ()
+
+
+def _cause(refused: Sequence[Refusal], nodes: Mapping[Behaviour, str]) -> Exception:
+    """What is refused as one error: where the first of it stands, with the words of all."""
+    for refusal in refused:
+        place = refusal.place
+        at = f"{place.path.name}:{place.line}:{place.column}"
+        refusal.error.args = (f"{refusal.error} ({at})",)
+    cause = as_one([refusal.error for refusal in refused])
+    (first,) = (refusal for refusal in refused if refusal.error is cause)
+    if isinstance(cause, SkillError):
+        cause.node = nodes[first.leaf.skill]
+    return cause
 
 
 def _place(leaf: Leaf, error: SkillError | MotionError) -> Place:
@@ -147,13 +198,6 @@ def _place(leaf: Leaf, error: SkillError | MotionError) -> Place:
             value = value.value[step]
             place = value.place
     return place
-
-
-def _meant(error: SkillError | MotionError, robot: Robot) -> str:
-    """Which joint was probably meant, where one is named that is not there."""
-    joints = [joint.name for joint in robot.joints]
-    last = error.way[-1] if isinstance(error, SkillError) and error.way else ""
-    return meant(last, joints) if isinstance(last, str) and last not in joints else ""
 
 
 def target_of(leaf: Leaf) -> Place:

@@ -9,7 +9,7 @@ from queue import SimpleQueue
 from py_trees.behaviour import Behaviour
 
 from hardware import Arm, RealClock, Robot
-from skills import Context, Positions, SkillError, Target
+from skills import Context, Positions, SkillError, Target, causes_of
 from skills.motion import (
     EMPTY,
     BadWorld,
@@ -22,10 +22,10 @@ from skills.motion import (
     WorkerDied,
     World,
 )
-from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, TreeError
+from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, StandIn, TreeError
 
-from .assembly import Assembly, Leaf
-from .builder import hidden, refusals
+from .assembly import Assembly
+from .builder import mistakes_of, refusals
 from .foreseen import Motion, Pose, foresee
 from .outline import Entry, outline
 
@@ -91,6 +91,17 @@ def outline_of(robot: Robot, library: Library, number: int) -> Entry:
     return outline(root, assembly.leaves, "/show")
 
 
+def check_task(robot: Robot, library: Library, number: int) -> None:
+    """See that a task is right, as far as that goes without a planner.
+
+    Raises:
+        UnknownTask: There is none of that number.
+        FileError: It is wrong, or a skill refuses what it spells out.
+    """
+    assembly, _ = _assembled(robot, library, number)
+    _check_refused(assembly, robot)
+
+
 def motions_of(
     robot: Robot,
     library: Library,
@@ -114,16 +125,20 @@ def motions_of(
         FileError: It is wrong.
     """
     assembly, root = _assembled(robot, library, number)
-    if refused := refusals(assembly.leaves, robot):
-        raise FileError(refused)
+    _check_refused(assembly, robot)
     return foresee(root, assembly.leaves, robot, carry, start, world)
+
+
+def _check_refused(assembly: Assembly, robot: Robot) -> None:
+    if refused := refusals(assembly, robot):
+        raise FileError(refusal.mistake for refusal in refused)
 
 
 def _assembled(robot: Robot, library: Library, number: int) -> tuple[Assembly, Behaviour]:
     assembly, draft = Assembly(library, _context(robot)), library.draft(number)
     root = assembly.task(*draft, "/show", None)
-    if found := [*assembly.mistakes.found, *hidden(draft, library, _context(robot))]:
-        raise FileError(found)
+    if found := mistakes_of(assembly, draft, library, _context(robot)):
+        raise FileError([*found, *(refusal.mistake for refusal in refusals(assembly, robot))])
     return assembly, root
 
 
@@ -165,11 +180,11 @@ class _Asked:
 
     Attributes:
         poses: Of files of poses, and where they are written.
-        trees: Root and skills of what could be built.
+        trees: Root of each tree, and what put it together.
     """
 
     poses: list[tuple[Place, Pose]] = field(default_factory=list)
-    trees: list[tuple[Behaviour, list[Leaf]]] = field(default_factory=list)
+    trees: list[tuple[Behaviour, Assembly]] = field(default_factory=list)
 
 
 class _Checker:
@@ -190,13 +205,14 @@ class _Checker:
             if isinstance(name, FileError):
                 raise name
             if name is None:
-                self._library.poses()
-                return self._reachable(self._library.poses_in(path))
+                files, found = self._library.draft_poses()
+                found = [mistake for mistake in found if mistake.place.path == path]
+                return [*found, *self._reachable(next(f for f in files if f.path == path))]
             assembly = Assembly(self._library, self._context)
             if isinstance(name, int):
                 draft = self._library.draft(name)
                 root = assembly.task(*draft, "/check", None)
-                found = [*assembly.mistakes.found, *hidden(draft, self._library, self._context)]
+                found = mistakes_of(assembly, draft, self._library, self._context)
             else:
                 place = Place(self._library.subtree_path(name), 1, 1)
                 file, known = self._library.subtree(name, place)
@@ -204,24 +220,24 @@ class _Checker:
                 found = assembly.mistakes.found
         except TreeError as error:
             return _mistakes(error)
-        if found:
-            return found
-        refused = refusals(assembly.leaves, self._context.robot)
-        if not refused:
-            self._asked.trees.append((root, assembly.leaves))
-        return refused
+        refused = refusals(assembly, self._context.robot)
+        self._asked.trees.append((root, assembly))
+        return [*found, *(refusal.mistake for refusal in refused)]
 
     def _reachable(self, file: PosesFile) -> list[Mistake]:
         """Poses that the robot cannot take, whether or not a task names them."""
         robot, wrong = self._context.robot, []
         for name, joints in file.poses.items():
             place = file.labels[name].label
+            known = Positions((j, q) for j, q in joints.items() if not isinstance(q, StandIn))
             try:
-                Target.judge(robot, {"joints": Positions(joints)})
-            except SkillError as error:
-                wrong.append(Mistake(place, f"{name}: {error}"))
+                Target.judge(robot, {"joints": known})
+            except (SkillError, ExceptionGroup) as error:
+                wrong += [Mistake(place, f"{name}: {why}") for why in causes_of(error)]
                 continue
             leaders = ({joint.name for joint in robot.leaders(group)} for group in robot.groups)
+            if len(known) < len(joints):
+                continue
             if any(names <= joints.keys() for names in leaders):  # the others as after a reset
                 pose = tuple(joints.get(joint.name, joint.boot) for joint in robot.actuated)
                 self._asked.poses.append((place, pose))
@@ -260,8 +276,10 @@ def _refused(asked: _Asked, context: Context) -> Iterator[Mistake]:
 def _bodies(asked: _Asked) -> dict[Body, list[Place]]:
     """What is added, and where that is written."""
     bodies: dict[Body, list[Place]] = {}
-    for _, leaves in asked.trees:
-        for leaf in leaves:
+    for _, assembly in asked.trees:
+        for leaf in assembly.leaves:
+            if leaf.skill in assembly.doubtful:
+                continue
             if body := type(leaf.skill).body(leaf.known):
                 bodies.setdefault(body, []).append(leaf.place)
     return bodies
@@ -281,8 +299,9 @@ def _poses(asked: _Asked, context: Context) -> dict[tuple[Pose, World], list[tup
     goal, start = "this pose collides", "before it moves here, the arm collides"
     for place, pose in asked.poses:
         poses.setdefault((pose, EMPTY), []).append((place, goal))
-    for root, leaves in asked.trees:
-        for motion in foresee(root, leaves, context.robot, carry):
+    for root, built in asked.trees:
+        leaves, doubtful = built.leaves, built.doubtful
+        for motion in foresee(root, leaves, context.robot, carry, doubtful=doubtful):
             if motion.start and (motion.start, motion.world) not in poses:
                 poses[motion.start, motion.world] = [(motion.place, start)]
             poses.setdefault((motion.pose, motion.world), []).append((motion.place, goal))

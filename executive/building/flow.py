@@ -4,7 +4,7 @@ Every node may succeed, may fail, and takes at least some time; what that is fol
 nodes below it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from py_trees.behaviour import Behaviour
@@ -33,10 +33,24 @@ class Fate:
     shortest: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Where nodes stand.
+
+    Attributes:
+        own: By node.
+        calls: Of the roots of subtrees, where these are asked for.
+    """
+
+    own: Mapping[Behaviour, Place]
+    calls: Mapping[Behaviour, Place]
+
+
 def check_flow(
     root: Behaviour,
     shortest: Mapping[Behaviour, float],
-    places: Mapping[Behaviour, Place],
+    places: Places,
+    doubtful: Collection[Behaviour],
     mistakes: Mistakes,
 ) -> None:
     """Find what cannot be meant.
@@ -45,22 +59,30 @@ def check_flow(
         root: Of the tree.
         shortest: How long each skill takes at least [s].
         places: Where the nodes stand.
+        doubtful: Nodes of which anything may become, as what they do is not known.
         mistakes: Told what is wrong.
     """
-    _Judge(shortest, places, mistakes).fate(root, False)
+    _Judge(shortest, places, doubtful, mistakes).fate(root, False)
 
 
 class _Judge:
     def __init__(
         self,
         shortest: Mapping[Behaviour, float],
-        places: Mapping[Behaviour, Place],
+        places: Places,
+        doubtful: Collection[Behaviour],
         mistakes: Mistakes,
     ) -> None:
         self._shortest, self._places, self._mistakes = shortest, places, mistakes
+        self._doubtful = doubtful
 
     def fate(self, node: Behaviour, ended: bool) -> Fate:
         """What can become of a node; `ended` says whether something above may halt it."""
+        if node in self._doubtful:
+            ends = isinstance(node, Guard | Join | Timeout)  # perhaps what it holds
+            for child in node.children:
+                self.fate(child, ended or ends)
+            return Fate()
         match node:
             case Skill():
                 least = self._shortest.get(node, 0.0)
@@ -162,8 +184,9 @@ class _Judge:
         """See that what stands after a child can be reached."""
         for child, on, following in zip(node.children, goes_on, node.children[1:], strict=False):
             if not on:
-                self._wrong(following, f"is never reached: {child.name} before it never {how}")
-                return
+                place = self._places.calls.get(following, self._places.own[following])
+                why = f"is never reached: {child.name} before it never {how}"
+                self._mistakes.add_also(place, f"{following.name} {why}")
 
     def _wrong(self, node: Behaviour, message: str) -> None:
-        self._mistakes.add(self._places[node], f"{node.name} {message}")
+        self._mistakes.add_also(self._places.own[node], f"{node.name} {message}")

@@ -1,11 +1,12 @@
 """What is around the arm by the time of each motion, as far as a task spells it out."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from py_trees import composites
 from py_trees.behaviour import Behaviour
+from py_trees.behaviours import Dummy
 
 from hardware import Robot
 from skills import (
@@ -23,9 +24,9 @@ from skills import (
 from skills.motion import EMPTY, Body, Carry, MotionError, World
 from trees import Place
 
-from .assembly import Leaf
 from .builder import target_of
 from .control import Guard, Repeat, Retry, Timeout, WaitFor
+from .leaf import Leaf
 
 Pose = tuple[float, ...]
 
@@ -62,6 +63,7 @@ def foresee(
     carry: Callable[[Carry], Body],
     start: Pose | None = None,
     world: World = EMPTY,
+    doubtful: Collection[Behaviour] = (),
 ) -> list[Motion]:
     """The motions of a task, each in the world as the task has made it by then.
 
@@ -72,8 +74,9 @@ def foresee(
         carry: Hands a body over to another link; may raise a MotionError.
         start: Where the arm stands at first [rad]; None where that is not known.
         world: What is around it at first.
+        doubtful: Nodes that are wrong, so that nobody knows what they would do.
     """
-    walk = _Walk({leaf.skill: leaf for leaf in leaves}, robot, carry)
+    walk = _Walk({leaf.skill: leaf for leaf in leaves}, robot, carry, doubtful)
     walk.through(root, _Now(world, start))
     return walk.motions
 
@@ -107,6 +110,10 @@ class _Now:
         rest = tuple(body for body in self.world.bodies if body.name not in gone)
         return replace(self, world=World(rest), unsure=self.unsure - gone)
 
+    def lost(self) -> "_Now":
+        """With nothing known of where the arm stands."""
+        return replace(self, pose=None, keys={})
+
     def unsure_of(self, names: Iterable[str]) -> "_Now":
         """With these bodies known no more."""
         now = self.without(names)
@@ -121,14 +128,18 @@ class _Walk:
         leaves: Mapping[Behaviour, Leaf],
         robot: Robot,
         carry: Callable[[Carry], Body],
+        doubtful: Collection[Behaviour],
     ) -> None:
         self._leaves, self._robot, self._carry = leaves, robot, carry
+        self._doubtful = doubtful
         self.motions: list[Motion] = []
 
     def through(self, node: Behaviour, now: _Now) -> _Now:
         """What is known after a node."""
         if isinstance(node, Skill):
             return self._after(self._leaves[node], now)
+        if isinstance(node, Dummy):  # whatever was meant may have changed anything
+            return now.unsure_of((_UNNAMED, *(body.name for body in now.world.bodies))).lost()
         if isinstance(node, _IN_TURN):
             for child in node.children:
                 now = self.through(child, now)
@@ -156,7 +167,8 @@ class _Walk:
         kind = type(leaf.skill)
         start = now.keys.get(leaf.keys.get("start", ""))
         inputs = {**leaf.known, "start": start} if start else leaf.known
-        poses = kind.poses(self._robot, inputs)
+        refused = leaf.skill in self._doubtful
+        poses = [] if refused else kind.poses(self._robot, inputs)
         for pose in poses:
             left_out = tuple(sorted(now.unsure))
             self.motions.append(Motion(target_of(leaf), pose, now.pose, now.world, left_out))
@@ -185,6 +197,8 @@ class _Walk:
         name = known["body"]
         if isinstance(skill, RemoveBody):
             return now.without((name,))
+        if skill in self._doubtful:
+            return now.unsure_of((name,))
         body = skill.body(known) if isinstance(skill, _ADDS) else self._carried(skill, known, now)
         return now.having(body) if body else now.unsure_of((name,))
 

@@ -41,13 +41,15 @@ class Keys:
         name, written = short(key), self.written.get(key.name, "")
         self.unread.pop(key.name, None)
         if not written:
-            mistakes.add(key.place, f"nothing has written ${name} when {what} reads it")
+            mistakes.add_last(key.place, f"nothing has written ${name} when {what} reads it")
         elif _OR in written:
             kinds = " or ".join(map(words, written.split(_OR)))
-            mistakes.add(key.place, f"{what}: ${name} is {kinds}, by the way that was taken before")
+            why = f"{what}: ${name} is {kinds}, by the way that was taken before"
+            mistakes.add_last(key.place, why)
             return ""
         elif not type_fits(written, wanted):
-            mistakes.add(key.place, f"{what}: ${name} is {words(written)}, not {words(wanted)}")
+            why = f"{what}: ${name} is {words(written)}, not {words(wanted)}"
+            mistakes.add_last(key.place, why)
         return written
 
     def write(self, key: Key, kind: str, mistakes: Mistakes) -> None:

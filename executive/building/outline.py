@@ -9,9 +9,9 @@ from py_trees.decorators import FailureIsSuccess, Inverter
 
 from skills import Skill
 
-from .assembly import Leaf
 from .control import Guard, ReactiveSelector, ReactiveSequence, Repeat, Retry, Timeout, WaitFor
 from .join import Join, Race
+from .leaf import Leaf
 
 # The first that fits counts.
 _KINDS: tuple[tuple[type[Behaviour], str], ...] = (

@@ -65,3 +65,8 @@ def port_value(fitted: Any) -> Any:
     if isinstance(fitted, list):
         return [port_value(item) for item in fitted]
     return Positions(fitted) if isinstance(fitted, dict) else fitted
+
+
+def type_of(value: object) -> str:
+    """The type of a value at a port that takes several."""
+    return {bool: "boolean", float: "number", str: "text"}.get(type(value), ANY)

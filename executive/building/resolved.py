@@ -9,7 +9,8 @@ from py_trees.behaviour import Behaviour
 from skills import Skill
 from trees import KINDS
 
-from .assembly import Assembly, Leaf
+from .assembly import Assembly
+from .leaf import Leaf
 
 RESOLVED = "task.resolved.yaml"
 

@@ -1,9 +1,20 @@
 """The files that trees are taken from, read once each."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from trees import Declaration, FileError, Library, Mistakes, SubtreeNode, TreeNode
+from trees import (
+    Declaration,
+    FileError,
+    Library,
+    Mistake,
+    Mistakes,
+    SubtreeFile,
+    SubtreeNode,
+    TaskFile,
+    TreeNode,
+    poses_of,
+)
 
 _SHOWN = 20  # numbers in a message
 
@@ -17,16 +28,18 @@ class Source:
         tree: What to do.
         declared: Its ports or parameters.
         what: Which of these.
+        certain: Whether these are all.
     """
 
     name: str
     tree: TreeNode
     declared: Mapping[str, Declaration]
     what: str
+    certain: bool
 
 
 class _AnyPose(dict[str, Mapping[str, float]]):
-    """Poses of a file that is wrong: any name may be one of them, so that none is blamed."""
+    """Poses of a file that cannot be read: any name may be one of them, so that none is blamed."""
 
     def __contains__(self, name: object) -> bool:
         return True
@@ -56,44 +69,49 @@ class Sources:
     def load_poses(self, mistakes: Mistakes) -> None:
         """Read the poses there are."""
         try:
-            self.poses, self._pose_files = self._library.poses()
+            files, wrong = self._library.draft_poses()
         except FileError as error:
             self.poses = _AnyPose()
-            _tell(error, mistakes)
+            mistakes.take(error.mistakes)
+            return
+        self.poses = poses_of(files)
+        mistakes.take(wrong)
+        if not wrong:
+            _, self._pose_files = self._library.poses()
 
     def use_poses(self) -> None:
         """Note that a pose was used."""
         self.files |= self._pose_files
 
     def get(self, spec: SubtreeNode, mistakes: Mistakes) -> Source | None:
-        """The file of a subtree or task; None where it is wrong, which is told once."""
+        """The file of a subtree or task; None where it cannot be read, which is told once."""
         if spec.source not in self._read:
             self._read[spec.source] = None
             try:
                 self._read[spec.source] = self._load(spec, mistakes)
             except FileError as error:
-                _tell(error, mistakes)
+                mistakes.take(error.mistakes)
         return self._read[spec.source]
 
     def _load(self, spec: SubtreeNode, mistakes: Mistakes) -> Source | None:
+        file: SubtreeFile | TaskFile
         if isinstance(spec.source, str):
             file, wrong = self._library.subtree(spec.source, spec.place)
-            path, text = file.path, file.text
-            source = Source(file.name, file.tree, file.ports, "port")
+            certain = _certain(wrong, "ports")
+            source = Source(spec.source, file.tree, file.ports, "port", certain)
         elif spec.source not in (numbers := self._library.numbers()):
             there = ", ".join(map(str, numbers[:_SHOWN])) + (", …" if numbers[_SHOWN:] else "")
             mistakes.add(spec.place, f"no task {spec.source}; there are {there}")
             return None
         else:
-            task, wrong = self._library.draft(spec.source)
-            path, text = task.path, task.text
-            source = Source(task.name, task.tree, task.parameters, "parameter")
-        if wrong:
-            raise FileError(wrong)
-        self.files[path.name] = text
+            file, wrong = self._library.draft(spec.source)
+            certain = _certain(wrong, "parameters")
+            source = Source(file.name, file.tree, file.parameters, "parameter", certain)
+        mistakes.take(wrong)
+        self.files[file.path.name] = file.text
         return source
 
 
-def _tell(error: FileError, mistakes: Mistakes) -> None:
-    for mistake in error.mistakes:
-        mistakes.add(mistake.place, mistake.message)
+def _certain(wrong: Iterable[Mistake], key: str) -> bool:
+    """Whether all that a file declares could be read."""
+    return not any(mistake.place.way in ("", key) for mistake in wrong)
