@@ -299,7 +299,6 @@ class Executive:
         getattr(self._arm, transition)()
         if transition == "activate":
             self._standing.commanded(self._arm.commanded)
-            self._owner.forgive()
         return self._arm.state
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
@@ -383,7 +382,7 @@ class Executive:
                 self._owner.interrupt(NotActive("the arm left *active* before the goal had ended"))
 
     def _fail(self, error: Exception) -> None:
-        self._owner.fail(error)
+        self._owner.interrupt(error)
 
     def _goal_changed(self, status: GoalStatus) -> None:
         self._recordings.goal_changed(status)

@@ -8,7 +8,7 @@ from functools import partial
 from threading import Lock, Thread
 
 import logs
-from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError, NotActive, State
+from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError, State
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, Located, TaskFile, TreeError
@@ -85,7 +85,6 @@ class Owner:
         self._blackboard = Lock()  # py_trees has one for all, and no lock
         self._ended = self._held = False
         self._thread: Thread | None = None
-        self._fault: Exception | None = None
 
     def start(self) -> None:
         """Begin to execute."""
@@ -106,15 +105,6 @@ class Owner:
     def stop_in_time(self, goal: Goal) -> None:
         """See that a goal that was asked to stop ends in time, though its tree hold the owner."""
         self._clock.spawn(partial(self._watch, goal), "deadline")
-
-    def fail(self, error: Exception) -> None:
-        """Say that the arm or a recording failed; ends the goal under way. From any thread."""
-        self._fault = self._fault or error
-        self.interrupt(error)
-
-    def forgive(self) -> None:
-        """Forget what failed: a person has activated the arm again."""
-        self._fault = None
 
     def interrupt(self, error: Exception) -> None:
         """End the goal under way, if there is one, for this error. From any thread."""
@@ -206,18 +196,13 @@ class Owner:
             raise ActivationStopped("canceled before the arm moved")
         if self._solo:
             self._activate()
-        try:
-            self._arm.check_active()  # first: a fault that is still being told hit the goal before
-        except NotActive as error:
-            if self._fault is None:
-                raise
-            raise NotActive(f"{error}; it failed: {self._fault}") from error
+        self._arm.check_active()  # first: a fault that is still being told hit the goal before
         if goal.mailbox.fault:
             raise goal.mailbox.fault
 
     def _activate(self) -> None:
-        if self._fault:  # coming back from a fault is a person's act
-            raise self._fault
+        if self._arm.failure:  # coming back from a fault is a person's act
+            raise self._arm.failure
         self._recordings.check_space()
         if self._arm.state is State.UNCONFIGURED:
             self._pool.start()  # it starts while the board boots
