@@ -13,7 +13,7 @@ from executive.server.access import KEEPALIVE
 
 from . import asks
 from .asks import Ask, CancelResult, OpenQuestion, Status, Task
-from .errors import GoalFailed, ServerUnreachable
+from .errors import GoalFailed, Refused, ServerUnreachable
 from .replies import check, reached
 from .sync import BEAT, NOTHING, PATIENCE, SILENCE
 
@@ -83,7 +83,13 @@ class AsyncClient:
 
     async def result(self, goal_id: str, timeout: float | None = None) -> Outcome:
         """Wait for the outcome of a goal [s]."""
-        return await self._do(asks.result(goal_id, timeout))
+        for seconds in asks.waits(timeout):
+            try:
+                return await self._do(asks.result(goal_id, seconds))
+            except Refused as error:
+                if error.code != asks.NOT_YET:
+                    raise
+        raise asks.not_ended(goal_id, timeout)
 
     async def goal(self, goal_id: str) -> GoalStatus:
         """What a goal is at."""
@@ -165,7 +171,7 @@ class AsyncClient:
 
         async def hold() -> None:
             with suppress(ServerUnreachable), reached(self.url):
-                await self._http.post(f"/api/goals/{goal_id}/hold", content=beats(), timeout=None)
+                await self._http.post(f"/api/goals/{goal_id}/hold", content=beats())
 
         holding = asyncio.create_task(hold())
         try:
@@ -181,10 +187,13 @@ class AsyncClient:
                     yield to_event(json.loads(line.removeprefix("data: ")))
 
     async def _do(self, ask: Ask[T]) -> T:
-        patience = None if ask.patience is None else PATIENCE + ask.patience
         with reached(self.url):
             response = await self._http.request(
-                ask.method, ask.path, json=ask.body, params=ask.query, timeout=patience
+                ask.method,
+                ask.path,
+                json=ask.body,
+                params=ask.query,
+                timeout=PATIENCE + ask.patience,
             )
         check(response)
         return ask.read(response.json())
