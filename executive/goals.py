@@ -18,7 +18,7 @@ from trees import Located
 
 from .causes import CANCELED_CAUSE, cause_of
 from .codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, OK, QUEUE_FULL
-from .errors import GoalPreempted, ResultTimeout, UnknownGoal
+from .errors import GoalPreempted, OwnerHeld, ResultTimeout, UnknownGoal
 from .goal import Cause, Goal, GoalState, GoalStatus, Outcome
 from .mailbox import Mailbox
 
@@ -219,11 +219,12 @@ class Goals:
             return goal.outcome is not None
 
     def give_up(self, goal: Goal, outcome: Outcome) -> bool:
-        """End a goal whose owner is held by it, and stays the one under way; whether it had not."""
+        """End a goal that holds its owner, which it goes on to do, and all that wait for that."""
         with self._signal:
             if goal.outcome:
                 return False
             waiters = self._end(goal, outcome)
+            self._abort_waiting(_held(goal))
         _call(waiters, outcome)
         return True
 
@@ -310,6 +311,9 @@ class Goals:
             words = f"there is a goal {identity} already; every goal needs a name of its own"
             return _refused(identity, DUPLICATE, words)
         busy = self._running or next(iter(self._waiting), None)
+        if busy and busy.outcome:
+            held = _held(busy)
+            return _refused(identity, held.code, str(held))
         if busy and self.policy is Policy.REJECT:
             words = f"goal {busy.identity} for task {busy.task} is under way; wait, or cancel it"
             return _refused(identity, BUSY, words)
@@ -320,16 +324,19 @@ class Goals:
 
     def _preempt(self, identity: str) -> Goal | None:
         """Make room for a goal."""
-        error, ended = GoalPreempted(identity), list(self._waiting)
-        cause = cause_of(error)
-        self._waiting.clear()
-        for goal in ended:
-            self._enter(goal, GoalState.EXECUTING)  # no goal is aborted before that
-            self._end_waiting(goal, GoalState.ABORTED, cause)
+        error = GoalPreempted(identity)
+        self._abort_waiting(error)
         if running := self._running:
             running.stops += 1
             running.mailbox.fail(error)
         return running
+
+    def _abort_waiting(self, error: Exception) -> None:
+        ended, cause = list(self._waiting), cause_of(error)
+        self._waiting.clear()
+        for goal in ended:
+            self._enter(goal, GoalState.EXECUTING)  # no goal is aborted before that
+            self._end_waiting(goal, GoalState.ABORTED, cause)
 
     def _uncancelable(self, identity: str) -> CancelCode | None:
         goal = self._goals.get(identity)
@@ -374,6 +381,11 @@ class Goals:
         since = self._clock.now() - self.keep
         while self._ended and (len(self._ended) > KEPT or self._ended[0].ended <= since):
             del self._goals[self._ended.popleft().identity]
+
+
+def _held(goal: Goal) -> OwnerHeld:
+    cause = goal.outcome and goal.outcome.cause
+    return OwnerHeld(goal.identity, goal.task, cause.node if cause else "")
 
 
 def _refused(identity: str, code: str, message: str) -> Acceptance:

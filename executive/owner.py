@@ -25,6 +25,7 @@ from .mailbox import Mailbox
 from .recording.recordings import Recordings
 from .results import record_of
 from .run import CANCEL_DEADLINE, Run
+from .stack import node_at_work
 from .verdict import judge
 
 logger = logging.getLogger(__name__)
@@ -85,6 +86,7 @@ class Owner:
         self._blackboard = Lock()  # py_trees has one for all, and no lock
         self._ended = self._held = False
         self._thread: Thread | None = None
+        self._tree: Tree | None = None  # that it may be in
 
     def start(self) -> None:
         """Begin to execute."""
@@ -181,6 +183,7 @@ class Owner:
     def _run(self, attempt: _Attempt) -> None:
         assert attempt.tree
         self._ready(attempt.goal)
+        self._tree = attempt.tree
         run = Run(attempt.goal, attempt.tree, self._arm, self._clock, self._recordings.tell)
         try:
             run.execute()
@@ -227,11 +230,12 @@ class Owner:
         deadline = CANCEL_DEADLINE + self._arm.robot.brake
         if self._goals.ends_in(goal, deadline) or not goal.mailbox.ticking:
             return
+        node = self._node_at_work()
         late = CancelTimeout(
             f"the tree of task {goal.task} did not stop within {deadline * 1000:.0f} ms: "
-            "the code of a skill does not return"
+            f"the code of {node or 'a skill'} does not return"
         )
-        outcome = self._outcome(goal, GoalState.ABORTED, cause_of(late))
+        outcome = self._outcome(goal, GoalState.ABORTED, cause_of(late, node))
         self._arm.fault(late)
         if self._goals.give_up(goal, outcome):
             _log_end(goal, outcome)
@@ -239,6 +243,11 @@ class Owner:
             with self._signal:
                 self._held = True
                 self._signal.notify()
+
+    def _node_at_work(self) -> str:
+        """Path of the node whose code the owner is in; empty where it is in none."""
+        thread, tree = self._thread, self._tree
+        return node_at_work(thread, tree.root) if thread and tree else ""
 
     def _outcome(self, goal: Goal, state: GoalState, cause: Cause | None) -> Outcome:
         return Outcome(
