@@ -11,16 +11,16 @@ import logs
 from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError, State
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
-from trees import Library, Located, TaskFile, TreeError
+from trees import Library, Located, TaskFile, TreeError, UnknownTask
 
 from .breakpoints import Breakpoints
-from .building.arguments import located
+from .building.arguments import BadArguments, located
 from .building.builder import Tree, build
 from .causes import cause_of
 from .codes import OK
 from .errors import GoalError
 from .goal import Cause, Goal, GoalState, Outcome
-from .goals import NOBODY, Goals
+from .goals import NOBODY, Goals, Policy
 from .mailbox import Mailbox
 from .recording.recordings import Recordings
 from .results import record_of
@@ -119,6 +119,12 @@ class Owner:
         self._try(attempt, self._build)
         self._discard(attempt)
         return attempt.error
+
+    def judge_request(self, task: int, arguments: Mapping[str, str | Located]) -> Exception | None:
+        """What is wrong with how a goal is asked for; what else is, its recording is to tell."""
+        busy = self._goals.policy is Policy.REJECT and self._goals.running  # refused in any case
+        error = None if busy else self.judge(task, arguments)
+        return error if isinstance(error, (UnknownTask, BadArguments)) else None
 
     def _own(self) -> None:
         try:

@@ -147,3 +147,16 @@ def test_a_server_ends_though_something_never_returns(server: RigMaker, tasks: P
     assert arm.clock.now() - begun < 60.0
     assert arm.executive.result(goal).code == "hw.cancel_timeout"
     arm.rest(3600.0)
+
+
+@pytest.mark.parametrize("policy", Policy)
+def test_what_is_asked_for_wrongly_is_refused_and_what_breaks_is_not(
+    server: RigMaker, tasks: Path, policy: Policy
+) -> None:
+    arm = server(tasks=tasks, policy=policy)
+    asked: list[tuple[int, dict[str, str]]] = [(99, {}), (2, {"nonsense": "3"}), (42, {})]
+    answers = [arm.executive.send_and_record(*each, "") for each in asked]
+    codes = ["goal.unknown_task", "goal.bad_arguments"]
+    last = "skill.broken" if policy is Policy.PREEMPT else "ok"
+    assert [answer.code for answer in answers] == [*codes, last]
+    assert [answer.cause is None for answer in answers] == [False, False, last == "ok"]

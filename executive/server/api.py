@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from json import dumps
 from typing import Any
@@ -18,7 +18,7 @@ from executive.goals import CancelAnswer
 from executive.live_library import LiveLibrary
 from executive.questions import Questions
 
-from .errors import BadRequest, TooMuch, refusal, status_of
+from .errors import BadRequest, TooMuch, status_of
 from .hub import LISTED, Hub
 from .metrics import Metrics
 from .openapi import document
@@ -112,9 +112,8 @@ class Api:
         acceptance = await asyncio.to_thread(
             self._executive.send_and_record, int(body["task"]), arguments, identity
         )
-        if not acceptance.accepted:
-            told = refusal(acceptance.code, acceptance.message)
-            return JSONResponse(told, status_of(acceptance.code))
+        if acceptance.cause:
+            return JSONResponse(asdict(acceptance.cause), status_of(acceptance.code))
         held = self._held.get(identity)
         if body.get("deadman") and not (held and held.is_set()):  # let go before there was a goal
             await self._stops.cancel(identity)

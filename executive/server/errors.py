@@ -11,8 +11,6 @@ import dataclasses
 from typing import Any
 
 from executive.causes import cause_of
-from executive.codes import look_up
-from executive.goal import Cause
 
 
 class RequestError(Exception):
@@ -95,8 +93,3 @@ def as_json(error: Exception) -> dict[str, Any]:
     cause = dataclasses.asdict(cause_of(error))
     hint = getattr(error, "hint", "")
     return cause | {"hint": hint} if hint else cause
-
-
-def refusal(code: str, message: str) -> dict[str, Any]:
-    """The same for a goal that was not accepted."""
-    return dataclasses.asdict(Cause(code, message, hint=look_up(code).hint))
