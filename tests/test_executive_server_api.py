@@ -114,7 +114,7 @@ def test_arguments_are_checked_as_in_the_file(serve: Serve) -> None:
     for arguments in ({"often": 4}, {"other": 1}, {"what": [1, {"a": None}]}):
         body = {"task": 12, "arguments": arguments}
         status, error = served.ask("POST", "/api/goals", body)
-        assert (status, error["code"]) == (422, "goal.bad_arguments")
+        assert (status, error["code"]) == (409, "goal.bad_arguments")
         assert next(iter(arguments)) in error["message"]
         assert error["hint"]
 
@@ -123,7 +123,7 @@ def test_a_number_is_an_integer_however_it_is_written(serve: Serve) -> None:
     served = serve()
     goal = served.ask("POST", "/api/goals", b'{"task": 11.0}')[1]["goal_id"]
     result = served.ask("GET", f"/api/goals/{goal}/result")[1]
-    assert (repr(result["task_number"]), result["recording"][-8:]) == ("11", "-11.mcap")
+    assert (repr(result["task"]), result["recording"][-8:]) == ("11", "-11.mcap")
 
 
 def test_who_joins_when_all_is_over_hears_of_no_goal(serve: Serve) -> None:
@@ -153,7 +153,7 @@ def test_a_failure_keeps_its_cause(serve: Serve) -> None:
     assert (result["state"], result["code"]) == ("ABORTED", "hw.not_active")
     assert result["cause"]["hint"]
     status, error = served.ask("POST", "/api/goals", {"task": 99})
-    assert (status, error["code"]) == (422, "goal.unknown_task")
+    assert (status, error["code"]) == (404, "goal.unknown_task")
     assert error["hint"]
 
 

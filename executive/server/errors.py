@@ -66,6 +66,8 @@ class TooMuch(RequestError):
 STATUS = {
     "goal": 422,
     "goal.unknown": 404,
+    "goal.unknown_task": 404,
+    "goal.bad_arguments": 409,  # of the right form, but not what the task takes as it is now
     "goal.unknown_question": 404,
     "goal.duplicate": 409,
     "goal.busy": 409,
