@@ -97,7 +97,10 @@ class AsyncClient:
 
     async def goals(self) -> tuple[GoalStatus, ...]:
         """All goals that are known."""
-        return await self._do(asks.goals())
+        found: tuple[GoalStatus, ...] = ()
+        while page := await self._do(asks.goals(found)):
+            found = page + found
+        return found
 
     async def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
         """Cancel a goal, those accepted until a time [ns since 1970], both, or all."""

@@ -203,9 +203,10 @@ def goal(goal_id: str) -> Ask[GoalStatus]:
     return Ask("GET", f"/api/goals/{goal_id}", to_goal)
 
 
-def goals() -> Ask[tuple[GoalStatus, ...]]:
-    """All goals that are known."""
-    return Ask("GET", "/api/goals", lambda told: tuple(map(to_goal, told["goals"])))
+def goals(after: tuple[GoalStatus, ...]) -> Ask[tuple[GoalStatus, ...]]:
+    """The page of goals that comes before those that are there already."""
+    query = {"before": after[0].stamp_ns} if after else {}
+    return Ask("GET", "/api/goals", lambda told: tuple(map(to_goal, told["goals"])), query=query)
 
 
 def cancel(goal_id: str, stamp_ns: int) -> Ask[CancelResult]:

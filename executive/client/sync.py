@@ -118,7 +118,10 @@ class Client:
 
     def goals(self) -> tuple[GoalStatus, ...]:
         """All goals that are known; ended ones are forgotten after a while."""
-        return self._do(asks.goals())
+        found: tuple[GoalStatus, ...] = ()
+        while page := self._do(asks.goals(found)):
+            found = page + found
+        return found
 
     def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
         """Cancel a goal, those accepted until a time [ns since 1970], both, or all."""
