@@ -263,6 +263,11 @@ CODES = {
     # The server
     "server": Code(13, "The server cannot take part", "start it again"),
     CLOSING: Code(13, "The server is ending", "start it again"),
+    "server.held": Code(
+        13,
+        "The code of a skill does not return, so that nothing else can be executed",
+        "start the server again, and mend the skill that is named",
+    ),
     "server.restarted": Code(
         13,
         "The server ended before the goal did",

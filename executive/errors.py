@@ -8,6 +8,7 @@ GoalError
 ├── TooManyBreakpoints  there are as many as there may be
 ├── NoSuchNode          no task has a node of that path
 ├── GoalPreempted       another goal took its place
+├── OwnerHeld           the code of a skill holds the thread that would execute it
 └── ServerRestarted     its server ended before it did
 
 Every error carries a stable `code`, and its message says what to do next.
@@ -78,6 +79,24 @@ class GoalPreempted(GoalError):
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"goal {identity} took its place; send it again if it is still wanted")
+
+
+class OwnerHeld(GoalError):
+    """The code of a skill does not return, and holds the thread that would execute it.
+
+    Args:
+        identity: Of the goal that has ended, but for that.
+        task: Which it was for.
+        node: Path in its tree; empty where it is not known.
+    """
+
+    code = "server.held"
+
+    def __init__(self, identity: str, task: int, node: str) -> None:
+        super().__init__(
+            f"the code of {node or 'a skill'} of goal {identity} for task {task} does not return, "
+            "so no other goal can be executed; start the server again"
+        )
 
 
 class ServerRestarted(GoalError):

@@ -51,7 +51,7 @@ def as_event(event: "Event") -> dict[str, Any]:
 def as_result(outcome: Outcome) -> dict[str, Any]:
     """How a goal ended."""
     return {
-        "task_number": outcome.task,
+        "task": outcome.task,
         "state": outcome.state.name,
         "success": outcome.success,
         "code": outcome.code,
@@ -68,7 +68,7 @@ def as_goal(goal: GoalStatus) -> dict[str, Any]:
     result = goal.outcome and {"goal_id": goal.identity, **as_result(goal.outcome)}
     return {
         "goal_id": goal.identity,
-        "task_number": goal.task,
+        "task": goal.task,
         "state": goal.state.name,
         "stamp_ns": goal.stamp_ns,
         "result": result,
@@ -117,7 +117,7 @@ def to_goal(plain: Mapping[str, Any]) -> GoalStatus:
     result = plain["result"]
     return GoalStatus(
         plain["goal_id"],
-        plain["task_number"],
+        plain["task"],
         GoalState[plain["state"]],
         plain["stamp_ns"],
         result and to_outcome(result),
@@ -127,7 +127,7 @@ def to_goal(plain: Mapping[str, Any]) -> GoalStatus:
 def to_outcome(plain: Mapping[str, Any]) -> Outcome:
     """The same of a result."""
     return Outcome(
-        task=plain["task_number"],
+        task=plain["task"],
         state=GoalState[plain["state"]],
         code=plain["code"],
         message=plain["message"],

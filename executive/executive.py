@@ -90,8 +90,7 @@ class Executive:
         self._watchers.add(watch)
         self._progress: logs.Feedback | None = None
         self._standing = Standing(robot, self._port, recordings, pose)
-        self._folder = recordings
-        self._marked = set[str]()
+        self._folder, self._marked = recordings, set[str]()
         noted = configuration_note(self._port, seed, timeout, policy.value, solo)
         self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail, noted)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
@@ -157,6 +156,7 @@ class Executive:
         task: int,
         arguments: Mapping[str, str | Located] = MappingProxyType({}),
         identity: str = "",
+        strict: bool = False,
     ) -> Acceptance:
         """Send a goal. Returns at once.
 
@@ -164,9 +164,11 @@ class Executive:
             task: Number of the task.
             arguments: Values of its parameters, by name; a text is read as it would be in a file.
             identity: 32 hexadecimal digits, made here where there are none.
+            strict: Whether it is refused, not aborted, where it is asked for wrongly.
         """
         preempts = self._goals.policy is Policy.PREEMPT
-        wrong = self._owner.judge(task, arguments) if preempts else None
+        judge = self._owner.judge if preempts else self._owner.judge_request
+        wrong = judge(task, arguments) if preempts or strict else None
         acceptance, preempted = self._goals.send(task, arguments, identity, wrong)
         self._stop_for(preempted)
         did = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
@@ -176,8 +178,8 @@ class Executive:
     def send_and_record(
         self, task: int, arguments: Mapping[str, str | Located], identity: str
     ) -> Acceptance:
-        """Send a goal, and return once a server started after this one would know of it."""
-        acceptance = self.send(task, arguments, identity)
+        """Send a goal, strictly; return once a server started after this one would know of it."""
+        acceptance = self.send(task, arguments, identity, strict=True)
         self._recordings.wait()
         return acceptance
 
@@ -299,7 +301,6 @@ class Executive:
         getattr(self._arm, transition)()
         if transition == "activate":
             self._standing.commanded(self._arm.commanded)
-            self._owner.forgive()
         return self._arm.state
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
@@ -383,7 +384,7 @@ class Executive:
                 self._owner.interrupt(NotActive("the arm left *active* before the goal had ended"))
 
     def _fail(self, error: Exception) -> None:
-        self._owner.fail(error)
+        self._owner.interrupt(error)
 
     def _goal_changed(self, status: GoalStatus) -> None:
         self._recordings.goal_changed(status)

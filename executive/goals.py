@@ -9,7 +9,7 @@ import re
 import uuid
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import islice
 
@@ -17,8 +17,8 @@ from hardware import Clock
 from trees import Located
 
 from .causes import CANCELED_CAUSE, cause_of
-from .codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, OK, QUEUE_FULL
-from .errors import GoalPreempted, ResultTimeout, UnknownGoal
+from .codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, OK, QUEUE_FULL, look_up
+from .errors import GoalPreempted, OwnerHeld, ResultTimeout, UnknownGoal
 from .goal import Cause, Goal, GoalState, GoalStatus, Outcome
 from .mailbox import Mailbox
 
@@ -57,6 +57,7 @@ class Acceptance:
         stamp_ns: When it was accepted, UTC [ns since 1970]; 0 where it was refused.
         code: Stable name of the cause of a refusal; `ok` where there is none.
         message: In words.
+        cause: Of a refusal.
     """
 
     identity: str
@@ -64,6 +65,7 @@ class Acceptance:
     stamp_ns: int
     code: str
     message: str
+    cause: Cause | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +103,7 @@ class Goals:
         self._waiting: deque[Goal] = deque()
         self._ended: deque[Goal] = deque()
         self._running: Goal | None = None
-        self._last_ns = 0
-        self._closed = False
+        self._last_ns, self._closed = 0, False
 
     def send(
         self,
@@ -129,8 +130,7 @@ class Goals:
             if refused := self._refusal(identity):
                 return refused, None
             if wrong:
-                cause = cause_of(wrong)
-                return _refused(identity, cause.code, cause.message), None
+                return _refused(identity, cause_of(wrong)), None
             preempted = self._preempt(identity) if self.policy is Policy.PREEMPT else None
             now, mailbox = self._clock.now(), Mailbox(self._clock)
             goal = Goal(identity, task, arguments, now, self._stamp(now), mailbox)
@@ -219,11 +219,12 @@ class Goals:
             return goal.outcome is not None
 
     def give_up(self, goal: Goal, outcome: Outcome) -> bool:
-        """End a goal whose owner is held by it, and stays the one under way; whether it had not."""
+        """End a goal that holds its owner, which it goes on to do, and all that wait for that."""
         with self._signal:
             if goal.outcome:
                 return False
             waiters = self._end(goal, outcome)
+            self._abort_waiting(_held(goal))
         _call(waiters, outcome)
         return True
 
@@ -302,34 +303,39 @@ class Goals:
 
     def _refusal(self, identity: str) -> Acceptance | None:
         if self._closed:
-            return _refused(identity, CLOSING, "the server is ending; start it again")
+            return _refused(identity, Cause(CLOSING, "the server is ending; start it again"))
         if not _IDENTITY.fullmatch(identity):
             words = f"{identity!r} names no goal: 32 lower-case hexadecimal digits do"
-            return _refused(identity, BAD_IDENTITY, words)
+            return _refused(identity, Cause(BAD_IDENTITY, words))
         if identity in self._goals:
             words = f"there is a goal {identity} already; every goal needs a name of its own"
-            return _refused(identity, DUPLICATE, words)
+            return _refused(identity, Cause(DUPLICATE, words))
         busy = self._running or next(iter(self._waiting), None)
+        if busy and busy.outcome:
+            return _refused(identity, cause_of(_held(busy)))
         if busy and self.policy is Policy.REJECT:
             words = f"goal {busy.identity} for task {busy.task} is under way; wait, or cancel it"
-            return _refused(identity, BUSY, words)
+            return _refused(identity, Cause(BUSY, words))
         if self.policy is Policy.QUEUE and len(self._waiting) >= WAITING:
             words = f"{WAITING} goals wait for their turn already; wait, or cancel some"
-            return _refused(identity, QUEUE_FULL, words)
+            return _refused(identity, Cause(QUEUE_FULL, words))
         return None
 
     def _preempt(self, identity: str) -> Goal | None:
         """Make room for a goal."""
-        error, ended = GoalPreempted(identity), list(self._waiting)
-        cause = cause_of(error)
-        self._waiting.clear()
-        for goal in ended:
-            self._enter(goal, GoalState.EXECUTING)  # no goal is aborted before that
-            self._end_waiting(goal, GoalState.ABORTED, cause)
+        error = GoalPreempted(identity)
+        self._abort_waiting(error)
         if running := self._running:
             running.stops += 1
             running.mailbox.fail(error)
         return running
+
+    def _abort_waiting(self, error: Exception) -> None:
+        ended, cause = list(self._waiting), cause_of(error)
+        self._waiting.clear()
+        for goal in ended:
+            self._enter(goal, GoalState.EXECUTING)  # no goal is aborted before that
+            self._end_waiting(goal, GoalState.ABORTED, cause)
 
     def _uncancelable(self, identity: str) -> CancelCode | None:
         goal = self._goals.get(identity)
@@ -376,8 +382,14 @@ class Goals:
             del self._goals[self._ended.popleft().identity]
 
 
-def _refused(identity: str, code: str, message: str) -> Acceptance:
-    return Acceptance(identity, False, 0, code, message)
+def _held(goal: Goal) -> OwnerHeld:
+    cause = goal.outcome and goal.outcome.cause
+    return OwnerHeld(goal.identity, goal.task, cause.node if cause else "")
+
+
+def _refused(identity: str, cause: Cause) -> Acceptance:
+    told = replace(cause, hint=look_up(cause.code).hint)
+    return Acceptance(identity, False, 0, cause.code, cause.message, told)
 
 
 def _call(waiters: list[Callable[[Outcome], None]], outcome: Outcome) -> None:

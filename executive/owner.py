@@ -8,23 +8,24 @@ from functools import partial
 from threading import Lock, Thread
 
 import logs
-from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError, NotActive, State
+from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError, State
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
-from trees import Library, Located, TaskFile, TreeError
+from trees import Library, Located, TaskFile, TreeError, UnknownTask
 
 from .breakpoints import Breakpoints
-from .building.arguments import located
+from .building.arguments import BadArguments, located
 from .building.builder import Tree, build
 from .causes import cause_of
 from .codes import OK
 from .errors import GoalError
 from .goal import Cause, Goal, GoalState, Outcome
-from .goals import NOBODY, Goals
+from .goals import NOBODY, Goals, Policy
 from .mailbox import Mailbox
 from .recording.recordings import Recordings
 from .results import record_of
 from .run import CANCEL_DEADLINE, Run
+from .stack import node_at_work
 from .verdict import judge
 
 logger = logging.getLogger(__name__)
@@ -85,7 +86,7 @@ class Owner:
         self._blackboard = Lock()  # py_trees has one for all, and no lock
         self._ended = self._held = False
         self._thread: Thread | None = None
-        self._fault: Exception | None = None
+        self._tree: Tree | None = None  # that it may be in
 
     def start(self) -> None:
         """Begin to execute."""
@@ -107,15 +108,6 @@ class Owner:
         """See that a goal that was asked to stop ends in time, though its tree hold the owner."""
         self._clock.spawn(partial(self._watch, goal), "deadline")
 
-    def fail(self, error: Exception) -> None:
-        """Say that the arm or a recording failed; ends the goal under way. From any thread."""
-        self._fault = self._fault or error
-        self.interrupt(error)
-
-    def forgive(self) -> None:
-        """Forget what failed: a person has activated the arm again."""
-        self._fault = None
-
     def interrupt(self, error: Exception) -> None:
         """End the goal under way, if there is one, for this error. From any thread."""
         if goal := self._goals.running:
@@ -127,6 +119,12 @@ class Owner:
         self._try(attempt, self._build)
         self._discard(attempt)
         return attempt.error
+
+    def judge_request(self, task: int, arguments: Mapping[str, str | Located]) -> Exception | None:
+        """What is wrong with how a goal is asked for; what else is, its recording is to tell."""
+        busy = self._goals.policy is Policy.REJECT and self._goals.running  # refused in any case
+        error = None if busy else self.judge(task, arguments)
+        return error if isinstance(error, (UnknownTask, BadArguments)) else None
 
     def _own(self) -> None:
         try:
@@ -191,6 +189,7 @@ class Owner:
     def _run(self, attempt: _Attempt) -> None:
         assert attempt.tree
         self._ready(attempt.goal)
+        self._tree = attempt.tree
         run = Run(attempt.goal, attempt.tree, self._arm, self._clock, self._recordings.tell)
         try:
             run.execute()
@@ -206,18 +205,13 @@ class Owner:
             raise ActivationStopped("canceled before the arm moved")
         if self._solo:
             self._activate()
-        try:
-            self._arm.check_active()  # first: a fault that is still being told hit the goal before
-        except NotActive as error:
-            if self._fault is None:
-                raise
-            raise NotActive(f"{error}; it failed: {self._fault}") from error
+        self._arm.check_active()  # first: a fault that is still being told hit the goal before
         if goal.mailbox.fault:
             raise goal.mailbox.fault
 
     def _activate(self) -> None:
-        if self._fault:  # coming back from a fault is a person's act
-            raise self._fault
+        if self._arm.failure:  # coming back from a fault is a person's act
+            raise self._arm.failure
         self._recordings.check_space()
         if self._arm.state is State.UNCONFIGURED:
             self._pool.start()  # it starts while the board boots
@@ -242,11 +236,12 @@ class Owner:
         deadline = CANCEL_DEADLINE + self._arm.robot.brake
         if self._goals.ends_in(goal, deadline) or not goal.mailbox.ticking:
             return
+        node = self._node_at_work()
         late = CancelTimeout(
             f"the tree of task {goal.task} did not stop within {deadline * 1000:.0f} ms: "
-            "the code of a skill does not return"
+            f"the code of {node or 'a skill'} does not return"
         )
-        outcome = self._outcome(goal, GoalState.ABORTED, cause_of(late))
+        outcome = self._outcome(goal, GoalState.ABORTED, cause_of(late, node))
         self._arm.fault(late)
         if self._goals.give_up(goal, outcome):
             _log_end(goal, outcome)
@@ -254,6 +249,11 @@ class Owner:
             with self._signal:
                 self._held = True
                 self._signal.notify()
+
+    def _node_at_work(self) -> str:
+        """Path of the node whose code the owner is in; empty where it is in none."""
+        thread, tree = self._thread, self._tree
+        return node_at_work(thread, tree.root) if thread and tree else ""
 
     def _outcome(self, goal: Goal, state: GoalState, cause: Cause | None) -> Outcome:
         return Outcome(

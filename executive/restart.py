@@ -51,13 +51,13 @@ def earlier(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
         since: Only what was recorded since then [s since 1970].
 
     Yields:
-        Identity, stamp [ns since 1970], and how it ended.
+        Identity, stamp [ns since 1970], and how it ended, by their stamps.
     """
     goals: dict[str, _Goal] = {}
     for recording in logs.left(folder, since):
         with suppress(logs.LogError):  # what can be read of it counts
             _read(recording, goals)
-    for identity, goal in goals.items():
+    for identity, goal in sorted(goals.items(), key=lambda item: item[1].stamp_ns):
         if goal.served or goal.result is None:
             yield identity, goal.stamp_ns, goal.outcome
 

@@ -88,8 +88,9 @@ class Run:
             done = self._progress.done()
             self._tell(Feedback(self._clock.now(), self._goal.identity, *done))
             return True
-        if mailbox.fault:
-            raise mailbox.fault
+        # An arm that has failed refuses a motion before it has told everybody why.
+        if fault := mailbox.fault or self._arm.failure:
+            raise fault
         return False
 
     def _tick(self) -> None:

@@ -299,10 +299,9 @@ class Arm:
 
     def _not_active(self) -> NotActive:
         state = "failing" if self.state is State.ACTIVE else self.state.value
-        first = "activate it first"
-        if self.state is not State.INACTIVE:
-            first = f"configure and {first}"
-        return NotActive(f"the arm is {state}; {first}")
+        first = "" if self.state is State.INACTIVE else "configure and "
+        why = f"; it failed: {self._failure}" if self._failure else ""
+        return NotActive(f"the arm is {state}; {first}activate it first{why}")
 
     def _configure(self) -> Result:
         self._look_out_no_longer()

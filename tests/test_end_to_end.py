@@ -124,7 +124,7 @@ def test_tasks_run_and_leave_recordings(tmp_path: Path, robot: Path) -> None:
     told = events(out)
     results = [event for event in told if event["event"] == "result"]
     assert told[-1] is results[-1]
-    assert [r["task_number"] for r in results] == [0, 1, 2]
+    assert [r["task"] for r in results] == [0, 1, 2]
     assert {r["state"] for r in results} == {"SUCCEEDED"}
     assert all(r["success"] and r["code"] == "ok" for r in results)
     last = ["b090,s090,e090,g080,", "b009,s125,e085,g000,", "b000,s090,e038,g000,"]

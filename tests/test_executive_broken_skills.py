@@ -153,8 +153,14 @@ def test_what_never_returns_does_not_outlive_a_cancel(server: RigMaker, tasks: P
     outcome = arm.executive.result(goal, 60.0)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.cancel_timeout")
     assert arm.clock.now() - begun == pytest.approx(0.25)
+    assert outcome.cause
+    assert outcome.cause.node == "t43/Hangs"
+    assert "the code of t43/Hangs does not return" in outcome.message
     assert arm.executive.snapshot().arm is State.UNCONFIGURED
-    assert arm.executive.send(1).code == "goal.busy"  # there is nobody who could do it
+    refused = arm.executive.send(1)
+    assert (refused.code, arm.executive.goals()[-1].identity) == ("server.held", goal)
+    words = f"the code of t43/Hangs of goal {goal} for task 43 does not return"
+    assert refused.message.startswith(words)
     arm.rest(3600.0)
     (result,) = logs.Recording(Path(outcome.recording)).records(logs.Result)
     assert isinstance(result, logs.Result)
@@ -162,6 +168,22 @@ def test_what_never_returns_does_not_outlive_a_cancel(server: RigMaker, tasks: P
     arm.executive.arm_to("configure")
     arm.executive.arm_to("activate")
     assert run(arm, 1).success
+
+
+@pytest.mark.parametrize("policy", [Policy.QUEUE, Policy.PREEMPT])
+def test_what_waits_for_what_never_returns_is_told_so(
+    server: RigMaker, tasks: Path, policy: Policy
+) -> None:
+    arm = server(tasks=tasks, policy=policy)
+    first = arm.executive.send(43).identity
+    arm.rest(1.0)
+    waiting = arm.executive.send(1).identity
+    arm.executive.cancel(first)
+    outcome = arm.executive.result(waiting, 60.0)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "server.held")
+    assert arm.executive.result(first).code == "hw.cancel_timeout"
+    assert [arm.executive.send(1).code for _ in range(2)] == ["server.held"] * 2
+    arm.rest(3600.0)
 
 
 def test_a_server_ends_though_something_never_returns(server: RigMaker, tasks: Path) -> None:
@@ -173,3 +195,16 @@ def test_a_server_ends_though_something_never_returns(server: RigMaker, tasks: P
     assert arm.clock.now() - begun < 60.0
     assert arm.executive.result(goal).code == "hw.cancel_timeout"
     arm.rest(3600.0)
+
+
+@pytest.mark.parametrize("policy", Policy)
+def test_what_is_asked_for_wrongly_is_refused_and_what_breaks_is_not(
+    server: RigMaker, tasks: Path, policy: Policy
+) -> None:
+    arm = server(tasks=tasks, policy=policy)
+    asked: list[tuple[int, dict[str, str]]] = [(99, {}), (2, {"nonsense": "3"}), (42, {})]
+    answers = [arm.executive.send_and_record(*each, "") for each in asked]
+    codes = ["goal.unknown_task", "goal.bad_arguments"]
+    last = "skill.broken" if policy is Policy.PREEMPT else "ok"
+    assert [answer.code for answer in answers] == [*codes, last]
+    assert [answer.cause is None for answer in answers] == [False, False, last == "ok"]

@@ -1,6 +1,7 @@
 """Runs that are stopped: by a person at any moment, by a fault, by a bug."""
 
 import dataclasses
+import logging
 import os
 import threading
 from collections.abc import Callable
@@ -189,6 +190,32 @@ def test_unplugged_before_it_moves(rig: RigMaker, node: str) -> None:
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.port_lost")
     assert arm.frames == []
     check_given_up(arm)
+
+
+def test_a_motion_that_cannot_begin_for_a_fault_ends_with_that_fault(server: RigMaker) -> None:
+    arm, failed = server(), threading.Event()
+
+    class Telling(logging.Handler):
+        """The arm has failed, and nobody is told of it before the goal has ended."""
+
+        def emit(self, _: logging.LogRecord) -> None:
+            failed.set()
+            arm.executive.result(arm.statuses[0].identity)
+
+    def fail(record: logs.Record) -> None:
+        if isinstance(record, logs.NodeStatus) and record.name == "Execute" and not failed.is_set():
+            arm.link.unplug()
+            assert failed.wait(5)
+
+    telling, log = Telling(logging.ERROR), logging.getLogger("hardware.arm")
+    log.addHandler(telling)
+    arm.on_record = fail
+    try:
+        outcome = arm.executive.result(arm.executive.send(1).identity)
+    finally:
+        log.removeHandler(telling)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.port_lost")
+    assert arm.frames == []
 
 
 @pytest.mark.parametrize("number", [1, 2, 20, 31])

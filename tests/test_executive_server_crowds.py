@@ -133,10 +133,22 @@ def test_a_list_of_goals_has_an_end(serve: Serve, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(api, "LISTED", 2)
     served = serve()
     with served.client() as client:
-        assert all(client.run(11).success for _ in range(3))
-        listed = served.ask("GET", "/api/goals")[1]["goals"]
-        known = [goal.identity for goal in served.executive.goals()]
-    assert [goal["goal_id"] for goal in listed] == known[-2:]
+        assert all(client.run(11).success for _ in range(5))
+        known = served.executive.goals()
+        identities = [goal.identity for goal in known]
+        assert [goal.identity for goal in client.goals()] == identities
+
+    def listed(query: str) -> list[str]:
+        status, told = served.ask("GET", f"/api/goals{query}")
+        return [goal["goal_id"] for goal in told["goals"]] if status == 200 else [told["code"]]
+
+    assert listed("") == identities[-2:]
+    assert listed(f"?before={known[-2].stamp_ns}") == identities[-4:-2]
+    assert listed(f"?before={known[-2].stamp_ns}&limit=1") == identities[-3:-2]
+    assert listed(f"?before={known[0].stamp_ns}") == []
+    assert listed("?limit=4") == identities[-4:]
+    for wrong in ("limit=0", "limit=151", "limit=1.5", "limit=x", "before=-1", f"before={10**30}"):
+        assert listed(f"?{wrong}") == ["request.malformed"]
 
 
 def test_a_watcher_who_reads_nothing_is_dropped(

@@ -4,12 +4,13 @@ import asyncio
 import socket
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from executive import AsyncClient, Client, ServerUnreachable
-from executive.client import aio, sync
+from executive import AsyncClient, Client, Refused, ServerUnreachable
+from executive.client import aio, asks, sync
 from executive.server import hub
 from tests.serving import Serve
 from tests.strangers import head, raw
@@ -23,10 +24,11 @@ def mute() -> Iterator[str]:
     over = threading.Event()
 
     def begin() -> None:
-        for _ in range(2):
-            connection, _ = listener.accept()
-            threads.append(threading.Thread(target=hold, args=(connection,)))
-            threads[-1].start()
+        with suppress(OSError):  # it is shut down
+            while True:
+                connection, _ = listener.accept()
+                threads.append(threading.Thread(target=hold, args=(connection,)))
+                threads[-1].start()
 
     def hold(connection: socket.socket) -> None:
         with connection:
@@ -40,6 +42,7 @@ def mute() -> Iterator[str]:
         threads[0].start()
         yield f"http://127.0.0.1:{listener.getsockname()[1]}"
         over.set()
+        listener.shutdown(socket.SHUT_RDWR)
         for thread in threads:
             thread.join()
 
@@ -75,6 +78,55 @@ def test_a_server_that_says_nothing_any_more_is_given_up(
                 await anext(events)
 
     asyncio.run(watch())
+
+
+def test_a_server_that_does_not_answer_any_more_is_given_up_by_who_waits_for_a_goal(
+    mute: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(asks, "AT_A_TIME", 0.05)
+    monkeypatch.setattr(sync, "PATIENCE", 0.05)
+    monkeypatch.setattr(aio, "PATIENCE", 0.05)
+    with Client(mute, "token") as client:
+        with pytest.raises(ServerUnreachable, match="its answer takes too long"):
+            client.result("ab" * 16)
+        with client.hold("ab" * 16):
+            pass  # to let go needs no answer either
+
+    async def wait() -> None:
+        async with AsyncClient(mute, "token") as client:
+            with pytest.raises(ServerUnreachable, match="its answer takes too long"):
+                await client.result("ab" * 16)
+            async with client.hold("ab" * 16):
+                pass
+
+    asyncio.run(wait())
+
+
+def test_who_waits_for_a_goal_asks_again_and_again(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(asks, "AT_A_TIME", 0.01)
+    served = serve()
+    with served.client() as client:
+        goal = client.send(10)
+        with pytest.raises(Refused, match=r"has not ended within 0\.05 s") as refused:
+            client.result(goal, 0.05)
+        assert refused.value.code == "goal.result_timeout"
+        canceling = threading.Timer(0.05, client.cancel)
+        canceling.start()
+        assert client.result(goal).code == "goal.canceled"
+        canceling.join()
+
+    async def wait() -> None:
+        async with AsyncClient(served.server.url) as client:
+            goal = await client.send(10)
+            with pytest.raises(Refused, match=r"has not ended within 0\.05 s"):
+                await client.result(goal, 0.05)
+            waiting = asyncio.create_task(client.result(goal))
+            await client.cancel()
+            assert (await waiting).code == "goal.canceled"
+
+    asyncio.run(wait())
 
 
 def test_silence_is_longer_than_a_beat_that_is_late() -> None:

@@ -13,7 +13,7 @@ from executive.server.access import KEEPALIVE
 
 from . import asks
 from .asks import Ask, CancelResult, OpenQuestion, Status, Task
-from .errors import GoalFailed, ServerUnreachable
+from .errors import GoalFailed, Refused, ServerUnreachable
 from .replies import check, reached
 from .sync import BEAT, NOTHING, PATIENCE, SILENCE
 
@@ -83,7 +83,13 @@ class AsyncClient:
 
     async def result(self, goal_id: str, timeout: float | None = None) -> Outcome:
         """Wait for the outcome of a goal [s]."""
-        return await self._do(asks.result(goal_id, timeout))
+        for seconds in asks.waits(timeout):
+            try:
+                return await self._do(asks.result(goal_id, seconds))
+            except Refused as error:
+                if error.code != asks.NOT_YET:
+                    raise
+        raise asks.not_ended(goal_id, timeout)
 
     async def goal(self, goal_id: str) -> GoalStatus:
         """What a goal is at."""
@@ -91,7 +97,10 @@ class AsyncClient:
 
     async def goals(self) -> tuple[GoalStatus, ...]:
         """All goals that are known."""
-        return await self._do(asks.goals())
+        found: tuple[GoalStatus, ...] = ()
+        while page := await self._do(asks.goals(found)):
+            found = page + found
+        return found
 
     async def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
         """Cancel a goal, those accepted until a time [ns since 1970], both, or all."""
@@ -165,7 +174,7 @@ class AsyncClient:
 
         async def hold() -> None:
             with suppress(ServerUnreachable), reached(self.url):
-                await self._http.post(f"/api/goals/{goal_id}/hold", content=beats(), timeout=None)
+                await self._http.post(f"/api/goals/{goal_id}/hold", content=beats())
 
         holding = asyncio.create_task(hold())
         try:
@@ -181,10 +190,13 @@ class AsyncClient:
                     yield to_event(json.loads(line.removeprefix("data: ")))
 
     async def _do(self, ask: Ask[T]) -> T:
-        patience = None if ask.patience is None else PATIENCE + ask.patience
         with reached(self.url):
             response = await self._http.request(
-                ask.method, ask.path, json=ask.body, params=ask.query, timeout=patience
+                ask.method,
+                ask.path,
+                json=ask.body,
+                params=ask.query,
+                timeout=PATIENCE + ask.patience,
             )
         check(response)
         return ask.read(response.json())

@@ -1,17 +1,26 @@
 """What can be asked of a server, without the asking: both clients send these."""
 
+import dataclasses
+import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
+from executive.causes import cause_of
+from executive.errors import ResultTimeout
 from executive.events import to_goal, to_outcome
 from executive.goal import Cause, GoalStatus, Outcome
 from executive.goals import CancelCode
 from executive.server import access
 
+from .errors import Refused
+
 T = TypeVar("T")
+
+AT_A_TIME = 15.0  # [s] that an answer may wait for a goal's end; then it is asked for again
+NOT_YET = ResultTimeout.code
 
 _OUR_NAMES = ("127.0.0.1", "localhost", "::1")
 
@@ -116,7 +125,7 @@ class Ask(Generic[T]):
         read: Makes the answer of the JSON that comes.
         body: What to send; None for nothing.
         query: Parameters.
-        patience: How long the answer may take beyond the usual [s]; None for as long as it takes.
+        patience: How long the answer may take beyond the usual [s].
     """
 
     method: str
@@ -124,7 +133,7 @@ class Ask(Generic[T]):
     read: Callable[[Any], T]
     body: Mapping[str, Any] | None = None
     query: Mapping[str, Any] = field(default_factory=dict)
-    patience: float | None = 0.0
+    patience: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,10 +178,24 @@ def send(task: int, arguments: Mapping[str, Any], goal_id: str, deadman: bool) -
     return Ask("POST", "/api/goals", lambda told: str(told["goal_id"]), body)
 
 
-def result(goal_id: str, timeout: float | None) -> Ask[Outcome]:
+def waits(timeout: float | None) -> Iterator[float]:
+    """How long to wait for a result [s], at a time: so a server that is frozen is noticed."""
+    left = math.inf if timeout is None else timeout
+    while left > AT_A_TIME:
+        yield AT_A_TIME
+        left -= AT_A_TIME
+    yield left
+
+
+def result(goal_id: str, timeout: float) -> Ask[Outcome]:
     """Wait for the outcome of a goal [s]."""
-    query = {} if timeout is None else {"timeout": timeout}
+    query = {"timeout": timeout}
     return Ask("GET", f"/api/goals/{goal_id}/result", to_outcome, query=query, patience=timeout)
+
+
+def not_ended(goal_id: str, timeout: float | None) -> Refused:
+    """What a server says of a goal that has not ended in so long [s]."""
+    return Refused(dataclasses.asdict(cause_of(ResultTimeout(goal_id, timeout or 0.0))))
 
 
 def goal(goal_id: str) -> Ask[GoalStatus]:
@@ -180,9 +203,10 @@ def goal(goal_id: str) -> Ask[GoalStatus]:
     return Ask("GET", f"/api/goals/{goal_id}", to_goal)
 
 
-def goals() -> Ask[tuple[GoalStatus, ...]]:
-    """All goals that are known."""
-    return Ask("GET", "/api/goals", lambda told: tuple(map(to_goal, told["goals"])))
+def goals(after: tuple[GoalStatus, ...]) -> Ask[tuple[GoalStatus, ...]]:
+    """The page of goals that comes before those that are there already."""
+    query = {"before": after[0].stamp_ns} if after else {}
+    return Ask("GET", "/api/goals", lambda told: tuple(map(to_goal, told["goals"])), query=query)
 
 
 def cancel(goal_id: str, stamp_ns: int) -> Ask[CancelResult]:

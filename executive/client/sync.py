@@ -14,7 +14,7 @@ from executive.server.access import KEEPALIVE
 
 from . import asks
 from .asks import Ask, CancelResult, OpenQuestion, Status, Task
-from .errors import GoalFailed, ServerUnreachable
+from .errors import GoalFailed, Refused, ServerUnreachable
 from .replies import check, reached
 
 if TYPE_CHECKING:
@@ -104,7 +104,13 @@ class Client:
 
     def result(self, goal_id: str, timeout: float | None = None) -> Outcome:
         """Wait for the outcome of a goal [s]; None to wait as long as it takes."""
-        return self._do(asks.result(goal_id, timeout))
+        for seconds in asks.waits(timeout):
+            try:
+                return self._do(asks.result(goal_id, seconds))
+            except Refused as error:
+                if error.code != asks.NOT_YET:
+                    raise
+        raise asks.not_ended(goal_id, timeout)
 
     def goal(self, goal_id: str) -> GoalStatus:
         """What a goal is at."""
@@ -112,7 +118,10 @@ class Client:
 
     def goals(self) -> tuple[GoalStatus, ...]:
         """All goals that are known; ended ones are forgotten after a while."""
-        return self._do(asks.goals())
+        found: tuple[GoalStatus, ...] = ()
+        while page := self._do(asks.goals(found)):
+            found = page + found
+        return found
 
     def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
         """Cancel a goal, those accepted until a time [ns since 1970], both, or all."""
@@ -198,7 +207,7 @@ class Client:
 
         def hold() -> None:
             with suppress(ServerUnreachable), reached(self.url):
-                self._http.post(f"/api/goals/{goal_id}/hold", content=beats(), timeout=None)
+                self._http.post(f"/api/goals/{goal_id}/hold", content=beats())
 
         holding = threading.Thread(target=hold, name="hold", daemon=True)
         holding.start()
@@ -215,10 +224,13 @@ class Client:
                     yield to_event(json.loads(line.removeprefix("data: ")))
 
     def _do(self, ask: Ask[T]) -> T:
-        patience = None if ask.patience is None else PATIENCE + ask.patience
         with reached(self.url):
             response = self._http.request(
-                ask.method, ask.path, json=ask.body, params=ask.query, timeout=patience
+                ask.method,
+                ask.path,
+                json=ask.body,
+                params=ask.query,
+                timeout=PATIENCE + ask.patience,
             )
         check(response)
         return ask.read(response.json())

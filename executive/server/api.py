@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from json import dumps
 from typing import Any
@@ -18,10 +18,11 @@ from executive.goals import CancelAnswer
 from executive.live_library import LiveLibrary
 from executive.questions import Questions
 
-from .errors import BadRequest, TooMuch, refusal, status_of
-from .hub import LISTED, Hub
+from .errors import BadRequest, TooMuch, status_of
+from .hub import Hub
 from .metrics import Metrics
 from .openapi import document
+from .operations import LISTED
 from .security import SHOWS_TOKEN
 from .stops import Stops
 
@@ -99,9 +100,13 @@ class Api:
         async with self._listing:
             return JSONResponse({"tasks": await asyncio.to_thread(self._library.listed)})
 
-    async def goals(self, _: Call) -> Response:
-        """The newest goals."""
-        return JSONResponse({"goals": [as_goal(goal) for goal in self._executive.goals(LISTED)]})
+    async def goals(self, call: Call) -> Response:
+        """The newest goals, or the newest of those before."""
+        newest, before = call.given.get("limit", LISTED), call.given.get("before")
+        found = self._executive.goals(newest if before is None else None)
+        if before is not None:
+            found = tuple(goal for goal in found if goal.stamp_ns < before)[-newest:]
+        return JSONResponse({"goals": [as_goal(goal) for goal in found]})
 
     async def send(self, call: Call) -> Response:
         """Accept a goal, or refuse it."""
@@ -112,9 +117,8 @@ class Api:
         acceptance = await asyncio.to_thread(
             self._executive.send_and_record, int(body["task"]), arguments, identity
         )
-        if not acceptance.accepted:
-            told = refusal(acceptance.code, acceptance.message)
-            return JSONResponse(told, status_of(acceptance.code))
+        if acceptance.cause:
+            return JSONResponse(asdict(acceptance.cause), status_of(acceptance.code))
         held = self._held.get(identity)
         if body.get("deadman") and not (held and held.is_set()):  # let go before there was a goal
             await self._stops.cancel(identity)

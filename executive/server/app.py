@@ -38,6 +38,7 @@ STRANGERS_BYTES = 1024  # of the body of a cancel, from whoever does not show th
 _QUOTED = 200  # characters of what was wrong, in an answer
 
 _URL = re.compile(r"(?i:http)://(?P<authority>[^/]*)(?P<path>/.*)?", re.DOTALL)
+_INTEGER = re.compile(r"-?[0-9]{1,20}")
 _NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?")  # as in JSON
 
 
@@ -171,13 +172,17 @@ class _Checked:
 
     def __init__(self, parameter: Parameter) -> None:
         self.in_query = parameter.where == "query"
-        self._number = parameter.schema["type"] == "number"
+        self._type = parameter.schema["type"]
         self._check = fastjsonschema.compile(dict(parameter.schema))
 
     def read(self, name: str, text: str) -> Any:
         """Its value."""
-        number = self._number and _NUMBER.fullmatch(text)
-        return _checked(self._check, float(text) if number else text, name)
+        return _checked(self._check, self._value(text), name)
+
+    def _value(self, text: str) -> float | str:
+        if self._type == "integer" and _INTEGER.fullmatch(text):
+            return int(text)
+        return float(text) if self._type == "number" and _NUMBER.fullmatch(text) else text
 
 
 def _given(parameters: dict[str, _Checked], request: Request) -> dict[str, Any]:

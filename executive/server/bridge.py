@@ -16,7 +16,8 @@ from executive.goal import GoalStatus
 from hardware import Clock, Robot, states
 
 from . import rosbridge as ros
-from .hub import LISTED, Hub
+from .hub import Hub
+from .operations import LISTED
 from .stops import Stops
 
 logger = logging.getLogger(__name__)

@@ -11,8 +11,6 @@ import dataclasses
 from typing import Any
 
 from executive.causes import cause_of
-from executive.codes import look_up
-from executive.goal import Cause
 
 
 class RequestError(Exception):
@@ -68,6 +66,8 @@ class TooMuch(RequestError):
 STATUS = {
     "goal": 422,
     "goal.unknown": 404,
+    "goal.unknown_task": 404,
+    "goal.bad_arguments": 409,  # of the right form, but not what the task takes as it is now
     "goal.unknown_question": 404,
     "goal.duplicate": 409,
     "goal.busy": 409,
@@ -95,8 +95,3 @@ def as_json(error: Exception) -> dict[str, Any]:
     cause = dataclasses.asdict(cause_of(error))
     hint = getattr(error, "hint", "")
     return cause | {"hint": hint} if hint else cause
-
-
-def refusal(code: str, message: str) -> dict[str, Any]:
-    """The same for a goal that was not accepted."""
-    return dataclasses.asdict(Cause(code, message, hint=look_up(code).hint))

@@ -11,7 +11,6 @@ from executive.events import as_event, kind_of
 from executive.executive import Event
 from executive.goal import GoalStatus, QuestionStatus
 
-LISTED = 150  # goals in a list, the newest: all that run or wait, and what has just ended
 HEARTBEAT = 15.0  # [s] of silence after which a watcher hears that the server is there
 MOST_WAITING = 4 * 1024 * 1024  # bytes of events that a watcher may be behind
 

@@ -47,7 +47,7 @@ SCHEMAS = {
     "Health": _object(ok=_YES, version=_TEXT),
     "Result": _object(
         goal_id=IDENTITY,
-        task_number=_COUNT,
+        task=_COUNT,
         state=_ENDS,
         success=_YES,
         frames=_COUNT,
@@ -59,7 +59,7 @@ SCHEMAS = {
     ),
     "Goal": _object(
         goal_id=IDENTITY,
-        task_number=_COUNT,
+        task=_COUNT,
         state=_STATE,
         stamp_ns=_COUNT,
         result=_or_null(_ref("Result")),

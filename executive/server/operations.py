@@ -6,6 +6,8 @@ from typing import Any
 
 Schema = Mapping[str, Any]
 
+LISTED = 150  # goals in a list, the newest: all that run or wait, and what has just ended
+
 IDENTITY = {
     "title": "32 lower-case hexadecimal digits",
     "type": "string",
@@ -102,6 +104,21 @@ _EVENTS = Parameter(
         "description": "Only these kinds, such as `goal,status`; all where it is missing.",
     },
 )
+_PAGE = (
+    Parameter(
+        "limit",
+        {
+            "type": "integer",
+            "minimum": 1,
+            "maximum": LISTED,
+            "description": f"So many at most, the newest; {LISTED} where it is missing.",
+        },
+    ),
+    Parameter(
+        "before",
+        {**_STAMP, "description": "Only those that were accepted before this [ns since 1970]."},
+    ),
+)
 _TRANSITION = Parameter(
     "transition",
     {"type": "string", "enum": ["configure", "activate", "deactivate", "cleanup", "shutdown"]},
@@ -149,7 +166,14 @@ OPERATIONS = (
     Operation("GET", "/api/health", "health", "Whether the server answers.", "Health"),
     Operation("GET", "/api/status", "status", "What the arm and the goals are at.", "Status"),
     Operation("GET", "/api/tasks", "tasks", "The tasks there are.", "Tasks"),
-    Operation("GET", "/api/goals", "goals", "The newest 150 goals that are known.", "Goals"),
+    Operation(
+        "GET",
+        "/api/goals",
+        "goals",
+        "The goals that are known, the newest of them, page by page.",
+        "Goals",
+        parameters=_PAGE,
+    ),
     Operation("POST", "/api/goals", "send", "Run a task.", "Accepted", TASK, status=201),
     Operation(
         "GET", "/api/goals/{goal_id}", "goal", "What a goal is at.", "Goal", parameters=(_GOAL,)
