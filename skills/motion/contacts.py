@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from .depth import Depths
 from .errors import NotFinite
 from .inside import Insides
 from .model import Model
@@ -24,7 +25,8 @@ class Contact(NamedTuple):
     Attributes:
         first: One, or `floor`.
         second: The other.
-        distance: Between them, negative where they overlap, or one is inside the other [m].
+        distance: Between them; negative where they overlap, or one is inside the other: how far
+            one of them would have to move to be free, of meshes at most that [m].
     """
 
     first: str
@@ -66,6 +68,7 @@ class Contacts:
         self._data = model.kinematics.createData()
         self._shapes = model.exact.createData()
         self._insides = Insides(model, self._data, self._shapes)
+        self._depths = Depths(model, self._data, self._shapes, self._insides)
 
     def first_hit(
         self, configurations: ArrayLike, margin: float, pairs: frozenset[int] | None = None
@@ -237,13 +240,11 @@ class Contacts:
         pin.computeDistances(
             self._model.kinematics, self._data, geometry, self._shapes, coordinates
         )
-        distances = [result.min_distance for result in self._shapes.distanceResults]
-        for k in self._insides.pairs(coordinates):
-            distances[k] = -abs(distances[k])
-        k = int(np.argmin(distances))
+        distances = np.array([result.min_distance for result in self._shapes.distanceResults])
+        k = self._depths.deepest(distances, self._insides.pairs(coordinates))
         pair = geometry.collisionPairs[k]
         names = [self._model.link(geometry, i) for i in (pair.first, pair.second)]
-        return Contact(names[0], names[1], distances[k])
+        return Contact(names[0], names[1], float(distances[k]))
 
     def _coordinates(self, configurations: Array) -> Array:
         if not np.isfinite(configurations).all():

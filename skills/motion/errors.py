@@ -299,6 +299,6 @@ def _contact(first: str, second: str, distance: float) -> str:
     size = f"{1e3 * abs(distance):.1f} mm"
     if distance < 0:
         return f"{first} would be {size} deep in {second}"
-    if distance == 0:  # two meshes: coal does not say how deep
+    if distance == 0:
         return f"{first} would touch {second}"
     return f"{first} would come within {size} of {second}"
