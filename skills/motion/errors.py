@@ -12,6 +12,7 @@
     │   ├── StartInCollision
     │   └── GoalInCollision
     ├── Unreachable             the tool gets nowhere near enough to where it shall go
+    ├── Barred                  on every way there a joint would have to pass what it cannot
     ├── NoPath                  searched to the end of the budget, found nothing
     ├── PlanTimeout             the time was up
     ├── MotionCollides          the last check, on the motion as it will be played, found a contact
@@ -202,6 +203,28 @@ class Unreachable(MotionError):
         super().__init__(
             f"The tool cannot reach {_place(point)}: the nearest it comes is {_place(nearest)}, "
             f"{1e3 * distance:.1f} mm off{askance}; choose a point within reach"
+        )
+
+
+class Barred(MotionError):
+    """There is no way: a joint would have to pass a place that it cannot, wherever others are.
+
+    Attributes:
+        joint: Its name.
+        value: A place where it cannot be.
+        unit: Of that.
+        first: One of the two links that are too near each other there, or `floor`.
+        second: The other.
+    """
+
+    code = "plan.barred"
+
+    def __init__(self, joint: str, value: float, unit: str, first: str, second: str) -> None:
+        self.joint, self.value, self.unit = joint, value, unit
+        self.first, self.second = first, second
+        super().__init__(
+            f"No way leads there: {joint} would have to pass {value:.4g} {unit}, where {first} is "
+            f"too near to {second} however the other joints stand; choose another goal"
         )
 
 

@@ -85,7 +85,7 @@ class Planner:
 
         Raises:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
-            GoalInCollision, NoPath, PlanTimeout, MotionCollides: The first rung that fails.
+            GoalInCollision, Barred, NoPath, PlanTimeout, MotionCollides: The first rung that fails.
         """
         watch = Stopwatch(self._clock)
         try:
