@@ -134,6 +134,9 @@ CODES = {
     "plan.unreachable": Code(
         5, "The tool cannot be brought there", "choose a point within reach", _PLANNERS
     ),
+    "plan.barred": Code(
+        5, "A joint cannot pass what is between start and goal", "choose another goal", _PLANNERS
+    ),
     "plan.no_path": Code(
         5, "No way round was found", "choose another goal, or one on the way to it", _PLANNERS
     ),

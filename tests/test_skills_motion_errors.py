@@ -16,6 +16,7 @@ ERRORS = [
     motion.StartInCollision("hand", "floor", -0.012, 0.005),
     motion.GoalInCollision("hand", "base", 0.0031, 0.005),
     motion.NoPath(20_000),
+    motion.Barred("joint_2", 1.5, "rad", "upper_arm", "floor"),
     motion.PlanTimeout(5.0),
     motion.MotionCollides(17, 1.25, "hand", "floor", -0.001, 0.002),
     motion.PlanCanceled(),
@@ -39,7 +40,7 @@ def test_codes_are_distinct() -> None:
 def test_collision_says_how_deep_or_how_near() -> None:
     assert "hand would be 12.0 mm deep in floor" in str(ERRORS[6])
     assert "hand would come within 3.1 mm of base (5.0 mm must be kept)" in str(ERRORS[7])
-    assert "At 1.25 s into the motion" in str(ERRORS[10])
+    assert "At 1.25 s into the motion" in str(ERRORS[11])
 
 
 def test_bounds_say_joint_value_and_limits() -> None:

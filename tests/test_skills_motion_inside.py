@@ -52,13 +52,13 @@ def cube(folder: Path, sizes: tuple[float, ...], open_top: bool = False) -> Mesh
 
 
 def test_a_body_in_a_mesh_link_is_seen_and_how_deep() -> None:
-    """In the middle of a beam 80 mm wide, less its own radius; see beam.stl."""
+    """In the middle of a beam 80 mm wide, and out with its own radius; see beam.stl."""
     robot = foreign("six_axes")
     planner, stand = Planner(robot), (0.0,) * 6
     pea = World((Body("pea", Sphere(0.003), (0.0, 0.0, 0.3)),))
     with pytest.raises(StartInCollision, match=r"upper_arm .* pea") as caught:
         planner.plan(Query("arm", stand, (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), world=pea))
-    assert caught.value.distance == pytest.approx(-0.037, abs=1e-5)
+    assert caught.value.distance == pytest.approx(-0.043, abs=1e-5)
     with pytest.raises(GoalInCollision, match=r"upper_arm .* pea"):
         planner.plan(Query("arm", (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), stand, world=pea))
 

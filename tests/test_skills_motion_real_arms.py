@@ -161,9 +161,9 @@ def test_ends_that_cannot_be(robot: Robot, planner: Planner) -> None:
     rest = start[len(leaders) :]
     draws = np.random.default_rng(2).uniform(lower, upper, (200, len(leaders))).tolist()
     folded = next(row for row in draws if planner.contacts.first_hit([(*row, *rest)], 0.0) == 0)
-    with pytest.raises(GoalInCollision, match=r"would (touch|be .* mm deep in)"):
+    with pytest.raises(GoalInCollision, match=r"would be .* mm deep in"):
         planner.plan(Query("arm", start, tuple(folded)))
-    with pytest.raises(StartInCollision, match=r"would (touch|be .* mm deep in)"):
+    with pytest.raises(StartInCollision, match=r"would be .* mm deep in"):
         planner.plan(Query("arm", (*folded, *rest), start[: len(leaders)]))
     bounded = next(i for i, joint in enumerate(leaders) if not joint.endless)
     beyond = list(start[: len(leaders)])

@@ -6,6 +6,7 @@ Importing this loads no planning library; only the worker processes do.
 from .errors import (
     BadQuery,
     BadWorld,
+    Barred,
     EndInCollision,
     GoalInCollision,
     GoalOutOfBounds,
@@ -32,6 +33,7 @@ __all__ = [
     "EMPTY",
     "BadQuery",
     "BadWorld",
+    "Barred",
     "Body",
     "Box",
     "Carry",

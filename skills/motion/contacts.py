@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from .depth import Depths
 from .errors import NotFinite
 from .inside import Insides
 from .model import Model
@@ -24,7 +25,8 @@ class Contact(NamedTuple):
     Attributes:
         first: One, or `floor`.
         second: The other.
-        distance: Between them, negative where they overlap, or one is inside the other [m].
+        distance: Between them; negative where they overlap, or one is inside the other: how far
+            one of them would have to move to be free, of meshes at most that [m].
     """
 
     first: str
@@ -52,10 +54,14 @@ class Contacts:
 
     What is asked of many configurations is asked of the hulls first, and of the primitives only
     where two hulls are too near, and only of the primitives of those two.
+
+    Attributes:
+        model: Whose.
+        pairs: All of `Model.outer`, by number.
     """
 
     def __init__(self, model: Model) -> None:
-        self._model = model
+        self.model = model
         self.pairs = frozenset(range(len(model.outer.collisionPairs)))
         self._outers = {
             (every, least): _Outer(model, self.pairs if every else frozenset())
@@ -66,6 +72,7 @@ class Contacts:
         self._data = model.kinematics.createData()
         self._shapes = model.exact.createData()
         self._insides = Insides(model, self._data, self._shapes)
+        self._depths = Depths(model, self._data, self._shapes, self._insides)
 
     def first_hit(
         self, configurations: ArrayLike, margin: float, pairs: frozenset[int] | None = None
@@ -223,34 +230,30 @@ class Contacts:
         """Made when it is first needed; one for the least distance, as above."""
         checker = self._exact.get((pair, least))
         if checker is None:
-            checker = _Exact(self._model, self._model.outer.collisionPairs[pair])
+            checker = _Exact(self.model, self.model.outer.collisionPairs[pair])
             self._exact[pair, least] = checker
         return checker
 
     def nearest(self, configuration: ArrayLike) -> Contact | None:
         """The nearest two links that may not touch (A,) [rad]; None where all may."""
         row = np.asarray(configuration, dtype=np.float64)[None, :]
-        geometry = self._model.exact
+        geometry = self.model.exact
         if not len(geometry.collisionPairs):
             return None
         coordinates = self._coordinates(row)[0]
-        pin.computeDistances(
-            self._model.kinematics, self._data, geometry, self._shapes, coordinates
-        )
-        distances = [result.min_distance for result in self._shapes.distanceResults]
-        for k in self._insides.pairs(coordinates):
-            distances[k] = -abs(distances[k])
-        k = int(np.argmin(distances))
+        pin.computeDistances(self.model.kinematics, self._data, geometry, self._shapes, coordinates)
+        distances = np.array([result.min_distance for result in self._shapes.distanceResults])
+        k = self._depths.deepest(distances, self._insides.pairs(coordinates))
         pair = geometry.collisionPairs[k]
-        names = [self._model.link(geometry, i) for i in (pair.first, pair.second)]
-        return Contact(names[0], names[1], distances[k])
+        names = [self.model.link(geometry, i) for i in (pair.first, pair.second)]
+        return Contact(names[0], names[1], float(distances[k]))
 
     def _coordinates(self, configurations: Array) -> Array:
         if not np.isfinite(configurations).all():
             row, column = np.argwhere(~np.isfinite(configurations))[0]
             value = float(configurations[row, column])
-            raise NotFinite(f"row {row}", self._model.joints[column], value)
-        return self._model.coordinates(configurations).T
+            raise NotFinite(f"row {row}", self.model.joints[column], value)
+        return self.model.coordinates(configurations).T
 
 
 class _Outer:

@@ -12,6 +12,7 @@
     │   ├── StartInCollision
     │   └── GoalInCollision
     ├── Unreachable             the tool gets nowhere near enough to where it shall go
+    ├── Barred                  on every way there a joint would have to pass what it cannot
     ├── NoPath                  searched to the end of the budget, found nothing
     ├── PlanTimeout             the time was up
     ├── MotionCollides          the last check, on the motion as it will be played, found a contact
@@ -205,6 +206,28 @@ class Unreachable(MotionError):
         )
 
 
+class Barred(MotionError):
+    """There is no way: a joint would have to pass a place that it cannot, wherever others are.
+
+    Attributes:
+        joint: Its name.
+        value: A place where it cannot be.
+        unit: Of that.
+        first: One of the two links that are too near each other there, or `floor`.
+        second: The other.
+    """
+
+    code = "plan.barred"
+
+    def __init__(self, joint: str, value: float, unit: str, first: str, second: str) -> None:
+        self.joint, self.value, self.unit = joint, value, unit
+        self.first, self.second = first, second
+        super().__init__(
+            f"No way leads there: {joint} would have to pass {value:.4g} {unit}, where {first} is "
+            f"too near to {second} however the other joints stand; choose another goal"
+        )
+
+
 class NoPath(MotionError):
     """The search came to the end of its budget.
 
@@ -299,6 +322,6 @@ def _contact(first: str, second: str, distance: float) -> str:
     size = f"{1e3 * abs(distance):.1f} mm"
     if distance < 0:
         return f"{first} would be {size} deep in {second}"
-    if distance == 0:  # two meshes: coal does not say how deep
+    if distance == 0:
         return f"{first} would touch {second}"
     return f"{first} would come within {size} of {second}"

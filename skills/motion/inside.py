@@ -29,6 +29,9 @@ class Insides:
         model: Whose.
         data: Working memory of its joints.
         placed: And of its exact shapes.
+
+    Attributes:
+        meshed: Pairs of `Model.exact` that have a mesh, other than those with the floor.
     """
 
     def __init__(self, model: Model, data: pin.Data, placed: pin.GeometryData) -> None:
@@ -42,6 +45,7 @@ class Insides:
             if mesh in meshes and not isinstance(shapes[other], coal.Halfspace)
         ]
         self._pairs, self._meshes, self._others = np.array(seats, dtype=np.intp).reshape(-1, 3).T
+        self.meshed = frozenset(self._pairs.tolist())
         self._points = np.array([_point(shape) for shape in shapes]).reshape(-1, 3)
         boxes = [(shape.aabb_local.min_, shape.aabb_local.max_) for shape in shapes]
         self._lower, self._upper = np.array(boxes).reshape(-1, 2, 3).swapaxes(0, 1)
@@ -66,6 +70,21 @@ class Insides:
         lower, upper = self._lower[self._meshes], self._upper[self._meshes]
         rows = np.flatnonzero(((lower < local) & (local < upper)).all(axis=1))
         return [int(self._pairs[k]) for k in rows if self._encloses(int(self._meshes[k]), local[k])]
+
+    def shifted(self, pair: int, shift: Array) -> bool:
+        """Whether one of a pair would be inside the other if its second were moved (3,) [m].
+
+        The joints are where `pairs` looked last.
+        """
+        second = self._model.exact.collisionPairs[pair].second
+        for k in np.flatnonzero(self._pairs == pair):
+            mesh, other = int(self._meshes[k]), int(self._others[k])
+            point = self._placed.oMg[other].act(self._points[other])
+            point = self._placed.oMg[mesh].actInv(point + (shift if other == second else -shift))
+            within = (self._lower[mesh] < point) & (point < self._upper[mesh])
+            if within.all() and self._encloses(mesh, point):
+                return True
+        return False
 
     def _encloses(self, mesh: int, point: Array) -> bool:
         """Whether a mesh is solid and has a point (3,) in it, in its frame [m]."""

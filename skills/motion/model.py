@@ -35,6 +35,7 @@ class Model:
 
     Attributes:
         joints: Names of the actuated joints, the columns of all configurations (A).
+        units: Of their values (A).
         kinematics: pinocchio's model; followers share the coordinate of the joint they follow.
         exact: Geometry of the primitives.
         outer: Geometry of the hulls.
@@ -49,6 +50,7 @@ class Model:
     def __init__(self, robot: Robot, world: World = EMPTY, links: Links | None = None) -> None:
         links = links or Links(robot)
         self.joints = tuple(joint.name for joint in robot.actuated)
+        self.units = tuple(joint.unit for joint in robot.actuated)
         self.kinematics = links.kinematics
         self._bodies = {body.name: body for body in world.bodies}
         self.exact, self.outer, found = pin.GeometryModel(), pin.GeometryModel(), [*links.levers]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import norms
+from .barrier import check_passable
 from .bend import bent
 from .blend import blended
 from .curve import Curve
@@ -36,6 +37,7 @@ def ways(
         watch: Notes what each rung takes.
 
     Raises:
+        Barred: There is none.
         NoPath: There is none, as far as the search has seen.
         PlanTimeout: The time is up.
     """
@@ -70,6 +72,7 @@ def _round(
     space: Space, search: Search, start: Array, goals: Array, seed: int, watch: Stopwatch
 ) -> Array:
     with watch.rung("search"):
+        check_passable(space, start, goals)
         found = search.find(space, start, goals, seed + 1)  # OMPL ignores a seed of 0
     with watch.rung("shorten"):
         return shortened(space, found)

@@ -85,7 +85,7 @@ class Planner:
 
         Raises:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
-            GoalInCollision, NoPath, PlanTimeout, MotionCollides: The first rung that fails.
+            GoalInCollision, Barred, NoPath, PlanTimeout, MotionCollides: The first rung that fails.
         """
         watch = Stopwatch(self._clock)
         try:
@@ -208,9 +208,11 @@ def _check(space: Space, plan: Plan) -> None:
     """Look at a bent motion once more, as it is timed.
 
     A line needs no second look, in time neither: its motion passes through the points between its
-    ends and no others, to 1e-14 rad, and for all of these half the margin was proved before it was
-    timed, where a sample would prove it for one. What is bent has been proved half the margin all
-    along too, so that is what it is held to here; see `reach` and `Space.hit`.
+    ends and no others, to a rounding, and for all of these half the margin was proved before it was
+    timed, where a sample would prove it for one. Followers move in proportion and joints without an
+    end count on beyond a turn, so for them too it is the line that was looked at; `Execute` looks
+    at its frames besides. What is bent has been proved half the margin all along too, so that is
+    what it is held to here; see `reach` and `Space.hit`.
 
     Raises:
         MotionCollides: It is not free, by a fault of ours.

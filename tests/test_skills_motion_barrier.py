@@ -1,0 +1,80 @@
+"""Where a joint cannot pass there is no way, which is said at once."""
+
+import dataclasses
+from math import pi, radians
+
+import numpy as np
+import pytest
+
+from hardware import CollisionRules, Robot
+from skills.motion import Barred, Body, Box, MotionError, Query, World, barrier
+from skills.motion.planner import Planner
+from tests.arms import foreign
+
+UPRIGHT = (0.0,) * 6
+# The column of the arm that turns without end holds a bar, and posts stand where that would pass.
+BAR = Body("bar", Box((0.6, 0.02, 0.02)), (0.5, 0.0, 0.1), link="column")
+LEFT = Body("left", Box((0.05, 0.05, 0.3)), (0.0, 0.6, 0.1))
+RIGHT = Body("right", Box((0.05, 0.05, 0.3)), (0.0, -0.6, 0.1))
+ACROSS = (radians(150.0), 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def rolling() -> Robot:
+    """Six axes over a floor, of which the second could go all the way round, were there none."""
+    robot = foreign("six_axes")
+    turn, lift, *rest = robot.joints
+    joints = (turn, dataclasses.replace(lift, lower=-2.0 * pi, upper=2.0 * pi), *rest)
+    rules = robot.collision
+    floor = CollisionRules(rules.margin, rules.allowed, 0.0, frozenset(("base", "shoulder")))
+    return dataclasses.replace(robot, joints=joints, collision=floor)
+
+
+def test_a_turn_through_the_floor(rolling: Robot) -> None:
+    with pytest.raises(Barred) as caught:
+        Planner(rolling).plan(Query("arm", UPRIGHT, (0.0, 2.0 * pi, 0.0, 0.0, 0.0, 0.0)))
+    error = caught.value
+    assert (error.joint, error.unit, error.first, error.second) == (
+        "lift", "rad", "upper_arm", "floor",
+    )  # fmt: skip
+    assert 0.25 * pi < error.value < 1.75 * pi
+    assert "lift would have to pass" in str(error)
+
+
+def test_a_joint_without_an_end_goes_the_other_way_round() -> None:
+    planner = Planner(foreign("endless"))
+    plan = planner.plan(Query("arm", UPRIGHT, ACROSS, world=World((BAR, LEFT))))
+    assert plan.goal[0] == pytest.approx(radians(150.0 - 360.0))
+
+
+def test_a_joint_without_an_end_that_cannot_pass_either_way() -> None:
+    planner = Planner(foreign("endless"))
+    with pytest.raises(Barred, match=r"turn would have to pass 1\.\d+ rad, where bar .* left"):
+        planner.plan(Query("arm", UPRIGHT, ACROSS, world=World((BAR, LEFT, RIGHT))))
+
+
+def test_what_is_barred_no_search_ever_finds(
+    rolling: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside each other: what is said at once, and what a search comes to."""
+    planner, random, told = Planner(rolling), np.random.default_rng(1), list[tuple[bool, bool]]()
+    lower, upper = [-2.9, -6.28, -2.5, -2.9, -2.0, -2.9], [2.9, 6.28, 2.5, 2.9, 2.0, 2.9]
+    check, barred = barrier.check_passable, list[bool]()
+
+    def noted(*asked: object) -> None:
+        try:
+            check(*asked)  # type: ignore[arg-type]
+        except Barred:
+            barred.append(True)
+
+    monkeypatch.setattr("skills.motion.path.check_passable", noted)
+    monkeypatch.setattr("skills.motion.search._ITERATIONS", 300)
+    for start, goal in random.uniform(lower, upper, (120, 2, 6)).tolist():
+        barred.clear()
+        try:
+            found = bool(planner.plan(Query("arm", tuple(start), tuple(goal))))
+        except MotionError:
+            found = False
+        told.append((bool(barred), found))
+    assert (True, True) not in told
+    assert told.count((True, False)) > 5
