@@ -21,7 +21,7 @@ from tests.test_executive_builder import WRONG as LINES
 from tests.test_executive_check import WRONG
 from tests.test_executive_check_files import ONCE
 
-PAIRS = int(os.environ.get("ARMTREE_PAIRS", "150"))  # of each sort
+PAIRS = int(os.environ.get("ARMTREE_PAIRS", "60"))  # of each sort
 HEAD = "task: {}\nname: x\ndescription: y\n"
 SUB = "subtree: {}\ndescription: y\nports: {}\ntree: {}\n"
 
