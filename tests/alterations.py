@@ -23,7 +23,7 @@ def altered(path: Path, change: Change) -> Path:
         records = list(StreamReader(source).records)
         for record in records:
             change(record)
-        _Copy(writer).all(records)  # type: ignore[arg-type]
+        _Copy(writer).all(records)
         writer.finish()  # type: ignore[no-untyped-call]
     return copy
 
@@ -57,7 +57,7 @@ def lacking(path: Path, *topics: str, after: int = 0) -> Path:
                     continue
             records.append(record)
         writer = Writer(target, enable_data_crcs=True)
-        _Copy(writer).all(records)  # type: ignore[arg-type]
+        _Copy(writer).all(records)
         writer.finish()  # type: ignore[no-untyped-call]
     return copy
 
