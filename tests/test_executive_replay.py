@@ -201,6 +201,13 @@ def test_three_lines_to_a_table(picked: Path) -> None:
     assert (joints["time_ns"][1:] > joints["time_ns"][:-1]).all()
 
 
+def test_a_path_as_it_is_typed_into_a_notebook(picked: Path) -> None:
+    typed = str(picked)
+    assert list(logs.table(typed, "/joint_states")) == list(logs.table(picked, "/joint_states"))
+    assert len(list(logs.read(typed, ["/serial/tx"]))) == 31
+    assert len(list(logs.Recording(typed).records(logs.Sent))) == 31
+
+
 def test_runs_are_compared_while_both_moved(picked: Path) -> None:
     short = lacking(picked, "/serial", "/joint_states", after=3 * 10)
     both = compare(picked, short)
