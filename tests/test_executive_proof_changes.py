@@ -72,7 +72,7 @@ def get_on(feedback: Any) -> None:
 
 
 def nudge(state: Any) -> None:
-    state.position = state.position + [1e-9, 0, 0, 0]
+    state.position = state.position * [1 + 1e-9, 1, 1, 1]
 
 
 def rename(state: Any) -> None:

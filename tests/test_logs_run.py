@@ -303,8 +303,10 @@ def test_the_stock_reader_reads_all_and_finds_every_checksum_right(tmp_path: Pat
     assert found["/plan/arm"] == found["/plan/arm/trajectory"] == found["/plan/gripper"] == 1
     assert sum(found.values()) == summary.statistics.message_count
     assert attachments == [("task.yaml", b"task: 1\n")]
-    assert facts.pop("digests").keys() == {*found, "file task.yaml", "note armtree"}
-    assert facts == {"armtree": {"epoch_ns": str(EPOCH_NS)}}
+    assert facts.keys() == {"armtree", "rosbag2", "digests"}
+    assert facts["armtree"] == {"epoch_ns": str(EPOCH_NS)}
+    notes = {"note armtree", "note rosbag2"}
+    assert facts["digests"].keys() == {*found, *notes, "file task.yaml"}
     assert all(index.compression == "zstd" for index in summary.chunk_indexes)
 
 
