@@ -185,6 +185,17 @@ def _epoch_ns(path: Path) -> int:
     raise RecordingError(path, "was not recorded by armtree, or lacks its head")
 
 
+def fields_of(message: Message) -> dict[str, Any]:
+    """What a message on a topic such as `/goal`, `/tree` or `/plan/arm` says, as its record has it.
+
+    Raises:
+        RecordingError: It is none that armtree has recorded.
+    """
+    kind = Plan if message.topic.startswith(_PLAN) else _WHOLE[message.topic]
+    record = _whole(kind, message)
+    return {field.name: getattr(record, field.name) for field in fields(kind)}
+
+
 # What one frame becomes, in the order of the file.
 _SENT = ("/serial/tx", "/serial/timing", "/joint_states")
 _TIMING = ("time", "scheduled", "hold")
