@@ -22,11 +22,12 @@ from .ros_types import ros_types
 from .topics import TOPICS, topics_of
 
 _ROWS = {topic.name: (topic.record, row) for row, topic in enumerate(TOPICS)}
+_OPINION = "/diagnostics"  # what is worth a word there may change, and the words
 _URDF = "/robot_description"
 _PLAN, _PLANS = "/plan/", [row for row, topic in enumerate(TOPICS) if topic.record is Plan]
 
 # What is made of messages that are there too.
-_DERIVED = ("/feedback", "/plan/{record.group}/trajectory", "/tf", "/diagnostics")
+_DERIVED = ("/feedback", "/plan/{record.group}/trajectory", "/tf")
 
 # What bears no time but its message's.
 _UNDATED = (Description, Received, LogLine, Transition)
@@ -81,10 +82,10 @@ def _valid(recording: Recording) -> Iterator[Message]:
 
 
 def _place(name: str) -> tuple[type, int] | None:
-    """Whose topic it is, and its row in the table; None for one of another program."""
+    """Whose topic it is, and its row in the table; None for one that proves nothing."""
     if name.startswith(_PLAN):
         return Plan, _PLANS[name.count("/") > 2]
-    return _ROWS.get(name)
+    return None if name == _OPINION else _ROWS.get(name)
 
 
 def _derived(name: str) -> bool:
@@ -142,7 +143,7 @@ class _Teller:
 
     def _description(self, urdf: str) -> Description:
         files = self._recording.files.values()
-        if urdf.encode() not in (data.replace(b"\r\n", b"\n") for data in files):
+        if urdf.encode().splitlines() not in (data.splitlines() for data in files):
             raise RecordingError(self._recording.path, "has a URDF that is none of its files")
         self._links = Links(urdf)
         return Description(0.0, urdf)
@@ -153,7 +154,7 @@ class _Teller:
             name = topic.name_for(record)
             stamp = Stamp(time_ns, self._counts[name], self._links)
             message = topic.convert(record, stamp, self._ros)
-            if message is not None and name in self._recording.topics:
+            if message is not None and _place(name) and name in self._recording.topics:
                 yield name, message
 
 
