@@ -3,7 +3,7 @@
 import fcntl
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 # Ends the name of the library in the head of a file that is still to be compacted.
 UNFINISHED = ", journal"
+
+# The note that tells of all else in a finished recording what it was.
+DIGESTS = "digests"
 
 # The note in a recording that was made of less than a whole file.
 RECOVERED = "recovered"
@@ -118,15 +121,27 @@ def _copy(recording: Path, kept: Path) -> None:
 def _write(records: Salvage, new: Path) -> int:
     from mcap.writer import Writer
 
+    from .digests import Digests
+
+    digests = Digests()
     with new.open("wb") as stream:
         writer = Writer(stream, chunk_size=_CHUNK_BYTES, enable_data_crcs=True)
-        messages = _Copy(writer).all(records)
+        copy = _Copy(writer)
+        messages = copy.all(digests.watch(records))
         if not records.intact:
-            writer.add_metadata(RECOVERED, {"torn_bytes": str(records.torn)})
+            copy.all(digests.watch([_recovered(records.torn)]))
+        kept = digests.noted if records.intact else {}
+        writer.add_metadata(DIGESTS, kept or digests.made())
         writer.finish()  # type: ignore[no-untyped-call]
         stream.flush()
         os.fsync(stream.fileno())
     return messages
+
+
+def _recovered(torn: int) -> Any:
+    from mcap.records import Metadata
+
+    return Metadata(RECOVERED, {"torn_bytes": str(torn)})
 
 
 def _check(new: Path, messages: int) -> None:
@@ -172,13 +187,14 @@ class _Copy:
             mcap.Metadata: self._metadata,
         }
 
-    def all(self, records: Salvage) -> int:
+    def all(self, records: Iterable[Any]) -> int:
         """Copies everything valid; gives the number of messages."""
         for record in records:
             if copy := self._copy.get(type(record)):
                 copy(record)
         if not self._started:
             self._writer.start("ros2", "armtree")
+            self._started = True
         return self._messages
 
     def _header(self, header: Any) -> None:
@@ -220,4 +236,5 @@ class _Copy:
         )
 
     def _metadata(self, metadata: Any) -> None:
-        self._writer.add_metadata(metadata.name, metadata.metadata)
+        if metadata.name != DIGESTS:  # which are made anew
+            self._writer.add_metadata(metadata.name, metadata.metadata)

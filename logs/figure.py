@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .picture import save
+from .picture import save, widen
 from .sweep import Sweep, draw_sweep
 from .timeline import Row, Timeline, Trace
 
@@ -31,7 +31,6 @@ _LIFECYCLE = {
     "errorprocessing": "#D55E00",
 }
 _IN_TRANSITION = "#9CC3DB"
-_FEWEST_DEGREES = 10.0
 _SHORT_S = 0.1  # below this, milliseconds are shown
 _DPI = 300
 _WIDTH = 7.16  # [in] two columns of an IEEE page; all lengths below are [in] too
@@ -167,13 +166,11 @@ def _draw_joints(panel: Axes, group: str, traces: Sequence[Trace], colours: dict
         colour = colours[trace.joint]
         panel.step(trace.times, angles, where="post", color=colour, linewidth=1.1)
     panel.margins(y=0.08)
-    low, high = panel.get_ylim()
-    room = max(0.0, _FEWEST_DEGREES - (high - low)) / 2  # joints at rest are no noise, blown up
-    panel.set_ylim(low - room, high + room)
+    widen(panel)
     panel.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 3, 5, 10]))
     panel.grid(axis="y", color=_FAINT, linewidth=0.5)
     panel.set_axisbelow(True)
-    _name_row(panel, f"{group}\ncommanded\nangle [°]", (low + high) / 2, 0)
+    _name_row(panel, f"{group}\ncommanded\nangle [°]", sum(panel.get_ylim()) / 2, 0)
     _name_curves(panel, traces, colours)
 
 

@@ -15,7 +15,7 @@ from .kinematics import Links
 from .records import Attachment, Description, Item, Note, Record
 from .ros_types import ros_types
 from .tail import Tail
-from .topics import TOPICS, Topic, offered_qos, topics_of
+from .topics import ROSBAG2, TOPICS, Topic, offered_qos, topics_of
 
 _SEQUENCE_BITS = 0xFFFFFFFF
 
@@ -140,6 +140,7 @@ def _head(epoch_ns: int) -> bytes:
     return MCAP0_MAGIC + _bytes(
         mcap.Header("ros2", _library() + UNFINISHED),
         mcap.Metadata("armtree", {"epoch_ns": str(epoch_ns)}),
+        mcap.Metadata("rosbag2", ROSBAG2),
         *schemas,
         *(_described(named[name], name, number) for name, number in _CHANNELS.items()),
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from .comparison import Comparison
-from .picture import save
+from .picture import save, widen
 
 _LOOKS = (("#0072B2", "-", 2.2), ("#D55E00", "--", 1.1))
 
@@ -29,6 +29,7 @@ def draw_over(both: Comparison, output: Path) -> None:
                 run.times, angles, line, where="post", color=colour, linewidth=width,
                 label=run.path.name,
             )  # fmt: skip
+        widen(panel)
         panel.set_ylabel(f"{joint}\ncommanded [°]", fontsize=8)
         panel.tick_params(labelsize=7)
         panel.spines[["top", "right"]].set_visible(False)

@@ -3,8 +3,11 @@
 from io import BytesIO
 from pathlib import Path
 
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+_FEWEST_DEGREES = 10.0
 
 
 def save(figure: Figure, output: Path) -> None:
@@ -17,3 +20,10 @@ def save(figure: Figure, output: Path) -> None:
     picture = BytesIO()
     figure.savefig(picture, format="png")
     output.write_bytes(picture.getvalue())
+
+
+def widen(panel: Axes) -> None:
+    """Gives joints at rest some room around them, for they are no noise, blown up."""
+    low, high = panel.get_ylim()
+    room = max(0.0, _FEWEST_DEGREES - (high - low)) / 2
+    panel.set_ylim(low - room, high + room)

@@ -10,7 +10,7 @@ from .errors import RecordingError, RecordingTruncated
 from .salvage import Salvage
 
 if TYPE_CHECKING:
-    from mcap.records import Attachment, Metadata
+    from mcap.records import Attachment, Channel, Metadata
 
 _JSON = "std_msgs/msg/String"
 
@@ -58,15 +58,17 @@ class Message:
         if self.type != _JSON:
             raise TypeError(f"{self.topic} carries {self.type}, not JSON: use .data")
         try:
-            fields: dict[str, Any] = json.loads(self.data.data)
+            fields = json.loads(self.data.data)
         except ValueError as cause:
             raise RecordingError(
                 self.path, f"what {self.topic} says is no JSON ({cause})"
             ) from cause
+        if not isinstance(fields, dict):
+            raise RecordingError(self.path, f"what {self.topic} says is no JSON object")
         return fields
 
 
-def read(path: Path, topics: Collection[str] | None = None) -> Iterator[Message]:
+def read(path: Path | str, topics: Collection[str] | None = None) -> Iterator[Message]:
     """Gives the messages of a recording in the order in which they were written.
 
     A journal that was cut off, or is still being written, can be read too: everything valid is
@@ -80,7 +82,7 @@ def read(path: Path, topics: Collection[str] | None = None) -> Iterator[Message]
         RecordingError: There is no such file or it is no MCAP file (raised at once).
         RecordingTruncated: After the last valid message, where the file is not complete.
     """
-    return _messages(Salvage(path), topics)
+    return _messages(Salvage(Path(path)), topics)
 
 
 def _messages(records: Salvage, topics: Collection[str] | None) -> Iterator[Message]:
@@ -91,8 +93,8 @@ def _messages(records: Salvage, topics: Collection[str] | None) -> Iterator[Mess
         raise RecordingTruncated(records.path, records.messages)
 
 
-def content(records: Salvage) -> Iterator["Message | Attachment | Metadata"]:
-    """Gives messages, attachments and notes in the order in which they were written."""
+def content(records: Salvage) -> Iterator["Message | Attachment | Metadata | Channel"]:
+    """Gives all but the schemas, in the order in which they were written."""
     from mcap import records as mcap
 
     types = {0: ""}  # what has no schema
@@ -106,5 +108,6 @@ def content(records: Salvage) -> Iterator["Message | Attachment | Metadata"]:
                 types[record.id] = record.name
             case mcap.Channel():
                 channels[record.id] = record.topic, types[record.schema_id]
+                yield record
             case mcap.Attachment() | mcap.Metadata():
                 yield record

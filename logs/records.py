@@ -70,7 +70,9 @@ class Transition:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A goal was accepted at `time` [s].
+    """A goal was accepted.
+
+    `time` is when its turn came; in what a server records between runs, when it was accepted [s].
 
     Attributes:
         goal_id: UUID, 32 hexadecimal digits.

@@ -132,7 +132,8 @@ def story(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
             if record.status == "INVALID":  # as every node is before it begins
                 continue
             begun.add(record.path)
-        if everything or not isinstance(record, Sent | Received | Feedback):
+        held = isinstance(record, Sent) and record.hold
+        if everything or held or not isinstance(record, Sent | Received | Feedback):
             yield time, in_words(record)
 
 

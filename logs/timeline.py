@@ -7,6 +7,7 @@ from typing import Any
 
 from .errors import RecordingTruncated
 from .reader import Message, read
+from .recording import fields_of
 
 _PLAN = "/plan/"
 _INVALID = "INVALID"
@@ -121,7 +122,7 @@ class _Events:
         self.last_ns = max(self.last_ns, message.time_ns)
 
     def take_goal(self, message: Message) -> None:
-        goal = message.fields()
+        goal = fields_of(message)
         if not goal["seed"]:  # a recording of its own tells of it
             return
         self.goal, self.goal_ns = goal, message.time_ns
@@ -130,17 +131,17 @@ class _Events:
 
     def take_result(self, message: Message) -> None:
         if self.goal:
-            self.result = message.fields()
+            self.result = fields_of(message)
 
     def take_joints(self, message: Message) -> None:
         self.moved = True
         state = message.data
-        for joint, position in zip(state.name, state.position, strict=True):
+        for joint, position in zip(state.name, state.position, strict=False):
             known = self.joints.setdefault(joint, self.starts.get(joint, []))
             known.append((message.time_ns, float(position)))
 
     def _take_plan(self, message: Message) -> None:
-        plan = message.fields()
+        plan = fields_of(message)
         if self.moved:
             self.motions.append({})
             self.moved = False
@@ -150,15 +151,15 @@ class _Events:
                 self.starts.setdefault(joint, [(message.time_ns, position)])
 
     def take_timing(self, message: Message) -> None:
-        self.timing.append((message.time_ns, message.fields()["hold"]))
+        self.timing.append((message.time_ns, bool(message.fields().get("hold"))))
 
     def take_node(self, message: Message) -> None:
-        node = message.fields()
+        node = fields_of(message)
         self.names[node["path"]] = node["name"]
         self.tree.setdefault(node["path"], []).append((message.time_ns, node["status"]))
 
     def take_progress(self, message: Message) -> None:
-        if self.cancel_ns is None and message.fields()["phase"].lower().startswith("cancel"):
+        if self.cancel_ns is None and fields_of(message)["phase"].lower().startswith("cancel"):
             self.cancel_ns = message.time_ns
 
     def take_transition(self, message: Message) -> None:

@@ -237,6 +237,28 @@ def offered_qos(topic: Topic) -> str:
     return _QOS.format(depth=1 if topic.latched else 10, durability=1 if topic.latched else 2)
 
 
+# rosbag2 takes quality of service in numbers, which all of its releases can read, only from a bag
+# that says it is of version 8 or before; a file without this note counts as of the newest one.
+# All but the version it then reads from the file itself.
+ROSBAG2 = {
+    "serialized_metadata": """\
+version: 8
+storage_identifier: mcap
+duration:
+  nanoseconds: 0
+starting_time:
+  nanoseconds_since_epoch: 0
+message_count: 0
+topics_with_message_count: []
+compression_format: ""
+compression_mode: ""
+relative_file_paths: []
+files: []
+custom_data: {}
+ros_distro: ""
+"""
+}
+
 _QOS = """\
 - history: 1
   depth: {depth}

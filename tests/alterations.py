@@ -2,30 +2,43 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from logs.compaction import _Copy
+from logs.compaction import DIGESTS, _Copy
 from logs.ros_types import ros_types
 
 Change = Callable[[Any], None]
 
 
-def altered(path: Path, change: Change) -> Path:
-    """A whole and valid copy of a recording, with some of its records changed."""
-    copy = path.with_suffix(".altered.mcap")
-    with path.open("rb") as source, copy.open("wb") as target:
+def records_of(path: Path) -> list[Any]:
+    """All that is in a recording."""
+    with path.open("rb") as source:
+        return list(StreamReader(source).records)
+
+
+def rewritten(path: Path, records: Sequence[Any], digests: bool = False) -> Path:
+    """A whole and valid recording of records; with the digests of those before, or without any."""
+    with path.open("wb") as target:
         writer = Writer(target, enable_data_crcs=True)
-        records = list(StreamReader(source).records)
-        for record in records:
-            change(record)
-        _Copy(writer).all(records)  # type: ignore[arg-type]
+        _Copy(writer).all(records)
+        for record in records if digests else ():
+            if type(record).__name__ == "Metadata" and record.name == DIGESTS:
+                writer.add_metadata(DIGESTS, record.metadata)
         writer.finish()  # type: ignore[no-untyped-call]
-    return copy
+    return path
+
+
+def altered(path: Path, change: Change, digests: bool = False) -> Path:
+    """A whole and valid copy of a recording, with some of its records changed."""
+    records = records_of(path)
+    for record in records:
+        change(record)
+    return rewritten(path.with_suffix(".altered.mcap"), records, digests)
 
 
 def replace(kind: str, old: bytes, new: bytes) -> Change:
@@ -42,24 +55,19 @@ def replace(kind: str, old: bytes, new: bytes) -> Change:
 
 def lacking(path: Path, *topics: str, after: int = 0) -> Path:
     """A whole and valid copy that lacks all messages of some topics but the first few."""
-    copy, count = path.with_suffix(".lacking.mcap"), 0
+    count = 0
     channels = {}
-    with path.open("rb") as source, copy.open("wb") as target:
-        records: list[Any] = []
-        record: Any
-        for record in StreamReader(source).records:
-            kind = type(record).__name__
-            if kind == "Channel":
-                channels[record.id] = record.topic
-            elif kind == "Message" and channels[record.channel_id].startswith(topics):
-                count += 1
-                if count > after:
-                    continue
-            records.append(record)
-        writer = Writer(target, enable_data_crcs=True)
-        _Copy(writer).all(records)  # type: ignore[arg-type]
-        writer.finish()  # type: ignore[no-untyped-call]
-    return copy
+    records: list[Any] = []
+    for record in records_of(path):
+        kind = type(record).__name__
+        if kind == "Channel":
+            channels[record.id] = record.topic
+        elif kind == "Message" and channels[record.channel_id].startswith(topics):
+            count += 1
+            if count > after:
+                continue
+        records.append(record)
+    return rewritten(path.with_suffix(".lacking.mcap"), records)
 
 
 def each(topics: Collection[str], change: Change, number: int | None = None) -> Change:

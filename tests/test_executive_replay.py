@@ -21,7 +21,7 @@ from logs.comparison import compare
 from logs.ros_types import ros_types
 from logs.story import overview, story
 from logs.table import export
-from tests.alterations import altered, lacking, replace
+from tests.alterations import altered, lacking, replace, retold
 from tests.conftest import RigMaker
 from tests.test_end_to_end import events, sent_frames, start
 from tests.test_end_to_end import robot as quick
@@ -90,7 +90,7 @@ def test_what_is_read_in_part_is_told(tmp_path: Path, picked: Path) -> None:
         assert len(logs.table(picked, "/joint_states")["joint_1"]) == 31
 
 
-def test_a_file_of_another_program_is_not_drawn(tmp_path: Path) -> None:
+def test_a_file_of_another_program_is_not_drawn(tmp_path: Path, picked: Path) -> None:
     path = tmp_path / "theirs.mcap"
     writer = Writer(str(path))
     writer.start("ros2", "rosbag2")
@@ -101,6 +101,9 @@ def test_a_file_of_another_program_is_not_drawn(tmp_path: Path) -> None:
         err == f"Error: {path}: was not recorded by armtree, or lacks its head [log.unreadable]\n"
     )
     assert not path.with_suffix(".png").exists()
+    bent = altered(picked, retold("/goal", lambda goal: goal.pop("seed")))
+    status, _, err = finish(tmp_path, "log", "plot", str(bent))
+    assert (status, "what /goal says lacks seed" in err) == (3, True)
     status, out, err = finish(tmp_path, "log", "ls", str(path))
     assert (status, out) == (2, "")
     assert "is a file" in err
@@ -201,6 +204,13 @@ def test_three_lines_to_a_table(picked: Path) -> None:
     assert (joints["time_ns"][1:] > joints["time_ns"][:-1]).all()
 
 
+def test_a_path_as_it_is_typed_into_a_notebook(picked: Path) -> None:
+    typed = str(picked)
+    assert list(logs.table(typed, "/joint_states")) == list(logs.table(picked, "/joint_states"))
+    assert len(list(logs.read(typed, ["/serial/tx"]))) == 31
+    assert len(list(logs.Recording(typed).records(logs.Sent))) == 31
+
+
 def test_runs_are_compared_while_both_moved(picked: Path) -> None:
     short = lacking(picked, "/serial", "/joint_states", after=3 * 10)
     both = compare(picked, short)
@@ -298,6 +308,8 @@ def test_pinned_recordings_outlive_the_rule(tmp_path: Path, picked: Path) -> Non
     assert finish(tmp_path, "log", "pin", "--off", str(picked))[0] == 0
     assert "deleted" in finish(tmp_path, "log", "prune", folder, "--days", "1")[1]
     assert not picked.exists()
+    nowhere = ["log", "prune", str(tmp_path / "recodings"), "--days", "1"]
+    assert "there are no recordings here" in finish(tmp_path, *nowhere)[2]
 
 
 @pytest.mark.parametrize("value", ["-1", "nan", "inf"])

@@ -66,6 +66,11 @@ def test_frames_that_mean_something_else_on_this_arm_are_refused(
     assert not [event for event in events(out) if event["event"] == "sent"]
 
 
+def shortened(told: dict[str, Any]) -> None:
+    """A schedule of fewer frames."""
+    told.update({name: told[name][:9] for name in ("times", "frames", "delays_s")})
+
+
 def change(name: str, make: Callable[[Any], Any], number: int = 1) -> Change:
     """Makes another value of a field of a schedule."""
     return retold("/schedule", lambda told: told.update({name: make(told[name])}), number)
@@ -83,7 +88,7 @@ def test_a_replay_goes_by_the_times_of_the_schedule(picked: Path) -> None:
     [
         (change("times", lambda t: [x / 20 for x in t]), r"turns joint_4 by .* limit is 1 rad/s"),
         (change("times", lambda t: [*t[:9], t[8], *t[10:]]), "is not due after the frame before"),
-        (change("times", lambda t: t[:9]), "more frames were recorded than were scheduled"),
+        (retold("/schedule", shortened), "more frames were recorded than were scheduled"),
         (change("start", lambda q: q | {"joint_1": 0.5}, 2), "does not begin where the one before"),
     ],
 )

@@ -11,7 +11,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from logs import Attachment, RecordingError, RecordingTruncated, compact, read
-from logs.compaction import RECOVERED
+from logs.compaction import DIGESTS, RECOVERED
 from logs.journal import Journal
 from tests.test_logs_run import EPOCH_NS, RUNS, record
 
@@ -98,8 +98,17 @@ def test_compaction_changes_nothing_but_the_form(tmp_path: Path) -> None:
     run_journal(cut, finish=False)
     assert compact(ended).bytes < 2 / 3 * size
     compact(cut)
-    assert content(ended) == before
-    assert content(cut) == [*before, Metadata(RECOVERED, {"torn_bytes": "0"})]
+    *kept, digests = content(ended)
+    assert kept == before
+    assert isinstance(digests, Metadata)
+    assert digests.name == DIGESTS
+    *kept, recovered, other = content(cut)
+    assert kept == before
+    assert recovered == Metadata(RECOVERED, {"torn_bytes": "0"})
+    assert isinstance(other, Metadata)
+    assert other.metadata.items() - digests.metadata.items() == {
+        ("note recovered", other.metadata["note recovered"])
+    }
 
 
 def test_compacting_a_recording_gives_the_same_bytes(tmp_path: Path) -> None:

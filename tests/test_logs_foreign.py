@@ -11,6 +11,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from ruamel.yaml import YAML
 
 import logs
 from logs import Description, LogLine, Record, Sent
@@ -19,6 +20,20 @@ from tests.test_logs_compaction import run_journal
 from tests.test_logs_run import RUNS, lifecycle, record
 
 WITHOUT = without_node("@mcap/core")
+BAG = {
+    "version",
+    "storage_identifier",
+    "duration",
+    "starting_time",
+    "message_count",
+    "topics_with_message_count",
+    "compression_format",
+    "compression_mode",
+    "relative_file_paths",
+    "files",
+    "custom_data",
+    "ros_distro",
+}
 EXAMPLES = Path(__file__).parents[1] / "trees" / "examples" / "recordings"
 URDF = (Path(__file__).parents[1] / "hardware" / "arduinobot.urdf").read_text()
 
@@ -91,6 +106,31 @@ def test_the_decoder_of_mcap_itself(files: dict[str, Path]) -> None:
         frames = [message.text for topic, message in found if topic == "/serial/tx"]
         joints = [list(message.position) for topic, message in found if topic == "/joint_states"]
         assert (Counter(topic for topic, _ in found), frames, joints) == ours(path), path
+
+
+def test_what_rosbag2_asks_of_a_file(files: dict[str, Path]) -> None:
+    """It cannot be run here; these are the fields that its reader takes from a bare file."""
+    yaml = YAML(typ="safe")
+    for path in files.values():
+        with path.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            summary = reader.get_summary()
+            notes = {note.name: note.metadata for note in reader.iter_metadata()}
+        assert summary is not None
+        assert summary.statistics is not None
+        assert all(index.message_index_offsets for index in summary.chunk_indexes), path
+        for channel in summary.channels.values():
+            assert channel.message_encoding == "cdr"
+            assert summary.schemas[channel.schema_id].encoding == "ros2msg"
+            (qos,) = yaml.load(channel.metadata["offered_qos_profiles"])
+            numbers = [qos[policy] for policy in ("history", "reliability", "liveliness")]
+            assert numbers == [1, 1, 1]
+            assert qos["durability"] in (1, 2)
+            assert {"depth", "deadline", "lifespan", "liveliness_lease_duration"} <= qos.keys()
+        if path.parent != EXAMPLES:  # which are older
+            bag = yaml.load(notes["rosbag2"]["serialized_metadata"])
+            assert bag["version"] == 8  # else it takes those numbers for names
+            assert bag.keys() == BAG
 
 
 @pytest.mark.skipif(WITHOUT != "", reason=WITHOUT)

@@ -28,6 +28,7 @@ from logs import (
     Summary,
     Transition,
 )
+from logs.story import story
 
 EPOCH_NS = 1_795_000_000_000_000_000
 GOAL_ID = "0123456789abcdef0123456789abcdef"
@@ -303,7 +304,10 @@ def test_the_stock_reader_reads_all_and_finds_every_checksum_right(tmp_path: Pat
     assert found["/plan/arm"] == found["/plan/arm/trajectory"] == found["/plan/gripper"] == 1
     assert sum(found.values()) == summary.statistics.message_count
     assert attachments == [("task.yaml", b"task: 1\n")]
-    assert facts == {"armtree": {"epoch_ns": str(EPOCH_NS)}}
+    assert facts.keys() == {"armtree", "rosbag2", "digests"}
+    assert facts["armtree"] == {"epoch_ns": str(EPOCH_NS)}
+    notes = {"note armtree", "note rosbag2"}
+    assert facts["digests"].keys() == {*found, *notes, "file task.yaml"}
     assert all(index.compression == "zstd" for index in summary.chunk_indexes)
 
 
@@ -367,3 +371,11 @@ def test_a_setting_of_the_board_moves_no_joint(tmp_path: Path) -> None:
     record(path, told)
     assert list(logs.Recording(path).records()) == told
     assert len(logs.table(path, "/joint_states")["joint_1"]) == len(moved)
+
+
+def test_the_story_tells_that_the_arm_was_held(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["canceled"])
+    told = [words for _, words in story(path, everything=False)]
+    assert len([words for words in told if words.startswith("hold: ")]) == 1
+    assert not [words for words in told if words.startswith("sent: ")]

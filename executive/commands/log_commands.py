@@ -40,9 +40,7 @@ def ls(folder: Path) -> None:
     from logs.keeping import pinned
     from logs.story import overview
 
-    paths = sorted(folder.glob("*.mcap"))
-    if not paths:
-        click.echo(f"{folder}: there are no recordings here", err=True)
+    paths = _recordings_in(folder)
     width = max((len(path.name) for path in paths), default=0) + 2
     for path in paths:
         try:
@@ -57,6 +55,13 @@ def ls(folder: Path) -> None:
         frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
         row = f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{frames:<13}"
         click.echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    paths = sorted(folder.glob("*.mcap"))
+    if not paths:
+        click.echo(f"{folder}: there are no recordings here", err=True)
+    return paths
 
 
 @log.command()
@@ -229,6 +234,7 @@ def prune(folder: Path, days: float | None, mb: float | None) -> None:
 
     if days is None and mb is None:
         raise click.UsageError("give --days, --mb or both")
+    _recordings_in(folder)  # a name that was misspelt has none
     clock = RealClock()
     for path in make_room(folder, Rule(days, mb), clock.epoch_ns() / 1e9 + clock.now()):
         click.echo(f"{path}: deleted")

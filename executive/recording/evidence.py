@@ -52,6 +52,9 @@ def robot_of(recording: Recording) -> Robot:
     except KeyError as missing:
         what = f"lacks {missing}, so that its robot is unknown; it was recorded by another armtree"
         raise RecordingError(recording.path, what) from missing
+    except ValueError as cause:
+        what = f"tells of a firmware that makes no sense ({cause}); another program wrote it"
+        raise RecordingError(recording.path, what) from cause
 
 
 def changed_since(recording: Recording) -> bool:
@@ -67,13 +70,27 @@ def _load(files: tuple[tuple[str, bytes], ...], firmware: str) -> Robot:
     for name, data in files:
         (folder / Path(name).name).write_bytes(data)
     robot = load_robot(folder / Path(files[0][0]).name)
-    known = asdict(robot.firmware)
-    figures = {
-        name: value.encode("latin-1") if isinstance(known[name], bytes) else value
-        for name, value in json.loads(firmware).items()
-        if name in known
-    }
-    return replace(robot, firmware=replace(robot.firmware, **figures))
+    return replace(robot, firmware=replace(robot.firmware, **_figures(robot, firmware)))
+
+
+def _figures(robot: Robot, firmware: str) -> dict[str, Any]:
+    """The firmware's figures; those of a newer armtree are left out.
+
+    Raises:
+        ValueError: One of them is of another kind.
+    """
+    figures: dict[str, Any] = asdict(robot.firmware)
+    told = json.loads(firmware)
+    for name, known in figures.items():
+        value = told.get(name, _plain(known))
+        if not _alike(value, _plain(known)):
+            raise ValueError(f"{name} {value!r}")
+        figures[name] = value.encode("latin-1") if isinstance(known, bytes) else value
+    return figures
+
+
+def _alike(value: Any, known: Any) -> bool:
+    return isinstance(value, (int, float) if isinstance(known, float) else type(known))
 
 
 @cache

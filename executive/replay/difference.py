@@ -6,7 +6,7 @@ from itertools import pairwise, takewhile, zip_longest
 from executive.recording.meshes import world_of
 from hardware import HardwareError, Robot, compile_schedule
 from hardware import Schedule as Compiled
-from logs import Goal, NodeStatus, Plan, Record, Result, Schedule, Sent
+from logs import NodeStatus, Plan, Record, Schedule, Sent
 from skills.merged import Merged
 from skills.motion import MotionError, Query, Rest
 from skills.motion import Plan as Planned
@@ -19,6 +19,29 @@ _TOLERANCE = 1e-6
 _TIMEOUT = 120.0  # [s]
 # Ends of planning that depend on the day, not on the query.
 _BY_CHANCE = ("plan.canceled", "plan.timeout", "plan.worker_died")
+
+
+def joints_difference(robot: Robot, story: Iterable[Record]) -> str:
+    """The first plan or schedule that is not of this robot's joints, or nothing.
+
+    Args:
+        robot: As it was recorded.
+        story: What was recorded, in its order.
+    """
+    actuated = {joint.name for joint in robot.actuated}
+    for record in story:
+        if not isinstance(record, Plan | Schedule):
+            continue
+        groups = (record.group,) if isinstance(record, Plan) else record.groups
+        if unknown := [group for group in groups if group not in robot.groups]:
+            return f"the group {unknown[0]} is recorded, the robot has {', '.join(robot.groups)}"
+        if record.start.keys() != actuated:
+            return f"a start of {', '.join(record.start)} is recorded"
+        if isinstance(record, Plan):
+            joints = tuple(joint.name for joint in robot.leaders(record.group))
+            if record.joints != joints:
+                return f"the {record.group} is recorded as {', '.join(record.joints)}"
+    return ""
 
 
 def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
@@ -39,28 +62,15 @@ def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
         schedule = part[0] if part and isinstance(part[0], Schedule) else None
         words = _positions_difference(robot, sent) or _holds_difference(sent, held)
         if not words and schedule:
-            words = _compiled_difference(robot, schedule)
+            compiled, words = _compiled(robot, schedule)
             words = words or _sent_difference(schedule, sent, cut)
             words = words or _timing_difference(schedule, sent, cut)
+            words = words or _commanded_difference(compiled, sent)
         elif not words and (moved := [each for each in sent if not each.hold]):
             words = f"{moved[0].text} was sent without a schedule"
         if words:
             return f"motion {number}: {words}"
         held = sent[-1].data if sent else held
-    return _result_difference(story)
-
-
-def _result_difference(story: Sequence[Record]) -> str:
-    sent: list[Sent] = []
-    elsewhere = {goal.goal_id for goal in story if isinstance(goal, Goal) and goal.elsewhere}
-    for record in story:
-        if isinstance(record, Sent) and record.joints:
-            sent.append(record)
-        elif isinstance(record, Result) and record.goal_id not in elsewhere:
-            if record.frames != len(sent):
-                return f"the result tells of {record.frames} frames, {len(sent)} are recorded"
-            if sent and sent[-1].time > record.time:
-                return f"{sent[-1].text} was sent after the result before which it is recorded"
     return ""
 
 
@@ -91,8 +101,10 @@ def _cuts(parts: Sequence[Sequence[Record]]) -> Iterator[bool]:
 
 
 def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
-    codec = robot.wire_format
+    codec, joints = robot.wire_format, tuple(joint.name for joint in robot.actuated)
     for frame in sent:
+        if frame.joints != joints:
+            return f"{frame.text} was sent for {', '.join(frame.joints)}"
         try:
             encoded = codec.encode(frame.positions).data
         except HardwareError as error:
@@ -111,16 +123,20 @@ def _holds_difference(sent: Iterable[Sent], last: bytes | None) -> str:
     return ""
 
 
-def _compiled_difference(robot: Robot, recorded: Schedule) -> str:
+def _compiled(robot: Robot, recorded: Schedule) -> tuple[Compiled | None, str]:
+    """A schedule made again, and what is wrong with it; None for frames that were not planned."""
     firmware = robot.firmware
     for name, then, now in (
         ("firmware", recorded.firmware, firmware.name),
         ("rate_hz", recorded.rate_hz, firmware.rate),
     ):
         if then != now:
-            return f"a schedule of {name} {then} is recorded, the robot has {now}"
+            return None, f"a schedule of {name} {then} is recorded, the robot has {now}"
     if not recorded.groups:
-        return ""  # frames that were replayed, not planned
+        return None, ""
+    if recorded.duration * firmware.rate > len(recorded.sample_times):
+        looked = len(recorded.sample_times)
+        return None, f"a motion of {recorded.duration} s is recorded, of which {looked} samples are"
     rows = dict(zip(recorded.sample_times, recorded.samples, strict=True))
     start = [recorded.start[joint.name] for joint in robot.actuated]
 
@@ -130,10 +146,10 @@ def _compiled_difference(robot: Robot, recorded: Schedule) -> str:
     try:
         compiled = compile_schedule(robot, start, sample, recorded.duration)
     except KeyError as time:
-        return f"compiling looks at the motion at {time} s, which was not looked at then"
+        return None, f"compiling looks at the motion at {time} s, which was not looked at then"
     except HardwareError as error:
-        return f"the recorded motion cannot be compiled: {error}"
-    return _schedules_difference(recorded, compiled)
+        return None, f"the recorded motion cannot be compiled: {error}"
+    return compiled, _schedules_difference(recorded, compiled)
 
 
 def _schedules_difference(recorded: Schedule, compiled: Compiled) -> str:
@@ -147,6 +163,16 @@ def _schedules_difference(recorded: Schedule, compiled: Compiled) -> str:
         return "the recorded delays_s are not those that are compiled"
     if recorded.slowed_s != compiled.slowed:
         return f"slowed_s of {recorded.slowed_s} s is recorded, {compiled.slowed} s is compiled"
+    return ""
+
+
+def _commanded_difference(compiled: Compiled | None, sent: Iterable[Sent]) -> str:
+    moving = (frame for frame in sent if not frame.hold)
+    setpoints = compiled.setpoints if compiled else ()
+    for number, (due, frame) in enumerate(zip(setpoints, moving, strict=False), 1):
+        for joint, told, made in zip(frame.joints, frame.positions, due.positions, strict=True):
+            if told != made:
+                return f"frame {number}: {joint} at {told!r} rad is recorded, {made!r} is compiled"
     return ""
 
 

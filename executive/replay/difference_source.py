@@ -25,6 +25,8 @@ def source(
     """Where a difference comes from, as far as the recording can tell."""
     if wrong := contradiction(recording, robot, story):
         return wrong
+    if part := recording.changed:
+        return f"the recording: {part} was changed after the run"
     if new := changes(recording, entries):
         return f"version: {new}"
     return "the recording: all versions are the same, so that what it says was changed"
@@ -51,8 +53,8 @@ def contradiction(recording: Recording, robot: Robot, story: Sequence[Record]) -
 
 
 def _limits(plan: Plan, robot: Robot) -> str:
-    joints = robot.leaders(plan.group)
-    kept = zip(joints, plan.velocity_limits, plan.acceleration_limits, strict=True)
+    joints = robot.leaders(plan.group) if plan.group in robot.groups else ()
+    kept = zip(joints, plan.velocity_limits, plan.acceleration_limits, strict=False)
     for joint, velocity, acceleration in kept:
         if (velocity, acceleration) != (joint.velocity, joint.acceleration):
             return (
@@ -69,7 +71,7 @@ def _seed(plan: Plan, goals: Sequence[Goal]) -> str:
 
 
 def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
-    for joint, value in zip(plan.joints, plan.goal, strict=True):
+    for joint, value in zip(plan.joints, plan.goal, strict=False):  # it may be refused for that
         if joint in targets and value not in targets[joint]:
             spelled = ", ".join(f"{target:g}" for target in sorted(targets[joint]))
             return f"task: it sends {joint} to {spelled}, the plan to {value:g}"
@@ -78,10 +80,8 @@ def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
 
 def _targets(recording: Recording) -> dict[str, set[float]]:
     """Every value that the task spells out for a joint; none where it computes any goal."""
-    if RESOLVED not in recording.files:
-        return {}
-    leaves = list(_leaves(json.loads(recording.files[RESOLVED])))
-    goals = {ports["goal"] for skill, ports in leaves if skill in _PLANNERS}
+    leaves = list(_leaves(_tree(recording)))
+    goals = {str(ports.get("goal")) for skill, ports in leaves if skill in _PLANNERS}
     targets: dict[str, set[float]] = {}
     for skill, ports in leaves:
         if skill in _PLANNERS or not goals & set(map(str, ports.values())):
@@ -90,13 +90,22 @@ def _targets(recording: Recording) -> dict[str, set[float]]:
         if skill != "CheckBounds" or len(spelled) < len(ports) - 1:  # all but the goal it writes
             return {}
         for joint, value in chain.from_iterable(group.items() for group in spelled):
-            targets.setdefault(joint, set()).add(value)
+            if isinstance(value, int | float):
+                targets.setdefault(joint, set()).add(value)
     return targets
 
 
-def _leaves(node: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+def _tree(recording: Recording) -> Any:
+    """The task as it was resolved; of what cannot be read there is nothing to tell."""
+    try:
+        return json.loads(recording.files.get(RESOLVED, b"{}"))
+    except ValueError:
+        return {}
+
+
+def _leaves(node: Any) -> Iterator[tuple[str, dict[str, Any]]]:
     """All skills of a resolved tree, each with its ports."""
-    for name, below in node.items():
+    for name, below in node.items() if isinstance(node, dict) else ():
         if name in KINDS or name in _CONDITIONS:
             for child in below if isinstance(below, list) else [below]:
                 yield from _leaves(child)

@@ -6,13 +6,14 @@ the recorded queries, planned again, give the recorded plans.
 
 import os
 import signal
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
 from executive.building.resolved import RESOLVED
+from executive.codes import DIFFERS
 from executive.recording.evidence import robot_of
 from hardware import HardwareError, Robot
 from logs import (
@@ -28,12 +29,16 @@ from logs import (
     Schedule,
     Sent,
 )
+from logs.agreement import disagreement
 from logs.compaction import RECOVERED
 from skills.motion import ModelUnusable
 from skills.motion.planner import Planner
 
-from .difference import frames_difference, plans_difference
+from .difference import frames_difference, joints_difference, plans_difference
+from .difference_result import result_difference
 from .difference_source import PLANNING, changes, contradiction, source
+
+_PLAN = "/plan/"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +65,7 @@ class Proof:
     Attributes:
         path: The recording.
         verdicts: One per question; none where the file cannot be judged.
-        error: Why it cannot, or what is missing from it; empty otherwise.
+        error: Why it cannot, what is missing from it, or what was changed in it; empty otherwise.
         code: Stable name of that.
         motion: How long the motion was that was made again [s].
     """
@@ -73,7 +78,7 @@ class Proof:
 
     @property
     def holds(self) -> bool:
-        """Whether the file is whole and both verdicts are that all is the same."""
+        """Whether the file is whole, as it was, and both verdicts are that all is the same."""
         return not self.error and all(verdict.holds for verdict in self.verdicts)
 
 
@@ -81,20 +86,25 @@ def prove(path: Path) -> Proof:
     """Judge one recording. Plans in this process."""
     try:
         recording = Recording(path)
-        told = list(recording.stamped(Sent, Schedule, Plan, Goal, Result, NodeStatus))
-        story = [record for _, record in told]
+        story = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
         robot = robot_of(recording)
-        misdated = _stamps_difference(recording, told)
-        verdicts = _frames(recording, robot, story, misdated), _plans(recording, robot, story)
+        topic, wrong = disagreement(recording)
+        planned = topic.startswith(_PLAN)
+        verdicts = (
+            _frames(recording, robot, story, "" if planned else wrong),
+            _plans(recording, robot, story, wrong if planned else ""),
+        )
     except (LogError, HardwareError, ModelUnusable) as error:
         return Proof(path, (), str(error), error.code, 0.0)
     except OSError as error:
         return Proof(path, (), str(error), RecordingError.code, 0.0)
     motion = sum(record.duration for record in story if isinstance(record, Schedule))
-    if recording.complete:
-        return Proof(path, verdicts, "", "", motion)
-    torn = RecordingTruncated(path, recording.messages)
-    return Proof(path, verdicts, str(torn), torn.code, motion)
+    if not recording.complete:
+        torn = RecordingTruncated(path, recording.messages)
+        return Proof(path, verdicts, str(torn), torn.code, motion)
+    if part := recording.changed:
+        return Proof(path, verdicts, f"{part} was changed after the run", DIFFERS, motion)
+    return Proof(path, verdicts, "", "", motion)
 
 
 def prove_all(paths: Sequence[Path], jobs: int) -> Iterator[Proof]:
@@ -117,26 +127,15 @@ def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterato
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _frames(recording: Recording, robot: Robot, story: Sequence[Record], misdated: str) -> Verdict:
+def _frames(recording: Recording, robot: Robot, story: Sequence[Record], wrong: str) -> Verdict:
     question = "plan -> frames"
-    words = _goal_difference(recording, story) or frames_difference(robot, story) or misdated
+    words = _goal_difference(recording, story) or joints_difference(robot, story)
+    words = words or frames_difference(robot, story) or result_difference(story) or wrong
     if words:
         return Verdict(question, False, words, source(recording, robot, story, ("frames",)))
     schedules = sum(isinstance(record, Schedule) for record in story)
     frames = sum(isinstance(record, Sent) for record in story)
     return Verdict(question, True, f"{_many(frames, 'frame')} of {_many(schedules, 'schedule')}")
-
-
-def _stamps_difference(recording: Recording, told: Iterable[tuple[int, Record]]) -> str:
-    """The first record that says it happened when its message does not; its reader goes by that."""
-    for stamp, record in told:
-        if stamp != recording.epoch_ns + round(record.time * 1e9):
-            happened = (stamp - recording.epoch_ns) / 1e9
-            return (
-                f"a {type(record).__name__} is recorded at {record.time} s in a message of "
-                f"{happened} s"
-            )
-    return ""
 
 
 def _goal_difference(recording: Recording, story: Sequence[Record]) -> str:
@@ -148,19 +147,17 @@ def _goal_difference(recording: Recording, story: Sequence[Record]) -> str:
             return "nothing is recorded"
         if ran and not goals:
             return "no goal is recorded"
-    for result in (record for record in story if isinstance(record, Result)):
-        if (result.goal_id, result.task) not in {(goal.goal_id, goal.task) for goal in goals}:
-            return f"the result is of task {result.task}, of which no goal is recorded"
     return ""
 
 
-def _plans(recording: Recording, robot: Robot, story: Sequence[Record]) -> Verdict:
+def _plans(recording: Recording, robot: Robot, story: Sequence[Record], wrong: str) -> Verdict:
     question = "goal -> plan"
-    wrong = contradiction(recording, robot, story)
-    if words := plans_difference(_planner(robot), robot, story, recording.files):
-        return Verdict(question, False, words, wrong or source(recording, robot, story, PLANNING))
-    if wrong:
-        return Verdict(question, False, "the plans are the same, what led to them is not", wrong)
+    words = joints_difference(robot, story)
+    words = words or plans_difference(_planner(robot), robot, story, recording.files) or wrong
+    if words:
+        return Verdict(question, False, words, source(recording, robot, story, PLANNING))
+    if cause := contradiction(recording, robot, story):
+        return Verdict(question, False, "the plans are the same, what led to them is not", cause)
     plans = sum(isinstance(record, Plan) for record in story)
     new = changes(recording, PLANNING)
     return Verdict(question, True, _many(plans, "plan") + (f", also with {new}" if new else ""))

@@ -1,0 +1,90 @@
+"""What a recording held when it was finished: a digest of every topic, file and note."""
+
+from collections.abc import Iterable, Iterator
+from hashlib import blake2b
+from itertools import chain
+from pathlib import Path
+from struct import Struct
+from typing import Any
+
+from mcap import records as mcap
+
+from .compaction import DIGESTS
+from .salvage import Salvage
+
+_BYTES = 8
+_TIMES = Struct("<QQQQ")
+
+
+class Digests:
+    """Made of the records of a file as they pass.
+
+    Attributes:
+        noted: What the file says of itself, by name; empty where it says nothing.
+    """
+
+    def __init__(self) -> None:
+        self.noted: dict[str, str] = {}
+        self._digests: dict[str, Any] = {}
+        self._types: dict[int, bytes] = {0: b""}
+        self._channels: dict[int, tuple[str, bytes]] = {}
+
+    def watch(self, records: Iterable[Any]) -> Iterator[Any]:
+        """Gives the records on, and takes them in; indexes and the like do not count."""
+        for record in records:
+            self._take(record)
+            yield record
+
+    def made(self) -> dict[str, str]:
+        """By what they are of: a topic, `file NAME` or `note NAME`."""
+        return {name: digest.hexdigest() for name, digest in self._digests.items()}
+
+    def _take(self, record: Any) -> None:
+        match record:
+            case mcap.Message():
+                topic, type_ = self._channels[record.channel_id]
+                times = record.log_time, record.publish_time, record.sequence
+                self._add(topic, type_, times, record.data)
+            case mcap.Schema():
+                self._types[record.id] = _joined(record.name, record.encoding, record.data)
+            case mcap.Channel():
+                facts = _joined(record.message_encoding, *_sorted(record.metadata))
+                self._channels[record.id] = record.topic, self._types[record.schema_id] + facts
+            case mcap.Attachment():
+                times = record.create_time, record.log_time, 0
+                self._add(f"file {record.name}", record.media_type.encode(), times, record.data)
+            case mcap.Metadata(name=name) if name == DIGESTS:
+                self.noted = dict(record.metadata)
+            case mcap.Metadata():
+                facts = _joined(*_sorted(record.metadata))
+                self._add(f"note {record.name}", b"", (0, 0, 0), facts)
+
+    def _add(self, name: str, type_: bytes, times: tuple[int, int, int], data: bytes) -> None:
+        if name not in self._digests:
+            self._digests[name] = blake2b(type_, digest_size=_BYTES)
+        self._digests[name].update(_TIMES.pack(*times, len(data)) + data)
+
+
+def changed(path: Path) -> str:
+    """The first topic, file or note of a recording that is not what it was when it was finished.
+
+    Empty where there is none, or where the file does not say what it was.
+
+    Raises:
+        RecordingError: It cannot be read.
+    """
+    digests = Digests()
+    for _ in digests.watch(Salvage(path)):
+        pass
+    made, noted = digests.made(), digests.noted
+    every = chain(noted, made)
+    return next((name for name in every if noted and made.get(name) != noted.get(name)), "")
+
+
+def _joined(*parts: str | bytes) -> bytes:
+    encoded = (part.encode() if isinstance(part, str) else part for part in parts)
+    return b"".join(len(part).to_bytes(4, "little") + part for part in encoded)
+
+
+def _sorted(facts: dict[str, str]) -> Iterator[str]:
+    return chain.from_iterable(sorted(facts.items()))
