@@ -5,7 +5,7 @@ bytes of a pseudo-terminal, by another process that reads them. Ten thousand can
 goals run in simulated time, on the board in-process. `cancel_http` is the same cancel asked by a
 request, `stop_in_flood` a stop on a new connection while strangers, in another process, send all
 they can. `rosbridge_result` is an empty task asked as roslibpy does, by a client in this process,
-once the recording of the one before is finished; `rosbridge_back_to_back` at once after it.
+at once after the one before, as the peers' was; `rosbridge_paused` once its recording is finished.
 """
 
 import dataclasses
@@ -379,8 +379,8 @@ def main(runs: int, file: Path | None, cancels: int) -> None:
         Row("cancel_http_p99_ms", "ms", [percentile(asked, 99)]),
         Row("stop_in_flood_p50_ms", "ms", [percentile(flooded, 50)]),
         Row("stop_in_flood_p99_ms", "ms", [percentile(flooded, 99)]),
-        Row("rosbridge_result_p50_ms", "ms", [bridge(100, True) for _ in range(runs)]),
-        Row("rosbridge_back_to_back_p50_ms", "ms", [bridge(100, False) for _ in range(runs)]),
+        Row("rosbridge_result_p50_ms", "ms", [bridge(100, False) for _ in range(runs)]),
+        Row("rosbridge_paused_p50_ms", "ms", [bridge(100, True) for _ in range(runs)]),
         Row("zombies", "1", [zombies]),
         Row("frames_after_hold", "1", [after_hold]),
         Row("cancels_in_motion", "1", [stopped]),
