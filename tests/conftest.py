@@ -21,8 +21,10 @@ from skills import Context, Skill, SkillEvent
 from skills.motion import Plan, Pool, Query, Request, Result
 from trees import Library
 
-# Under nohup a hang-up is ignored, by whatever the tests start, too; some tests want it to count.
+# Under nohup a hang-up is ignored, in the background of a script Ctrl-C is, by whatever the tests
+# start, too; some tests want them to count.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # How long an example takes says how busy the machine is.
 settings.register_profile("suite", deadline=None, suppress_health_check=[HealthCheck.too_slow])
