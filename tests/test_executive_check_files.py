@@ -78,7 +78,7 @@ OWN_FILES = [
     (
         "look.yaml",
         "subtree: look\ndescription: x\nports: {}\nreplaces: look\ntree: Succeed\n",
-        "4:1 replaces: no subtree look ships; there are close_gripper, go,",
+        "4:1 replaces: no subtree look ships; there are close_gripper, follow,",
     ),
     (
         "poses.yaml",

@@ -131,7 +131,7 @@ def _items(
     if not isinstance(value.value, list):
         wrong(value.place, f"{value} is not {words(wanted.type)}")
         return None
-    if wanted.count and len(value.value) != wanted.count:
+    if wanted.count and len(value.value) != wanted.count and value.value != wanted.default:
         wrong(value.place, f"{value} has {len(value.value)} items, not {wanted.count}")
         return None
     each = replace(wanted, type=wanted.type.removeprefix(LIST))
