@@ -134,7 +134,9 @@ def _node(subtrees: Mapping[str, Mapping[str, Declaration]]) -> Schema:
     given: Schema = {"with": {"type": "object"}, "name": _SHOWN}
     forms.append(_form("subtree", other, given, []))
     forms.append(_form("task", {"type": "integer", "minimum": 0}, given, []))
-    return {"anyOf": forms}
+    # What holds for all forms; an editor offers it before it knows which one is meant.
+    offered = {"subtree": {"anyOf": [{"enum": sorted(subtrees)}, {"type": "string"}]}}
+    return {"properties": offered, "anyOf": forms}
 
 
 def _with(ports: Mapping[str, Declaration]) -> list[str]:
