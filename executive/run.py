@@ -17,18 +17,33 @@ from .progress import Progress
 
 logger = logging.getLogger(__name__)
 
+_ENDED = (Status.SUCCESS, Status.FAILURE)
+
 # What is asked to stop has this long to say that it has.
 CANCEL_DEADLINE = 0.25  # [s]
 
 
 class _Shown:
-    """A node, and the status that was told of it last."""
+    """A node, and what was told of it last: its status, and which time it was."""
 
-    __slots__ = ("node", "path", "status")
+    __slots__ = ("begun", "node", "path", "status")
 
     def __init__(self, node: Behaviour, path: str) -> None:
         self.node, self.path = node, path
         self.status: Status | None = None
+        self.begun = 0
+
+    def changed(self) -> bool:
+        """Whether there is something new to tell; it counts as told from now on."""
+        begun = self.begun
+        if isinstance(self.node, Skill) and not self.node.condition:  # which asks at every tick
+            self.begun = self.node.begun
+        before, self.status = self.status, self.node.status
+        if before not in _ENDED:
+            return self.status is not before
+        if self.status is Status.INVALID:  # as py_trees makes finished nodes; what they did is true
+            self.status = before
+        return self.status is not before or self.begun != begun
 
 
 class Run:
@@ -151,17 +166,13 @@ class Run:
 
     def _show(self, paused: bool = False) -> None:
         """Tell what has changed since the last tick."""
-        now = self._clock.now()
+        now, running = self._clock.now(), Status.RUNNING
         for shown in self._shown:
             node = shown.node
-            if node.status is shown.status:
+            if node.status is running is shown.status:  # most of a large tree, and soon seen
                 continue
-            # py_trees invalidates finished nodes too; what they did stays true.
-            ended = shown.status is Status.SUCCESS or shown.status is Status.FAILURE
-            if node.status is Status.INVALID and ended:
-                continue
-            shown.status = node.status
-            status, message = node.status.name, node.feedback_message
-            self._tell(NodeStatus(now, shown.path, node.name, status, message))
+            if shown.changed():
+                status, message = node.status.name, node.feedback_message
+                self._tell(NodeStatus(now, shown.path, node.name, status, message))
         if reached := self._progress.step(paused):
             self._tell(Feedback(now, self._goal.identity, *reached))

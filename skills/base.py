@@ -127,6 +127,7 @@ class Skill(BehaviourWithPorts):
         may_succeed: Whether it can succeed.
         failure: Why it failed last, if it did.
         broken: What its code raised last that it must not.
+        begun: How often it began.
     """
 
     moves = False
@@ -150,6 +151,7 @@ class Skill(BehaviourWithPorts):
         self.failure: SkillError | MotionError | HardwareError | None = None
         self.broken: SkillBroken | None = None
         self._live = False
+        self.begun = 0
 
     @classmethod
     def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
@@ -220,6 +222,7 @@ class Skill(BehaviourWithPorts):
             return Status.RUNNING
         begin, self._live = not self._live, True
         if begin:
+            self.begun += 1
             self.failure, self.feedback_message = None, ""
         try:
             status = self.on_start() if begin else self.on_running()

@@ -29,6 +29,17 @@ def test_a_task_and_its_functions() -> None:
             rehearsal.replace("Wait", lambda: None)
 
 
+def test_each_time_a_leaf_ends_is_told(tmp_path: Path) -> None:
+    (tmp_path / "9_thrice.yaml").write_text(
+        "task: 9\nname: thrice\ndescription: Say it again.\ntree:\n  sequence:\n"
+        "    - {repeat: {Say: {text: hi}}, times: 3}\n"
+        "    - {repeat: {sequence: [{Say: {text: ho}}]}, times: 2}\n"
+    )
+    with Rehearsal(trees=tmp_path) as rehearsal:
+        assert rehearsal.run(9).success
+        assert rehearsal.said("Say") == ["hi", "hi", "hi", "ho", "ho"]
+
+
 def test_the_operator_answers_by_heart(tmp_path: Path) -> None:
     (tmp_path / "9_careful.yaml").write_text(
         "task: 9\nname: careful\ndescription: Ask first.\ntree:\n  sequence:\n"
