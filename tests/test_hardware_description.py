@@ -160,6 +160,17 @@ def test_a_wrong_urdf(tmp_path: Path, old: str, new: str, why: str) -> None:
     assert re.search(why, said), said
 
 
+def test_a_follower_over_its_own_velocity(tmp_path: Path) -> None:
+    fast = replaced(URDF, 'multiplier="-1"', 'multiplier="-10.5"')
+    said = refusal(written(tmp_path, urdf=fast))
+    assert said.endswith(
+        "joints.joint_4.velocity: 1 rad/s has joint_5 follow at 10.5 rad/s, "
+        "more than the URDF's limit, 10 rad/s"
+    )
+    just = replaced(URDF, 'multiplier="-1"', 'multiplier="-10"')
+    assert load_robot(written(tmp_path, urdf=just)).joint("joint_5").velocity == 10.0
+
+
 def test_our_firmware_speaks_at_one_speed_only(tmp_path: Path) -> None:
     ours = replaced(TOML, 'firmware = "stock"', 'firmware = "armtree"')
     assert load_robot(written(tmp_path, ours)).serial.baud == 115200
