@@ -314,6 +314,14 @@ class WorkerDied(MotionError):
         super().__init__(f"The planning process failed: {why}. A new one takes over; ask again")
 
 
+def shown(value: object) -> str:
+    """Somebody's value in a message, whatever it is."""
+    try:
+        return repr(value)
+    except Exception:  # somebody else's, or a number of thousands of digits
+        return f"a {type(value).__name__} that cannot be shown"
+
+
 def _place(point: tuple[float, ...]) -> str:
     return "(" + ", ".join(f"{x:.4f}" for x in point) + ") m"
 
