@@ -66,28 +66,29 @@ class Ends:
         if not (isinstance(query.spare, (int, float)) and 0.0 <= query.spare <= _WIDEST):
             raise BadQuery(f"The spare is {shown(query.spare)} m; give 0 to {_WIDEST:g}")
         start, own = finite("start", query.start, self._actuated), self.columns
-        goals = (*(("via point", via) for via in query.via), ("goal", query.goal))
-        points = [start[own], *(finite(what, goal, self._own) for what, goal in goals)]
+        names = ["", *(f"via point {i + 1}" for i in range(len(query.via))), ""]
+        goals = zip(names[1:], (*query.via, query.goal), strict=True)
+        points = [start[own], *(finite(what or "goal", goal, self._own) for what, goal in goals)]
         stations = np.tile(start, (len(points), 1))
         stations[:, own] = points
         for number, row in enumerate(stations.tolist()):
-            self._bounded(row, GoalOutOfBounds if number else StartOutOfBounds)
+            self._bounded(row, GoalOutOfBounds if number else StartOutOfBounds, names[number])
         for before, row in pairwise(stations):
             row[own] = short_way(self._endless, before[own], row[own])
         blocked = contacts.blocked(stations, self._margin)
         if blocked:
             number, nearest = blocked
             error = GoalInCollision if number else StartInCollision
-            raise error(*nearest, self._margin)
+            raise error(*nearest, self._margin, names[number])
         return start, stations[:, own]
 
-    def _bounded(self, row: list[float], error: type[OutOfBounds]) -> None:
+    def _bounded(self, row: list[float], error: type[OutOfBounds], what: str) -> None:
         """Refuse joints outside their limits, followers included."""
         for place, multiplier, offset, joint in self._rules:
             value = multiplier * row[place] + offset
             lower, upper = max(joint.lower, -FARTHEST), min(joint.upper, FARTHEST)
             if not lower <= value <= upper:
-                raise error(joint.name, value, lower, upper, joint.unit)
+                raise error(joint.name, value, lower, upper, joint.unit, what)
 
 
 def check_seed(seed: int) -> None:
