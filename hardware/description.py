@@ -97,7 +97,12 @@ def _read_urdf(table: TomlTable, path: Path) -> _Urdf:
     except (OSError, ValueError) as error:  # ValueError: the name itself is impossible
         table.fail("urdf", f"{path} cannot be read: {getattr(error, 'strerror', error)}")
     links = tuple(link.get("name", "") for link in root.iter("link"))
-    moving = [j for j in root.findall("joint") if j.get("type") in _MOVING]
+    joints = root.findall("joint")
+    for joint in joints:
+        if joint.get("type") not in (*_MOVING, "fixed"):
+            why = f"joint {joint.get('name')} is {joint.get('type')}"
+            raise DescriptionError(path, 0, f"{why}; it must be {', '.join(_MOVING)} or fixed")
+    moving = [j for j in joints if j.get("type") in _MOVING]
     return _Urdf(links, {j.get("name", ""): _urdf_joint(path, j) for j in moving})
 
 

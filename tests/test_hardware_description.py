@@ -149,6 +149,8 @@ WRONG_URDF = {
     "mimic of itself": ('<mimic joint="joint_4"', '<mimic joint="joint_5"', "joint_5 follows joint_5"),
     "mimic by no number": ('multiplier="-1"', 'multiplier="nan"', "joint joint_5: multiplier nan and offset 0 must be finite"),
     "no leader": ('<mimic joint="joint_4"', "<mimic", "joint joint_5 lacks joint"),
+    "planar joint": ('type="revolute"', 'type="planar"', "joint joint_1 is planar; it must be revolute, continuous, prismatic or fixed"),
+    "floating joint": ('type="fixed"', 'type="floating"', r"joint \w+ is floating; it must be"),
     "joint nobody describes": ('name="joint_1"', 'name="joint_x"', "the URDF has no such joint"),
 }  # fmt: skip
 
