@@ -14,6 +14,7 @@ from .robot import CollisionRules, Robot, Serial, Tool
 from .toml_table import TomlTable
 
 _MOVING = ("revolute", "continuous", "prismatic")
+_ROUNDING = 1.0 + 1e-9  # of a follower's velocity, times its limit
 
 
 def load_robot(path: Path | None = None) -> Robot:
@@ -96,7 +97,12 @@ def _read_urdf(table: TomlTable, path: Path) -> _Urdf:
     except (OSError, ValueError) as error:  # ValueError: the name itself is impossible
         table.fail("urdf", f"{path} cannot be read: {getattr(error, 'strerror', error)}")
     links = tuple(link.get("name", "") for link in root.iter("link"))
-    moving = [j for j in root.findall("joint") if j.get("type") in _MOVING]
+    joints = root.findall("joint")
+    for joint in joints:
+        if joint.get("type") not in (*_MOVING, "fixed"):
+            why = f"joint {joint.get('name')} is {joint.get('type')}"
+            raise DescriptionError(path, 0, f"{why}; it must be {', '.join(_MOVING)} or fixed")
+    moving = [j for j in joints if j.get("type") in _MOVING]
     return _Urdf(links, {j.get("name", ""): _urdf_joint(path, j) for j in moving})
 
 
@@ -139,7 +145,8 @@ def _joints(root: TomlTable, urdf: _Urdf, driver: Driver) -> tuple[Joint, ...]:
     mimics = []
     for name, described in urdf.joints.items():
         if described.mimic and described.mimic.leader in own:
-            mimics.append(_mimic_joint(name, described, own[described.mimic.leader]))
+            leader = described.mimic.leader
+            mimics.append(_mimic_joint(name, table.table(leader), described, own[leader]))
         elif described.mimic:
             root.fail("joints", f"the URDF's {name} follows {described.mimic.leader}, not a joint")
         elif name not in own:
@@ -168,14 +175,19 @@ def _joint(name: str, table: TomlTable, urdf: _UrdfJoint, driver: Driver) -> Joi
     return joint
 
 
-def _mimic_joint(name: str, urdf: _UrdfJoint, leader: Joint) -> Joint:
+def _mimic_joint(name: str, table: TomlTable, urdf: _UrdfJoint, leader: Joint) -> Joint:
     assert urdf.mimic is not None
     scale = abs(urdf.mimic.multiplier)
+    velocity = leader.velocity * scale
+    if velocity > urdf.velocity * _ROUNDING:
+        drives = f"{leader.velocity:g} {leader.unit}/s has {name} follow at {velocity:g}"
+        most = f"the URDF's limit, {urdf.velocity:g} {urdf.unit}/s"
+        table.fail("velocity", f"{drives} {urdf.unit}/s, more than {most}")
     return Joint(
         name=name,
         lower=urdf.lower,
         upper=urdf.upper,
-        velocity=leader.velocity * scale,
+        velocity=velocity,
         acceleration=leader.acceleration * scale,
         boot=urdf.mimic.value(leader.boot),
         mimic=urdf.mimic,

@@ -149,6 +149,8 @@ WRONG_URDF = {
     "mimic of itself": ('<mimic joint="joint_4"', '<mimic joint="joint_5"', "joint_5 follows joint_5"),
     "mimic by no number": ('multiplier="-1"', 'multiplier="nan"', "joint joint_5: multiplier nan and offset 0 must be finite"),
     "no leader": ('<mimic joint="joint_4"', "<mimic", "joint joint_5 lacks joint"),
+    "planar joint": ('type="revolute"', 'type="planar"', "joint joint_1 is planar; it must be revolute, continuous, prismatic or fixed"),
+    "floating joint": ('type="fixed"', 'type="floating"', r"joint \w+ is floating; it must be"),
     "joint nobody describes": ('name="joint_1"', 'name="joint_x"', "the URDF has no such joint"),
 }  # fmt: skip
 
@@ -158,6 +160,17 @@ def test_a_wrong_urdf(tmp_path: Path, old: str, new: str, why: str) -> None:
     said = refusal(written(tmp_path, urdf=replaced(URDF, old, new)))
     assert said.startswith(str(tmp_path))
     assert re.search(why, said), said
+
+
+def test_a_follower_over_its_own_velocity(tmp_path: Path) -> None:
+    fast = replaced(URDF, 'multiplier="-1"', 'multiplier="-10.5"')
+    said = refusal(written(tmp_path, urdf=fast))
+    assert said.endswith(
+        "joints.joint_4.velocity: 1 rad/s has joint_5 follow at 10.5 rad/s, "
+        "more than the URDF's limit, 10 rad/s"
+    )
+    just = replaced(URDF, 'multiplier="-1"', 'multiplier="-10"')
+    assert load_robot(written(tmp_path, urdf=just)).joint("joint_5").velocity == 10.0
 
 
 def test_our_firmware_speaks_at_one_speed_only(tmp_path: Path) -> None:

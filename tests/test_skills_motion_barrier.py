@@ -2,12 +2,23 @@
 
 import dataclasses
 from math import pi, radians
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hardware import CollisionRules, Robot
-from skills.motion import Barred, Body, Box, MotionError, Query, World, barrier
+from hardware import CollisionRules, Robot, load_robot
+from skills.motion import (
+    Barred,
+    Body,
+    Box,
+    MotionError,
+    NoPath,
+    PlanTimeout,
+    Query,
+    World,
+    barrier,
+)
 from skills.motion.planner import Planner
 from tests.arms import foreign
 
@@ -17,6 +28,30 @@ BAR = Body("bar", Box((0.6, 0.02, 0.02)), (0.5, 0.0, 0.1), link="column")
 LEFT = Body("left", Box((0.05, 0.05, 0.3)), (0.0, 0.6, 0.1))
 RIGHT = Body("right", Box((0.05, 0.05, 0.3)), (0.0, -0.6, 0.1))
 ACROSS = (radians(150.0), 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+LEADER_URDF = """<robot name="arm">
+<link name="base"/>
+<link name="a"><collision><origin xyz="0.2 0 0"/><geometry><box size=".2 .02 .02"/></geometry>
+</collision></link><link name="b"/>
+<joint name="lead" type="continuous"><parent link="base"/><child link="a"/>
+<axis xyz="0 0 1"/><limit velocity="2" effort="1"/></joint>
+<joint name="mate" type="continuous"><parent link="base"/><child link="b"/>
+<axis xyz="0 0 1"/><limit velocity="2" effort="1"/><mimic joint="lead"/></joint>
+</robot>"""
+LEADER_TOML = """name = "arm"
+urdf = "arm.urdf"
+[groups]
+arm = ["lead", "mate"]
+[joints.lead]
+velocity = 2.0
+acceleration = 4.0
+boot = 0.0
+[collision]
+margin_m = 0.005
+floor_ignores = []
+allowed = []
+"""
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +86,40 @@ def test_a_joint_without_an_end_that_cannot_pass_either_way() -> None:
     planner = Planner(foreign("endless"))
     with pytest.raises(Barred, match=r"turn would have to pass 1\.\d+ rad, where bar .* left"):
         planner.plan(Query("arm", UPRIGHT, ACROSS, world=World((BAR, LEFT, RIGHT))))
+
+
+def test_two_joints_without_an_end_that_both_must_turn_the_other_way() -> None:
+    # Other ways that lead there exist, though the search is given none with both turned.
+    stick = Body(
+        "stick", Box((0.3, 0.01, 0.01)), (0.2, 0.0, 0.05), link="fist",
+        touches=frozenset(("wrist_bend",)),
+    )  # fmt: skip
+    peg = Body(
+        "peg", Box((0.02, 0.02, 0.1)), (0.0, 0.2, 0.13), link="wrist_bend",
+        touches=frozenset(("fist", "column", "forearm")),
+    )  # fmt: skip
+    goal = (ACROSS[0], 0.0, 0.0, 0.0, 0.0, ACROSS[0])
+    query = Query("arm", UPRIGHT, goal, world=World((BAR, LEFT, stick, peg)), timeout=0.1)
+    with pytest.raises((NoPath, PlanTimeout)):
+        Planner(foreign("endless")).plan(query)
+
+
+def test_a_via_point_that_a_joint_without_an_end_reaches_the_other_way_round() -> None:
+    lifted = (ACROSS[0], 0.3, 0.0, 0.0, 0.0, 0.0)
+    world = World((BAR, LEFT))
+    query = Query("arm", UPRIGHT, lifted, via=(ACROSS,), world=world, timeout=0.1)
+    with pytest.raises((NoPath, PlanTimeout)):
+        Planner(foreign("endless")).plan(query)
+
+
+def test_a_leader_without_an_end_is_never_barred(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(LEADER_URDF)
+    (tmp_path / "arm.toml").write_text(LEADER_TOML)
+    post = Body("post", Box((0.03, 0.03, 0.3)), (-0.2, 0.05, 0.0))
+    planner = Planner(load_robot(tmp_path / "arm.toml"))
+    query = Query("arm", (0.0,), (radians(300.0),), world=World((post,)), timeout=0.1)
+    with pytest.raises((NoPath, PlanTimeout)):
+        planner.plan(query)
 
 
 def test_what_is_barred_no_search_ever_finds(

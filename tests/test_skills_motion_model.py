@@ -51,7 +51,7 @@ def test_answers_do_not_depend_on_what_was_asked_before(robot: Robot) -> None:
 
 def test_not_a_number_never_gets_in(contacts: Contacts) -> None:
     for poison in (np.nan, np.inf, -np.inf):
-        with pytest.raises(NotFinite, match=r"row 1 of joint_3"):
+        with pytest.raises(NotFinite, match=r"Row 1 of joint_3"):
             contacts.first_hit([(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, poison, 0.0)], 0.005)
     assert contacts.first_hit([(0.0, 0.0, 0.0, 0.0)], 0.005) is None
 

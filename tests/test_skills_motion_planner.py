@@ -53,6 +53,10 @@ def arm(start: tuple[float, ...], goal: tuple[float, ...], **more: float) -> Que
     return Query("arm", (*start, 0.0), goal, **more)  # type: ignore[arg-type]
 
 
+def via(*points: tuple[float, ...]) -> Query:
+    return dataclasses.replace(arm(HOME, PICK), via=points)
+
+
 @pytest.mark.parametrize(
     ("start", "goal", "duration"),
     [(HOME, PICK, 3.3466), (PICK, REST, 2.5768), (REST, HOME, 3.5440)],
@@ -164,6 +168,10 @@ REFUSED = [
     (Query("gripper", (0, 0, 0, 0), (0.1,)), GoalOutOfBounds, "goal of joint_4, 0.1 rad"),
     (arm(UNDER_THE_TABLE, HOME), StartInCollision, "At the start, .* mm deep in floor"),
     (arm(HOME, UNDER_THE_TABLE), GoalInCollision, "At the goal, .* mm deep in floor"),
+    (via(HOME[:3], UNDER_THE_TABLE), GoalInCollision, "^At via point 2, .*choose another via"),
+    (via((0, 0, -1.6)), GoalOutOfBounds, "^Via point 1 of joint_3, -1.6 rad"),
+    (via((0, math.nan, 0)), NotFinite, "^Via point 1 of joint_2 is nan"),
+    (via(PICK[:2]), BadQuery, "^Via point 1 has 2 values"),
     (arm(HOME, PICK[:2]), BadQuery, "goal has 2 values; give one for each of joint_1"),
     (Query("legs", (0, 0, 0, 0), (0,)), BadQuery, "no group 'legs'; there are arm, gripper"),
     (arm(HOME, PICK, seed=-1), BadQuery, "seed is -1"),

@@ -134,14 +134,23 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
         assert isinstance(ask(pool, dataclasses.replace(PICK, goal=goal)), BadQuery)
     assert isinstance(ask(pool, "hello"), BadQuery)  # type: ignore[arg-type]
     tool = ToolQuery("arm", PICK.start, (0.1, 0.0, 0.1))
-    odd: dict[str, Any]
-    for request, odd in (
+    poisons: tuple[tuple[Query | ToolQuery, dict[str, Any]], ...] = (
         (PICK, {"via": 3}),
         (PICK, {"group": []}),
         (PICK, {"world": None}),
         (tool, {"point": None}),
         (tool, {"point": ("a", 0.0, 0.0)}),
-    ):
+        *((tool, {"seed": seed}) for seed in (float("nan"), float("inf"), "a", -1, 2**64 - 1)),
+        *((PICK, {"seed": seed}) for seed in (2**64 - 1, 10**400, 10**5000)),
+        *(
+            (tool, {"direction": (0.0, 0.0, 1.0), what: (10**400, 0.0, 1.0)})
+            for what in ("point", "direction", "axis", "offset")
+        ),
+        (PICK, {"goal": (threading.Lock(), 0.0, 0.0)}),  # cannot be pickled
+        (PICK, {"goal": (lambda: 0.0, 0.0, 0.0)}),
+        (PICK, {"timeout": 10**5000}),
+    )
+    for request, odd in poisons:
         assert isinstance(ask(pool, dataclasses.replace(request, **odd)), BadQuery), odd
     assert isinstance(ask(pool, PICK), Plan)
     assert pid(pool) == worker

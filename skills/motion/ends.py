@@ -18,12 +18,14 @@ from .errors import (
     OutOfBounds,
     StartInCollision,
     StartOutOfBounds,
+    shown,
 )
 from .query import Query
 
 Array = NDArray[np.float64]
 
 _WIDEST = 1.0  # distance to be kept beyond the margin [m]
+_LARGEST = 2**64 - 2  # seed; OMPL is given one more, in 64 bits
 FARTHEST = 1e6  # of a joint without an end; of much more no angle can be told [rad]
 
 
@@ -60,33 +62,43 @@ class Ends:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
             GoalInCollision: In this order, the first that applies; a via point counts as a goal.
         """
-        if not (isinstance(query.seed, int) and query.seed >= 0):
-            raise BadQuery(f"The seed is {query.seed!r}; give a whole number from 0")
+        check_seed(query.seed)
         if not (isinstance(query.spare, (int, float)) and 0.0 <= query.spare <= _WIDEST):
-            raise BadQuery(f"The spare is {query.spare!r} m; give 0 to {_WIDEST:g}")
+            raise BadQuery(f"The spare is {shown(query.spare)} m; give 0 to {_WIDEST:g}")
         start, own = finite("start", query.start, self._actuated), self.columns
-        goals = (*(("via point", via) for via in query.via), ("goal", query.goal))
-        points = [start[own], *(finite(what, goal, self._own) for what, goal in goals)]
+        names = ["", *(f"via point {i + 1}" for i in range(len(query.via))), ""]
+        goals = zip(names[1:], (*query.via, query.goal), strict=True)
+        points = [start[own], *(finite(what or "goal", goal, self._own) for what, goal in goals)]
         stations = np.tile(start, (len(points), 1))
         stations[:, own] = points
         for number, row in enumerate(stations.tolist()):
-            self._bounded(row, GoalOutOfBounds if number else StartOutOfBounds)
+            self._bounded(row, GoalOutOfBounds if number else StartOutOfBounds, names[number])
         for before, row in pairwise(stations):
             row[own] = short_way(self._endless, before[own], row[own])
         blocked = contacts.blocked(stations, self._margin)
         if blocked:
             number, nearest = blocked
             error = GoalInCollision if number else StartInCollision
-            raise error(*nearest, self._margin)
+            raise error(*nearest, self._margin, names[number])
         return start, stations[:, own]
 
-    def _bounded(self, row: list[float], error: type[OutOfBounds]) -> None:
+    def _bounded(self, row: list[float], error: type[OutOfBounds], what: str) -> None:
         """Refuse joints outside their limits, followers included."""
         for place, multiplier, offset, joint in self._rules:
             value = multiplier * row[place] + offset
             lower, upper = max(joint.lower, -FARTHEST), min(joint.upper, FARTHEST)
             if not lower <= value <= upper:
-                raise error(joint.name, value, lower, upper, joint.unit)
+                raise error(joint.name, value, lower, upper, joint.unit, what)
+
+
+def check_seed(seed: int) -> None:
+    """Refuse what cannot be a seed.
+
+    Raises:
+        BadQuery: It is no whole number, or OMPL could not hold it.
+    """
+    if not (isinstance(seed, int) and 0 <= seed <= _LARGEST):
+        raise BadQuery(f"The seed is {shown(seed)}; give a whole number from 0 to {_LARGEST}")
 
 
 def columns(robot: Robot, group: str) -> NDArray[np.intp]:
@@ -131,7 +143,7 @@ def finite(what: str, values: Sequence[float], joints: Sequence[Joint]) -> Array
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
-        raise BadQuery(f"The {what} {values!r} is not all numbers; give radians") from error
+        raise BadQuery(f"The {what} {shown(values)} is not all numbers; give radians") from error
     if array.shape != (len(joints),):
         raise BadQuery.count(what, array.size, (joint.name for joint in joints))
     for joint, value in zip(joints, array.tolist(), strict=True):

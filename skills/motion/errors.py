@@ -64,14 +64,14 @@ class BadQuery(MotionError, ValueError):
     def count(cls, what: str, given: int, wanted: Iterable[str]) -> "BadQuery":
         """The wrong number of values."""
         names = ", ".join(wanted)
-        return cls(f"The {what} has {given} values; give one for each of {names}")
+        return cls(f"{_the(what)} has {given} values; give one for each of {names}")
 
 
 class NotFinite(BadQuery):
     """A NaN or an infinity.
 
     Attributes:
-        what: Where it was found, such as `start`.
+        what: Where it was found, such as `start` or `via point 1`.
         joint: The joint it was given for.
         value: NaN or an infinity.
     """
@@ -80,7 +80,7 @@ class NotFinite(BadQuery):
 
     def __init__(self, what: str, joint: str, value: float) -> None:
         self.what, self.joint, self.value = what, joint, value
-        super().__init__(f"The {what} of {joint} is {value}; give a finite number")
+        super().__init__(f"{_the(what)} of {joint} is {value}; give a finite number")
 
 
 class BadWorld(BadQuery):
@@ -112,17 +112,25 @@ class OutOfBounds(MotionError, ValueError):
         lower: Its smallest position.
         upper: Its largest position.
         unit: Of all three.
+        what: Which end, such as `start`, or `via point 1`.
     """
 
     what = "position"
 
     def __init__(
-        self, joint: str, value: float, lower: float, upper: float, unit: str = "rad"
+        self,
+        joint: str,
+        value: float,
+        lower: float,
+        upper: float,
+        unit: str = "rad",
+        what: str = "",
     ) -> None:
+        self.what = what or self.what
         self.joint, self.value, self.unit = joint, value, unit
         self.lower, self.upper = lower, upper
         super().__init__(
-            f"The {self.what} of {joint}, {value:.6g} {unit}, is outside "
+            f"{_the(self.what)} of {joint}, {value:.6g} {unit}, is outside "
             f"[{lower:.6g}, {upper:.6g}]; choose a value within"
         )
 
@@ -149,17 +157,22 @@ class EndInCollision(MotionError):
         second: The other.
         distance: Between them, negative where they overlap [m].
         margin: Distance to be kept [m].
+        what: Which end, such as `start`, or `via point 1`.
     """
 
     what = "end"
     advice = ""
 
-    def __init__(self, first: str, second: str, distance: float, margin: float) -> None:
+    def __init__(
+        self, first: str, second: str, distance: float, margin: float, what: str = ""
+    ) -> None:
+        self.what = what or self.what
         self.first, self.second = first, second
         self.distance, self.margin = distance, margin
+        advice = "choose another via point" if what else self.advice
         super().__init__(
-            f"At the {self.what}, {_contact(first, second, distance)} "
-            f"({1e3 * margin:.1f} mm must be kept); {self.advice}"
+            f"At {_the(self.what).lower()}, {_contact(first, second, distance)} "
+            f"({1e3 * margin:.1f} mm must be kept); {advice}"
         )
 
 
@@ -312,6 +325,19 @@ class WorkerDied(MotionError):
     def __init__(self, why: str) -> None:
         self.why = why
         super().__init__(f"The planning process failed: {why}. A new one takes over; ask again")
+
+
+def shown(value: object) -> str:
+    """Somebody's value in a message, whatever it is."""
+    try:
+        return repr(value)
+    except Exception:  # somebody else's, or a number of thousands of digits
+        return f"a {type(value).__name__} that cannot be shown"
+
+
+def _the(what: str) -> str:
+    """As a sentence begins: `The goal`, but `Via point 1`."""
+    return what.capitalize() if what[-1].isdigit() else f"The {what}"
 
 
 def _place(point: tuple[float, ...]) -> str:

@@ -72,7 +72,7 @@ def _round(
     space: Space, search: Search, start: Array, goals: Array, seed: int, watch: Stopwatch
 ) -> Array:
     with watch.rung("search"):
-        check_passable(space, start, goals)
+        check_passable(space, search, start, goals[0])
         found = search.find(space, start, goals, seed + 1)  # OMPL ignores a seed of 0
     with watch.rung("shorten"):
         return shortened(space, found)

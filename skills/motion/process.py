@@ -15,7 +15,7 @@ from typing import Any
 
 from hardware import Robot
 
-from .errors import BadQuery, MotionError, PlanTimeout, WorkerDied
+from .errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
 from .plan import Plan
 from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
 from .world import Body, World
@@ -97,11 +97,14 @@ class WorkerProcess:
         begun, self._begun = self._begun, False
         if wrong := _wrong(request):
             return wrong
+        message = b"" if begun else _packed(request)
+        if isinstance(message, BadQuery):
+            return message
         try:
             if not self._ready and (broken := self._start()):
                 return broken
             if not begun:
-                send(self._connection, request)
+                self._connection.send_bytes(message)
             answer = self._answer_within(request.timeout + _GRACE)
         except (EOFError, OSError):
             return self._died()
@@ -118,8 +121,8 @@ class WorkerProcess:
         """Send what will be asked next, where that can be done without waiting."""
         if not self._ready or _wrong(request):
             return
-        message = pickle.dumps(request, pickle.HIGHEST_PROTOCOL)
-        if len(message) <= _AT_ONCE:
+        message = _packed(request)
+        if isinstance(message, bytes) and len(message) <= _AT_ONCE:
             with contextlib.suppress(OSError):  # it died; who asks is told
                 self._connection.send_bytes(message)
                 self._begun = True
@@ -196,17 +199,25 @@ def receive(connection: Connection) -> Any:
     return pickle.loads(connection.recv_bytes())
 
 
+def _packed(request: Request) -> bytes | BadQuery:
+    """A request as it is sent."""
+    try:
+        return pickle.dumps(request, pickle.HIGHEST_PROTOCOL)
+    except Exception as error:  # whatever the values in it raise
+        return BadQuery(f"It cannot be sent to a worker ({shown(error)}); give plain numbers")
+
+
 def _wrong(request: Request) -> BadQuery | None:
     if not isinstance(request, Request):
         return BadQuery(f"{type(request).__name__} is nothing that a planner can be asked")
     for name, kind, form in _FORMS:
         value = getattr(request, name, None)
         if hasattr(request, name) and not isinstance(value, kind):
-            return BadQuery(f"The {name} is {value!r}; give {form}")
+            return BadQuery(f"The {name} is {shown(value)}; give {form}")
     timeout = request.timeout
     if isinstance(timeout, (int, float)) and abs(timeout) <= _LONGEST:  # not so if it is a NaN
         return None
-    return BadQuery(f"The time-out is {timeout} s; give a number up to {_LONGEST:g}")
+    return BadQuery(f"The time-out is {shown(timeout)} s; give a number up to {_LONGEST:g}")
 
 
 class _Late:

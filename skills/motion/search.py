@@ -32,7 +32,7 @@ class Search:
     """
 
     def __init__(self, lower: Array, upper: Array, turning: NDArray[np.bool_]) -> None:
-        self.lower, self.upper, self._turning = lower, upper, turning
+        self.lower, self.upper, self.turning = lower, upper, turning
         self._bounds: tuple[float, ...] = ()
         self._space = ob.RealVectorStateSpace(len(lower))
         self._information = ob.SpaceInformation(self._space)
@@ -42,7 +42,7 @@ class Search:
 
     def other_ways(self, start: Array, goal: Array) -> Array:
         """A goal, and where one joint without an end turns to it the other way (G, J) [rad]."""
-        turns = np.where(self._turning, np.sign(goal - start), 0.0)
+        turns = np.where(self.turning, np.sign(goal - start), 0.0)
         return np.vstack([goal, (goal - 2.0 * np.pi * np.diag(turns))[turns != 0.0]])
 
     def find(self, space: Space, start: Array, goals: Array, seed: int) -> Array:

@@ -6,6 +6,7 @@ drawn with the seed. Of all answers that are free the one soonest reached from t
 """
 
 import math
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +19,8 @@ from .arrays import norms
 from .bodies import frame_of
 from .contacts import Contact, Contacts
 from .deadline import Deadline
-from .ends import bounds, columns, finite, short_way, turning
-from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable
+from .ends import bounds, check_seed, columns, finite, short_way, turning
+from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable, shown
 from .model import Model
 from .query import Reached, ToolQuery
 from .world import Vector
@@ -192,6 +193,7 @@ def _checked(robot: Robot, query: ToolQuery) -> Array:
     """All actuated joints at the start."""
     if query.group not in robot.groups:
         raise BadQuery.group(query.group, robot.groups)
+    check_seed(query.seed)
     start = finite("start", query.start, robot.actuated)
     for joint, value in zip(robot.actuated, start.tolist(), strict=True):
         if not joint.lower <= value <= joint.upper:
@@ -210,7 +212,11 @@ def _check_vector(what: str, vector: Vector) -> None:
     if len(vector) != 3:
         raise BadQuery(f"The {what} has {len(vector)} values; give x, y, z")
     for name, value in zip("xyz", vector, strict=True):
-        if not isinstance(value, (int, float)):
-            raise BadQuery(f"The {name} of the {what} is {value!r}; give a number")
-        if not np.isfinite(float(value)):
+        if not isinstance(value, (int, float)) or _beyond_floats(value):
+            raise BadQuery(f"The {name} of the {what} is {shown(value)}; give a number")
+        if not math.isfinite(value):
             raise NotFinite(name, what, value)
+
+
+def _beyond_floats(value: float) -> bool:
+    return isinstance(value, int) and abs(value) > sys.float_info.max
