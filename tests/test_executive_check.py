@@ -47,6 +47,10 @@ RIGHT = [
     "{inverter: CheckHardware}",
     "{guard: Succeed, while: {inverter: CheckHardware}}",
     "{sequence: [{Set: {value: 1, key: $a}}, {Compare: {left: $a, is: '<', right: 2}}]}",
+    "{Compare: {left: 1 s, is: '<', right: 200 ms}}",
+    "{Compare: {left: 1, is: '<', right: 200 ms}}",
+    "{sequence: [{Ask: {question: a, answer: $a}}, {Compare: {left: $a, is: ==, right: 5 min}}]}",
+    "{sequence: [{Set: {value: 1 s, key: $a}}, {Wait: {duration: $a}}]}",
     "{subtree: move_joints, with: {joints: {joint_1: -80 deg, joint_3: -0.1 rad}}}",
     "{task: 1}",
     "{Say: {text: $$5}}",
@@ -111,6 +115,18 @@ WRONG = [
     ("{timeout: CheckHardware, after: $x}", "timeout: after must be known before the run"),
     ("{Compare: {left: 1, is: lt, right: 2}}", "Compare.is: 'lt' is none of !=, <"),
     ("{Compare: {left: 1, is: '<', right: a}}", "Compare.right: 'a' is not a number"),
+    ("{Compare: {left: 10 sec, is: '<', right: 9 s}}", "4:7 Compare: texts have no order"),
+    (
+        "{sequence: [{Ask: {question: a, answer: $a}}, {Ask: {question: b, answer: $b}},"
+        " {Compare: {left: $a, is: '>=', right: $b}}]}",
+        "4:87 Compare: texts have no order",
+    ),
+    ("{Compare: {left: 1 s, is: '<', right: 9 sec}}", "Compare.right: '9 sec': no unit sec"),
+    ("{Compare: {left: 1 s, is: '<', right: 9 mm}}", "Compare.right: '9 mm': no unit mm"),
+    (
+        "{sequence: [{Set: {value: 1 s, key: $a}}, {Compare: {left: 1 mm, is: '<', right: $a}}]}",
+        "Compare.right: $a is a duration in s, ms, min or h, not a length",
+    ),
     (
         "{sequence: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}, {Say: {text: b}}]}",
         "$a is written a second time; what line 4 writes nothing reads",
