@@ -176,6 +176,15 @@ WRONG = [
         "joint_5 = 0.1 contradicts joint_4",
     ),
     (f"{{parallel: [{MOVE}, {MOVE}]}}", "only one node of a parallel may move the arm"),
+    (
+        "{subtree: move_joints, with: {joints: {joint_5: 0.7}}}",
+        "4:46 Target: joint_5 follows joint_4; name joint_4 instead (joint_4 = -0.7 gives joint_5",
+    ),
+    (
+        "{sequence: [{subtree: open_gripper},"
+        " {subtree: move_joints, with: {joints: {joint_5: 0}}}]}",
+        "joint_5 follows joint_4; name joint_4 instead (joint_4 = 0 gives",
+    ),
     ("{task: 3}", "task 3 would hold itself"),
     ("{task: 99}", "no task 99; there are 0, 1, 2"),
     ("{task: 1, with: {speed: 1}}", "speed is no parameter of task 1; there are none"),
