@@ -204,6 +204,13 @@ def test_wrong(robot: Robot, tmp_path: Path, text: str, words: str) -> None:
     assert all(not mistake.startswith("0:") for mistake in mistakes)
 
 
+def test_a_wrong_first_key_of_a_node_hides_nothing_of_the_node(
+    robot: Robot, tmp_path: Path
+) -> None:
+    mistakes = found(robot, tmp_path, f"{HEAD}tree:\n  1: 7\n  Wait: {{}}\n")
+    assert mistakes == ["5:3 Wait needs duration: how long [s]", "5:3 the key 1 is not a text"]
+
+
 PARAMETERS = [
     ("{a: {type: angel, default: 1}}", "no type angel; there are"),
     ("{a: {type: angle, default: 5 s}}", "no unit s; there are deg, rad"),
