@@ -168,6 +168,16 @@ class Skill(BehaviourWithPorts):
         """
 
     @classmethod
+    def mistyped(cls, inputs: Mapping[str, Any], types: Mapping[str, str]) -> str:
+        """Why the types of its inputs do not go together; empty where they do.
+
+        Args:
+            inputs: Values that the task spells out, by port.
+            types: As the task file calls them, by port.
+        """
+        return ""
+
+    @classmethod
     def shortest(cls, inputs: Mapping[str, Any]) -> float:
         """How long it takes at least [s], by the inputs written in the task."""
         return 0.0

@@ -8,7 +8,7 @@ from typing import Any
 from py_trees.common import Status
 from py_trees.ports import PortInformation
 
-from hardware import BadPosition, Joint, Robot, check_position
+from hardware import BadPosition, Joint, Mimic, Robot, check_position
 
 from .base import Skill
 from .causes import as_one
@@ -162,6 +162,25 @@ def unknown_joints(robot: Robot, joints: Mapping[str, float], *way: str | int) -
         for name in written
         if name not in known
     ]
+
+
+def lone_mimics(robot: Robot, joints: Mapping[str, float], *way: str | int) -> list[SkillError]:
+    """Joints that follow another one that is not named, and so cannot be told where to go."""
+    written = _written(joints)
+    named = {*written, *_respelt(written, [joint.name for joint in robot.joints]).values()}
+    return [
+        BadTarget(_follows(joint, joint.mimic, joints.get(joint.name))).at(*way, joint.name)
+        for joint in robot.joints
+        if joint.mimic and joint.name in written and joint.mimic.leader not in named
+    ]
+
+
+def _follows(joint: Joint, mimic: Mimic, given: float | None) -> str:
+    why = f"{joint.name} follows {mimic.leader}; name {mimic.leader} instead"
+    if given is None or not math.isfinite(given) or not mimic.multiplier:
+        return why
+    leader = (given - mimic.offset) / mimic.multiplier + 0.0  # no -0
+    return f"{why} ({mimic.leader} = {leader:g} gives {joint.name} = {given:g})"
 
 
 def _wrong_names(

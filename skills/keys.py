@@ -20,6 +20,9 @@ _RELATIONS: Mapping[str, Callable[[Any, Any], bool]] = {
     ">=": operator.ge,
 }
 
+_ORDER = ("<", "<=", ">", ">=")
+_NO_ORDER = "texts have no order; numbers have one, and numbers with a known unit such as 200 ms"
+
 
 class Set(Skill):
     """Write a value under a key."""
@@ -48,10 +51,19 @@ class Compare(Skill):
     }
     OUTPUT_PORTS: dict[str, PortInformation] = {}
 
+    @classmethod
+    def mistyped(cls, inputs: Mapping[str, Any], types: Mapping[str, str]) -> str:
+        """Refuse an order of texts."""
+        text = "text" in (types.get("left"), types.get("right"))
+        return _NO_ORDER if text and inputs.get("is") in _ORDER else ""
+
     def on_start(self) -> Status:
         """Compare."""
         left, relation = self.get_input("left"), self.get_input("is")
         right = self.get_input("right")
+        texts = [isinstance(each, str) for each in (left, right)]
+        if any(texts) and (relation in _ORDER or not all(texts)):
+            raise TypeError(f"{left!r} {relation} {right!r}: a text only equals a text")
         if not _RELATIONS[relation](left, right):
             raise ConditionFails(f"{left} {relation} {right} is not so")
         return Status.SUCCESS

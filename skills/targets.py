@@ -16,6 +16,7 @@ from .bounds import (
     check_whole,
     hint,
     lacking,
+    lone_mimics,
     unknown_joints,
     wrong_targets,
 )
@@ -103,18 +104,21 @@ def _shifted(start: Positions, by: Positions) -> Positions:
 
 def _wrong_joints(robot: Robot, joints: Positions, port: str) -> list[SkillError]:
     """What is wrong with targets of some joints, wherever the others stand."""
-    unknown = unknown_joints(robot, joints, port)
-    named = {error.way[-1] for error in unknown}
-    part = Positions((name, q) for name, q in joints.items() if name not in named)
+    wrong = [*unknown_joints(robot, joints, port), *lone_mimics(robot, joints, port)]
+    written, told = {*joints, *joints.unknown}, {error.way[-1] for error in wrong}
+    # Where a leader that is not named, or misspelt, stands by then, nobody knows.
+    told |= {j.name for j in robot.joints if j.mimic and j.mimic.leader not in written}
+    part = Positions((name, q) for name, q in joints.items() if name not in told)
     boot = Positions((joint.name, joint.boot) for joint in robot.actuated)
     targets = {}
     for group, target in _completed(robot, boot, part, port).items():
         targets[group] = Positions(each for each in target.items() if each[0] not in joints.unknown)
         targets[group].unknown = tuple(name for name in joints.unknown if name in target)
-    return [*unknown, *wrong_targets(robot, targets, (port,))]
+    return [*wrong, *wrong_targets(robot, targets, (port,))]
 
 
 def _checked(robot: Robot, start: Positions, joints: Positions, port: str) -> Positions:
+    refuse(lone_mimics(robot, joints, port))
     check_targets(robot, _completed(robot, start, joints, port), (port,))
     return _goal(robot, start, joints, port)
 

@@ -47,6 +47,10 @@ RIGHT = [
     "{inverter: CheckHardware}",
     "{guard: Succeed, while: {inverter: CheckHardware}}",
     "{sequence: [{Set: {value: 1, key: $a}}, {Compare: {left: $a, is: '<', right: 2}}]}",
+    "{Compare: {left: 1 s, is: '<', right: 200 ms}}",
+    "{Compare: {left: 1, is: '<', right: 200 ms}}",
+    "{sequence: [{Ask: {question: a, answer: $a}}, {Compare: {left: $a, is: ==, right: 5 min}}]}",
+    "{sequence: [{Set: {value: 1 s, key: $a}}, {Wait: {duration: $a}}]}",
     "{subtree: move_joints, with: {joints: {joint_1: -80 deg, joint_3: -0.1 rad}}}",
     "{task: 1}",
     "{Say: {text: $$5}}",
@@ -111,6 +115,18 @@ WRONG = [
     ("{timeout: CheckHardware, after: $x}", "timeout: after must be known before the run"),
     ("{Compare: {left: 1, is: lt, right: 2}}", "Compare.is: 'lt' is none of !=, <"),
     ("{Compare: {left: 1, is: '<', right: a}}", "Compare.right: 'a' is not a number"),
+    ("{Compare: {left: 10 sec, is: '<', right: 9 s}}", "4:7 Compare: texts have no order"),
+    (
+        "{sequence: [{Ask: {question: a, answer: $a}}, {Ask: {question: b, answer: $b}},"
+        " {Compare: {left: $a, is: '>=', right: $b}}]}",
+        "4:87 Compare: texts have no order",
+    ),
+    ("{Compare: {left: 1 s, is: '<', right: 9 sec}}", "Compare.right: '9 sec': no unit sec"),
+    ("{Compare: {left: 1 s, is: '<', right: 9 mm}}", "Compare.right: '9 mm': no unit mm"),
+    (
+        "{sequence: [{Set: {value: 1 s, key: $a}}, {Compare: {left: 1 mm, is: '<', right: $a}}]}",
+        "Compare.right: $a is a duration in s, ms, min or h, not a length",
+    ),
     (
         "{sequence: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}, {Say: {text: b}}]}",
         "$a is written a second time; what line 4 writes nothing reads",
@@ -160,6 +176,15 @@ WRONG = [
         "joint_5 = 0.1 contradicts joint_4",
     ),
     (f"{{parallel: [{MOVE}, {MOVE}]}}", "only one node of a parallel may move the arm"),
+    (
+        "{subtree: move_joints, with: {joints: {joint_5: 0.7}}}",
+        "4:46 Target: joint_5 follows joint_4; name joint_4 instead (joint_4 = -0.7 gives joint_5",
+    ),
+    (
+        "{sequence: [{subtree: open_gripper},"
+        " {subtree: move_joints, with: {joints: {joint_5: 0}}}]}",
+        "joint_5 follows joint_4; name joint_4 instead (joint_4 = 0 gives",
+    ),
     ("{task: 3}", "task 3 would hold itself"),
     ("{task: 99}", "no task 99; there are 0, 1, 2"),
     ("{task: 1, with: {speed: 1}}", "speed is no parameter of task 1; there are none"),
@@ -177,6 +202,13 @@ def test_wrong(robot: Robot, tmp_path: Path, text: str, words: str) -> None:
     mistakes = found(robot, tmp_path, tree(text))
     assert any(words in mistake for mistake in mistakes), mistakes
     assert all(not mistake.startswith("0:") for mistake in mistakes)
+
+
+def test_a_wrong_first_key_of_a_node_hides_nothing_of_the_node(
+    robot: Robot, tmp_path: Path
+) -> None:
+    mistakes = found(robot, tmp_path, f"{HEAD}tree:\n  1: 7\n  Wait: {{}}\n")
+    assert mistakes == ["5:3 Wait needs duration: how long [s]", "5:3 the key 1 is not a text"]
 
 
 PARAMETERS = [

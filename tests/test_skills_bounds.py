@@ -13,6 +13,7 @@ from skills import (
     Positions,
     Shift,
     SkillError,
+    Target,
     causes_of,
     check_targets,
 )
@@ -208,3 +209,36 @@ def test_at_run_time_all_of_it_is_one_cause(bench: Bench) -> None:
     assert isinstance(skill.failure, OutOfBounds)
     assert "joint_1 = 9.0" in str(skill.failure)
     assert "joint_7 is no joint of the arm" in str(skill.failure)
+
+
+START = {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": -0.7}
+
+
+@pytest.mark.parametrize("q", [0.0, 0.7])
+def test_a_mimic_joint_by_itself_is_refused_wherever_its_leader_stands(
+    bench: Bench, q: float
+) -> None:
+    skill = bench.skill(Target, start=Positions(START), joints=Positions(joint_5=q))
+    skill.tick_once()
+    assert isinstance(skill.failure, BadTarget)
+    words = (
+        f"joint_5 follows joint_4; name joint_4 instead (joint_4 = {0 - q:g} gives joint_5 = {q:g}"
+    )
+    assert words in str(skill.failure)
+    with pytest.raises(BadTarget, match="joint_5 follows joint_4"):
+        Target.judge(bench.robot, {"joints": Positions(joint_5=q)})
+
+
+def test_a_mimic_joint_whose_leader_is_named_only_later_or_misspelt_is_not_alone(
+    robot: Robot,
+) -> None:
+    later = Positions(joint_5=0.7)
+    later.unknown = ("joint_4",)
+    Target.judge(robot, {"joints": later})
+    with pytest.raises(BadTarget, match="did you mean joint_4") as caught:
+        Target.judge(robot, {"joints": Positions(joint4=-0.7, joint_5=0.7)})
+    assert "follows" not in str(caught.value)
+    alone = Positions()
+    alone.unknown = ("joint_5",)
+    with pytest.raises(BadTarget, match=r"name joint_4 instead$"):
+        Target.judge(robot, {"joints": alone})

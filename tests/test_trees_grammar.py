@@ -154,6 +154,22 @@ def test_very_many_mistakes_are_not_all_told() -> None:
     assert str(caught.value).splitlines()[-1] == "and 980 more mistakes"
 
 
+@pytest.mark.parametrize("text", ["1: 7\ndescription: y\ntree: Succeed\n", "1: 7\n"])
+def test_a_wrong_first_key_hides_nothing_of_what_it_stands_in(text: str) -> None:
+    told = [(m.place.line, m.place.column, m.message) for m in task_mistakes(FILE, text)]
+    lacks = ["the key name is missing", "the key task is missing"]
+    if "tree" not in text:
+        lacks = ["expected the keys task, name, description, tree"]
+    messages = sorted([*lacks, "the key 1 is not a text"])
+    assert sorted(told) == [(1, 1, message) for message in messages]
+
+
+def test_a_value_that_is_refused_is_told_once() -> None:
+    for text in (HEAD.replace("3", "!!int 3"), HEAD.replace("3", "*a"), "!!map\n" + HEAD):
+        (told,) = task_mistakes(FILE, text + "tree: Succeed\n")
+        assert "not allowed" in told.message
+
+
 def test_a_long_value_is_shortened() -> None:
     with pytest.raises(FileError) as caught:
         parse_task(FILE, HEAD.replace("3", str(list(range(5000)))))

@@ -275,7 +275,8 @@ class _Reader:
     def _mapping(self, depth: int, way: str) -> dict[str, Located]:
         values: dict[str, Located] = {}
         while not isinstance(event := next(self._events), MappingEndEvent):
-            key = self._value(event, depth, way)
+            written = str(getattr(event, "value", "?"))
+            key = self._value(event, depth, f"{way}.{written}" if way else written)
             name = key.value
             if not isinstance(name, str):
                 self._wrong(key.place, f"the key {key} is not a text")

@@ -24,16 +24,17 @@ class Mistakes:
     """Collects what is wrong.
 
     Args:
-        known: What is known to be wrong already; the same place is not told twice.
+        known: What is known to be wrong already; the same place is not told twice. A mapping and
+            its first key begin at the same place, and differ in their ways.
     """
 
     def __init__(self, known: Iterable[Mistake] = ()) -> None:
         self.found = list(known)
-        self._told = {mistake.place for mistake in self.found}
+        self._told = {_where(mistake.place) for mistake in self.found}
 
     def add(self, place: Place, message: str) -> None:
         """Note a mistake."""
-        if place not in self._told:
+        if _where(place) not in self._told:
             self.found.append(Mistake(place, message))
 
     def add_also(self, place: Place, message: str) -> None:
@@ -43,14 +44,14 @@ class Mistakes:
     def add_last(self, place: Place, message: str) -> None:
         """Note a mistake after which nothing more can be said of that place."""
         self.add(place, message)
-        self._told.add(place)
+        self._told.add(_where(place))
 
     def take(self, mistakes: Iterable[Mistake]) -> None:
         """Note what was found elsewhere; the same places are not told twice."""
         taken = list(mistakes)
         for mistake in taken:
             self.add(mistake.place, mistake.message)
-        self._told |= {mistake.place for mistake in taken}
+        self._told |= {_where(mistake.place) for mistake in taken}
 
 
 class NodeParser:
@@ -232,6 +233,10 @@ class NodeParser:
             self._wrong(value.place, f"{what} must be a mapping, not {value}{form}")
             return None
         return {port: self.wired(item) for port, item in value.value.items()}
+
+
+def _where(place: Place) -> tuple[Place, str]:
+    return place, place.way
 
 
 def is_number(value: object) -> TypeGuard[int]:

@@ -93,6 +93,13 @@ def words(kind: str) -> str:
     return _WORDS.get(kind) or f"a {kind}"
 
 
+def measured(value: Located) -> str:
+    """Which type a number with a unit is of; empty where it has none that is known."""
+    plain = value.value
+    found = _QUANTITY.fullmatch(plain) if isinstance(plain, str) else None
+    return next((kind for kind, units in UNITS.items() if found and found[2] in units), "")
+
+
 def fit(
     value: Located, wanted: Declaration, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
 ) -> Any:

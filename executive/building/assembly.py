@@ -39,7 +39,7 @@ from .branches import Branches
 from .flow import Places, check_flow
 from .keys import Keys
 from .leaf import Leaf
-from .port_types import declaration, declarations, known_skills, port_value, type_of
+from .port_types import declaration, declarations, known_skills, port_value, type_of, wanted_at
 from .scope import Scope, fixed
 from .scope import resolve as without_scope
 from .sources import Source, Sources
@@ -314,10 +314,8 @@ class Assembly:
         inputs: dict[str, Any] = {}
         types: dict[str, str] = {}
         for port, info in kind.input_ports().items():
-            value, what, wanted = wired.get(port), f"{spec.skill}.{port}", declaration(info)
-            like = types.get(info.like) if isinstance(info, Port) else None
-            if like:
-                wanted = Declaration(like, wanted.default, wanted.optional)
+            value, what = wired.get(port), f"{spec.skill}.{port}"
+            wanted = wanted_at(kind, port, value, types)
             if isinstance(value, Key):
                 types[port] = self.keys.read(value, wanted.type, what, self.mistakes)
             elif value is not None:
@@ -326,6 +324,8 @@ class Assembly:
                 types[port] = type_of(inputs[port]) if wanted.type == ANY else wanted.type
             elif wanted.needed:
                 self.wrong(spec.place, f"{spec.skill} needs {port}: {info.description}")
+        if why := kind.mistyped(inputs, types):
+            self.wrong(spec.place, f"{spec.skill}: {why}")
         return inputs, types
 
     def _outputs(

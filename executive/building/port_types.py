@@ -1,12 +1,13 @@
 """What a task file may write at a skill's port: the skill's declaration in the grammar's words."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, get_args, get_origin
 
 from py_trees.ports import PortInformation, get_ports_registry
 
 from skills import Port, Positions, Skill
-from trees import ANY, LIST, Declaration
+from trees import ANY, LIST, Declaration, Located, Value, measured
 
 from .plugins import is_broken
 
@@ -58,6 +59,23 @@ def declarations(kind: type[Skill]) -> dict[str, Declaration]:
     inputs = {name: declaration(port) for name, port in kind.input_ports().items()}
     outputs = {name: declaration(port, True) for name, port in kind.output_ports().items()}
     return inputs | outputs
+
+
+def wanted_at(
+    kind: type[Skill], port: str, value: Value | None, types: Mapping[str, str]
+) -> Declaration:
+    """What an input port wants, given the types of the ports before it.
+
+    Where ports hold the same type, a number with a unit is no text: texts would compare by letter.
+    """
+    info = kind.input_ports()[port]
+    wanted, ports = declaration(info), (kind.input_ports() | kind.output_ports()).values()
+    like = types.get(info.like) if isinstance(info, Port) else None
+    typed = like or any(isinstance(each, Port) and each.like == port for each in ports)
+    unit = measured(value) if typed and isinstance(value, Located) else ""
+    if unit and like in (None, "", ANY, "number", "integer"):  # a bare number measures anything
+        like = unit
+    return Declaration(like, wanted.default, wanted.optional) if like else wanted
 
 
 def port_value(fitted: Any) -> Any:
