@@ -80,16 +80,17 @@ class RecordingIncomplete(LogError):
     """Something of a run is missing from its file, or the file could not be finished.
 
     Attributes:
-        lost: How many records and attachments are not in the file.
+        lost: How many records and attachments are not in the file; None while that may grow.
         cause: The first thing that went wrong.
     """
 
     code = "log.incomplete"
 
-    def __init__(self, path: Path, lost: int, cause: Exception) -> None:
+    def __init__(self, path: Path, lost: int | None, cause: Exception) -> None:
         self.lost, self.cause = lost, cause
+        counted = "" if lost is None else f", {lost} records lost"
         words = (
-            f"recording incomplete, {lost} records lost ({cause}); what was written before is "
+            f"recording incomplete{counted} ({cause}); what was written before is "
             "kept and valid. Make room or repair the cause, then run the task again"
         )
         if not path.exists():

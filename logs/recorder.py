@@ -106,6 +106,16 @@ class Recorder:
         self._jobs.put(mark.set)
         return mark.wait(timeout)
 
+    def settle(self) -> None:
+        """Waits until all that was put so far is on its way to the disk.
+
+        Raises:
+            RecordingIncomplete: It is not.
+        """
+        caught_up = self.wait()
+        if cause := self._cause or (None if caught_up else TimeoutError("the disk is too slow")):
+            raise RecordingIncomplete(self.path, None, cause)
+
     def close(self, compactor: "Compactor | None" = None) -> Summary:
         """Writes what is queued, and makes the final recording.
 
