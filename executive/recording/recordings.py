@@ -116,7 +116,7 @@ class Recordings:
             self._between.put(record_of(status.identity, status.outcome, now))
 
     def wait(self) -> None:
-        """Wait until a server's own recording, with what was told of goals, is on its way to disk."""
+        """Wait until what was told of goals so far, and between them, is on its way to the disk."""
         if self._between:
             self._between.wait()
 
