@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import logs
+from executive.goal import GoalState
 from executive.goals import Policy
 from executive.recording import recordings
 from executive.replay.proof import prove
@@ -103,6 +104,26 @@ def test_what_cannot_be_recorded_does_not_boot_the_board(
     (outcome,) = arm.run(1)
     assert outcome.code == "log.incomplete"
     assert arm.opened == 0
+
+
+@pytest.mark.parametrize("canceled", [True, False])
+def test_what_became_of_the_recording_is_told_however_the_goal_ended(
+    rig: RigMaker, tmp_path: Path, canceled: bool
+) -> None:
+    arm = rig()
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and len(arm.frames) == 5:
+            (path,) = tmp_path.glob("*.mcap")
+            path.unlink()
+            arm.cancel() if canceled else arm.executive._fail(OSError("odd"))
+
+    arm.on_record = watch
+    (outcome,) = arm.run(1)
+    assert outcome.state is (GoalState.CANCELED if canceled else GoalState.ABORTED)
+    assert not outcome.code.startswith("log.")
+    assert "was moved or deleted while it was written" in outcome.message
+    assert outcome.cause is None or "was moved or deleted" in outcome.cause.message
 
 
 def test_where_they_are_not_finished_goals_wait_in_the_end(
