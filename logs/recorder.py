@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from .compaction import rewrite
-from .errors import LogError, RecordingExists, RecordingIncomplete, RecordingNotCreated
+from .errors import DiskFull, LogError, RecordingExists, RecordingIncomplete, RecordingNotCreated
 from .jobs import Jobs
 from .records import Item, Sent
 from .summary import Summary
+from .tail import FULL
 
 if TYPE_CHECKING:
     from .compactor import Compactor
@@ -123,6 +124,7 @@ class Recorder:
             compactor: What makes it; None to do it here.
 
         Raises:
+            DiskFull: The disk is, but nothing is missing from the file.
             RecordingIncomplete: Something is missing from the file, or it stayed a journal.
         """
         if not self._closed:
@@ -135,7 +137,7 @@ class Recorder:
             with self._syncing:
                 os.close(self._file)
         if self._cause is not None:
-            raise RecordingIncomplete(self.path, self._lost, self._cause) from self._cause
+            raise self._error(self._cause) from self._cause
         assert self._summary is not None
         return self._summary
 
@@ -206,6 +208,12 @@ class Recorder:
             self._on_failure(cause)
         except Exception:
             _log.exception("%s: the failure could not be reported", self.path)
+
+    def _error(self, cause: Exception) -> LogError:
+        finished = self._summary is not None
+        if finished and not self._lost and isinstance(cause, OSError) and cause.errno in FULL:
+            return DiskFull(self.path, whole=True)
+        return RecordingIncomplete(self.path, self._lost, cause, finished)
 
     def _compact(self, compactor: "Compactor | None") -> Summary | None:
         try:

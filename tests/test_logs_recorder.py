@@ -17,6 +17,7 @@ import pytest
 
 import logs.recorder
 from logs import (
+    DiskFull,
     LogError,
     Recorder,
     RecordingExists,
@@ -26,8 +27,10 @@ from logs import (
     compact,
     read,
     recording_path,
+    recover,
 )
 from logs.journal import Journal
+from logs.recovery import complete
 from tests.test_logs_run import EPOCH_NS, fail, node
 
 UTC_NS = 1_795_257_115_123_456_789
@@ -217,6 +220,43 @@ def test_a_full_disk_is_told_once_and_what_came_before_is_valid(tmp_path: Path, 
     assert (kept > 0) is (size == 30_000)
     assert sum(1 for _ in read(path)) == 3 * kept
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_that_costs_nothing_is_said_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[Exception] = []
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, told.append)
+    assert recorder.wait()
+    refused = iter([OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))])
+    real = os.write
+
+    def write(handle: int, data: bytes) -> int:
+        for error in refused:
+            raise error
+        return real(handle, data)
+
+    monkeypatch.setattr(os, "write", write)
+    recorder.put(sent(1))
+    with pytest.raises(DiskFull, match="its end was still recorded"):
+        recorder.close()
+    assert len(told) == 1
+    assert complete(recorder.path, every_byte=True)
+
+
+def test_where_no_recording_can_be_made_the_way_out_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("logs.recorder.rewrite", refuse)
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, fail)
+    recorder.put(sent(1))
+    with pytest.raises(RecordingIncomplete, match=r"0 records lost .*`armtree log recover`"):
+        recorder.close()
+    monkeypatch.undo()
+    assert recover(recorder.path)
 
 
 def test_dev_full_is_an_error_at_once() -> None:
