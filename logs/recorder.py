@@ -228,12 +228,22 @@ class Recorder:
 def _create(path: Path) -> BufferedWriter:
     try:
         stream = open(path, "xb")  # noqa: SIM115, closed by the journal
-        fcntl.flock(stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return stream
+        fcntl.flock(stream.fileno(), fcntl.LOCK_EX)
     except FileExistsError as cause:
         raise RecordingExists(path) from cause
     except OSError as cause:
         raise RecordingNotCreated(path, cause) from cause
+    if not _is_at(path, stream):  # another armtree recovered it before it was locked
+        stream.close()
+        raise RecordingExists(path)
+    return stream
+
+
+def _is_at(path: Path, stream: BufferedWriter) -> bool:
+    try:
+        return os.path.samestat(os.fstat(stream.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 @cache

@@ -1,6 +1,7 @@
 """The recorder: never in the way, nothing lost in silence."""
 
 import errno
+import fcntl
 import logging
 import os
 import resource
@@ -28,6 +29,7 @@ from logs import (
     read,
     recording_path,
     recover,
+    recover_all,
 )
 from logs.journal import Journal
 from logs.recovery import complete
@@ -94,6 +96,22 @@ def test_of_two_recorders_racing_for_a_name_one_wins(tmp_path: Path) -> None:
         thread.join()
     assert (len(won), len(lost)) == (1, 1)
     assert won[0].close().messages == 0
+
+
+def test_a_name_that_another_armtree_recovers_before_it_is_locked_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, lock = recording_path(tmp_path, UTC_NS, 1), fcntl.flock
+
+    def late(handle: int, how: int) -> None:
+        monkeypatch.setattr(fcntl, "flock", lock)
+        assert len(list(recover_all(tmp_path))) == 1
+        lock(handle, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    with pytest.raises(RecordingExists):
+        Recorder(path, EPOCH_NS, fail)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_many_threads_one_file(tmp_path: Path) -> None:
