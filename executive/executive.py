@@ -279,14 +279,11 @@ class Executive:
             self._marked.add(path)
 
     def arm_to(self, transition: str, pose: str | None = None) -> State:
-        """Take the arm through a transition, to its end.
+        """Take the arm through a transition, to its end; gives where it stands then.
 
         Args:
             transition: configure, activate, deactivate, cleanup or shutdown.
             pose: What a person says of where the arm stands when it is activated; see `pose.py`.
-
-        Returns:
-            Where it stands then.
 
         Raises:
             HardwareError: It did not succeed, or is not legal now.
@@ -297,6 +294,7 @@ class Executive:
             raise TransitionRefused(f"there is no transition {transition}; there are {known}")
         if transition == "activate":
             self._recordings.check_space()
+            self._recordings.wait()  # the board boots next, and may move the arm
             self._arm.robot = self._standing.taken(pose)
         getattr(self._arm, transition)()
         if transition == "activate":

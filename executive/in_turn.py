@@ -75,10 +75,20 @@ class InTurn:
         return self._recorded(outcome)
 
     def _recorded(self, outcome: Outcome) -> Outcome:
-        """The outcome, once its recording is closed."""
+        """The outcome, once its recording is closed, and whatever is wrong with that."""
         try:
             self._executive.finish_recording()
         except LogError as error:
             if outcome.success:
                 return dataclasses.replace(outcome, code=error.code, message=str(error))
+            return _with(outcome, str(error))
         return outcome
+
+
+def _with(outcome: Outcome, words: str) -> Outcome:
+    """An outcome of which more is to be told."""
+    cause = outcome.cause
+    if cause and words not in cause.message:
+        cause = dataclasses.replace(cause, message=f"{cause.message}; {words}")
+    message = outcome.message if words in outcome.message else f"{outcome.message}; {words}"
+    return dataclasses.replace(outcome, message=message, cause=cause)

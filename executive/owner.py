@@ -217,6 +217,7 @@ class Owner:
             self._pool.start()  # it starts while the board boots
             self._arm.configure()
         if self._arm.state is State.INACTIVE:
+            self._recordings.settle()  # the board boots next, and may move the arm
             self._arm.activate()
 
     def _end(self, attempt: _Attempt) -> None:

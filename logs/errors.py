@@ -68,11 +68,12 @@ class DiskFull(LogError):
 
     code = "log.disk_full"
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, whole: bool = False) -> None:
+        end = "; its end was still recorded, in space kept for that" if whole else ""
         super().__init__(
             path,
-            "the disk is full, so that the run was ended; its end was still recorded, in space "
-            "kept for that. Remove old recordings, or give another folder for recordings",
+            f"the disk is full, so that the run was ended{end}. Remove old recordings, or give "
+            "another folder for recordings",
         )
 
 
@@ -80,17 +81,22 @@ class RecordingIncomplete(LogError):
     """Something of a run is missing from its file, or the file could not be finished.
 
     Attributes:
-        lost: How many records and attachments are not in the file.
+        lost: How many records and attachments are not in the file; None while that may grow.
         cause: The first thing that went wrong.
+        finished: Whether a final recording was made of what there is.
     """
 
     code = "log.incomplete"
 
-    def __init__(self, path: Path, lost: int, cause: Exception) -> None:
-        self.lost, self.cause = lost, cause
+    def __init__(
+        self, path: Path, lost: int | None, cause: Exception, finished: bool = True
+    ) -> None:
+        self.lost, self.cause, self.finished = lost, cause, finished
+        counted = "" if lost is None else f", {lost} records lost"
+        repair = "" if finished else "; `armtree log recover` makes a complete file of it"
         words = (
-            f"recording incomplete, {lost} records lost ({cause}); what was written before is "
-            "kept and valid. Make room or repair the cause, then run the task again"
+            f"recording incomplete{counted} ({cause}); what was written before is "
+            f"kept and valid{repair}. Make room or repair the cause, then run the task again"
         )
         if not path.exists():
             words = (

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from .compaction import rewrite
-from .errors import LogError, RecordingExists, RecordingIncomplete, RecordingNotCreated
+from .errors import DiskFull, LogError, RecordingExists, RecordingIncomplete, RecordingNotCreated
 from .jobs import Jobs
 from .records import Item, Sent
 from .summary import Summary
+from .tail import FULL
 
 if TYPE_CHECKING:
     from .compactor import Compactor
@@ -106,6 +107,16 @@ class Recorder:
         self._jobs.put(mark.set)
         return mark.wait(timeout)
 
+    def settle(self) -> None:
+        """Waits until all that was put so far is on its way to the disk.
+
+        Raises:
+            RecordingIncomplete: It is not.
+        """
+        caught_up = self.wait()
+        if cause := self._cause or (None if caught_up else TimeoutError("the disk is too slow")):
+            raise RecordingIncomplete(self.path, None, cause)
+
     def close(self, compactor: "Compactor | None" = None) -> Summary:
         """Writes what is queued, and makes the final recording.
 
@@ -113,6 +124,7 @@ class Recorder:
             compactor: What makes it; None to do it here.
 
         Raises:
+            DiskFull: The disk is, but nothing is missing from the file.
             RecordingIncomplete: Something is missing from the file, or it stayed a journal.
         """
         if not self._closed:
@@ -125,7 +137,7 @@ class Recorder:
             with self._syncing:
                 os.close(self._file)
         if self._cause is not None:
-            raise RecordingIncomplete(self.path, self._lost, self._cause) from self._cause
+            raise self._error(self._cause) from self._cause
         assert self._summary is not None
         return self._summary
 
@@ -197,6 +209,12 @@ class Recorder:
         except Exception:
             _log.exception("%s: the failure could not be reported", self.path)
 
+    def _error(self, cause: Exception) -> LogError:
+        finished = self._summary is not None
+        if finished and not self._lost and isinstance(cause, OSError) and cause.errno in FULL:
+            return DiskFull(self.path, whole=True)
+        return RecordingIncomplete(self.path, self._lost, cause, finished)
+
     def _compact(self, compactor: "Compactor | None") -> Summary | None:
         try:
             if compactor:
@@ -210,12 +228,22 @@ class Recorder:
 def _create(path: Path) -> BufferedWriter:
     try:
         stream = open(path, "xb")  # noqa: SIM115, closed by the journal
-        fcntl.flock(stream.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return stream
+        fcntl.flock(stream.fileno(), fcntl.LOCK_EX)
     except FileExistsError as cause:
         raise RecordingExists(path) from cause
     except OSError as cause:
         raise RecordingNotCreated(path, cause) from cause
+    if not _is_at(path, stream):  # another armtree recovered it before it was locked
+        stream.close()
+        raise RecordingExists(path)
+    return stream
+
+
+def _is_at(path: Path, stream: BufferedWriter) -> bool:
+    try:
+        return os.path.samestat(os.fstat(stream.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 @cache

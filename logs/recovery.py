@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from .compaction import UNFINISHED, compact, locked, part_of
+from .compaction import UNFINISHED, locked, part_of, rewrite
 from .errors import LogError, RecordingInUse, RecordingTruncated
 from .recording import Recording
 from .salvage import Salvage
@@ -22,7 +22,8 @@ def recover(recording: Path) -> Summary | None:
     """Makes a recording of what is valid in a journal that was left, or in a damaged recording.
 
     Returns:
-        What was made, and by how much the end was torn; None for a recording that is complete.
+        What was made, and by how much the end was torn; None for a recording that is complete. An
+        empty file of ours is removed: its process was killed before anything happened.
 
     Raises:
         RecordingInUse: It is still being written.
@@ -30,7 +31,7 @@ def recover(recording: Path) -> Summary | None:
         OSError: The disk failed or is full; the file is unchanged.
     """
     _remove_part(part_of(recording))
-    return None if complete(recording, every_byte=True) else compact(recording)
+    return None if complete(recording, every_byte=True) else _made_whole(recording)
 
 
 def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
@@ -48,11 +49,19 @@ def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
     for path in sorted(folder.glob("*.mcap")):
         try:
             if is_ours(path) and not complete(path, every_byte=False):
-                yield compact(path)
+                yield _made_whole(path)
         except RecordingInUse:
             continue
         except (LogError, OSError) as error:
             yield error
+
+
+def _made_whole(recording: Path) -> Summary:
+    with locked(recording):
+        if recording.stat().st_size or not is_ours(recording):
+            return rewrite(recording)
+        recording.unlink()
+    return Summary(recording, 0, 0, whole=False, torn=0)
 
 
 def _remove_part(part: Path) -> None:

@@ -11,7 +11,7 @@ class Summary:
     Attributes:
         path: The file.
         messages: How many messages it holds.
-        bytes: Its size [bytes].
+        bytes: Its size [bytes]; 0 where nothing had been recorded and the file was removed.
         whole: Whether what it was made of had its end and no damage.
         torn: How much at the end of that could not be kept [bytes].
         damaged: Where that is kept as it was; None where all of it could be kept.
@@ -26,6 +26,8 @@ class Summary:
 
     def in_words(self) -> str:
         """What was recovered, for people."""
+        if not self.bytes:
+            return f"{self.path}: was removed, for it was empty: its run had not begun"
         if self.whole:
             return f"{self.path}: {self.messages} messages, nothing was lost"
         recovered = f"{self.path}: recovered {self.messages} messages"

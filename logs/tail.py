@@ -11,7 +11,7 @@ from weakref import finalize
 
 # Kept free for the end of a run: its last records, and the compaction of a journal of 2 MB.
 _RESERVE = 1 << 20  # [bytes]
-_FULL = (errno.ENOSPC, errno.EDQUOT)
+FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class Tail:
@@ -43,7 +43,7 @@ class Tail:
         try:
             self._write(data)
         except OSError as error:
-            if error.errno not in _FULL or self._reserve is None:
+            if error.errno not in FULL or self._reserve is None:
                 self._abandon()
                 raise
             self._release()

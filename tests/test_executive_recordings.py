@@ -1,16 +1,23 @@
 """Recordings of a server's goals: finished behind its back, and never too many unfinished."""
 
+import errno
 import os
+import shutil
 import signal
+import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import logs
+from executive.goal import GoalState
 from executive.goals import Policy
 from executive.recording import recordings
 from executive.replay.proof import prove
 from executive.replay.proof_words import in_words
 from logs.compactor import compactor
+from logs.journal import Journal
 from logs.recovery import being_written, complete
 from logs.story import overview, story
 from logs.timeline import timeline
@@ -43,6 +50,80 @@ def test_a_servers_own_tells_of_goals_that_others_prove(server: RigMaker, tmp_pa
     assert (found.goal, found.result, found.outcome) == (None, None, "-")
     run_drawn = timeline(own)
     assert (run_drawn.goal, run_drawn.result) == ({}, {})
+
+
+class SlowBegin:
+    """A journal that takes its time to begin, as the first one of a process does."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, error: Exception | None = None) -> None:
+        self._error, self._clock = error, threading.Event()
+        self._real: Any = Journal
+        monkeypatch.setattr("logs.journal.Journal", self)
+
+    def __call__(self, *given: Any) -> Journal:
+        self._clock.wait(0.2)  # nobody ends it
+        if self._error:
+            raise self._error
+        made: Journal = self._real(*given)
+        return made
+
+
+@pytest.mark.parametrize("solo", [True, False])
+def test_what_a_run_is_to_do_is_recorded_before_the_board_boots(
+    rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, solo: bool
+) -> None:
+    SlowBegin(monkeypatch)
+    arm = rig(solo=solo)
+    real, kept = arm.link.open, tmp_path / "kept.mcap"
+
+    def boot() -> None:
+        (path,) = tmp_path.glob("*.mcap")
+        shutil.copy(path, kept)
+        real()
+
+    monkeypatch.setattr(arm.link, "open", boot)
+    if solo:
+        assert arm.run(1)[0].success
+        assert len(list(logs.Recording(kept).records(logs.Goal))) == 1
+    else:
+        with arm.clock.working():
+            arm.executive.start()
+            arm.executive.arm_to("configure")
+            arm.executive.arm_to("activate")
+            arm.executive.close()
+    found = logs.Recording(kept)
+    assert "versions" in found.notes
+    assert any(name.endswith(".urdf") for name in found.files)
+
+
+def test_what_cannot_be_recorded_does_not_boot_the_board(
+    rig: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    SlowBegin(monkeypatch, OSError(errno.EIO, os.strerror(errno.EIO)))
+    arm = rig()
+    (outcome,) = arm.run(1)
+    assert outcome.code == "log.incomplete"
+    assert arm.opened == 0
+
+
+@pytest.mark.parametrize("canceled", [True, False])
+def test_what_became_of_the_recording_is_told_however_the_goal_ended(
+    rig: RigMaker, tmp_path: Path, canceled: bool
+) -> None:
+    arm = rig()
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and len(arm.frames) == 5:
+            (path,) = tmp_path.glob("*.mcap")
+            path.unlink()
+            arm.cancel() if canceled else arm.executive._fail(OSError("odd"))
+
+    arm.on_record = watch
+    (outcome,) = arm.run(1)
+    assert outcome.state is (GoalState.CANCELED if canceled else GoalState.ABORTED)
+    assert not outcome.code.startswith("log.")
+    assert "was moved or deleted while it was written" in outcome.message
+    assert outcome.cause is None or "was moved or deleted" in outcome.cause.message
 
 
 def test_where_they_are_not_finished_goals_wait_in_the_end(

@@ -1,6 +1,7 @@
 """The recorder: never in the way, nothing lost in silence."""
 
 import errno
+import fcntl
 import logging
 import os
 import resource
@@ -17,6 +18,7 @@ import pytest
 
 import logs.recorder
 from logs import (
+    DiskFull,
     LogError,
     Recorder,
     RecordingExists,
@@ -26,8 +28,11 @@ from logs import (
     compact,
     read,
     recording_path,
+    recover,
+    recover_all,
 )
 from logs.journal import Journal
+from logs.recovery import complete
 from tests.test_logs_run import EPOCH_NS, fail, node
 
 UTC_NS = 1_795_257_115_123_456_789
@@ -91,6 +96,22 @@ def test_of_two_recorders_racing_for_a_name_one_wins(tmp_path: Path) -> None:
         thread.join()
     assert (len(won), len(lost)) == (1, 1)
     assert won[0].close().messages == 0
+
+
+def test_a_name_that_another_armtree_recovers_before_it_is_locked_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, lock = recording_path(tmp_path, UTC_NS, 1), fcntl.flock
+
+    def late(handle: int, how: int) -> None:
+        monkeypatch.setattr(fcntl, "flock", lock)
+        assert len(list(recover_all(tmp_path))) == 1
+        lock(handle, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    with pytest.raises(RecordingExists):
+        Recorder(path, EPOCH_NS, fail)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_many_threads_one_file(tmp_path: Path) -> None:
@@ -212,11 +233,48 @@ def test_a_full_disk_is_told_once_and_what_came_before_is_valid(tmp_path: Path, 
             recorder.close()
     assert len(failures) == 1
     assert isinstance(failures[0], OSError)
-    kept = 301 - caught.value.lost
+    kept = 301 - (caught.value.lost or 0)
     assert compact(path).messages == 3 * kept
     assert (kept > 0) is (size == 30_000)
     assert sum(1 for _ in read(path)) == 3 * kept
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_that_costs_nothing_is_said_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[Exception] = []
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, told.append)
+    assert recorder.wait()
+    refused = iter([OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))])
+    real = os.write
+
+    def write(handle: int, data: bytes) -> int:
+        for error in refused:
+            raise error
+        return real(handle, data)
+
+    monkeypatch.setattr(os, "write", write)
+    recorder.put(sent(1))
+    with pytest.raises(DiskFull, match="its end was still recorded"):
+        recorder.close()
+    assert len(told) == 1
+    assert complete(recorder.path, every_byte=True)
+
+
+def test_where_no_recording_can_be_made_the_way_out_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(path: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("logs.recorder.rewrite", refuse)
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, fail)
+    recorder.put(sent(1))
+    with pytest.raises(RecordingIncomplete, match=r"0 records lost .*`armtree log recover`"):
+        recorder.close()
+    monkeypatch.undo()
+    assert recover(recorder.path)
 
 
 def test_dev_full_is_an_error_at_once() -> None:

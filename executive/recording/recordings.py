@@ -116,7 +116,7 @@ class Recordings:
             self._between.put(record_of(status.identity, status.outcome, now))
 
     def wait(self) -> None:
-        """Wait until what was told of goals so far is on its way to the disk."""
+        """Wait until what was told of goals so far, and between them, is on its way to the disk."""
         if self._between:
             self._between.wait()
 
@@ -127,6 +127,15 @@ class Recordings:
             LogError: It has not.
         """
         logs.check_space(self._folder)
+
+    def settle(self) -> None:
+        """Wait until what was told of a goal so far is on its way to the disk.
+
+        Raises:
+            LogError: It cannot be recorded.
+        """
+        if self._recorder:
+            self._recorder.settle()
 
     def goal_ended(self) -> None:
         """Finish the recording of a goal in the background; what follows is between goals."""
@@ -232,4 +241,4 @@ class Recordings:
 
     def _give_up(self, path: Path, cause: Exception) -> None:
         full = isinstance(cause, OSError) and cause.errno == errno.ENOSPC
-        self._failed(logs.DiskFull(path) if full else logs.RecordingIncomplete(path, 0, cause))
+        self._failed(logs.DiskFull(path) if full else logs.RecordingIncomplete(path, None, cause))
