@@ -271,6 +271,12 @@ def test_a_recording_that_is_being_written_is_not_called_damaged(
         assert "being written" in finish(tmp_path, "log", "info", str(path))[1]
         assert "being written" in finish(tmp_path, "log", "ls", str(tmp_path))[1]
         assert "being written" in finish(tmp_path, "log", "show", str(path))[2]
+        status, out, _ = finish(tmp_path, "replay", str(tmp_path), str(picked), "--verify")
+        assert (status, out.splitlines()[-1]) == (0, "1 of 1 recordings hold, 1 still being written")
+        assert "is being written by another armtree" in out
+        assert "recover" not in out
+        status, out, _ = finish(tmp_path, "replay", str(path), "--verify")
+        assert (status, "holds" in out) == (10, False)
     assert "cut off or damaged" in finish(tmp_path, "log", "info", str(path))[1]
     assert "UNFINISHED" in finish(tmp_path, "log", "ls", str(tmp_path))[1]
 
