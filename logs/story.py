@@ -146,6 +146,8 @@ def in_words(record: Told) -> str:  # noqa: C901, a table of words
             return f"goal: task {record.task} {record.name}, seed {record.seed}"
         case Result():
             return f"result: {record.state} ({record.code}) {record.message}"
+        case Transition(label=""):
+            return f"arm: {record.goal}"
         case Transition():
             return f"arm: {record.start} -> {record.goal} ({record.label})"
         case NodeStatus():
