@@ -113,6 +113,11 @@ class Feedback:
     node: str
     attempt: int = 1
 
+    @property
+    def paused(self) -> bool:
+        """Whether the goal stands still."""
+        return self.phase == "paused"
+
 
 @dataclass(frozen=True, slots=True)
 class Result:
