@@ -139,8 +139,6 @@ class Owner:
             self._signal.notify()
 
     def _execute(self, attempt: _Attempt) -> None:
-        goal = attempt.goal
-        logger.info("Executing the goal for task %d (%s)", goal.task, goal.identity)
         self._try(attempt, self._build)
         self._try(attempt, self._open)
         if attempt.error is None:
@@ -181,9 +179,11 @@ class Owner:
         breakpoints.watch(attempt.tree)
 
     def _open(self, attempt: _Attempt) -> None:
-        name = attempt.task.name if attempt.task else ""
-        self._recordings.open(attempt.goal, name, self._context.seed, attempt.tree)
-        if attempt.warning:  # only now is its recording open, and whoever watches told of the goal
+        goal, name = attempt.goal, attempt.task.name if attempt.task else ""
+        self._recordings.open(goal, name, self._context.seed, attempt.tree)
+        # Only now is its recording open, and whoever watches told of the goal.
+        logger.info("Executing the goal for task %d (%s)", goal.task, goal.identity)
+        if attempt.warning:
             logger.warning("%s", attempt.warning)
 
     def _run(self, attempt: _Attempt) -> None:

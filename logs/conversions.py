@@ -154,7 +154,7 @@ def percentage(feedback: Feedback, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def transition_event(change: Transition, stamp: Stamp, ros: RosTypes) -> Any:
-    """A lifecycle change with ROS 2's own numbers, as TransitionEvent."""
+    """A lifecycle change with ROS 2's own numbers, as TransitionEvent; 0 where nothing changed."""
     return ros.make(
         "lifecycle_msgs/msg/TransitionEvent",
         timestamp=stamp.time_ns,
@@ -242,6 +242,8 @@ def _state(label: str, ros: RosTypes) -> Any:
 
 
 def _transition_id(change: Transition) -> int:
+    if not change.label:
+        return 0
     if (change.start, change.label) in _REQUESTS:
         return _REQUESTS[change.start, change.label]
     if change.label in _OUTCOMES and change.start in _OUTCOME_BASES:

@@ -54,10 +54,11 @@ class Received:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """A change of the hardware's lifecycle at `time` [s].
+    """A change of the hardware's lifecycle at `time` [s], or the state in which a recording begins.
 
     Attributes:
-        label: The transition, such as `activate` or `transition_success`.
+        label: The transition, such as `activate` or `transition_success`; empty where it is none,
+            then both states are the one in which the recording begins.
         start: The state left.
         goal: The state reached.
     """
@@ -111,6 +112,11 @@ class Feedback:
     phase: str
     node: str
     attempt: int = 1
+
+    @property
+    def paused(self) -> bool:
+        """Whether the goal stands still."""
+        return self.phase == "paused"
 
 
 @dataclass(frozen=True, slots=True)

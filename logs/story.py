@@ -119,7 +119,7 @@ def story(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
     """
     recording = Recording(path)
     first = next(recording.records(Goal), None) or next(recording.records(), None)
-    frames, begun = 0, set()
+    frames, begun, paused = 0, set(), False
     for record in recording.records():
         assert first
         time = record.time - first.time
@@ -128,6 +128,9 @@ def story(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
             late = 0.0 if record.scheduled is None else record.time - record.scheduled
             if late > LATE and not everything:
                 yield time, f"frame {frames} left {late * 1e3:.1f} ms late"
+        if isinstance(record, Feedback) and record.paused != paused:
+            paused = record.paused
+            yield time, "paused" if paused else "resumed"
         if isinstance(record, NodeStatus) and record.path not in begun:
             if record.status == "INVALID":  # as every node is before it begins
                 continue
@@ -146,6 +149,8 @@ def in_words(record: Told) -> str:  # noqa: C901, a table of words
             return f"goal: task {record.task} {record.name}, seed {record.seed}"
         case Result():
             return f"result: {record.state} ({record.code}) {record.message}"
+        case Transition(label=""):
+            return f"arm: {record.goal}"
         case Transition():
             return f"arm: {record.start} -> {record.goal} ({record.label})"
         case NodeStatus():

@@ -12,6 +12,7 @@ from .recording import fields_of
 _PLAN = "/plan/"
 _INVALID = "INVALID"
 _FAULT = "errorprocessing"
+_PAUSED = "paused"  # a phase, and its mark
 
 _Plans = dict[str, tuple[int, dict[str, Any]]]  # when the last of each group was made [ns], and it
 
@@ -108,6 +109,7 @@ class _Events:
     names: dict[str, str] = field(default_factory=dict)
     lifecycle: list[tuple[int, str]] = field(default_factory=list)
     cancel_ns: int | None = None
+    pauses: list[tuple[int, str]] = field(default_factory=list)  # and what followed them
     faults_ns: list[int] = field(default_factory=list)
     complete: bool = True
 
@@ -126,7 +128,7 @@ class _Events:
         if not goal["seed"]:  # a recording of its own tells of it
             return
         self.goal, self.goal_ns = goal, message.time_ns
-        self.result, self.cancel_ns, self.faults_ns = {}, None, []
+        self.result, self.cancel_ns, self.faults_ns, self.pauses = {}, None, [], []
         self.motions, self.moved = [], True
 
     def take_result(self, message: Message) -> None:
@@ -159,8 +161,12 @@ class _Events:
         self.tree.setdefault(node["path"], []).append((message.time_ns, node["status"]))
 
     def take_progress(self, message: Message) -> None:
-        if self.cancel_ns is None and fields_of(message)["phase"].lower().startswith("cancel"):
+        phase = fields_of(message)["phase"]
+        if self.cancel_ns is None and phase.lower().startswith("cancel"):
             self.cancel_ns = message.time_ns
+        paused = bool(self.pauses) and self.pauses[-1][1] == _PAUSED
+        if (phase == _PAUSED) != paused:
+            self.pauses.append((message.time_ns, "resumed" if paused else _PAUSED))
 
     def take_transition(self, message: Message) -> None:
         if not self.lifecycle and self.first_ns is not None:
@@ -220,6 +226,7 @@ class _Events:
             marks.append((self._since(ready), "no plan" if failed else "plan ready"))
         if (cancel := self._cancel()) is not None:
             marks.append((self._since(cancel), "cancel"))
+        marks += [(self._since(time_ns), what) for time_ns, what in self.pauses]
         return marks + [(self._since(time_ns), "fault") for time_ns in self.faults_ns]
 
     def _cancel(self) -> int | None:

@@ -73,7 +73,7 @@ WHEN: dict[type, str] = {
     NodeStatus: "a node changes its status",
     Plan: "a planner answers",
     Schedule: "a motion is compiled",
-    Transition: "the hardware changes its state",
+    Transition: "the file begins, and the hardware changes its state",
     LogLine: "a line is logged",
     Description: "the file begins",
 }
@@ -185,7 +185,7 @@ TOPICS = (
         "/lifecycle",
         "lifecycle_msgs/msg/TransitionEvent",
         as_.transition_event,
-        "changes of the hardware's lifecycle",
+        "the state of the hardware's lifecycle, and its changes",
         "to know when the arm could move",
     ),
     Topic(

@@ -15,6 +15,8 @@ from executive.goals import Policy
 from executive.replay.proof import prove
 from executive.replay.proof_words import in_words
 from hardware import Robot, SimulatedClock
+from logs.story import story
+from logs.timeline import timeline
 from skills.motion import Pool
 from tests.conftest import Rig, RigMaker
 
@@ -106,6 +108,19 @@ def test_a_pause_at_a_frame(rig: RigMaker, number: int) -> None:
     assert max(b - a for a, b in pairwise(times)) >= 60.0 or number == 31
     proof = prove(Path(outcome.recording))
     assert proof.holds, in_words(proof)
+
+
+def test_a_pause_is_told_and_drawn(rig: RigMaker) -> None:
+    arm = rig()
+    at_frame(arm, 9, pause_for(arm, 4.0))
+    (outcome,) = arm.run(1)
+    path = Path(outcome.recording)
+    told = [(time, words) for time, words in story(path, False) if words in ("paused", "resumed")]
+    assert [words for _, words in told] == ["paused", "resumed"]
+    assert told[1][0] - told[0][0] == pytest.approx(4.0, abs=0.1)
+    marks = [mark for mark in timeline(path).marks if mark[1] in ("paused", "resumed")]
+    assert [words for _, words in marks] == [words for _, words in told]
+    assert [time for time, _ in marks] == pytest.approx([time for time, _ in told])
 
 
 @pytest.mark.parametrize("together", ["true", "false"])

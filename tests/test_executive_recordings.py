@@ -1,6 +1,7 @@
 """Recordings of a server's goals: finished behind its back, and never too many unfinished."""
 
 import errno
+import logging
 import os
 import shutil
 import signal
@@ -11,6 +12,7 @@ from typing import Any
 import pytest
 
 import logs
+from executive.commands.log_handler import LogHandler
 from executive.goal import GoalState
 from executive.goals import Policy
 from executive.recording import recordings
@@ -142,3 +144,17 @@ def test_where_they_are_not_finished_goals_wait_in_the_end(
     assert arm.executive.result(sent[3]).code == third.code == "goal.unknown_task"
     arm.executive.close()
     assert all(complete(path, every_byte=True) for path in unfinished)
+
+
+def test_the_log_line_that_begins_a_goal_is_in_its_recording(
+    server: RigMaker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    arm = server()
+    root = logging.getLogger()
+    handler = LogHandler(arm.executive.tell, arm.clock)
+    monkeypatch.setattr(root, "handlers", [*root.handlers, handler])
+    outcome = run(arm, 1)
+    arm.executive.close()
+    lines = [words for _, words in story(Path(outcome.recording), everything=False)]
+    assert any(line.startswith("log: executive.owner: Executing the goal") for line in lines)

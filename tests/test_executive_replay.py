@@ -15,12 +15,14 @@ import logs
 from executive.commands import watching
 from executive.commands.watching import Player
 from executive.recording.recorded_link import RecordedLink, RecordingBehind
+from executive.replay.proof import prove
 from hardware import SimulatedClock
 from logs.compaction import locked
 from logs.comparison import compare
 from logs.ros_types import ros_types
 from logs.story import overview, story
 from logs.table import export
+from logs.timeline import timeline
 from tests.alterations import altered, lacking, replace, retold
 from tests.conftest import RigMaker
 from tests.test_end_to_end import events, sent_frames, start
@@ -165,6 +167,19 @@ class Seen:
         """Nothing."""
 
 
+def test_every_recording_says_in_which_state_it_begins(tmp_path: Path, rig: RigMaker) -> None:
+    first, second = (Path(outcome.recording) for outcome in rig().run(0, 1))
+    for path, state in (first, "unconfigured"), (second, "active"):
+        seen = Seen()
+        Player(logs.Recording(path), seen, 1.0).show_until(0.0)  # type: ignore[arg-type]
+        told = [record for record in seen.told if isinstance(record, logs.Transition)]
+        assert (told[0].label, told[0].goal) == ("", state)
+        assert (0.0, f"arm: {state}") in story(path, everything=False)
+        assert timeline(path).lifecycle[0].state == state
+    assert [span.state for span in timeline(second).lifecycle][-1] == "finalized"
+    assert prove(second).holds
+
+
 def test_scrubbing_back_begins_anew(picked: Path) -> None:
     seen = Seen()
     player = Player(logs.Recording(picked), seen, 1.0)  # type: ignore[arg-type]
@@ -271,6 +286,13 @@ def test_a_recording_that_is_being_written_is_not_called_damaged(
         assert "being written" in finish(tmp_path, "log", "info", str(path))[1]
         assert "being written" in finish(tmp_path, "log", "ls", str(tmp_path))[1]
         assert "being written" in finish(tmp_path, "log", "show", str(path))[2]
+        status, out, _ = finish(tmp_path, "replay", str(tmp_path), str(picked), "--verify")
+        assert status == 0
+        assert out.splitlines()[-1] == "1 of 1 recordings hold, 1 still being written"
+        assert "is being written by another armtree" in out
+        assert "recover" not in out
+        status, out, _ = finish(tmp_path, "replay", str(path), "--verify")
+        assert (status, "holds" in out) == (10, False)
     assert "cut off or damaged" in finish(tmp_path, "log", "info", str(path))[1]
     assert "UNFINISHED" in finish(tmp_path, "log", "ls", str(tmp_path))[1]
 

@@ -347,13 +347,17 @@ def test_what_happens_between_goals_is_recorded_too(server: RigMaker, tmp_path: 
     said = [line.message for line in story if isinstance(line, logs.LogLine)]
     assert said == ["somebody asks for 1", "somebody asks for 7"]
     states = [record.goal for record in story if isinstance(record, logs.Transition)]
+    assert states.pop(0) == "unconfigured"
     assert states[:4] == ["configuring", "inactive", "activating", "active"]
     assert states[-4:] == ["deactivating", "inactive", "shuttingdown", "finalized"]
     assert [record.task for record in story if isinstance(record, logs.Goal)] == [1, 7]
     goals = [logs.Recording(path) for path in sorted(tmp_path.glob("*Z-[0-9].mcap"))]
     ends = [[r.code for r in file.records(logs.Result)] for file in goals]  # type: ignore[union-attr]
     assert sorted(ends) == [["goal.unknown_task"], ["ok"]]
-    assert not [record for file in goals for record in file.records(logs.Transition)]
+    for file in goals:
+        (standing,) = file.records(logs.Transition)
+        assert isinstance(standing, logs.Transition)
+        assert (standing.label, standing.start, standing.goal) == ("", "active", "active")
 
 
 def test_the_cause_is_in_the_recording(server: RigMaker, tmp_path: Path) -> None:

@@ -77,6 +77,7 @@ def test_a_topic_may_be_named_by_its_record() -> None:
         ("transition_failure", "activating", "inactive", (31, 13, 2)),
         ("transition_error", "errorprocessing", "finalized", (62, 15, 4)),
         ("raise_error", "active", "errorprocessing", (99, 3, 15)),
+        ("", "active", "active", (0, 3, 3)),
     ],
 )
 def test_lifecycle_has_the_numbers_of_ros(

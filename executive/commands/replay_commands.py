@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,8 @@ def replay(recordings: tuple[Path, ...], **options: Any) -> None:
     """Prove a recording (--verify), watch it (--watch), or send its frames again (--on PORT).
 
     Exit status of --verify: 0 if all is the same in all of them, 12 where one differs, else 10
-    where one lacks its end, 3 where one cannot be read. While watching in a terminal: space pauses,
+    where one lacks its end, 3 where one cannot be read; one that is being written is passed over,
+    and 10 if there is no other. While watching in a terminal: space pauses,
     left and right go back and forth by 1 s, up and down change the speed, q quits.
     """
     chosen = [bool(options["verify"]), bool(options["watch"]), options["port"] is not None]
@@ -63,21 +64,32 @@ def replay(recordings: tuple[Path, ...], **options: Any) -> None:
 def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
     from executive.replay.proof import prove_all
     from executive.replay.proof_words import in_json, in_words
+    from logs import RecordingInUse
 
     paths = [path for each in given for path in files_of(each)]
     wrong: list[tuple[Path, str]] = []
+    written = 0
     for proof in prove_all(paths, jobs or os.cpu_count() or 1):
         click.echo(in_json(proof) if as_json else in_words(proof))
         same = all(verdict.holds for verdict in proof.verdicts)
-        if code := proof.code if same else DIFFERS:
+        if proof.code == RecordingInUse.code:
+            written += 1
+        elif code := proof.code if same else DIFFERS:
             wrong.append((proof.path, code))
     if not as_json and len(paths) > 1:
-        done = len(paths) - len(wrong)
-        click.echo(f"{done} of {len(paths)} recordings hold{'; not:' if wrong else ''}")
-        for path, code in wrong:
-            click.echo(f"  {path}  {code}")
+        _sum_up(len(paths) - written, written, wrong)
+    if written == len(paths):
+        sys.exit(look_up(RecordingInUse.code).exit)
     # The highest status counts: differs, then incomplete, then unreadable.
     sys.exit(max((look_up(code).exit for _, code in wrong), default=0))
+
+
+def _sum_up(judged: int, written: int, wrong: Sequence[tuple[Path, str]]) -> None:
+    passed = f", {written} still being written" if written else ""
+    held = f"{judged - len(wrong)} of {judged} recordings hold{passed}"
+    click.echo(f"{held}{'; not:' if wrong else ''}")
+    for path, code in wrong:
+        click.echo(f"  {path}  {code}")
 
 
 def files_of(path: Path) -> list[Path]:

@@ -12,7 +12,7 @@ import logs
 from executive.building.builder import Tree
 from executive.goal import Goal, GoalState, GoalStatus
 from executive.results import record_of
-from hardware import ArmEvent, Clock, Robot
+from hardware import ArmEvent, Clock, Robot, State
 from logs.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
 
@@ -72,6 +72,7 @@ class Recordings:
         self._unfinished: deque[Future[None]] = deque()
         self._wrong: list[logs.LogError] = []
         self._meshes: set[str] = set()  # that are in it already
+        self._state = State.UNCONFIGURED.value  # of the arm
         self.path = ""
         self.frames = 0
 
@@ -83,7 +84,7 @@ class Recordings:
         """
         self._compactor = compactor()
         self._recorder = self._between = recorder = self._create(_BETWEEN)
-        recorder.put(*self._evidence(None))
+        recorder.put(*self._evidence(None), self._standing(self._clock.now()))
 
     def open(self, goal: Goal, name: str, seed: int, tree: Tree | None) -> None:
         """Open the recording of a goal and tell of it.
@@ -101,7 +102,7 @@ class Recordings:
         self.path, self.frames = str(recorder.path), 0
         self._meshes.clear()
         told = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed)
-        recorder.put(*self._evidence(tree), told)
+        recorder.put(*self._evidence(tree), told, self._standing(told.time))
         self._watch(told)
 
     def goal_changed(self, status: GoalStatus) -> None:
@@ -186,13 +187,20 @@ class Recordings:
 
     def arm_did(self, event: ArmEvent) -> None:
         """Tell of something the arm did."""
-        self.tell(arm_record(event, self._robot))
+        record = arm_record(event, self._robot)
+        if isinstance(record, logs.Transition):
+            self._state = record.goal
+        self.tell(record)
 
     def skill_did(self, event: SkillEvent) -> None:
         """Tell of something a skill did."""
         if isinstance(event, Planned):
             self._attach_new(kept(event.query.world)[1])
         self.tell(skill_record(event, self._robot, self._clock.now()))
+
+    def _standing(self, time: float) -> logs.Transition:
+        """The state in which a recording begins: what led to it is in an earlier one."""
+        return logs.Transition(time, "", self._state, self._state)
 
     def _evidence(self, tree: Tree | None) -> list[logs.Item]:
         """All that it takes to see, and to prove, the run from its file alone."""

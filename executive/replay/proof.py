@@ -24,6 +24,7 @@ from logs import (
     Record,
     Recording,
     RecordingError,
+    RecordingInUse,
     RecordingTruncated,
     Result,
     Schedule,
@@ -31,6 +32,7 @@ from logs import (
 )
 from logs.agreement import disagreement
 from logs.compaction import RECOVERED
+from logs.recovery import being_written
 from skills.motion import ModelUnusable
 from skills.motion.planner import Planner
 
@@ -87,6 +89,8 @@ def prove(path: Path) -> Proof:
     try:
         recording = Recording(path)
         story = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
+        if not recording.complete and being_written(path):
+            raise RecordingInUse(path)
         robot = robot_of(recording)
         topic, wrong = disagreement(recording)
         planned = topic.startswith(_PLAN)
