@@ -132,6 +132,7 @@ class _Walk:
     ) -> None:
         self._leaves, self._robot, self._carry = leaves, robot, carry
         self._doubtful = doubtful
+        self._again = False  # within the second round of a repeat
         self.motions: list[Motion] = []
 
     def through(self, node: Behaviour, now: _Now) -> _Now:
@@ -154,10 +155,13 @@ class _Walk:
     def _repeated(self, node: Repeat, now: _Now) -> _Now:
         """What every round leaves; of the second one, the motions that the first has not."""
         once = self.through(node.decorated, now)
-        if node.times == 1:
+        if node.times == 1 or once == now:  # any further round would be the same
             return once
-        first = len(self.motions)
+        if self._again:  # else repeats within each other double the rounds at every level
+            return _common((now, once))
+        first, self._again = len(self.motions), True
         twice = self.through(node.decorated, once)
+        self._again = False
         known = {(motion.pose, motion.world) for motion in self.motions[:first]}
         again = self.motions[first:]
         self.motions[first:] = [m for m in again if (m.pose, m.world) not in known]
