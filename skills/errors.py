@@ -92,17 +92,18 @@ class Interrupted(SkillError):
 
 
 class SkillBroken(SkillError):
-    """The code of a skill raised something that is no error of ours.
+    """The code of a skill raised something that is no error of ours, or answered what is no answer.
 
     Args:
         where: What was called, such as `Wave.on_start`.
-        raised: What it raised.
+        what: What it raised, or did instead, such as `gave None, not a number`.
     """
 
     code = "skill.broken"
 
-    def __init__(self, where: str, raised: BaseException) -> None:
-        super().__init__(f"{where} raised {type(raised).__name__}: {raised}")
+    def __init__(self, where: str, what: BaseException | str) -> None:
+        did = what if isinstance(what, str) else f"raised {type(what).__name__}: {what}"
+        super().__init__(f"{where} {did}")
 
 
 class TaskFailed(SkillError):

@@ -14,7 +14,7 @@ from skills import Skill, skill
 from tests.conftest import RigMaker
 from tests.server_acts import at_frame, run
 
-_NAMES = ("leaves", "Leaves", "Doubts", "Hangs", "Unsure", "Lost", "Restless")
+_NAMES = ("leaves", "Leaves", "Doubts", "Hangs", "Unsure", "Lost", "Restless", "Unmade", "Timeless")
 
 
 @skill
@@ -90,6 +90,27 @@ class Restless(Skill):
         raise ValueError("no idea")
 
 
+class Unmade(Skill):
+    """Cannot be made."""
+
+    def __init__(self, *_: object) -> None:
+        raise ValueError("no idea")
+
+    def on_start(self) -> Status:
+        return Status.SUCCESS
+
+
+class Timeless(Skill):
+    """Cannot say how long it takes."""
+
+    def on_start(self) -> Status:
+        return Status.SUCCESS
+
+    @classmethod
+    def shortest(cls, *_: object) -> float:
+        raise ValueError("no idea")
+
+
 @pytest.fixture
 def tasks(tmp_path: Path) -> Path:
     folder = tmp_path / "tasks"
@@ -109,6 +130,8 @@ def tasks(tmp_path: Path) -> Path:
         (42, "skill.broken", "t42/Doubts", "Doubts.judge raised ValueError: no idea"),
         (44, "skill.broken", "t44/Unsure", "Unsure.busy raised ValueError: no idea"),
         (45, "skill.broken", "t45/Lost", "Lost.progress raised ValueError: no idea"),
+        (47, "skill.broken", "t47/Unmade", "Unmade.__init__ raised ValueError: no idea"),
+        (48, "skill.broken", "t48/Timeless", "Timeless.shortest raised ValueError: no idea"),
     ],
 )
 def test_the_goal_ends_with_its_cause_and_the_next_one_is_done(

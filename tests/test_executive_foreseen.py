@@ -141,6 +141,16 @@ def test_plan_names_what_a_task_spells_out_wrong(tmp_path: Path) -> None:
         planned(tmp_path, *steps)
 
 
+def test_repeats_within_each_other_are_not_walked_round_by_round(
+    robot: Robot, tmp_path: Path
+) -> None:
+    inner = f"{{sequence: [{COME}, {GO}, {COME}, {{{POST}}}]}}"
+    for _ in range(20):
+        inner = f"{{repeat: {inner}, times: 2}}"
+    (mistake,) = check(robot, None, [written(tmp_path, inner)]).mistakes
+    assert re.search("this pose collides: .* deep in post", mistake.message)
+
+
 def test_plan_says_why_it_foresees_nothing(tmp_path: Path) -> None:
     point = "{ReachPoint: {start: $start, point: [10 cm, 5 cm, 8 cm], target: $there}}"
     steps = ("{SetStart: {start: $start}}", point, "{subtree: move_joints, with: {joints: $there}}")

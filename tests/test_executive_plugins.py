@@ -117,6 +117,14 @@ def test_a_plugin_that_raises_costs_only_itself(tmp_path: Path, raised: str) -> 
     assert name in known_skills()
 
 
+def test_what_a_plugin_prints_goes_to_stderr(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "own.py").write_text("print('hello')\n")
+    assert load_skills(tmp_path) == []
+    assert capsys.readouterr() == ("", "hello\n")
+
+
 def test_ctrl_c_while_a_plugin_loads_is_meant_for_the_command(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
     command = [*ARMTREE, "skills", "--skills", str(tmp_path)]

@@ -35,6 +35,7 @@ from trees import (
 )
 
 from .arguments import MISSING
+from .asking import Asking
 from .branches import Branches
 from .flow import Places, check_flow
 from .keys import Keys
@@ -61,7 +62,7 @@ class Assembly:
         places: Where the nodes stand.
         calls: Where those stand that files of their own are taken for.
         controls: What the nodes above them are: a key of `KINDS`, and the values of its options.
-        doubtful: Nodes that are wrong, so that nobody knows what they would do.
+        asking: Asks the code of its skills; knows the nodes that are wrong.
         files: What was read, by name.
     """
 
@@ -77,7 +78,7 @@ class Assembly:
         self.mistakes = Mistakes()
         self.leaves: list[Leaf] = []
         self.controls: dict[Behaviour, tuple[str, Mapping[str, Any]]] = {}
-        self.doubtful: set[Behaviour] = set()
+        self.asking = Asking()
         self.files = self._sources.files
         self.wrong = self.mistakes.add
 
@@ -132,17 +133,15 @@ class Assembly:
         return {f"{namespace}/{name}": StandIn(name, kind) for name, kind in kinds.items()}
 
     def _finish(self, root: Behaviour) -> None:
-        shortest: dict[Behaviour, float] = {
-            leaf.skill: type(leaf.skill).shortest(leaf.known) for leaf in self.leaves
-        }
+        shortest = {leaf.skill: self.asking.shortest(leaf) for leaf in self.leaves}
         places = Places(self.places, self.calls)
-        check_flow(root, shortest, places, self.doubtful, self.mistakes)
+        check_flow(root, shortest, places, self.asking.doubtful, self.mistakes)
 
     def _doubt(self, name: str, place: Place) -> Behaviour:
         """What stands for a node that is wrong."""
         node = Dummy(name)
         self.places[node] = place
-        self.doubtful.add(node)
+        self.asking.doubtful.add(node)
         return node
 
     def _arguments(
@@ -293,11 +292,12 @@ class Assembly:
             if not (ports[port].output and self._fixed(value, scope, f"{spec.skill}.{port}"))
         }
         keys = {port: value.name for port, value in wired.items() if isinstance(value, Key)}
-        skill: Skill = kind(shown or spec.skill, self._context)
+        skill = self.asking.make(kind, shown or spec.skill, self._context, spec.place)
         inputs, types = self._inputs(spec, kind, wired)
         self._outputs(spec, kind, wired, types, scope)
         written = {p: v for p, v in wired.items() if isinstance(v, Located) and p in inputs}
-        self.leaves.append(Leaf(skill, spec.place, scope.namespace, keys, inputs, written))
+        if isinstance(skill, Skill):
+            self.leaves.append(Leaf(skill, spec.place, scope.namespace, keys, inputs, written))
         return skill
 
     def _forgive(self, values: Iterable[Value], scope: Scope) -> None:

@@ -62,7 +62,7 @@ class Branches:
         node = make(spec, scope, shown or spec.kind, options)
         self._assembly.controls[node] = spec.kind, options
         if wrong:
-            self._assembly.doubtful.add(node)
+            self._assembly.asking.doubtful.add(node)
         return node
 
     def _unknown(self, spec: ControlNode, scope: Scope, shown: str) -> Behaviour:
@@ -72,7 +72,7 @@ class Branches:
             self._assembly.keys.written |= way.written
         self._assembly.keys.unread = {}
         node = Join(shown or "?", children)
-        self._assembly.doubtful.add(node)
+        self._assembly.asking.doubtful.add(node)
         return node
 
     def _option(self, spec: ControlNode, option: str, declared: Declaration, scope: Scope) -> Any:

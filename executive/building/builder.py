@@ -9,11 +9,11 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Access, Status
 
 from hardware import Robot
-from skills import Context, Positions, Skill, SkillBroken, SkillError, as_one, causes_of
-from skills.motion import MotionError
+from skills import Context, Positions, Skill, SkillError, as_one
 from trees import Library, Located, Mistake, Place, TaskFile
 
 from .arguments import FILE, as_text, wrong
+from .asking import Refusal
 from .assembly import Assembly
 from .leaf import Leaf
 from .paths import paths
@@ -123,51 +123,11 @@ def _hidden(
     return assembly.mistakes.found
 
 
-@dataclass(frozen=True)
-class Refusal:
-    """One thing that a skill refuses of what a task spells out.
-
-    Attributes:
-        leaf: Of the skill.
-        error: Why.
-        place: Where the value stands, as near as is known.
-    """
-
-    leaf: Leaf
-    error: SkillError | MotionError
-    place: Place
-
-    @property
-    def mistake(self) -> Mistake:
-        """The same as a mistake in a file."""
-        return Mistake(self.place, f"{type(self.leaf.skill).__name__}: {self.error}")
-
-
 def refusals(assembly: Assembly, robot: Robot) -> list[Refusal]:
     """What skills refuse of what a task spells out; they count as doubtful from now on."""
-    refused: dict[tuple[Place, str], Refusal] = {}
     for leaf in assembly.leaves:
-        for error in _judged(leaf, robot):
-            assembly.doubtful.add(leaf.skill)
-            place = _place(leaf, error)
-            # What several skills refuse alike is told once.
-            refused.setdefault((place, str(error)), Refusal(leaf, error, place))
-    return list(refused.values())
-
-
-def _judged(leaf: Leaf, robot: Robot) -> Sequence[SkillError | MotionError]:
-    """What a skill refuses of its inputs; what its code raises else is an error of ours, too."""
-    kind = type(leaf.skill)
-    inputs = {**leaf.known, **leaf.partly} if kind.judges_parts else leaf.known
-    try:
-        kind.judge(robot, inputs)
-    except (Exception, SystemExit) as error:
-        causes = causes_of(error)
-        own = [cause for cause in causes if isinstance(cause, SkillError | MotionError)]
-        if own and len(own) == len(causes):
-            return own
-        return [SkillBroken(f"{kind.__name__}.judge", error)]
-    return ()
+        assembly.asking.judge(leaf, robot)
+    return assembly.asking.refused
 
 
 def _cause(refused: Sequence[Refusal], nodes: Mapping[Behaviour, str]) -> Exception:
@@ -179,25 +139,8 @@ def _cause(refused: Sequence[Refusal], nodes: Mapping[Behaviour, str]) -> Except
     cause = as_one([refusal.error for refusal in refused])
     (first,) = (refusal for refusal in refused if refusal.error is cause)
     if isinstance(cause, SkillError):
-        cause.node = nodes[first.leaf.skill]
+        cause.node = nodes[first.node]
     return cause
-
-
-def _place(leaf: Leaf, error: SkillError | MotionError) -> Place:
-    """Where the value stands that a skill refuses, as near as is known."""
-    port, *within = error.way if isinstance(error, SkillError) and error.way else ("",)
-    value = leaf.written.get(str(port))
-    if value is None:
-        return leaf.place
-    place = value.place
-    for step in within:
-        if isinstance(value.value, dict) and step in value.value:
-            value = value.value[str(step)]
-            place = value.label
-        elif isinstance(value.value, list) and isinstance(step, int):
-            value = value.value[step]
-            place = value.place
-    return place
 
 
 def target_of(leaf: Leaf) -> Place:

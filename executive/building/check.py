@@ -24,9 +24,10 @@ from skills.motion import (
 )
 from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, StandIn, TreeError
 
+from .asking import Pose
 from .assembly import Assembly
 from .builder import mistakes_of, refusals
-from .foreseen import Motion, Pose, foresee
+from .foreseen import Motion, foresee
 from .outline import Entry, outline
 
 # What a file is in its library: the number of a task, the name of a subtree, None for poses, or
@@ -76,6 +77,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         checker = _Checker(library, context, asked)
         findings.mistakes += checker.check(path, name)
     findings.mistakes += _refused(asked, context)
+    findings.mistakes += [m for _, built in asked.trees for m in built.asking.mistakes]
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
 
@@ -126,7 +128,10 @@ def motions_of(
     """
     assembly, root = _assembled(robot, library, number)
     _check_refused(assembly, robot)
-    return foresee(root, assembly.leaves, robot, carry, start, world)
+    motions = foresee(root, assembly.leaves, robot, carry, start, world, asking=assembly.asking)
+    if broken := assembly.asking.mistakes:
+        raise FileError(broken)
+    return motions
 
 
 def _check_refused(assembly: Assembly, robot: Robot) -> None:
@@ -137,7 +142,8 @@ def _check_refused(assembly: Assembly, robot: Robot) -> None:
 def _assembled(robot: Robot, library: Library, number: int) -> tuple[Assembly, Behaviour]:
     assembly, draft = Assembly(library, _context(robot)), library.draft(number)
     root = assembly.task(*draft, "/show", None)
-    if found := mistakes_of(assembly, draft, library, _context(robot)):
+    found = mistakes_of(assembly, draft, library, _context(robot))
+    if found or assembly.asking.refused:
         raise FileError([*found, *(refusal.mistake for refusal in refusals(assembly, robot))])
     return assembly, root
 
@@ -220,9 +226,9 @@ class _Checker:
                 found = assembly.mistakes.found
         except TreeError as error:
             return _mistakes(error)
-        refused = refusals(assembly, self._context.robot)
+        refusals(assembly, self._context.robot)  # told at the end, with those found by then
         self._asked.trees.append((root, assembly))
-        return [*found, *(refusal.mistake for refusal in refused)]
+        return found
 
     def _reachable(self, file: PosesFile) -> list[Mistake]:
         """Poses that the robot cannot take, whether or not a task names them."""
@@ -278,9 +284,7 @@ def _bodies(asked: _Asked) -> dict[Body, list[Place]]:
     bodies: dict[Body, list[Place]] = {}
     for _, assembly in asked.trees:
         for leaf in assembly.leaves:
-            if leaf.skill in assembly.doubtful:
-                continue
-            if body := type(leaf.skill).body(leaf.known):
+            if body := assembly.asking.body(leaf):
                 bodies.setdefault(body, []).append(leaf.place)
     return bodies
 
@@ -300,8 +304,8 @@ def _poses(asked: _Asked, context: Context) -> dict[tuple[Pose, World], list[tup
     for place, pose in asked.poses:
         poses.setdefault((pose, EMPTY), []).append((place, goal))
     for root, built in asked.trees:
-        leaves, doubtful = built.leaves, built.doubtful
-        for motion in foresee(root, leaves, context.robot, carry, doubtful=doubtful):
+        leaves, asking = built.leaves, built.asking
+        for motion in foresee(root, leaves, context.robot, carry, asking=asking):
             if motion.start and (motion.start, motion.world) not in poses:
                 poses[motion.start, motion.world] = [(motion.place, start)]
             poses.setdefault((motion.pose, motion.world), []).append((motion.place, goal))

@@ -48,7 +48,7 @@ class Places:
 
 def check_flow(
     root: Behaviour,
-    shortest: Mapping[Behaviour, float],
+    shortest: Mapping[Skill, float],
     places: Places,
     doubtful: Collection[Behaviour],
     mistakes: Mistakes,
@@ -68,7 +68,7 @@ def check_flow(
 class _Judge:
     def __init__(
         self,
-        shortest: Mapping[Behaviour, float],
+        shortest: Mapping[Skill, float],
         places: Places,
         doubtful: Collection[Behaviour],
         mistakes: Mistakes,

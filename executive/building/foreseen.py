@@ -1,6 +1,6 @@
 """What is around the arm by the time of each motion, as far as a task spells it out."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -24,11 +24,10 @@ from skills import (
 from skills.motion import EMPTY, Body, Carry, MotionError, World
 from trees import Place
 
+from .asking import Asking, Pose
 from .builder import target_of
 from .control import Guard, Repeat, Retry, Timeout, WaitFor
 from .leaf import Leaf
-
-Pose = tuple[float, ...]
 
 # What these hold has been done, in its order, wherever the tree goes on behind them.
 _IN_TURN = (composites.Sequence, Guard, Retry, Timeout, WaitFor)
@@ -63,7 +62,8 @@ def foresee(
     carry: Callable[[Carry], Body],
     start: Pose | None = None,
     world: World = EMPTY,
-    doubtful: Collection[Behaviour] = (),
+    *,
+    asking: Asking,
 ) -> list[Motion]:
     """The motions of a task, each in the world as the task has made it by then.
 
@@ -74,9 +74,9 @@ def foresee(
         carry: Hands a body over to another link; may raise a MotionError.
         start: Where the arm stands at first [rad]; None where that is not known.
         world: What is around it at first.
-        doubtful: Nodes that are wrong, so that nobody knows what they would do.
+        asking: Asks the code of its skills; knows the nodes that are wrong.
     """
-    walk = _Walk({leaf.skill: leaf for leaf in leaves}, robot, carry, doubtful)
+    walk = _Walk({leaf.skill: leaf for leaf in leaves}, robot, carry, asking)
     walk.through(root, _Now(world, start))
     return walk.motions
 
@@ -128,10 +128,11 @@ class _Walk:
         leaves: Mapping[Behaviour, Leaf],
         robot: Robot,
         carry: Callable[[Carry], Body],
-        doubtful: Collection[Behaviour],
+        asking: Asking,
     ) -> None:
         self._leaves, self._robot, self._carry = leaves, robot, carry
-        self._doubtful = doubtful
+        self._asking = asking
+        self._again = False  # within the second round of a repeat
         self.motions: list[Motion] = []
 
     def through(self, node: Behaviour, now: _Now) -> _Now:
@@ -154,10 +155,13 @@ class _Walk:
     def _repeated(self, node: Repeat, now: _Now) -> _Now:
         """What every round leaves; of the second one, the motions that the first has not."""
         once = self.through(node.decorated, now)
-        if node.times == 1:
+        if node.times == 1 or once == now:  # any further round would be the same
             return once
-        first = len(self.motions)
+        if self._again:  # else repeats within each other double the rounds at every level
+            return _common((now, once))
+        first, self._again = len(self.motions), True
         twice = self.through(node.decorated, once)
+        self._again = False
         known = {(motion.pose, motion.world) for motion in self.motions[:first]}
         again = self.motions[first:]
         self.motions[first:] = [m for m in again if (m.pose, m.world) not in known]
@@ -167,8 +171,7 @@ class _Walk:
         kind = type(leaf.skill)
         start = now.keys.get(leaf.keys.get("start", ""))
         inputs = {**leaf.known, "start": start} if start else leaf.known
-        refused = leaf.skill in self._doubtful
-        poses = [] if refused else kind.poses(self._robot, inputs)
+        poses = self._asking.poses(leaf, self._robot, inputs)
         for pose in poses:
             left_out = tuple(sorted(now.unsure))
             self.motions.append(Motion(target_of(leaf), pose, now.pose, now.world, left_out))
@@ -177,7 +180,7 @@ class _Walk:
             now = replace(now, pose=None)
         now = self._written(leaf, now)
         if isinstance(leaf.skill, (*_ADDS, Attach, Detach, RemoveBody)):
-            now = self._changed(leaf.skill, leaf.known, now)
+            now = self._changed(leaf, now)
         return now
 
     def _written(self, leaf: Leaf, now: _Now) -> _Now:
@@ -190,16 +193,18 @@ class _Walk:
             keys[key] = Positions(zip(names, now.pose, strict=True))
         return replace(now, keys=keys)
 
-    def _changed(self, skill: Skill, known: Mapping[str, Any], now: _Now) -> _Now:
+    def _changed(self, leaf: Leaf, now: _Now) -> _Now:
         """With the body that a skill adds, hands over or removes."""
+        skill, known = leaf.skill, leaf.known
         if "body" not in known:
             return now.unsure_of((_UNNAMED, *(body.name for body in now.world.bodies)))
         name = known["body"]
         if isinstance(skill, RemoveBody):
             return now.without((name,))
-        if skill in self._doubtful:
+        if skill in self._asking.doubtful:
             return now.unsure_of((name,))
-        body = skill.body(known) if isinstance(skill, _ADDS) else self._carried(skill, known, now)
+        adds = isinstance(skill, _ADDS)
+        body = self._asking.body(leaf) if adds else self._carried(skill, known, now)
         return now.having(body) if body else now.unsure_of((name,))
 
     def _carried(self, skill: Skill, known: Mapping[str, Any], now: _Now) -> Body | None:

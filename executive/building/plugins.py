@@ -6,7 +6,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import NoReturn
@@ -69,7 +69,8 @@ def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
     """Load something; why it is broken, if it is."""
     before, pressed = get_ports_registry(), list[int]()
     try:
-        with warnings.catch_warnings(), _ctrl_c(pressed):
+        # What a command prints on stdout is read by programs.
+        with warnings.catch_warnings(), _ctrl_c(pressed), redirect_stdout(sys.stderr):
             warnings.simplefilter("ignore")  # a name that is taken is told of below
             load()
     except BaseException as error:  # somebody else's code: whatever it raises

@@ -1,0 +1,119 @@
+"""What breaks in the code of a skill before the run: a mistake at its node, and nowhere else."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from py_trees.common import Status
+
+from executive.building.check import check
+from executive.commands.cli import cli
+from hardware import Robot
+from skills import BadTarget, Skill
+
+HEAD = "task: {}\nname: {}\ndescription: d\ntree:\n  sequence:\n    - {}\n"
+
+
+class Frail(Skill):
+    """Answers what a test says."""
+
+    answers: dict[str, Callable[[], Any]]
+
+    def __init__(self, name: str, context: Any) -> None:
+        if self.answers["__init__"]() is None:
+            super().__init__(name, context)
+
+    def on_start(self) -> Status:
+        return Status.SUCCESS
+
+    @classmethod
+    def shortest(cls, *_: object) -> Any:
+        return cls.answers["shortest"]()
+
+    @classmethod
+    def poses(cls, *_: object) -> Any:
+        return cls.answers["poses"]()
+
+    @classmethod
+    def body(cls, *_: object) -> Any:
+        return cls.answers["body"]()
+
+
+def boom() -> Any:
+    raise RuntimeError("boom")
+
+
+def leave() -> Any:
+    raise SystemExit(3)
+
+
+def refuse() -> Any:
+    raise BadTarget("not there")
+
+
+RAISED = "Frail.{} raised RuntimeError: boom"
+POSES = "a list of tuples of 4 numbers"
+BREAKS: list[tuple[str, Callable[[], Any], str]] = [
+    ("__init__", boom, RAISED.format("__init__")),
+    ("__init__", lambda: "no call of that of Skill", "Frail.__init__ gave "),
+    ("shortest", boom, RAISED.format("shortest")),
+    ("shortest", leave, "Frail.shortest raised SystemExit: 3"),
+    ("shortest", lambda: "long", "Frail.shortest gave 'long', not a number"),
+    ("shortest", lambda: math.nan, "Frail.shortest gave nan, not a number"),
+    ("poses", boom, RAISED.format("poses")),
+    ("poses", refuse, "Frail: not there"),
+    ("poses", lambda: None, f"Frail.poses gave None, not {POSES}"),
+    ("poses", lambda: [("x",)], f"Frail.poses gave [('x',)], not {POSES}"),
+    ("poses", lambda: [(math.nan,) * 4], f"not {POSES}"),
+    ("body", boom, RAISED.format("body")),
+    ("body", lambda: "a cup", "Frail.body gave 'a cup', not a Body or None"),
+]
+
+
+@pytest.fixture
+def answer(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Callable[[], Any]], None]:
+    """Says what Frail answers when it is asked one thing; all else it answers rightly."""
+
+    def say(what: str, how: Callable[[], Any]) -> None:
+        right: dict[str, Callable[[], Any]] = {
+            "__init__": lambda: None,
+            "shortest": lambda: 0.0,
+            "poses": list,
+            "body": lambda: None,
+        }
+        monkeypatch.setattr(Frail, "answers", right | {what: how}, raising=False)
+
+    return say
+
+
+@pytest.mark.parametrize(("what", "how", "words"), BREAKS)
+def test_check_names_it_at_its_node_and_tells_all_else(
+    robot: Robot, tmp_path: Path, answer: Any, what: str, how: Callable[[], Any], words: str
+) -> None:
+    answer(what, how)
+    (tmp_path / "3_x.yaml").write_text(HEAD.format(3, "x", "Frail") + "    - Frail\n")
+    (tmp_path / "4_y.yaml").write_text(HEAD.format(4, "y", "Sukseed"))
+    first, second, other = check(robot, tmp_path).mistakes
+    assert [m.place.line for m in (first, second)] == [6, 7]
+    assert words in first.message
+    assert "no skill Sukseed" in other.message
+
+
+@pytest.mark.parametrize("what", ["__init__", "shortest"])
+@pytest.mark.parametrize("command", ["show", "plan"])
+def test_commands_refuse_the_file(tmp_path: Path, answer: Any, what: str, command: str) -> None:
+    answer(what, boom)
+    (tmp_path / "3_x.yaml").write_text(HEAD.format(3, "x", "Frail"))
+    result = CliRunner().invoke(cli, [command, "3", "--trees", str(tmp_path)])
+    assert type(result.exception).__name__ == "FileError"
+    assert RAISED.format(what) in str(result.exception)
+
+
+def test_plan_refuses_poses_that_break(tmp_path: Path, answer: Any) -> None:
+    answer("poses", boom)
+    (tmp_path / "3_x.yaml").write_text(HEAD.format(3, "x", "Frail"))
+    result = CliRunner().invoke(cli, ["plan", "3", "--trees", str(tmp_path)])
+    assert RAISED.format("poses") in str(result.exception)
