@@ -126,7 +126,8 @@ def test_topics() -> None:
 def test_a_cancel_by_service_names_goals_as_the_status_topic_does(
     identity: bytes, stamp_ns: int, as_list: bool
 ) -> None:
-    info = ros.status_array([(identity.hex(), stamp_ns, 2)])["status_list"][0]["goal_info"]
+    told = json.loads(ros.status_array([ros.goal_status(identity.hex(), stamp_ns, 2)]))
+    info = told["msg"]["status_list"][0]["goal_info"]
     if as_list:
         info["goal_id"]["uuid"] = list(base64.b64decode(info["goal_id"]["uuid"]))
     wanted = identity.hex() if any(identity) else ""

@@ -17,7 +17,7 @@ from hardware import Clock, Robot, states
 
 from . import rosbridge as ros
 from .hub import Hub
-from .operations import LISTED
+from .statuses import Statuses
 from .stops import Stops
 
 logger = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ class Bridge:
         self.robot, self.clock = robot, clock
         self._clients: set[_Client] = set()
         self._joints: tuple[float, Mapping[str, float]] | None = None
-        self._statuses: dict[str, Any] | None = None  # as long as no goal changes
+        self._statuses = Statuses(executive)
         hub.listeners.append(self._tell)
 
     async def serve(self, websocket: WebSocket) -> None:
@@ -61,23 +61,20 @@ class Bridge:
         finally:
             self._clients.discard(client)
 
-    def now(self, topic: str) -> dict[str, Any] | None:
-        """What a topic says now; None where it says nothing."""
+    def now(self, topic: str) -> str:
+        """The message that a topic has now; empty where it has none."""
         if topic == ros.STATUS:
-            if self._statuses is None:
-                goals = self.executive.goals(LISTED)
-                told = [(g.identity, g.stamp_ns, g.state.value) for g in goals]
-                self._statuses = ros.status_array(told)
-            return self._statuses
+            return self._statuses.message()
         if self._joints is None:
-            return None
+            return ""
         time, positions = self._joints
-        return ros.joint_state(self.clock.epoch_ns() + round(time * 1e9), positions)
+        utc_ns = self.clock.epoch_ns() + round(time * 1e9)
+        return ros.published(topic, ros.joint_state(utc_ns, positions))
 
     def _tell(self, event: Event) -> None:
         match event:
             case GoalStatus():
-                self._statuses = None
+                self._statuses.note(event)
                 self._each(lambda client: client.goal_changed(event))
                 self._each(lambda client: client.published(ros.STATUS))
             case logs.Feedback():
@@ -255,9 +252,8 @@ class _Client:
     def _publish(self, topic: str) -> None:
         subscription = self._topics[topic]
         subscription.later, subscription.told = None, self._loop.time()
-        message = self._bridge.now(topic)
-        if message is not None:
-            self._put(ros.published(topic, message))
+        if message := self._bridge.now(topic):
+            self._put(message)
 
     def _put(self, text: str) -> None:
         try:

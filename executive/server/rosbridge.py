@@ -7,7 +7,7 @@ Read from ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite. One JSON objec
 import base64
 import binascii
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -259,18 +259,18 @@ def joint_state(utc_ns: int, positions: Mapping[str, float]) -> dict[str, Any]:
     }
 
 
-def status_array(goals: Sequence[tuple[str, int, int]]) -> dict[str, Any]:
-    """An action_msgs/GoalStatusArray.
+def goal_status(identity: str, stamp_ns: int, status: int) -> str:
+    """An action_msgs/GoalStatus of a goal that was accepted then [ns]."""
+    return _dump(goal_info=_goal_info(identity, stamp_ns), status=status)
 
-    Args:
-        goals: Identity, when accepted [ns], and status of every goal that is known.
+
+def status_array(goals: Iterable[str]) -> str:
+    """An action_msgs/GoalStatusArray as published, of statuses by `goal_status`.
+
+    There may be a thousand, of which one has changed: only that one is put into JSON anew.
     """
-    return {
-        "status_list": [
-            {"goal_info": _goal_info(identity, stamp_ns), "status": status}
-            for identity, stamp_ns, status in goals
-        ]
-    }
+    empty = published(STATUS, {"status_list": []})
+    return empty.replace("[]", f"[{','.join(goals)}]")
 
 
 def cancel_request(call: CallService) -> tuple[str, int]:
