@@ -87,6 +87,14 @@ def statuses(connection: ClientConnection) -> list[int]:
     return [goal["status"] for goal in heard(connection, "publish")["msg"]["status_list"]]
 
 
+def told_until_complaint(connection: ClientConnection) -> list[list[int]]:
+    """All that the status topic says before the answer to nonsense comes."""
+    told: list[list[int]] = []
+    while (message := json.loads(connection.recv(10)))["op"] == "publish":
+        told.append([goal["status"] for goal in message["msg"]["status_list"]])
+    return told
+
+
 GOAL = {
     "op": "send_action_goal",
     "action": "/task_server",
@@ -241,6 +249,41 @@ def test_a_topic_is_throttled_but_its_last_message_comes(serve: Serve) -> None:
         say(connection, **GOAL, id="1", args={"task_number": 11})
         after = heard(connection, "publish")["msg"]["status_list"]
         assert [each["status"] for each in after] == [4]  # 1 and 2 came too soon
+
+
+def test_subscribers_on_one_connection_do_not_mind_each_other(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+
+        def at_a_goal() -> list[list[int]]:
+            say(connection, op="nothing")
+            assert told_until_complaint(connection) == []  # what was asked before is done by now
+            assert served.executive.result(served.executive.send(11).identity).success
+            say(connection, op="nothing")
+            return told_until_complaint(connection)
+
+        for identity, throttle in (("a", 3_600_000), ("b", 0), ("c", 0)):
+            say(connection, op="subscribe", topic=ros.STATUS, id=identity, throttle_rate=throttle)
+            assert statuses(connection) == []
+        say(connection, op="unsubscribe", topic=ros.STATUS, id="c")
+        assert at_a_goal() == [[1], [2], [4]]
+        say(connection, op="unsubscribe", topic=ros.STATUS, id="unknown")
+        say(connection, op="unsubscribe", topic=ros.STATUS, id="b")
+        assert at_a_goal() == []  # a heard a moment ago
+        say(connection, op="subscribe", topic=ros.STATUS, id="b")
+        assert statuses(connection) == [4, 4]
+        say(connection, op="unsubscribe", topic=ros.STATUS)
+        assert at_a_goal() == []
+
+
+def test_subscribers_are_not_without_number(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bridge, "MOST_SUBSCRIBERS", 2)
+    with websocket(serve(rosbridge=True)) as connection:
+        for identity in "aba":
+            say(connection, op="subscribe", topic=ros.STATUS, id=identity)
+            assert statuses(connection) == []
+        say(connection, op="subscribe", topic=ros.STATUS, id="c")
+        assert heard(connection, "status")["id"] == "c"
 
 
 @pytest.mark.parametrize(

@@ -120,6 +120,10 @@ def test_topics() -> None:
     throttled = parsed(op="subscribe", topic=ros.STATUS, throttle_rate=250)
     assert throttled == ros.Subscribe(ros.STATUS, 0.25)
     assert parsed(op="unsubscribe", topic="/joint_states") == ros.Unsubscribe("/joint_states")
+    named = parsed(op="subscribe", topic=ros.STATUS, id="a")
+    assert named == ros.Subscribe(ros.STATUS, 0.0, "a")
+    named = parsed(op="unsubscribe", topic=ros.STATUS, id="a")
+    assert named == ros.Unsubscribe(ros.STATUS, "a")
 
 
 @given(st.binary(min_size=16, max_size=16), st.integers(0, 2**60), st.booleans())

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import uuid
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -23,6 +23,7 @@ from .stops import Stops
 logger = logging.getLogger(__name__)
 
 MOST_CLIENTS = 16
+MOST_SUBSCRIBERS = 1000  # of one topic, on one connection
 MOST_UNSENT = 1000  # messages that a client may be behind
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
 
@@ -117,12 +118,12 @@ class _Subscription:
     """A topic that a client hears of.
 
     Attributes:
-        throttle: At most so often [s].
+        throttles: How seldom each of its subscribers, by id, is content to hear [s].
         told: When it heard last [s].
         later: When it will, where that was too short ago.
     """
 
-    throttle: float
+    throttles: dict[str | None, float] = field(default_factory=dict)
     told: float = -1e9
     later: asyncio.TimerHandle | None = None
 
@@ -181,7 +182,7 @@ class _Client:
         subscription = self._topics.get(topic)
         if subscription is None or subscription.later:
             return
-        wait = subscription.told + subscription.throttle - self._loop.time()
+        wait = subscription.told + min(subscription.throttles.values()) - self._loop.time()
         if wait > 0:
             subscription.later = self._loop.call_later(wait, self._publish, topic)
         else:
@@ -214,11 +215,28 @@ class _Client:
             case ros.CallService():
                 await self._serve(message)
             case ros.Subscribe():
-                self._topics.setdefault(message.topic, _Subscription(message.throttle))
-                self._publish(message.topic)
+                self._subscribe(message)
             case ros.Unsubscribe():
-                if topic := self._topics.pop(message.topic, None):
-                    _forget(topic)
+                self._unsubscribe(message)
+
+    def _subscribe(self, message: ros.Subscribe) -> None:
+        topic, identity = self._topics.get(message.topic) or _Subscription(), message.identity
+        if identity not in topic.throttles and len(topic.throttles) >= MOST_SUBSCRIBERS:
+            raise ros.BadMessage(
+                f"{message.topic} has {MOST_SUBSCRIBERS} subscribers here already", identity
+            )
+        topic.throttles[identity] = message.throttle
+        self._topics[message.topic] = topic
+        _forget(topic)
+        self._publish(message.topic)
+
+    def _unsubscribe(self, message: ros.Unsubscribe) -> None:
+        topic = self._topics.get(message.topic)
+        if topic is None:
+            return
+        topic.throttles.pop(message.identity, None)
+        if message.identity is None or not topic.throttles:
+            _forget(self._topics.pop(message.topic))
 
     async def _begin(self, message: ros.SendGoal) -> None:
         theirs = message.identity

@@ -80,17 +80,19 @@ class CallService:
 
 @dataclass(frozen=True, slots=True)
 class Subscribe:
-    """Tell of a topic from now on, at most every so many seconds [s]."""
+    """Tell one subscriber of a topic from now on, at most every so many seconds [s]."""
 
     topic: str
     throttle: float
+    identity: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Unsubscribe:
-    """Tell of a topic no more."""
+    """Tell one subscriber of a topic no more; without identity, all that this client has."""
 
     topic: str
+    identity: str | None = None
 
 
 Message = SendGoal | CancelGoal | CallService | Subscribe | Unsubscribe | None
@@ -180,11 +182,11 @@ def _subscribe(message: dict[str, Any]) -> Subscribe:
     throttle = message.get("throttle_rate", 0)
     if type(throttle) not in (int, float) or not 0 <= throttle <= 3_600_000:
         raise BadMessage(f"throttle_rate {throttle!r} is no time in ms", identity)
-    return Subscribe(topic, throttle / 1000.0)
+    return Subscribe(topic, throttle / 1000.0, identity)
 
 
 def _unsubscribe(message: dict[str, Any]) -> Unsubscribe:
-    return Unsubscribe(_slashed(_text(message, "topic")))
+    return Unsubscribe(_slashed(_text(message, "topic")), message.get("id"))
 
 
 _READERS: dict[str, Callable[[dict[str, Any]], Message]] = {
