@@ -211,7 +211,8 @@ CODES = {
     "hw.not_active": Code(
         6,
         "Only an active arm may be written to",
-        "`armtree arm configure` where it is unconfigured, then `armtree arm activate`",
+        "`armtree arm configure` where it is unconfigured, then `armtree arm activate`; "
+        "where it is finalized, start armtree again",
     ),
     "hw.no_interface": Code(
         6, "The arm has no such command interface", "the message lists those there are"

@@ -296,6 +296,8 @@ class Executive:
             self._recordings.check_space()
             self._recordings.wait()  # the board boots next, and may move the arm
             self._arm.robot = self._standing.taken(pose)
+        if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
+            self._owner.arm_leaves()  # first: the stop that comes with it is not the cause
         getattr(self._arm, transition)()
         if transition == "activate":
             self._standing.commanded(self._arm.commanded)
@@ -315,8 +317,7 @@ class Executive:
 
     def snapshot(self) -> Snapshot:
         """How things are now."""
-        running, failure = self._goals.running, self._arm.failure
-        progress = self._progress
+        running, failure, progress = self._goals.running, self._arm.failure, self._progress
         ours = running and progress and progress.goal_id == running.identity
         return Snapshot(
             arm=self._arm.state,
@@ -368,8 +369,7 @@ class Executive:
             positions = self._arm.commanded
         except NotActive:
             return None
-        names = (joint.name for joint in self._robot.actuated)
-        return dict(zip(names, positions, strict=True))
+        return {joint.name: q for joint, q in zip(self._robot.actuated, positions, strict=True)}
 
     def _arm_did(self, event: ArmEvent) -> None:
         self._recordings.arm_did(event)
@@ -379,7 +379,7 @@ class Executive:
             case Faulted():
                 self._fail(event.error)
             case StateChanged(start=State.ACTIVE, goal=State.DEACTIVATING | State.SHUTTINGDOWN):
-                self._owner.interrupt(NotActive("the arm left *active* before the goal had ended"))
+                self._owner.arm_leaves()
 
     def _fail(self, error: Exception) -> None:
         self._owner.interrupt(error)

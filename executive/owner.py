@@ -8,7 +8,7 @@ from functools import partial
 from threading import Lock, Thread
 
 import logs
-from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError, State
+from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError, NotActive, State
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, Located, TaskFile, TreeError, UnknownTask
@@ -112,6 +112,10 @@ class Owner:
         """End the goal under way, if there is one, for this error. From any thread."""
         if goal := self._goals.running:
             goal.mailbox.fail(error)
+
+    def arm_leaves(self) -> None:
+        """End the goal under way, if there is one, because the arm leaves *active*."""
+        self.interrupt(NotActive("the arm left *active* before the goal had ended"))
 
     def judge(self, task: int, arguments: Mapping[str, str | Located]) -> Exception | None:
         """What is wrong with a goal, as far as that goes without the arm; any thread asks."""

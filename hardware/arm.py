@@ -299,9 +299,10 @@ class Arm:
 
     def _not_active(self) -> NotActive:
         state = "failing" if self.state is State.ACTIVE else self.state.value
-        first = "" if self.state is State.INACTIVE else "configure and "
+        first = {State.INACTIVE: "activate it first", State.FINALIZED: "start armtree again"}
+        advice = first.get(self.state, "configure and activate it first")
         why = f"; it failed: {self._failure}" if self._failure else ""
-        return NotActive(f"the arm is {state}; {first}activate it first{why}")
+        return NotActive(f"the arm is {state}; {advice}{why}")
 
     def _configure(self) -> Result:
         self._look_out_no_longer()

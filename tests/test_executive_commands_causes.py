@@ -61,6 +61,38 @@ def test_what_is_refused_has_its_code(typed: tuple[Served, Typed]) -> None:
     )
 
 
+def test_a_refused_goal_is_told_with_its_hint(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    cause = served.ask("POST", "/api/goals", {"task": 9999})[1]
+    assert (cause["code"], bool(cause["hint"])) == ("goal.unknown_task", True)
+    said = f"Error: {cause['message']} [goal.unknown_task]\n  -> {cause['hint']}\n"
+    for words in (("send", "9999"), ("send", "9999", "--wait")):
+        assert type_in(*words) == (4, "", said)
+    status, out, _ = type_in("send", "9999", "--wait", "--json")
+    told = json.loads(out.splitlines()[-1])
+    wanted = {"event": "result", "task": 9999, "state": "ABORTED", "success": False}
+    assert (status, told) == (4, told | wanted | {"code": cause["code"], "cause": cause})
+
+
+def test_an_error_is_told_in_json_too(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+
+    def told(*words: str) -> tuple[int, str, str]:
+        status, out, error = type_in(*words, "--json")
+        (event,) = map(json.loads, out.splitlines())
+        assert (event["event"], event["cause"]["message"]) == ("error", event["message"])
+        assert event["message"] in error
+        return status, event["code"], event["cause"]["code"]
+
+    assert told("send", "9999") == (4, *["goal.unknown_task"] * 2)
+    assert told("send", "11", "--wait", "--set", "x") == (4, *["goal.bad_arguments"] * 2)
+    served.stop()
+    for words in (("status",), ("watch",), ("cancel",), ("send", "1", "--wait")):
+        assert told(*words) == (13, *["server.unreachable"] * 2)
+
+
 def test_a_lost_port_is_named_until_the_arm_is_active_again(typed: tuple[Served, Typed]) -> None:
     served, type_in = typed
     assert "Fault" not in type_in("status")[1]

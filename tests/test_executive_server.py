@@ -39,7 +39,7 @@ def test_an_arm_that_is_not_active_does_nothing(server: RigMaker) -> None:
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.not_active")
     assert outcome.cause
     assert outcome.message == "the arm is unconfigured; configure and activate it first"
-    assert outcome.cause.hint.endswith("then `armtree arm activate`")
+    assert "then `armtree arm activate`" in outcome.cause.hint
     assert arm.opened == 0
 
 
@@ -87,35 +87,6 @@ def test_a_stop_ends_the_wait_for_the_boot(server: RigMaker) -> None:
     with pytest.raises(TransitionRefused, match="stopped while its board booted"):
         arm.executive.arm_to("activate")
     assert arm.clock.now() - begun == pytest.approx(0.5)
-
-
-def test_deactivating_stops_a_goal(server: RigMaker) -> None:
-    arm = server()
-    at_frame(arm, 10, lambda: arm.executive.arm_to("deactivate"))
-    outcome = run(arm, 1)
-    assert outcome.state is GoalState.ABORTED
-    assert outcome.code in ("hw.stopped", "hw.not_active")
-    assert arm.frames[-1] == f"({arm.frames[-2]})"
-    assert run(arm, 1).code == "hw.not_active"
-
-
-@pytest.mark.parametrize("transition", ["deactivate", "shutdown"])
-def test_a_goal_that_stands_still_does_not_outlive_that_either(
-    server: RigMaker, transition: str
-) -> None:
-    arm = server()
-    goal = arm.executive.send(1).identity
-
-    def act() -> None:
-        arm.executive.pause(goal)
-        arm.rest(1.0)
-        arm.executive.arm_to(transition)
-
-    at_frame(arm, 10, act)
-    outcome = arm.executive.result(goal, 60.0)
-    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.not_active")
-    assert "left *active* before the goal had ended" in outcome.message
-    assert arm.frames[-1] == f"({arm.frames[-2]})"
 
 
 def test_a_fault_is_not_resumed_from_by_a_goal(server: RigMaker) -> None:

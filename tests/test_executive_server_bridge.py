@@ -5,7 +5,8 @@ import contextlib
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Collection
 from contextlib import AbstractContextManager, suppress
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from executive import goals
 from executive.server import bridge, connections
 from executive.server import rosbridge as ros
 from tests.javascript import PEERS, without_node
@@ -78,6 +80,19 @@ def heard(connection: ClientConnection, operation: str) -> dict[str, Any]:
         message: dict[str, Any] = json.loads(connection.recv(10))
         if message["op"] == operation:
             return message
+
+
+def statuses(connection: ClientConnection) -> list[int]:
+    """What the status topic says next."""
+    return [goal["status"] for goal in heard(connection, "publish")["msg"]["status_list"]]
+
+
+def told_until_complaint(connection: ClientConnection) -> list[list[int]]:
+    """All that the status topic says before the answer to nonsense comes."""
+    told: list[list[int]] = []
+    while (message := json.loads(connection.recv(10)))["op"] == "publish":
+        told.append([goal["status"] for goal in message["msg"]["status_list"]])
+    return told
 
 
 GOAL = {
@@ -174,12 +189,12 @@ def test_the_status_topic_is_made_once_for_all_who_hear_it(
     made: list[int] = []
     array = ros.status_array
 
-    def counted(goals: Sequence[tuple[str, int, int]]) -> dict[str, Any]:
+    def counted(goals: Collection[str]) -> str:
         made.append(len(goals))
         return array(goals)
 
     monkeypatch.setattr(ros, "status_array", counted)
-    monkeypatch.setattr(bridge, "LISTED", 2)
+    monkeypatch.setattr(goals, "KEPT", 2)
     served = serve(rosbridge=True)
     with contextlib.ExitStack() as stack:
         clients = [stack.enter_context(websocket(served)) for _ in range(5)]
@@ -194,7 +209,35 @@ def test_the_status_topic_is_made_once_for_all_who_hear_it(
                 last = heard(client, "publish")["msg"]["status_list"]
             assert [each["status"] for each in last] == [4, 4]
     assert len(made) <= 1 + 4 * 3
-    assert max(made) == 2
+    assert max(made) <= 3
+
+
+def test_every_status_is_told_also_where_several_come_at_once(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as first, websocket(served) as late:
+        say(first, op="subscribe", topic=ros.STATUS)
+        assert statuses(first) == []
+        ended = threading.Event()
+        served.server._loop.call_soon_threadsafe(ended.wait, 30.0)
+        try:
+            for _ in range(2):
+                assert served.executive.result(served.executive.send(11).identity).success
+        finally:
+            ended.set()
+        told = [statuses(first) for _ in range(6)]
+        assert told == [[1], [2], [4], [4, 1], [4, 2], [4, 4]]
+        say(late, op="subscribe", topic=ros.STATUS)
+        assert statuses(late) == [4, 4]
+
+
+def test_the_status_topic_tells_of_all_goals_that_are_known(serve: Serve) -> None:
+    served = serve(active=False, rosbridge=True)
+    for _ in range(160):
+        served.executive.result(served.executive.send(11).identity)
+    with websocket(served) as connection:
+        say(connection, op="subscribe", topic=ros.STATUS)
+        while (told := statuses(connection)) != [6] * 160:
+            assert len(told) <= 160
 
 
 def test_a_topic_is_throttled_but_its_last_message_comes(serve: Serve) -> None:
@@ -206,6 +249,41 @@ def test_a_topic_is_throttled_but_its_last_message_comes(serve: Serve) -> None:
         say(connection, **GOAL, id="1", args={"task_number": 11})
         after = heard(connection, "publish")["msg"]["status_list"]
         assert [each["status"] for each in after] == [4]  # 1 and 2 came too soon
+
+
+def test_subscribers_on_one_connection_do_not_mind_each_other(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+
+        def at_a_goal() -> list[list[int]]:
+            say(connection, op="nothing")
+            assert told_until_complaint(connection) == []  # what was asked before is done by now
+            assert served.executive.result(served.executive.send(11).identity).success
+            say(connection, op="nothing")
+            return told_until_complaint(connection)
+
+        for identity, throttle in (("a", 3_600_000), ("b", 0), ("c", 0)):
+            say(connection, op="subscribe", topic=ros.STATUS, id=identity, throttle_rate=throttle)
+            assert statuses(connection) == []
+        say(connection, op="unsubscribe", topic=ros.STATUS, id="c")
+        assert at_a_goal() == [[1], [2], [4]]
+        say(connection, op="unsubscribe", topic=ros.STATUS, id="unknown")
+        say(connection, op="unsubscribe", topic=ros.STATUS, id="b")
+        assert at_a_goal() == []  # a heard a moment ago
+        say(connection, op="subscribe", topic=ros.STATUS, id="b")
+        assert statuses(connection) == [4, 4]
+        say(connection, op="unsubscribe", topic=ros.STATUS)
+        assert at_a_goal() == []
+
+
+def test_subscribers_are_not_without_number(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bridge, "MOST_SUBSCRIBERS", 2)
+    with websocket(serve(rosbridge=True)) as connection:
+        for identity in "aba":
+            say(connection, op="subscribe", topic=ros.STATUS, id=identity)
+            assert statuses(connection) == []
+        say(connection, op="subscribe", topic=ros.STATUS, id="c")
+        assert heard(connection, "status")["id"] == "c"
 
 
 @pytest.mark.parametrize(

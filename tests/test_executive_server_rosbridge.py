@@ -120,13 +120,18 @@ def test_topics() -> None:
     throttled = parsed(op="subscribe", topic=ros.STATUS, throttle_rate=250)
     assert throttled == ros.Subscribe(ros.STATUS, 0.25)
     assert parsed(op="unsubscribe", topic="/joint_states") == ros.Unsubscribe("/joint_states")
+    named = parsed(op="subscribe", topic=ros.STATUS, id="a")
+    assert named == ros.Subscribe(ros.STATUS, 0.0, "a")
+    named = parsed(op="unsubscribe", topic=ros.STATUS, id="a")
+    assert named == ros.Unsubscribe(ros.STATUS, "a")
 
 
 @given(st.binary(min_size=16, max_size=16), st.integers(0, 2**60), st.booleans())
 def test_a_cancel_by_service_names_goals_as_the_status_topic_does(
     identity: bytes, stamp_ns: int, as_list: bool
 ) -> None:
-    info = ros.status_array([(identity.hex(), stamp_ns, 2)])["status_list"][0]["goal_info"]
+    told = json.loads(ros.status_array([ros.goal_status(identity.hex(), stamp_ns, 2)]))
+    info = told["msg"]["status_list"][0]["goal_info"]
     if as_list:
         info["goal_id"]["uuid"] = list(base64.b64decode(info["goal_id"]["uuid"]))
     wanted = identity.hex() if any(identity) else ""

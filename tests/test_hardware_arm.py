@@ -71,20 +71,20 @@ def test_edges_are_told_in_order(rig: Rig) -> None:
 def test_writing_outside_active_is_refused(rig: Rig) -> None:
     schedule = motion(HOME, PICK, 3.0)
 
-    def refused(state: State) -> None:
-        with pytest.raises(NotActive, match=f"the arm is {state.value}; .*activate it first"):
+    def refused(state: State, advice: str) -> None:
+        with pytest.raises(NotActive, match=f"^the arm is {state.value}; {advice}$"):
             rig.arm.play(schedule, nothing, "test", rig.arm.generation)
         with pytest.raises(NotActive):
             _ = rig.arm.commanded
 
-    refused(State.UNCONFIGURED)
+    refused(State.UNCONFIGURED, "configure and activate it first")
     rig.arm.configure()
-    refused(State.INACTIVE)
+    refused(State.INACTIVE, "activate it first")
     rig.arm.activate()
     rig.arm.deactivate()
-    refused(State.INACTIVE)
+    refused(State.INACTIVE, "activate it first")
     rig.arm.shutdown()
-    refused(State.FINALIZED)
+    refused(State.FINALIZED, "start armtree again")
     assert rig.frames == []
 
 

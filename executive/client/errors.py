@@ -11,7 +11,7 @@ Every error carries a stable `code`.
 from collections.abc import Mapping
 from typing import Any
 
-from executive.goal import Outcome
+from executive.goal import Cause, Outcome
 
 
 class ClientError(Exception):
@@ -45,14 +45,17 @@ class Refused(ClientError):
         value: What was asked for.
         limit: What is allowed.
         hint: What to do about it.
+        cause: All of that in one, as outcomes have it.
     """
 
     def __init__(self, told: Mapping[str, Any]) -> None:
         self.code = str(told.get("code") or ClientError.code)
         self.node, self.joint = told.get("node"), told.get("joint")
         self.value, self.limit = told.get("value"), told.get("limit")
-        self.hint = told.get("hint") or ""
+        self.hint = str(told.get("hint") or "")
         words = str(told.get("message") or "the server refused, and did not say why")
+        named = str(self.node or ""), str(self.joint or "")
+        self.cause = Cause(self.code, words, *named, self.value, self.limit, self.hint)
         adds = self.hint and self.code.startswith("request.")  # elsewhere the words say it all
         super().__init__(f"{words}; {self.hint}" if adds else words)
 

@@ -209,5 +209,7 @@ def main() -> None:
             code, words = "file", "the disk is full; make room, then try again"
         elif code == INTERNAL:
             words = f"a bug of ours: {error!r}; see --debug"
-        click.echo(f"Error: {words} [{code}]", err=True)
+        hint = getattr(error, "hint", "")  # of what a server refused
+        more = f"\n  -> {hint}" if hint and hint not in words else ""
+        click.echo(f"Error: {words} [{code}]{more}", err=True)
         sys.exit(look_up(code).exit)

@@ -6,19 +6,21 @@ import logging
 import re
 import uuid
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 
 import click
 
 import logs
 from executive.building.arguments import read_arguments
+from executive.causes import cause_of
 from executive.client import Client, ClientError, Refused, Status
 from executive.codes import CLOSING
 from executive.events import as_goal
 from executive.executive import Event
-from executive.goal import GoalStatus, Outcome, QuestionStatus
+from executive.goal import GoalState, GoalStatus, Outcome, QuestionStatus
 from executive.goals import CancelCode
 from hardware import RealClock
+from trees import TreeError
 
 from .interrupts import Interrupts
 from .view import View
@@ -44,7 +46,8 @@ def send_and_wait(
         verbose: Whether the log is shown, so that no live picture may be in its way.
 
     Raises:
-        ClientError: The server cannot be reached, or refuses the goal.
+        ClientError: The server cannot be reached; or it refuses the goal, where no JSON is wanted,
+            in which that is an outcome, as `run` has it.
     """
     arguments, goal_id = texts(settings, task), uuid.uuid4().hex
     with Interrupts() as interrupts, view_for(as_json, verbose) as view:
@@ -52,11 +55,29 @@ def send_and_wait(
         def work() -> Outcome:
             held = client.hold(goal_id) if deadman else nullcontext()
             with client.events() as events, held:
-                client.send(task, arguments, goal_id, deadman)
+                try:
+                    client.send(task, arguments, goal_id, deadman)
+                except Refused as error:
+                    if not as_json:
+                        raise
+                    return _refused(task, error, view)
                 interrupts.on_cancel(lambda: _aside(lambda: client.cancel(goal_id)))
                 return _show(events, goal_id, view)
 
         return _beside(work, interrupts)
+
+
+@contextmanager
+def errors_told(as_json: bool) -> Iterator[None]:
+    """Where JSON is wanted, tell in it, too, what a command ends with."""
+    try:
+        yield
+    except (ClientError, TreeError) as error:
+        if as_json:
+            cause = error.cause if isinstance(error, Refused) else cause_of(error)
+            told = {"code": cause.code, "message": cause.message}
+            click.echo(json.dumps({"event": "error", **told, "cause": dataclasses.asdict(cause)}))
+        raise
 
 
 def texts(settings: Sequence[str], task: int) -> dict[str, str]:
@@ -100,6 +121,13 @@ def reply(client: Client, words: Sequence[str]) -> str:
         there = "; ".join(map(str, asked))
         raise click.UsageError(f"give an id: {there}" if there else "nothing is asked")
     return client.answer(asked[0].question_id, " ".join(words))
+
+
+def _refused(task: int, error: Refused, view: View) -> Outcome:
+    cause, aborted = error.cause, GoalState.ABORTED
+    outcome = Outcome(task, aborted, cause.code, cause.message, 0, 0.0, "", cause)
+    view.report(outcome)
+    return outcome
 
 
 def _show(events: Iterator[Event], goal_id: str, view: View) -> Outcome:

@@ -165,9 +165,9 @@ def send(
     """Have a server run task N. Prints the goal's id, or with --wait what `run` prints."""
     from executive.client import Client
 
-    from .remote import send_and_wait, texts
+    from .remote import errors_told, send_and_wait, texts
 
-    with Client(server) as client:
+    with errors_told(as_json), Client(server) as client:
         if wait or deadman:
             outcome = send_and_wait(client, number, settings, deadman, as_json, _verbose())
             sys.exit(look_up(outcome.code).exit)
@@ -190,9 +190,9 @@ def cancel(goal_id: str, stamp_ns: int | None, as_json: bool, server: str | None
     """Cancel a goal of a server, by its id; without one stop the arm and cancel all."""
     from executive.client import Client
 
-    from .remote import CANCEL_WORDS
+    from .remote import CANCEL_WORDS, errors_told
 
-    with Client(server) as client:
+    with errors_told(as_json), Client(server) as client:
         some = goal_id or stamp_ns
         answer = client.cancel(goal_id, stamp_ns or 0) if some else client.stop()
     if as_json:
@@ -211,9 +211,9 @@ def status(as_json: bool, server: str | None) -> None:
     """Say what a server, its arm and its goals are at."""
     from executive.client import Client
 
-    from .remote import status_json, status_lines
+    from .remote import errors_told, status_json, status_lines
 
-    with Client(server) as client:
+    with errors_told(as_json), Client(server) as client:
         found = client.status()
     click.echo(status_json(found) if as_json else "\n".join(status_lines(found)))
 
@@ -225,9 +225,10 @@ def watch(as_json: bool, server: str | None) -> None:
     """Show whatever a server does, until Ctrl-C; goals go on."""
     from executive.client import Client
 
+    from .remote import errors_told
     from .remote import watch as look_on
 
-    with Client(server) as client:
+    with errors_told(as_json), Client(server) as client:
         look_on(client, as_json, _verbose())
 
 

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import uuid
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -17,12 +17,13 @@ from hardware import Clock, Robot, states
 
 from . import rosbridge as ros
 from .hub import Hub
-from .operations import LISTED
+from .statuses import Statuses
 from .stops import Stops
 
 logger = logging.getLogger(__name__)
 
 MOST_CLIENTS = 16
+MOST_SUBSCRIBERS = 1000  # of one topic, on one connection
 MOST_UNSENT = 1000  # messages that a client may be behind
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
 
@@ -45,7 +46,7 @@ class Bridge:
         self.robot, self.clock = robot, clock
         self._clients: set[_Client] = set()
         self._joints: tuple[float, Mapping[str, float]] | None = None
-        self._statuses: dict[str, Any] | None = None  # as long as no goal changes
+        self._statuses = Statuses(executive)
         hub.listeners.append(self._tell)
 
     async def serve(self, websocket: WebSocket) -> None:
@@ -61,23 +62,20 @@ class Bridge:
         finally:
             self._clients.discard(client)
 
-    def now(self, topic: str) -> dict[str, Any] | None:
-        """What a topic says now; None where it says nothing."""
+    def now(self, topic: str) -> str:
+        """The message that a topic has now; empty where it has none."""
         if topic == ros.STATUS:
-            if self._statuses is None:
-                goals = self.executive.goals(LISTED)
-                told = [(g.identity, g.stamp_ns, g.state.value) for g in goals]
-                self._statuses = ros.status_array(told)
-            return self._statuses
+            return self._statuses.message()
         if self._joints is None:
-            return None
+            return ""
         time, positions = self._joints
-        return ros.joint_state(self.clock.epoch_ns() + round(time * 1e9), positions)
+        utc_ns = self.clock.epoch_ns() + round(time * 1e9)
+        return ros.published(topic, ros.joint_state(utc_ns, positions))
 
     def _tell(self, event: Event) -> None:
         match event:
             case GoalStatus():
-                self._statuses = None
+                self._statuses.note(event)
                 self._each(lambda client: client.goal_changed(event))
                 self._each(lambda client: client.published(ros.STATUS))
             case logs.Feedback():
@@ -120,12 +118,12 @@ class _Subscription:
     """A topic that a client hears of.
 
     Attributes:
-        throttle: At most so often [s].
+        throttles: How seldom each of its subscribers, by id, is content to hear [s].
         told: When it heard last [s].
         later: When it will, where that was too short ago.
     """
 
-    throttle: float
+    throttles: dict[str | None, float] = field(default_factory=dict)
     told: float = -1e9
     later: asyncio.TimerHandle | None = None
 
@@ -184,7 +182,7 @@ class _Client:
         subscription = self._topics.get(topic)
         if subscription is None or subscription.later:
             return
-        wait = subscription.told + subscription.throttle - self._loop.time()
+        wait = subscription.told + min(subscription.throttles.values()) - self._loop.time()
         if wait > 0:
             subscription.later = self._loop.call_later(wait, self._publish, topic)
         else:
@@ -217,11 +215,28 @@ class _Client:
             case ros.CallService():
                 await self._serve(message)
             case ros.Subscribe():
-                self._topics.setdefault(message.topic, _Subscription(message.throttle))
-                self._publish(message.topic)
+                self._subscribe(message)
             case ros.Unsubscribe():
-                if topic := self._topics.pop(message.topic, None):
-                    _forget(topic)
+                self._unsubscribe(message)
+
+    def _subscribe(self, message: ros.Subscribe) -> None:
+        topic, identity = self._topics.get(message.topic) or _Subscription(), message.identity
+        if identity not in topic.throttles and len(topic.throttles) >= MOST_SUBSCRIBERS:
+            raise ros.BadMessage(
+                f"{message.topic} has {MOST_SUBSCRIBERS} subscribers here already", identity
+            )
+        topic.throttles[identity] = message.throttle
+        self._topics[message.topic] = topic
+        _forget(topic)
+        self._publish(message.topic)
+
+    def _unsubscribe(self, message: ros.Unsubscribe) -> None:
+        topic = self._topics.get(message.topic)
+        if topic is None:
+            return
+        topic.throttles.pop(message.identity, None)
+        if message.identity is None or not topic.throttles:
+            _forget(self._topics.pop(message.topic))
 
     async def _begin(self, message: ros.SendGoal) -> None:
         theirs = message.identity
@@ -255,9 +270,8 @@ class _Client:
     def _publish(self, topic: str) -> None:
         subscription = self._topics[topic]
         subscription.later, subscription.told = None, self._loop.time()
-        message = self._bridge.now(topic)
-        if message is not None:
-            self._put(ros.published(topic, message))
+        if message := self._bridge.now(topic):
+            self._put(message)
 
     def _put(self, text: str) -> None:
         try:

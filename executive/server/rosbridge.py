@@ -7,7 +7,7 @@ Read from ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite. One JSON objec
 import base64
 import binascii
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -80,17 +80,19 @@ class CallService:
 
 @dataclass(frozen=True, slots=True)
 class Subscribe:
-    """Tell of a topic from now on, at most every so many seconds [s]."""
+    """Tell one subscriber of a topic from now on, at most every so many seconds [s]."""
 
     topic: str
     throttle: float
+    identity: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Unsubscribe:
-    """Tell of a topic no more."""
+    """Tell one subscriber of a topic no more; without identity, all that this client has."""
 
     topic: str
+    identity: str | None = None
 
 
 Message = SendGoal | CancelGoal | CallService | Subscribe | Unsubscribe | None
@@ -180,11 +182,11 @@ def _subscribe(message: dict[str, Any]) -> Subscribe:
     throttle = message.get("throttle_rate", 0)
     if type(throttle) not in (int, float) or not 0 <= throttle <= 3_600_000:
         raise BadMessage(f"throttle_rate {throttle!r} is no time in ms", identity)
-    return Subscribe(topic, throttle / 1000.0)
+    return Subscribe(topic, throttle / 1000.0, identity)
 
 
 def _unsubscribe(message: dict[str, Any]) -> Unsubscribe:
-    return Unsubscribe(_slashed(_text(message, "topic")))
+    return Unsubscribe(_slashed(_text(message, "topic")), message.get("id"))
 
 
 _READERS: dict[str, Callable[[dict[str, Any]], Message]] = {
@@ -259,18 +261,18 @@ def joint_state(utc_ns: int, positions: Mapping[str, float]) -> dict[str, Any]:
     }
 
 
-def status_array(goals: Sequence[tuple[str, int, int]]) -> dict[str, Any]:
-    """An action_msgs/GoalStatusArray.
+def goal_status(identity: str, stamp_ns: int, status: int) -> str:
+    """An action_msgs/GoalStatus of a goal that was accepted then [ns]."""
+    return _dump(goal_info=_goal_info(identity, stamp_ns), status=status)
 
-    Args:
-        goals: Identity, when accepted [ns], and status of every goal that is known.
+
+def status_array(goals: Iterable[str]) -> str:
+    """An action_msgs/GoalStatusArray as published, of statuses by `goal_status`.
+
+    There may be a thousand, of which one has changed: only that one is put into JSON anew.
     """
-    return {
-        "status_list": [
-            {"goal_info": _goal_info(identity, stamp_ns), "status": status}
-            for identity, stamp_ns, status in goals
-        ]
-    }
+    empty = published(STATUS, {"status_list": []})
+    return empty.replace("[]", f"[{','.join(goals)}]")
 
 
 def cancel_request(call: CallService) -> tuple[str, int]:
