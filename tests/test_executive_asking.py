@@ -62,6 +62,7 @@ BREAKS: list[tuple[str, Callable[[], Any], str]] = [
     ("shortest", boom, RAISED.format("shortest")),
     ("shortest", leave, "Frail.shortest raised SystemExit: 3"),
     ("shortest", lambda: "long", "Frail.shortest gave 'long', not a number"),
+    ("shortest", lambda: [10**5000], "Frail.shortest gave a list that cannot be shown, not a"),
     ("shortest", lambda: math.nan, "Frail.shortest gave nan, not a number"),
     ("poses", boom, RAISED.format("poses")),
     ("poses", refuse, "Frail: not there"),

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, isnan
 from numbers import Real
-from reprlib import repr as shown  # short, and never raises
 from typing import Any, TypeVar
 
 from py_trees.behaviour import Behaviour
@@ -12,7 +11,7 @@ from py_trees.behaviours import Dummy
 
 from hardware import Robot
 from skills import Context, Skill, SkillBroken, SkillError, causes_of
-from skills.motion import Body, MotionError
+from skills.motion import Body, MotionError, shown
 from trees import Mistake, Place
 
 from .leaf import Leaf

@@ -22,6 +22,7 @@ from .errors import (
     StartOutOfBounds,
     Unreachable,
     WorkerDied,
+    shown,
 )
 from .plan import Plan
 from .pool import Job, Pool
@@ -68,4 +69,5 @@ __all__ = [
     "WorkerDied",
     "World",
     "quaternion",
+    "shown",
 ]

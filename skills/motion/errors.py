@@ -24,6 +24,7 @@ between processes with their attributes.
 """
 
 import math
+import reprlib
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -328,9 +329,9 @@ class WorkerDied(MotionError):
 
 
 def shown(value: object) -> str:
-    """Somebody's value in a message, whatever it is."""
+    """Somebody's value in a message, whatever it is, and short."""
     try:
-        return repr(value)
+        return reprlib.repr(value)
     except Exception:  # somebody else's, or a number of thousands of digits
         return f"a {type(value).__name__} that cannot be shown"
 
