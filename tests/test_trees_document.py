@@ -1,5 +1,6 @@
 """YAML as strict as it is meant: YAML 1.2 values, one meaning, and a place for every mistake."""
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -136,6 +137,38 @@ def test_what_is_wrong_has_its_place(text: str, line: int, column: int, words: s
     assert words in mistake.message
     assert (mistake.place.line, mistake.place.column) == (line, column)
     assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(
+    "text", ['"\\ud800": 1\n', 'a: {"\\e[2J": [1, "\\e"]}\n', '"\\ud800": *x\n']
+)
+def test_what_is_told_of_an_odd_key_can_be_printed(text: str) -> None:
+    with pytest.raises(FileError) as caught:
+        read(text)
+    for mistake in caught.value.mistakes:
+        assert mistake.place.way.isprintable()
+        assert str(mistake).replace("\n", "").isprintable()
+
+
+def test_json_is_yaml_and_its_two_escapes_are_one_character() -> None:
+    assert read(json.dumps({"\U0001f44d": ["\U0001f44d"]})) == {"\U0001f44d": ["\U0001f44d"]}
+
+
+ANY = st.recursive(
+    st.none() | st.text(st.characters()) | st.integers(),
+    lambda below: st.lists(below) | st.dictionaries(st.text(st.characters()), below),
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(ANY)
+def test_any_json_is_read_or_refused_in_words_that_can_be_written(value: Any) -> None:
+    told = ""
+    try:
+        read(json.dumps(value))
+    except FileError as error:
+        told = str(error)
+    told.encode("utf-8")  # else UnicodeEncodeError
 
 
 def test_so_many_mistakes_that_nobody_reads_on() -> None:

@@ -275,14 +275,14 @@ class _Reader:
     def _mapping(self, depth: int, way: str) -> dict[str, Located]:
         values: dict[str, Located] = {}
         while not isinstance(event := next(self._events), MappingEndEvent):
-            written = str(getattr(event, "value", "?"))
-            key = self._value(event, depth, f"{way}.{written}" if way else written)
+            written = _printable(_joined(getattr(event, "value", "?")))
+            below = f"{way}.{written}" if way else written
+            key = self._value(event, depth, below)
             name = key.value
             if not isinstance(name, str):
                 self._wrong(key.place, f"the key {key} is not a text")
             elif name in values:
                 self._wrong(key.place, f"the key {name} is given twice")
-            below = f"{way}.{name}" if way else str(name)
             label = Place(self._path, key.place.line, key.place.column, below, self._lines)
             value = self._value(next(self._events), depth, below, label)
             if isinstance(name, str):
@@ -290,7 +290,7 @@ class _Reader:
         return values
 
     def _scalar(self, event: ScalarEvent, place: Place) -> Scalar:
-        text: str = event.value
+        text = _joined(event.value)
         make = _core(text) if event.style is None else str
         if make is not str and len(text) > MAX_DIGITS:
             self._wrong(place, f"a number of more than {MAX_DIGITS} digits")
@@ -313,6 +313,17 @@ class _Reader:
 
     def _end(self, place: Place, message: str) -> NoReturn:
         raise FileError([*self.mistakes, Mistake(place, message)])
+
+
+def _joined(text: str) -> str:
+    """The text with what JSON writes as two escapes, halves of one character, put together."""
+    if text.isascii():
+        return text
+    return text.encode("utf-16", "surrogatepass").decode("utf-16", "surrogatepass")
+
+
+def _printable(key: str) -> str:
+    return key if key.isprintable() else repr(key)[1:-1]
 
 
 def _empty(event: Event) -> bool:
