@@ -3,7 +3,7 @@
 import multiprocessing
 import re
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,6 @@ from executive.replay.proof import Proof, prove, prove_all
 from executive.replay.proof_words import in_words
 from logs import Recording
 from logs.ros_types import ros_types
-from logs.salvage import Salvage
 from tests.alterations import Change, altered, each, lacking, moved, replace, retold
 from tests.conftest import Rig, RigMaker
 from tests.test_executive_executive import reach
@@ -77,49 +76,6 @@ def test_what_was_cut_before_anything_happened_is_cut_and_not_changed(rig: RigMa
     assert (verdicts(proof), proof.code) == ([True, True], "log.truncated")
     logs.recover(path)
     assert prove(path).holds
-
-
-def begun(rig: Rig, folder: Path) -> bytes:
-    """A real journal, as it was when its tenth frame was sent; the run then ends."""
-    found: list[bytes] = []
-
-    def take(record: logs.Record) -> None:
-        if isinstance(record, logs.Sent) and len(rig.told(logs.Sent)) == 10:
-            (path,) = folder.glob("*.mcap")
-            found.append(path.read_bytes())
-
-    rig.on_record = take
-    picked(rig)
-    return found[0]
-
-
-def cuts(path: Path, head: int) -> Iterator[int]:
-    """Sizes at which to cut a journal: at every record, and beside those of its head."""
-    salvage = Salvage(path)
-    for number, _ in enumerate(salvage):
-        beside = number < head
-        yield from range(salvage.valid - beside, salvage.valid + beside + 1)
-
-
-def test_a_run_that_was_cut_anywhere_is_recovered_and_holds(
-    rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    journal = begun(rig(), tmp_path)
-    # 300 recoveries: what fsync costs a disk is no part of this.
-    monkeypatch.setattr("os.fsync", lambda handle: None)
-    path = tmp_path / "cut.mcap"
-    path.write_bytes(journal)
-    frames = 0
-    for size in [1, 8, 20, 60, 100, *cuts(path, head=60)]:
-        path.write_bytes(journal[:size])
-        logs.recover(path)
-        proof = prove(path)
-        assert proof.holds, (size, in_words(proof))
-        sent = sum(1 for _ in Recording(path).records(logs.Sent))
-        words = f"{sent} frame" if any(Recording(path).records()) else "nothing of a run is left"
-        assert proof.verdicts[0].words.startswith(words)
-        frames = max(frames, sent)
-    assert frames == 9
 
 
 def test_a_run_that_was_refused_or_found_no_plan_holds(rig: RigMaker, tmp_path: Path) -> None:
