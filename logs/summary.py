@@ -30,8 +30,10 @@ class Summary:
             return f"{self.path}: was removed, for it was empty: its run had not begun"
         if self.whole:
             return f"{self.path}: {self.messages} messages, nothing was lost"
-        recovered = f"{self.path}: recovered {self.messages} messages"
+        end = "the end of the run is missing"
         if self.damaged:
-            kept = f"the whole file is kept, as it was, as {self.damaged.name}"
-            return f"{recovered}; {self.torn} bytes behind them are torn or damaged; {kept}"
-        return f"{recovered}; the end of the run is missing"
+            end = f"the whole file is kept, as it was, as {self.damaged.name}"
+        return (
+            f"{self.path}: recovered {self.messages} messages; {self.torn} bytes behind them are "
+            f"torn or damaged; {end}"
+        )

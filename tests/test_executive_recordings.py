@@ -146,6 +146,27 @@ def test_where_they_are_not_finished_goals_wait_in_the_end(
     assert all(complete(path, every_byte=True) for path in unfinished)
 
 
+@pytest.mark.parametrize("solo", [True, False])
+def test_what_was_logged_before_a_recording_heads_it(
+    rig: RigMaker, tmp_path: Path, solo: bool
+) -> None:
+    arm = rig(solo=solo)
+    begun = arm.clock.now()
+    for words in ("one", "two"):
+        arm.executive.tell(logs.LogLine(begun, 30, "logs", words))
+    arm.rest(1.0)
+    if solo:
+        assert arm.run(0)[0].success
+    else:
+        arm.executive.start()
+        arm.executive.close()
+    (path,) = tmp_path.glob("*.mcap")
+    found = [line for line in logs.Recording(path).records() if isinstance(line, logs.LogLine)]
+    assert [line.message for line in found] == ["one", "two"]
+    assert [line.time for line in found] == pytest.approx([begun, begun])
+    assert prove(path).holds
+
+
 def test_the_log_line_that_begins_a_goal_is_in_its_recording(
     server: RigMaker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
