@@ -132,7 +132,7 @@ class Result:
         code: Stable name of the cause.
         message: The cause in words.
         frames: How many frames left.
-        duration: From goal to outcome [s].
+        duration: From the acceptance of the goal to its end, the wait for its turn included [s].
         node: Path of the node that the cause came from; empty where there is none.
         joint: Which the cause concerns; empty where none is known.
         value: What was wrong: a position [rad], a distance [m], or a time [s].

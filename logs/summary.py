@@ -1,7 +1,21 @@
-"""What a finished recording amounts to."""
+"""What a finished recording, and the time its goal took, amount to."""
 
 from dataclasses import dataclass
 from pathlib import Path
+
+_AT_ONCE = 0.1  # a turn that comes sooner was not waited for [s]
+
+
+def waited(turn: float, end: float, duration: float) -> float:
+    """How long a goal waited for its turn [s]; 0 where that came at once.
+
+    Args:
+        turn: When it came, as the goal is recorded [s].
+        end: When the goal ended, as the result is recorded [s].
+        duration: From its acceptance to its end [s].
+    """
+    before = duration - (end - turn)
+    return before if before > _AT_ONCE else 0.0
 
 
 @dataclass(frozen=True, slots=True)
