@@ -63,6 +63,24 @@ class Stamp(NamedTuple):
     links: Links | None = None
 
 
+class Timing(NamedTuple):
+    """What SerialFrame has no field for.
+
+    Attributes:
+        seq: The same as in the message on `/serial/tx` that holds the bytes.
+        time: When they were written [s].
+        scheduled: When they were to be written [s]; null for what has no schedule.
+        hold: Whether it is the stop's repetition of the frame before.
+        setting: Whether it is a setting of the board, which commands no joint.
+    """
+
+    seq: int
+    time: float
+    scheduled: float | None
+    hold: bool
+    setting: bool
+
+
 def sent_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
     """The bytes written, as SerialFrame."""
     return _serial_frame(sent.data, _TX, stamp, ros)
@@ -74,9 +92,9 @@ def received_bytes(received: Received, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def sent_timing(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """What SerialFrame has no field for: when it was due, whether it is a hold, or a setting."""
-    facts = {"seq": stamp.sequence, "time": sent.time, "scheduled": sent.scheduled}
-    return _string(facts | {"hold": sent.hold, "setting": not sent.joints}, ros)
+    """When it was due, whether it is a hold, or a setting, as JSON, as String."""
+    timing = Timing(stamp.sequence, sent.time, sent.scheduled, sent.hold, not sent.joints)
+    return _string(timing._asdict(), ros)
 
 
 def joint_state(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:

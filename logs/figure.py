@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from .picture import save, widen
+from .summary import waited
 from .sweep import Sweep, draw_sweep
 from .timeline import Row, Timeline, Trace
 
@@ -322,7 +323,9 @@ def _outcome(run: Timeline) -> str:
         return "no result recorded" if run.goal else ""
     seconds = run.result["duration"]
     took = f"{seconds:.2f} s" if seconds >= _SHORT_S else f"{seconds * 1e3:.1f} ms"
-    return f"{run.result['state']}, {took}"
+    before = waited(run.goal["time"], run.result["time"], seconds)
+    queued = f", {before:.2f} s of it in the queue" if before else ""
+    return f"{run.result['state']}, {took}{queued}"
 
 
 def _cause(run: Timeline) -> list[str]:

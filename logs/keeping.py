@@ -15,6 +15,7 @@ from .salvage import Salvage
 
 _DAY = 86400.0  # [s]
 _WRITE = 0o222  # of a file's mode, whoever may
+_DAMAGED = "*.mcap.damaged*"  # what was kept of recordings that were recovered
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +34,8 @@ class Rule:
 def prune(folder: Path, rule: Rule, utc: float) -> Iterator[Path]:
     """Deletes what a rule does not keep, the oldest first.
 
-    Never one that is pinned, unfinished, being written, or no recording of ours.
+    Never one that is pinned, unfinished, being written, or no recording of ours. What was kept of
+    one that was damaged counts as a recording.
 
     Args:
         folder: Where recordings are.
@@ -74,7 +76,7 @@ def pinned(recording: Path) -> bool:
 
 
 def _files(folder: Path) -> Iterator[tuple[os.stat_result, Path]]:
-    for path in folder.glob("*.mcap"):
+    for path in (*folder.glob("*.mcap"), *folder.glob(_DAMAGED)):
         with suppress(OSError):  # it has just been deleted
             yield path.stat(), path
 
@@ -82,7 +84,8 @@ def _files(folder: Path) -> Iterator[tuple[os.stat_result, Path]]:
 def _delete(path: Path) -> bool:
     try:
         with locked(path):
-            if not (is_ours(path) and complete(path, every_byte=False)):
+            finished = path.match(_DAMAGED) or complete(path, every_byte=False)
+            if not (is_ours(path) and finished):
                 return False
             path.unlink()
     except (LogError, OSError):

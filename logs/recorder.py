@@ -65,6 +65,7 @@ class Recorder:
         self._journal: Journal | None = None
         self._begun, self._ended = threading.Event(), threading.Event()
         self._unsynced, self._syncing = False, threading.Lock()
+        self._slow = False  # whether the disk was, and that is told
         stream = _create(path)
         self._file = os.dup(stream.fileno())  # holds the lock until the recording is made
         self._jobs, self._syncs = _thread("recorder"), _thread("fsync")
@@ -198,6 +199,19 @@ class Recorder:
                 os.fsync(self._file)
             except OSError as cause:
                 self._fail(cause)
+        self._warn_of(time.monotonic() - due)
+
+    def _warn_of(self, late: float) -> None:
+        """Tell, once, that the disk does not keep the rhythm; it holds no frame up."""
+        if late > FSYNC_S and not self._slow:
+            self._slow = True
+            _log.warning(
+                "%s: it took %.1f s to bring what was recorded to the disk, so that a loss of "
+                "power may cost more than %g s; record to a faster disk",
+                self.path,
+                late,
+                FSYNC_S,
+            )
 
     def _fail(self, cause: Exception) -> None:
         if self._cause is not None:

@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from .compaction import RECOVERED
 from .errors import RecordingError
 from .reader import Message, content
 from .records import (
@@ -180,6 +181,8 @@ def _epoch_ns(path: Path) -> int:
         match item:
             case Metadata(name="armtree", metadata={"epoch_ns": said}) if said.isdecimal():
                 return int(said)
+            case Metadata() if item.name == RECOVERED:  # cut before that, so nothing has a time
+                return 0
             case Message():
                 break
     raise RecordingError(path, "was not recorded by armtree, or lacks its head")

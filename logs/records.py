@@ -73,9 +73,8 @@ class Transition:
 class Goal:
     """A goal was accepted.
 
-    `time` is when its turn came; in what a server records between runs, when it was accepted [s].
-
     Attributes:
+        time: When its turn came; in what a server records between runs, when it was accepted [s].
         goal_id: UUID, 32 hexadecimal digits.
         task: Number of the task asked for.
         name: Its name, empty where there is no such task.
@@ -96,9 +95,10 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Feedback:
-    """How far a goal is, at `time` [s].
+    """How far a goal is.
 
     Attributes:
+        time: When that was so [s].
         goal_id: UUID, 32 hexadecimal digits.
         percentage: Frames that arrived over frames scheduled [%]; None while none are.
         phase: What is going on, such as `planning`.
@@ -121,9 +121,10 @@ class Feedback:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """How a goal ended, at `time` [s].
+    """How a goal ended.
 
     Attributes:
+        time: When it ended [s].
         goal_id: UUID, 32 hexadecimal digits.
         task: Number of the task.
         state: `SUCCEEDED`, `ABORTED` or `CANCELED`.
@@ -131,7 +132,7 @@ class Result:
         code: Stable name of the cause.
         message: The cause in words.
         frames: How many frames left.
-        duration: From goal to outcome [s].
+        duration: From the acceptance of the goal to its end, the wait for its turn included [s].
         node: Path of the node that the cause came from; empty where there is none.
         joint: Which the cause concerns; empty where none is known.
         value: What was wrong: a position [rad], a distance [m], or a time [s].
@@ -157,9 +158,10 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class NodeStatus:
-    """A node of the tree changed its status at `time` [s].
+    """A node of the tree changed its status.
 
     Attributes:
+        time: When it was ticked for that [s].
         path: The node's place in the tree.
         name: The node's name.
         status: `RUNNING`, `SUCCESS`, `FAILURE` or `INVALID`.
@@ -185,10 +187,13 @@ class Plan:
             stand still meanwhile.
         goal: Where it is to end [rad], (J,).
         via: Points to pass on the way [rad], (V, J).
-        world: The bodies around the arm and in its hand, each as plain values [m].
+        world: The bodies around the arm and in its hand. Each has a `name`; a `box` with its
+            `size`, a `sphere` with its `radius`, a `cylinder` with that and its `length`, or a
+            `mesh` with its `path` and `scale`; a `position` of its centre and a `rotation`
+            (x, y, z, w) in the frame of its `link`, empty for the root; what it `touches` [m].
         seed: Seed of the planner.
-        velocity_limits: [rad/s], (J,).
-        acceleration_limits: [rad/s²], (J,).
+        velocity_limits: No joint goes faster [rad/s], (J,).
+        acceleration_limits: Nor speeds up faster [rad/s²], (J,).
         waypoints: The path [rad], (W, J).
         times: When each sample is due, from the start of the motion [s], (N,).
         positions: The sampled motion [rad], (N, J).
@@ -221,11 +226,12 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """The frames that a motion became, at `time` [s]; N frames, K samples, J joints.
+    """The frames that a motion became; N frames, K samples, J joints.
 
     The samples are all that the frames were made of, so the frames can be made again from them.
 
     Attributes:
+        time: When they were compiled [s].
         rate_hz: Grid the motion was sampled on [Hz].
         firmware: The profile the frames were spaced for.
         times: When each frame is due, from the start of the motion [s], (N,).

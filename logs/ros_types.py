@@ -2,14 +2,15 @@
 
 from collections.abc import Iterable
 from functools import cache
+from importlib import resources
 from typing import Any
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-_OURS = {
-    "arduinobot_msgs/msg/SerialFrame": "uint64 seq\nuint8 direction\nuint8[] data\nstring text",
-    "arduinobot_msgs/msg/TaskFeedback": "unique_identifier_msgs/UUID goal_id\nint32 percentage",
-}
+# By the name of each, its definition is the `.msg` file beside this one.
+_OURS = ("arduinobot_msgs/msg/SerialFrame", "arduinobot_msgs/msg/TaskFeedback")
+
+_NESTED = "=" * 80  # precedes each nested type in a definition
 
 
 class RosTypes:
@@ -20,8 +21,8 @@ class RosTypes:
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self._schemas: dict[str, str] = {}  # every journal asks for them
         self._hashes: dict[str, str] = {}
-        for name, text in _OURS.items():
-            self.learn(name, text)
+        for name in _OURS:
+            self.learn(name, _text(name))
 
     def warm_up(self, names: Iterable[str]) -> None:
         """Generates the code of the types named, 2 to 7 ms each, before anybody waits for it."""
@@ -45,9 +46,12 @@ class RosTypes:
         return self._store.deserialize_cdr(data, name)
 
     def schema(self, name: str) -> str:
-        """The type's definition in `ros2msg` form, nested types included."""
+        """The type's definition in `ros2msg` form, nested types included; ours with comments."""
         if name not in self._schemas:
-            self._schemas[name] = self._store.generate_msgdef(name, ros_version=2)[0]
+            made: str = self._store.generate_msgdef(name, ros_version=2)[0]
+            if name in _OURS:
+                made = _text(name) + "".join(made.partition(_NESTED)[1:])
+            self._schemas[name] = made
         return self._schemas[name]
 
     def hash(self, name: str) -> str:
@@ -63,6 +67,11 @@ class RosTypes:
             TypesysError: The text is no definition, or contradicts a type that is known.
         """
         self._store.register(get_types_from_msg(text, name))
+
+
+def _text(name: str) -> str:
+    """The definition of a type of ours."""
+    return resources.files(__package__).joinpath(f"{name.rpartition('/')[2]}.msg").read_text()
 
 
 @cache

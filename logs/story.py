@@ -22,6 +22,7 @@ from .records import (
     Transition,
 )
 from .recovery import being_written
+from .summary import waited
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +58,13 @@ class Overview:
     planning: dict[str, float]
     notes: dict[str, dict[str, str]]
     files: tuple[str, ...]
+
+    @property
+    def waited(self) -> float:
+        """How long the goal waited for its turn [s]; 0 where it did not, or has no end."""
+        if self.goal is None or self.result is None:
+            return 0.0
+        return waited(self.goal.time, self.result.time, self.result.duration)
 
     @property
     def outcome(self) -> str:

@@ -1,7 +1,21 @@
-"""What a finished recording amounts to."""
+"""What a finished recording, and the time its goal took, amount to."""
 
 from dataclasses import dataclass
 from pathlib import Path
+
+_AT_ONCE = 0.1  # a turn that comes sooner was not waited for [s]
+
+
+def waited(turn: float, end: float, duration: float) -> float:
+    """How long a goal waited for its turn [s]; 0 where that came at once.
+
+    Args:
+        turn: When it came, as the goal is recorded [s].
+        end: When the goal ended, as the result is recorded [s].
+        duration: From its acceptance to its end [s].
+    """
+    before = duration - (end - turn)
+    return before if before > _AT_ONCE else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +44,10 @@ class Summary:
             return f"{self.path}: was removed, for it was empty: its run had not begun"
         if self.whole:
             return f"{self.path}: {self.messages} messages, nothing was lost"
-        recovered = f"{self.path}: recovered {self.messages} messages"
+        end = "the end of the run is missing"
         if self.damaged:
-            kept = f"the whole file is kept, as it was, as {self.damaged.name}"
-            return f"{recovered}; {self.torn} bytes behind them are torn or damaged; {kept}"
-        return f"{recovered}; the end of the run is missing"
+            end = f"the whole file is kept, as it was, as {self.damaged.name}"
+        return (
+            f"{self.path}: recovered {self.messages} messages; {self.torn} bytes behind them are "
+            f"torn or damaged; {end}"
+        )

@@ -15,7 +15,9 @@ import pytest
 
 from executive import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
 from executive.commands.log_handler import LogHandler
+from logs import LogLine, Recording
 from tests.serving import TASKS, Serve, Served, Typed
+from tests.test_logs_compaction import run_journal
 
 pytest_plugins = ["tests.server_fixtures"]
 
@@ -296,6 +298,25 @@ def test_a_watcher_sees_what_others_do(shell: Shell) -> None:
 def test_what_is_open_is_said_loudly(shell: Shell) -> None:
     shell.serve("--expose")
     assert "WARNING EXPOSED: every machine" in "".join(shell.log)
+
+
+def test_what_a_server_says_first_is_recorded_but_for_the_token(shell: Shell) -> None:
+    folder = shell.folder / "recordings"
+    folder.mkdir()
+    left = folder / "20261121T103155.123Z-1.mcap"
+    run_journal(left, finish=False)
+    shell.serve("--expose")
+    assert shell.end(signal.SIGTERM) == 0
+    (own,) = folder.glob("*-server.mcap")
+    lines = [line for line in Recording(own).records(LogLine) if isinstance(line, LogLine)]
+    told = "\n".join(line.message for line in lines)
+    for words in (f"{left.name}: recovered", "Port virtual", "Listening on", "EXPOSED: every"):
+        assert words in told
+        assert words in "".join(shell.log)
+    token = re.search(r"Token .*: (\S+)", "".join(shell.log))
+    assert token
+    assert token[1].encode() not in own.read_bytes()
+    assert token[1] not in told
 
 
 def test_a_person_is_asked_for_the_pose_when_the_arm_is_activated(shell: Shell) -> None:

@@ -19,6 +19,7 @@ from executive.recording import recordings
 from executive.replay.proof import prove
 from executive.replay.proof_words import in_words
 from logs.compactor import compactor
+from logs.figure import _outcome
 from logs.journal import Journal
 from logs.recovery import being_written, complete
 from logs.story import overview, story
@@ -26,6 +27,7 @@ from logs.timeline import timeline
 from tests.conftest import RigMaker
 from tests.server_acts import run
 from tests.test_logs_run import fail
+from tests.typed import typed
 
 
 def test_another_process_finishes_them(
@@ -144,6 +146,46 @@ def test_where_they_are_not_finished_goals_wait_in_the_end(
     assert arm.executive.result(sent[3]).code == third.code == "goal.unknown_task"
     arm.executive.close()
     assert all(complete(path, every_byte=True) for path in unfinished)
+
+
+def test_the_wait_for_its_turn_is_told_apart_from_the_run(server: RigMaker, tmp_path: Path) -> None:
+    arm = server(policy=Policy.QUEUE)
+    first, second = (arm.executive.send(task).identity for task in (1, 0))
+    one, two = map(arm.executive.result, (first, second))
+    arm.executive.close()
+    assert overview(Path(one.recording)).waited == 0.0
+    found = overview(Path(two.recording))
+    assert found.waited == pytest.approx(one.duration)
+    assert found.goal
+    assert found.result
+    ran = found.result.time - found.goal.time
+    assert found.waited + ran == pytest.approx(found.result.duration)
+    words = f"{found.waited:.2f} s in the queue"
+    assert words in typed(tmp_path, "log", "ls", str(tmp_path))[1]
+    assert f"{found.waited:.3f} s of it in" in typed(tmp_path, "log", "info", two.recording)[1]
+    drawn = _outcome(timeline(Path(two.recording)))
+    assert drawn == f"SUCCEEDED, {found.result.duration:.2f} s, {words.replace(' in', ' of it in')}"
+
+
+@pytest.mark.parametrize("solo", [True, False])
+def test_what_was_logged_before_a_recording_heads_it(
+    rig: RigMaker, tmp_path: Path, solo: bool
+) -> None:
+    arm = rig(solo=solo)
+    begun = arm.clock.now()
+    for words in ("one", "two"):
+        arm.executive.tell(logs.LogLine(begun, 30, "logs", words))
+    arm.rest(1.0)
+    if solo:
+        assert arm.run(0)[0].success
+    else:
+        arm.executive.start()
+        arm.executive.close()
+    (path,) = tmp_path.glob("*.mcap")
+    found = [line for line in logs.Recording(path).records() if isinstance(line, logs.LogLine)]
+    assert [line.message for line in found] == ["one", "two"]
+    assert [line.time for line in found] == pytest.approx([begun, begun])
+    assert prove(path).holds
 
 
 def test_the_log_line_that_begins_a_goal_is_in_its_recording(

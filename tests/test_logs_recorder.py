@@ -176,6 +176,42 @@ def test_what_was_written_is_soon_brought_to_the_disk(
             assert disk.synced.get(timeout=5) == recorder.path.stat().st_ino
 
 
+def test_a_slow_disk_is_told_once_and_holds_nothing_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    disk, go_on = Disk(monkeypatch), threading.Semaphore(0)
+    sync = os.fsync
+
+    class Clock:
+        """On which each fsync takes 3 s."""
+
+        now = 0.0
+
+        def monotonic(self) -> float:
+            return self.now
+
+    clock = Clock()
+
+    def slow(handle: int) -> None:
+        go_on.acquire()
+        clock.now += 3.0
+        sync(handle)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    monkeypatch.setattr(logs.recorder, "time", clock)
+    monkeypatch.setattr(logs.recorder, "FSYNC_S", 0.0)
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, fail)
+    for number in range(2):
+        recorder.put(sent(number))
+        assert recorder.wait(5)  # while the disk is busy
+        go_on.release()
+        assert disk.synced.get(timeout=5) == recorder.path.stat().st_ino
+    monkeypatch.setattr(os, "fsync", sync)
+    recorder.close()
+    (told,) = caplog.records
+    assert "took 3.0 s to bring what was recorded to the disk" in told.getMessage()
+
+
 def test_a_disk_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Disk(monkeypatch, refuses=1)
     failures: Queue[Exception] = Queue()

@@ -332,6 +332,24 @@ def test_old_recordings_go_but_never_a_pinned_or_unfinished_one(tmp_path: Path) 
     assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [kept]
 
 
+def test_what_was_kept_of_a_damaged_recording_makes_room_too_unless_pinned(tmp_path: Path) -> None:
+    for name, pinned_ in (("a", False), ("b", True)):
+        path = tmp_path / f"{name}.mcap"
+        run_journal(path, finish=False)
+        with path.open("ab") as stream:
+            stream.write(b"\x05\x99torn")
+        pin(path, pinned_)
+        recover(path)
+        os.utime(path, (NOW, NOW))
+        os.utime(tmp_path / f"{name}.mcap.damaged", (0, 0))
+    (tmp_path / "theirs.mcap.damaged").write_bytes(b"another program's")
+    assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [tmp_path / "a.mcap.damaged"]
+    assert len(list(tmp_path.glob("*.damaged"))) == 2
+    size = sum(path.stat().st_size for path in tmp_path.iterdir())
+    assert list(prune(tmp_path, Rule(None, (size + 1) / 1e6), NOW)) == []
+    assert list(prune(tmp_path, Rule(None, (size - 1) / 1e6), NOW)) == [tmp_path / "a.mcap"]
+
+
 def test_what_cannot_be_pinned_is_not_called_pinned(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

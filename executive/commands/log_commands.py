@@ -49,7 +49,8 @@ def ls(folder: Path) -> None:
             click.echo(f"{path.name}  unreadable: {error}")
             continue
         end = "" if found.complete else "being written" if found.written else "UNFINISHED"
-        marks = ("pinned" if pinned(path) else "", end)
+        queued = f"{found.waited:.2f} s in the queue" if found.waited else ""
+        marks = ("pinned" if pinned(path) else "", end, queued)
         task = f"{found.goal.task} {found.goal.name}" if found.goal else "-"
         spent = f"{found.result.duration:.2f} s" if found.result else "-"
         frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
@@ -90,7 +91,8 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
     facts.append(("outcome", found.outcome))
     if result := found.result:
         facts.append(("cause", f"{result.code}: {result.message}"))
-        facts.append(("duration", f"{result.duration:.3f} s"))
+        queued = f", {found.waited:.3f} s of it in the queue" if found.waited else ""
+        facts.append(("duration", f"{result.duration:.3f} s{queued}"))
     facts.append(("frames", f"{found.frames}, {found.holds} of them holds"))
     if late := found.late:
         middle = _median(late)

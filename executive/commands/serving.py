@@ -80,8 +80,9 @@ def serve(options: ServeOptions) -> None:
         if options.activate or options.pose:  # refused before all else
             standing(robot, port, options.pose, options.recordings)
         link = robot.link(port) if port else None
-        for words in put_in_order(options.recordings, options.keep, clock):
-            logger.warning("%s", words)
+        early = put_in_order(options.recordings, options.keep, clock)
+        for line in early:
+            logger.warning("%s", line.message)
         questions = Questions(clock)
         with closing(Pool(robot, options.workers, clock)) as pool:
             executive = Executive(
@@ -100,9 +101,12 @@ def serve(options: ServeOptions) -> None:
                 pose=options.pose,
             )
             with Server(executive, library, robot, clock, options.place, questions) as server:
-                logger.info("%s", port_line(robot, port))
-                _announce(server, options)  # the token is not for the recording
-                with _recorded(executive, clock):
+                logger.info("Token for whatever changes something: %s", server.token)
+                for line in early:
+                    executive.tell(line)
+                with _recorded(executive, clock):  # all but the token
+                    logger.info("%s", port_line(robot, port))
+                    _announce(server, options)
                     executive.start()
                     with closing(executive):
                         server.start()
@@ -134,7 +138,6 @@ def _announce(server: Server, options: ServeOptions) -> None:
     logger.info(
         "Listening on %s; a second goal is handled by: %s", server.url, options.policy.value
     )
-    logger.info("Token for whatever changes something: %s", server.token)
     if place.expose:
         logger.warning(
             "EXPOSED: every machine that reaches %s port %d and knows the token can move this arm, "

@@ -83,9 +83,9 @@ def execute(options: Options) -> list[Outcome]:
         view.say(port_line(robot, port))
         clock = RealClock()
         rule = Rule(options.keep_days, options.keep_mb)
-        for words in put_in_order(options.recordings, rule, clock):
-            view.say(words)
-            view.watch(logs.LogLine(clock.now(), logging.WARNING, "logs", words))
+        early = put_in_order(options.recordings, rule, clock)
+        for line in early:
+            view.say(line.message)
         with closing(Pool(robot, options.workers, clock)) as pool:
             executive = Executive(
                 robot,
@@ -101,6 +101,8 @@ def execute(options: Options) -> list[Outcome]:
                 pose=options.pose,
                 operator=Terminal(_to_errors if options.json else view.say),
             )
+            for line in early:
+                executive.tell(line)
             return _drive(executive, clock, options.numbers, arguments, view, interrupts)
 
 
@@ -109,16 +111,18 @@ def _show(view: View, event: Event) -> None:
         view.watch(event)
 
 
-def put_in_order(folder: Path, rule: Rule, clock: RealClock) -> list[str]:
+def put_in_order(folder: Path, rule: Rule, clock: RealClock) -> list[logs.LogLine]:
     """Mend what a crash left among recordings, and make room by the rule; says both."""
-    done = [_recovered(made) for made in logs.recover_all(folder)]
+    said = [_recovered(made) for made in logs.recover_all(folder)]
     utc = clock.epoch_ns() / 1e9 + clock.now()
-    return done + [f"{path}: deleted to make room" for path in prune(folder, rule, utc)]
+    said += [f"{path}: deleted to make room" for path in prune(folder, rule, utc)]
+    return [logs.LogLine(clock.now(), logging.WARNING, "logs", words) for words in said]
 
 
 def _recovered(made: logs.Summary | Exception) -> str:
     if isinstance(made, logs.Summary):
-        return made.in_words()
+        shown = f"; `armtree log show {made.path}` tells what is left" if made.bytes else ""
+        return made.in_words() + shown
     if isinstance(made, OSError) and made.filename:
         return f"not recovered: {made.filename}: {made.strerror}"
     return f"not recovered: {made}"

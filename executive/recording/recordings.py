@@ -3,7 +3,7 @@
 import errno
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cached_property, partial
 from pathlib import Path
@@ -29,6 +29,8 @@ _BETWEEN = "server"  # in the name of the recording of what happens between goal
 _UNFINISHED = 64
 _AT_ONCE = 4  # are being finished; most of its time each waits for the disk
 
+_EARLY = 1000  # lines of the log that are kept for a recording that is still to be opened
+
 
 def is_servers(recording: Path) -> bool:
     """Whether a recording is one of what happens between goals, by its name."""
@@ -38,7 +40,8 @@ def is_servers(recording: Path) -> bool:
 class Recordings:
     """One recording per goal; everything told goes into the one that is open, and to the watcher.
 
-    A server keeps one more, which is open whenever no goal's is.
+    A server keeps one more, which is open whenever no goal's is. Lines of the log for which none is
+    open yet head the next one.
 
     Args:
         folder: Where recordings are made.
@@ -72,6 +75,7 @@ class Recordings:
         self._unfinished: deque[Future[None]] = deque()
         self._wrong: list[logs.LogError] = []
         self._meshes: set[str] = set()  # that are in it already
+        self._early = deque[logs.LogLine](maxlen=_EARLY)
         self._state = State.UNCONFIGURED.value  # of the arm
         self.path = ""
         self.frames = 0
@@ -84,7 +88,7 @@ class Recordings:
         """
         self._compactor = compactor()
         self._recorder = self._between = recorder = self._create(_BETWEEN)
-        recorder.put(*self._evidence(None), self._standing(self._clock.now()))
+        recorder.put(*self._evidence(None), *self._told_early(), self._standing(self._clock.now()))
 
     def open(self, goal: Goal, name: str, seed: int, tree: Tree | None) -> None:
         """Open the recording of a goal and tell of it.
@@ -102,7 +106,7 @@ class Recordings:
         self.path, self.frames = str(recorder.path), 0
         self._meshes.clear()
         told = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed)
-        recorder.put(*self._evidence(tree), told, self._standing(told.time))
+        recorder.put(*self._evidence(tree), *self._told_early(), told, self._standing(told.time))
         self._watch(told)
 
     def goal_changed(self, status: GoalStatus) -> None:
@@ -178,6 +182,8 @@ class Recordings:
             self.frames += 1
         if self._recorder:
             self._recorder.put(record)
+        elif isinstance(record, logs.LogLine):
+            self._early.append(record)
         self._watch(record)
 
     def caught_up(self, timeout: float) -> bool:
@@ -201,6 +207,10 @@ class Recordings:
     def _standing(self, time: float) -> logs.Transition:
         """The state in which a recording begins: what led to it is in an earlier one."""
         return logs.Transition(time, "", self._state, self._state)
+
+    def _told_early(self) -> Iterator[logs.LogLine]:
+        while self._early:
+            yield self._early.popleft()
 
     def _evidence(self, tree: Tree | None) -> list[logs.Item]:
         """All that it takes to see, and to prove, the run from its file alone."""

@@ -44,7 +44,7 @@ def joints_difference(robot: Robot, story: Iterable[Record]) -> str:
     return ""
 
 
-def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
+def frames_difference(robot: Robot, story: Sequence[Record], whole: bool = True) -> str:
     """Compile every motion of a run again; the first frame that differs, or nothing.
 
     A motion that was cut passes where what left is a prefix of its schedule, and a hold.
@@ -52,12 +52,13 @@ def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
     Args:
         robot: As it was recorded.
         story: What was recorded, in its order.
+        whole: Whether that has its end.
     """
     begins = [i for i, record in enumerate(story) if isinstance(record, Schedule)]
     parts = [story[: begins[0]] if begins else story]
     parts += [story[i:j] for i, j in zip_longest(begins, begins[1:])]
     held: bytes | None = None
-    for number, (part, cut) in enumerate(zip(parts, _cuts(parts), strict=True)):
+    for number, (part, cut) in enumerate(zip(parts, _cuts(parts, whole), strict=True)):
         sent = [record for record in part if isinstance(record, Sent) and record.joints]
         schedule = part[0] if part and isinstance(part[0], Schedule) else None
         words = _positions_difference(robot, sent) or _holds_difference(sent, held)
@@ -74,12 +75,13 @@ def frames_difference(robot: Robot, story: Sequence[Record]) -> str:
     return ""
 
 
-def _cuts(parts: Sequence[Sequence[Record]]) -> Iterator[bool]:
+def _cuts(parts: Sequence[Sequence[Record]], whole: bool) -> Iterator[bool]:
     """Whether each motion was cut off, and the recording says so.
 
     It does where there is a hold, or where the node that sent the schedule ended otherwise than
     well, or not at all. That node is a leaf that runs when the schedule is made, or that is told
-    to run with the first change told after it: the changes of one tick bear one time.
+    to run with the first change told after it: the changes of one tick bear one time. A story
+    without its end may end within that tick.
     """
     changes = [record for part in parts for record in part if isinstance(record, NodeStatus)]
     inner = {change.path.rpartition("/")[0] for change in changes}
@@ -97,7 +99,8 @@ def _cuts(parts: Sequence[Sequence[Record]]) -> Iterator[bool]:
             running.discard(change.path)
             senders.discard(change.path)
         held = any(isinstance(record, Sent) and record.hold for record in part)
-        yield held or failed or bool(senders) or not told
+        ended = not whole and part is parts[-1] and all(change.time == first for change in told)
+        yield held or failed or bool(senders) or not told or ended
 
 
 def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:

@@ -41,6 +41,7 @@ from .difference_result import result_difference
 from .difference_source import PLANNING, changes, contradiction, source
 
 _PLAN = "/plan/"
+_FRAMES, _PLANS = "plan -> frames", "goal -> plan"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,13 +92,7 @@ def prove(path: Path) -> Proof:
         story = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
         if not recording.complete and being_written(path):
             raise RecordingInUse(path)
-        robot = robot_of(recording)
-        topic, wrong = disagreement(recording)
-        planned = topic.startswith(_PLAN)
-        verdicts = (
-            _frames(recording, robot, story, "" if planned else wrong),
-            _plans(recording, robot, story, wrong if planned else ""),
-        )
+        verdicts = _verdicts(recording, story)
     except (LogError, HardwareError, ModelUnusable) as error:
         return Proof(path, (), str(error), error.code, 0.0)
     except OSError as error:
@@ -131,21 +126,38 @@ def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterato
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+def _verdicts(recording: Recording, story: Sequence[Record]) -> tuple[Verdict, ...]:
+    topic, wrong = disagreement(recording)
+    if not story and not _whole(recording):  # it may have been cut before its robot was told
+        words = wrong or "nothing of a run is left, it was cut before"
+        return tuple(Verdict(question, not wrong, words) for question in (_FRAMES, _PLANS))
+    robot, planned = robot_of(recording), topic.startswith(_PLAN)
+    return (
+        _frames(recording, robot, story, "" if planned else wrong),
+        _plans(recording, robot, story, wrong if planned else ""),
+    )
+
+
+def _whole(recording: Recording) -> bool:
+    """Whether it tells of all that was recorded."""
+    return recording.complete and RECOVERED not in recording.notes
+
+
 def _frames(recording: Recording, robot: Robot, story: Sequence[Record], wrong: str) -> Verdict:
-    question = "plan -> frames"
     words = _goal_difference(recording, story) or joints_difference(robot, story)
-    words = words or frames_difference(robot, story) or result_difference(story) or wrong
+    words = words or frames_difference(robot, story, _whole(recording))
+    words = words or result_difference(story) or wrong
     if words:
-        return Verdict(question, False, words, source(recording, robot, story, ("frames",)))
+        return Verdict(_FRAMES, False, words, source(recording, robot, story, ("frames",)))
     schedules = sum(isinstance(record, Schedule) for record in story)
     frames = sum(isinstance(record, Sent) for record in story)
-    return Verdict(question, True, f"{_many(frames, 'frame')} of {_many(schedules, 'schedule')}")
+    return Verdict(_FRAMES, True, f"{_many(frames, 'frame')} of {_many(schedules, 'schedule')}")
 
 
 def _goal_difference(recording: Recording, story: Sequence[Record]) -> str:
     """What is wrong with the goal; only a server's own recording has none, and nothing of a run."""
     goals = [record for record in story if isinstance(record, Goal)]
-    if recording.complete and RECOVERED not in recording.notes:
+    if _whole(recording):
         ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in story)
         if not recording.messages:
             return "nothing is recorded"
@@ -155,16 +167,15 @@ def _goal_difference(recording: Recording, story: Sequence[Record]) -> str:
 
 
 def _plans(recording: Recording, robot: Robot, story: Sequence[Record], wrong: str) -> Verdict:
-    question = "goal -> plan"
     words = joints_difference(robot, story)
     words = words or plans_difference(_planner(robot), robot, story, recording.files) or wrong
     if words:
-        return Verdict(question, False, words, source(recording, robot, story, PLANNING))
+        return Verdict(_PLANS, False, words, source(recording, robot, story, PLANNING))
     if cause := contradiction(recording, robot, story):
-        return Verdict(question, False, "the plans are the same, what led to them is not", cause)
+        return Verdict(_PLANS, False, "the plans are the same, what led to them is not", cause)
     plans = sum(isinstance(record, Plan) for record in story)
     new = changes(recording, PLANNING)
-    return Verdict(question, True, _many(plans, "plan") + (f", also with {new}" if new else ""))
+    return Verdict(_PLANS, True, _many(plans, "plan") + (f", also with {new}" if new else ""))
 
 
 _planners: dict[str, Planner] = {}

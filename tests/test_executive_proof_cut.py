@@ -1,0 +1,57 @@
+"""A run that was killed, at whichever instant, is recovered and verifies."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import logs
+from executive.replay.proof import prove
+from executive.replay.proof_words import in_words
+from logs import Recording
+from logs.salvage import Salvage
+from tests.conftest import Rig, RigMaker
+
+
+def begun(rig: Rig, folder: Path) -> bytes:
+    """A real journal, as it was when its tenth frame was sent; the run then ends."""
+    found: list[bytes] = []
+
+    def take(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and len(rig.told(logs.Sent)) == 10:
+            (path,) = folder.glob("*.mcap")
+            found.append(path.read_bytes())
+
+    rig.on_record = take
+    (outcome,) = rig.run(1)
+    assert outcome.success
+    return found[0]
+
+
+def cuts(path: Path, head: int) -> Iterator[int]:
+    """Sizes at which to cut a journal: at every record, and beside those of its head."""
+    salvage = Salvage(path)
+    for number, _ in enumerate(salvage):
+        beside = number < head
+        yield from range(salvage.valid - beside, salvage.valid + beside + 1)
+
+
+def test_a_run_that_was_cut_anywhere_is_recovered_and_holds(
+    rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal = begun(rig(), tmp_path)
+    # 300 recoveries: what fsync costs a disk is no part of this.
+    monkeypatch.setattr("os.fsync", lambda handle: None)
+    path = tmp_path / "cut.mcap"
+    path.write_bytes(journal)
+    frames = 0
+    for size in [1, 8, 20, 60, 100, *cuts(path, head=60)]:
+        path.write_bytes(journal[:size])
+        logs.recover(path)
+        proof = prove(path)
+        assert proof.holds, (size, in_words(proof))
+        sent = sum(1 for _ in Recording(path).records(logs.Sent))
+        words = f"{sent} frame" if any(Recording(path).records()) else "nothing of a run is left"
+        assert proof.verdicts[0].words.startswith(words)
+        frames = max(frames, sent)
+    assert frames >= 9  # the tenth may be on its way
