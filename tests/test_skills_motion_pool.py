@@ -197,7 +197,7 @@ def test_a_worker_that_dies_idle_costs_nothing(pool: Pool) -> None:
 
 
 def test_a_worker_that_hangs_is_given_up(pool: Pool) -> None:
-    assert isinstance(ask(pool, BENT), Plan)  # it has loaded all there is
+    assert isinstance(ask(pool, BENT), Plan)
     worker = pid(pool)
     os.kill(worker, signal.SIGSTOP)
     timeout = ask(pool, dataclasses.replace(PICK, timeout=0.05))

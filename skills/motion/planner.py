@@ -27,7 +27,7 @@ from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
 from .rest import rest_of
 from .search import Search
 from .space import Space, evenly
-from .timing import load, timed
+from .timing import timed
 from .tool import reached
 from .verify import check_motion
 from .world import EMPTY, Body, World
@@ -112,7 +112,7 @@ class Planner:
             deadline=deadline,
         )
         found = ways(space, group.search, stations, query.seed, watch)
-        waypoints, curve, profile = _timed(found, group, deadline, watch)
+        waypoints, curve, profile = _timed(found, group, watch)
         plan = Plan(
             group=query.group,
             joints=group.joints,
@@ -247,13 +247,10 @@ class _Group:
 
 
 def _timed(
-    found: Iterator[tuple[Array, Curve]], group: _Group, deadline: Deadline, watch: Stopwatch
+    found: Iterator[tuple[Array, Curve]], group: _Group, watch: Stopwatch
 ) -> tuple[Array, Curve, Profile]:
     """The first way that can be timed, and its time law."""
     for waypoints, curve in found:
-        if not curve.straight:
-            with deadline.paused():
-                load()
         with watch.rung("time"):
             profile = timed(curve, group.velocity, group.acceleration)
         if profile:
