@@ -19,8 +19,8 @@ class Query:
         group: Name of the group that moves; all other joints stay at the start.
         start: All actuated joints, in the order of `robot.actuated` [rad].
         goal: The group's own joints, in the order of `robot.leaders(group)` [rad]. A joint without
-            an end goes the short way, to the value that differs by whole turns; where it
-            has to search, one of them may go the other way round.
+            an end goes the short way, to the value that differs by whole turns; where a way
+            has to be searched for, it may go the other way round.
         seed: Of everything random; equal queries give equal plans.
         timeout: Time there is [s]; it can only fail a plan, never change one.
         via: Points on the way, each as `goal`; passed in their order, without a stop where that
