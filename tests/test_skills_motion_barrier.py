@@ -20,7 +20,7 @@ from skills.motion import (
     barrier,
 )
 from skills.motion.planner import Planner
-from tests.arms import foreign
+from tests.arms import foreign, pair_file
 
 UPRIGHT = (0.0,) * 6
 # The column of the arm that turns without end holds a bar, and posts stand where that would pass.
@@ -39,19 +39,6 @@ LEADER_URDF = """<robot name="arm">
 <joint name="mate" type="continuous"><parent link="base"/><child link="b"/>
 <axis xyz="0 0 1"/><limit velocity="2" effort="1"/><mimic joint="lead"/></joint>
 </robot>"""
-LEADER_TOML = """name = "arm"
-urdf = "arm.urdf"
-[groups]
-arm = ["lead", "mate"]
-[joints.lead]
-velocity = 2.0
-acceleration = 4.0
-boot = 0.0
-[collision]
-margin_m = 0.005
-floor_ignores = []
-allowed = []
-"""
 
 
 @pytest.fixture(scope="module")
@@ -116,7 +103,7 @@ def test_a_via_point_that_a_joint_without_an_end_reaches_the_other_way_round() -
 
 def test_a_leader_without_an_end_is_never_barred(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(LEADER_URDF)
-    (tmp_path / "arm.toml").write_text(LEADER_TOML)
+    (tmp_path / "arm.toml").write_text(pair_file("lead", "mate"))
     post = Body("post", Box((0.03, 0.03, 0.3)), (-0.2, 0.05, 0.0))
     planner = Planner(load_robot(tmp_path / "arm.toml"))
     query = Query("arm", (0.0,), (radians(300.0),), world=World((post,)), timeout=0.1)
