@@ -14,11 +14,29 @@ from skills.motion.contacts import Contacts
 
 DATA = Path(__file__).parent / "data"
 ARMS = ("six_axes", "seven_axes", "endless")
+_PAIR = """name = "arm"
+urdf = "arm.urdf"
+[groups]
+arm = ["{0}", "{1}"]
+[joints.{0}]
+velocity = 2.0
+acceleration = 4.0
+boot = 0.0
+[collision]
+margin_m = 0.005
+floor_ignores = []
+allowed = []
+"""
 
 
 def foreign(name: str) -> Robot:
     """An arm with a mesh, one with sliding fingers, or one that turns without end."""
     return load_robot(DATA / f"{name}.toml")
+
+
+def pair_file(leader: str, follower: str) -> str:
+    """A robot file for arm.urdf beside it, of two joints."""
+    return _PAIR.format(leader, follower)
 
 
 def robot_of(urdf: Path, margin: float = 0.01) -> Robot:

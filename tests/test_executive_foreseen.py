@@ -206,3 +206,21 @@ def test_plan_says_what_it_leaves_out(
     assert "Path      straight" in told
     assert f"Left out  {names}: only a run of the task tells" in told
     assert f"Around    {names}" not in told
+
+
+CUBE = "AddBox: {body: cube, size: [6 cm, 6 cm, 6 cm], position: [0, 0.1, 0.16]}"  # round the hand
+AWAY = "{subtree: reach, with: {arm: right, gripper: open}}"
+
+
+@pytest.mark.parametrize(
+    ("steps", "notes"),
+    [((CUBE, AWAY), 1), ((AWAY, CUBE), 0), ((AWAY, CUBE, AWAY), 0), ((BALL, AWAY), 0)],
+)
+def test_where_a_reset_puts_the_arm_is_noted_and_no_mistake(
+    robot: Robot, tmp_path: Path, steps: tuple[str, ...], notes: int
+) -> None:
+    findings = check(robot, None, [written(tmp_path, *steps)])
+    assert findings.mistakes == []
+    assert len(findings.notes) == notes
+    assert all("before it moves here" in note.message for note in findings.notes)
+    assert all(note.place.line == 7 for note in findings.notes)

@@ -134,11 +134,11 @@ def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
         (("1", "--tool", "claw_support"), "--tool goes with a point for the tool"),
         (("0", "0", "0", "--axis", "0", "x", "0"), "--axis: 'x' is not a number"),
         (("0.1", "0", "0.1", "--tool", "claw"), "claw"),
-        (("right", "--start", "joint_1=1 joint_2"), "'joint_2' is no pose"),
+        (("right", "--start", "joint_1=1 joint_2"), "--start: 'joint_2' is no pose"),
         (("right", "--start", "joint_1=7"), "start of joint_1, 7 rad, is outside"),
         (("right", "--start", "joint_7=7"), "joint_7 is no joint"),
         (("joint_5=0.1",), "joint_5 is no joint that can be set"),
-        (("right", "--via", "1"), "'1' is no pose"),
+        (("right", "--via", "1"), "or x y z of the tool, all of it in one pair of quotes"),
     ],
 )
 def test_what_is_written_wrong_is_named(tmp_path: Path, goal: tuple[str, ...], why: str) -> None:

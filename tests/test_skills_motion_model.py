@@ -14,6 +14,7 @@ from skills.motion.contacts import Contacts
 from skills.motion.model import Model
 from skills.motion.reach import level
 from skills.motion.shapes import corners
+from tests.arms import pair_file
 
 Array = NDArray[np.float64]
 
@@ -147,3 +148,42 @@ def test_a_body_may_touch_links_and_bodies_alone(robot: Robot, other: str) -> No
         Model(robot, World((body,)))
     assert "base_link" in str(caught.value)
     assert "joint_2" not in str(caught.value)
+
+
+_LINK = '<link name="{0}"/>'
+_JOINT = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
+<origin xyz="0.3 0 0"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" velocity="2" effort="1"/>
+{3}</joint>"""
+_FOLLOWS = '<mimic joint="z_lead" multiplier="-0.5" offset="0.1"/>'
+
+
+def tied(folder: Path, lead_on: str, mate_on: str) -> Robot:
+    """Two joints, of which the one that is named first follows the other."""
+    lead = _JOINT.format("z_lead", lead_on, "led", "")
+    mate = _JOINT.format("a_mate", mate_on, "mated", _FOLLOWS)
+    links = "".join(_LINK.format(name) for name in ("base", "led", "mated"))
+    (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{mate}{lead}</robot>')
+    (folder / "arm.toml").write_text(pair_file("z_lead", "a_mate"))
+    return load_robot(folder / "arm.toml")
+
+
+@pytest.mark.parametrize("mate_on", ["base", "led"])
+def test_a_follower_may_be_named_before_its_leader(tmp_path: Path, mate_on: str) -> None:
+    model = Model(tied(tmp_path, "base", mate_on)).kinematics
+    loose = pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
+    ours, free = model.createData(), loose.createData()
+    pin.framesForwardKinematics(model, ours, np.array([0.8]))
+    q = np.empty(2)
+    for name, value in (("z_lead", 0.8), ("a_mate", 0.1 - 0.5 * 0.8)):
+        q[loose.joints[loose.getJointId(name)].idx_q] = value
+    pin.framesForwardKinematics(loose, free, q)
+    places = [
+        data.oMf[kind.getFrameId("mated", pin.FrameType.BODY)].homogeneous
+        for kind, data in ((model, ours), (loose, free))
+    ]
+    assert places[0] == pytest.approx(places[1], abs=1e-15)
+
+
+def test_a_follower_that_carries_its_leader_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModelUnusable, match=r"a_mate follows z_lead, .* let z_lead follow"):
+        Model(tied(tmp_path, "mated", "base"))

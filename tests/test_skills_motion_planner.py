@@ -7,6 +7,7 @@ import pickle
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -148,7 +149,7 @@ def test_a_bend_does_not_depend_on_the_seed(planner: Planner) -> None:
 
 def test_what_cannot_be_timed_is_not_all(planner: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
     """The solver fails on the bend: a way is searched for; on that too: it stops at each corner."""
-    monkeypatch.setattr("skills.motion.toppra_timing.fastest", lambda *_: None)
+    monkeypatch.setattr("skills.motion.timing.fastest", lambda *_: None)
     plan = planner.plan(DETOUR)
     assert {"bend", "search", "blend"} <= plan.milliseconds.keys()
     assert len(plan.curve.stops) == len(plan.waypoints) - 2 > 0
@@ -279,6 +280,21 @@ def test_limits_that_make_no_sense(robot: Robot) -> None:
     ):
         with pytest.raises(ModelUnusable, match="joint_1 has limits"):
             Planner(dataclasses.replace(robot, joints=(odd, *rest)))
+
+
+@pytest.mark.parametrize("odd", [math.nan, math.inf, -2e6, "a", 10**400])
+def test_what_is_no_distance_is_told(planner: Planner, robot: Robot, odd: Any) -> None:
+    for name in ("margin", "floor"):
+        rules = dataclasses.replace(robot.collision, **{name: odd})
+        with pytest.raises(ModelUnusable, match=rf"its {name} is .* m; give a number from"):
+            Planner(dataclasses.replace(robot, collision=rules))
+    with pytest.raises(BadQuery, match=r"The margin is .* m; give a number from 0"):
+        planner.verify(Verify([(*HOME, 0.0)], odd))
+    if odd in ("a", 10**400):
+        with pytest.raises(BadQuery, match=r"The times .* are not all numbers; give seconds"):
+            Verify([(*HOME, 0.0)], 0.0, times=[odd])
+        with pytest.raises(BadQuery, match=r"The configurations .* are not all numbers"):
+            Verify([(odd, 0.0, 0.0, 0.0)], 0.0)
 
 
 @pytest.mark.parametrize(("velocity", "acceleration"), [(1.0, 1e6), (1.0, 1e300), (1e-8, 1e-8)])

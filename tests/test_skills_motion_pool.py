@@ -196,8 +196,29 @@ def test_a_worker_that_dies_idle_costs_nothing(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
 
 
+def test_a_worker_that_dies_idle_is_passed_over_and_replaced(robot: Robot) -> None:
+    pool = Pool(robot, 2, RealClock())
+    pool.start()
+    nap, (dead, other) = threading.Event(), pool._seats
+    while not (dead.idle and other.idle):
+        nap.wait(0.001)
+    assert dead.process
+    assert other.process
+    worker, living = dead.process.pid, other.process.pid
+    os.kill(worker, signal.SIGKILL)
+    os.waitid(os.P_PID, worker, os.WEXITED | os.WNOWAIT)
+    answer = Answer()
+    job = pool.submit(PICK, answer)
+    assert other.job is job
+    assert isinstance(answer.wait(), Plan)
+    assert other.process.pid == living
+    while dead.process is None or dead.process.pid == worker:  # with nobody asking it
+        nap.wait(0.001)
+    pool.close()
+
+
 def test_a_worker_that_hangs_is_given_up(pool: Pool) -> None:
-    assert isinstance(ask(pool, BENT), Plan)  # it has loaded all there is
+    assert isinstance(ask(pool, BENT), Plan)
     worker = pid(pool)
     os.kill(worker, signal.SIGSTOP)
     timeout = ask(pool, dataclasses.replace(PICK, timeout=0.05))

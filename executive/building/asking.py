@@ -46,12 +46,15 @@ class Refusal:
 class Asking:
     """Asks skills of one tree. Whatever their code raises, or answers, costs only its own node.
 
+    Args:
+        doubtful: Nodes that are known to be wrong.
+
     Attributes:
         doubtful: Nodes that are wrong, so that nobody knows what they would do.
     """
 
-    def __init__(self) -> None:
-        self.doubtful: set[Behaviour] = set()
+    def __init__(self, doubtful: Iterable[Behaviour] = ()) -> None:
+        self.doubtful = set(doubtful)
         self._refused: dict[tuple[Place, str], Refusal] = {}
 
     @property

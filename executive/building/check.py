@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -24,7 +25,7 @@ from skills.motion import (
 )
 from trees import FileError, Library, Mistake, Mistakes, Place, PosesFile, StandIn, TreeError
 
-from .asking import Pose
+from .asking import Asking, Pose
 from .assembly import Assembly
 from .builder import mistakes_of, refusals
 from .foreseen import Motion, foresee
@@ -42,7 +43,8 @@ class Findings:
     Attributes:
         files: What was checked.
         mistakes: What is wrong, in the order of files and lines.
-        notes: Files that were left alone, and why.
+        notes: Files that were left alone, and why; and tasks that do not get on from where a reset
+            puts the arm, as it may stand elsewhere.
     """
 
     files: list[Path] = field(default_factory=list)
@@ -76,7 +78,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.files.append(path)
         checker = _Checker(library, context, asked)
         findings.mistakes += checker.check(path, name)
-    findings.mistakes += _refused(asked, context)
+    findings.mistakes += _refused(asked, context, findings.notes)
     findings.mistakes += [m for _, built in asked.trees for m in built.asking.mistakes]
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
@@ -187,10 +189,12 @@ class _Asked:
     Attributes:
         poses: Of files of poses, and where they are written.
         trees: Root of each tree, and what put it together.
+        tasks: Those of them that are no subtrees.
     """
 
     poses: list[tuple[Place, Pose]] = field(default_factory=list)
     trees: list[tuple[Behaviour, Assembly]] = field(default_factory=list)
+    tasks: list[tuple[Behaviour, Assembly]] = field(default_factory=list)
 
 
 class _Checker:
@@ -228,6 +232,8 @@ class _Checker:
             return _mistakes(error)
         refusals(assembly, self._context.robot)  # told at the end, with those found by then
         self._asked.trees.append((root, assembly))
+        if isinstance(name, int):
+            self._asked.tasks.append((root, assembly))
         return found
 
     def _reachable(self, file: PosesFile) -> list[Mistake]:
@@ -257,7 +263,7 @@ def _mistakes(error: TreeError) -> list[Mistake]:
     return [Mistake(Place(path, 1, 1) if path else Place(Path(), 0, 0), str(error))]
 
 
-def _refused(asked: _Asked, context: Context) -> Iterator[Mistake]:
+def _refused(asked: _Asked, context: Context, notes: list[Mistake]) -> Iterator[Mistake]:
     """What a planner says of every body by itself, and of every pose among the bodies there."""
     if not (asked.poses or asked.trees):
         return
@@ -270,13 +276,22 @@ def _refused(asked: _Asked, context: Context) -> Iterator[Mistake]:
             if isinstance(answer, (BadWorld, WorkerDied)):
                 broken.add(body)
                 yield from (Mistake(place, f"{body.name}: {answer}") for place in where)
-        for (pose, world), told in _poses(asked, context).items():
-            if not broken.isdisjoint(world.bodies):
-                continue
-            answer = _ask(pool, Verify([pose], context.robot.collision.margin, world=world))
-            # What a body may touch may be there only where a subtree is used.
-            if isinstance(answer, MotionError) and not isinstance(answer, BadWorld):
-                yield from (Mistake(place, f"{words}: {answer}") for place, words in told)
+        poses, boot = _poses(asked, context), context.robot.boot_pose
+        for (pose, world), told in poses.items():
+            if broken.isdisjoint(world.bodies) and (hit := _hit(context, pose, world)):
+                yield from (Mistake(place, f"{words}: {hit}") for place, words in told)
+        for world, place in _unmoved(asked, context).items():
+            new = (boot, world) not in poses and broken.isdisjoint(world.bodies)
+            if new and (hit := _hit(context, boot, world)):
+                why = "where a reset puts the arm, it collides before it moves here"
+                notes.append(Mistake(place, f"{why}: {hit}"))
+
+
+def _hit(context: Context, pose: Pose, world: World) -> MotionError | None:
+    """What a pose collides with."""
+    answer = _ask(context.pool, Verify([pose], context.robot.collision.margin, world=world))
+    # What a body may touch may be there only where a subtree is used.
+    return answer if isinstance(answer, MotionError) and not isinstance(answer, BadWorld) else None
 
 
 def _bodies(asked: _Asked) -> dict[Body, list[Place]]:
@@ -291,18 +306,11 @@ def _bodies(asked: _Asked) -> dict[Body, list[Place]]:
 
 def _poses(asked: _Asked, context: Context) -> dict[tuple[Pose, World], list[tuple[Place, str]]]:
     """Where the arm is among which bodies; where that is written, and what is wrong if it hits."""
-
-    def carry(request: Carry) -> Body:
-        answer = _ask(context.pool, request)
-        if isinstance(answer, MotionError):
-            raise answer
-        assert isinstance(answer, Body)
-        return answer
-
     poses: dict[tuple[Pose, World], list[tuple[Place, str]]] = {}
     goal, start = "this pose collides", "before it moves here, the arm collides"
     for place, pose in asked.poses:
         poses.setdefault((pose, EMPTY), []).append((place, goal))
+    carry = partial(_carried, context.pool)
     for root, built in asked.trees:
         leaves, asking = built.leaves, built.asking
         for motion in foresee(root, leaves, context.robot, carry, asking=asking):
@@ -310,6 +318,27 @@ def _poses(asked: _Asked, context: Context) -> dict[tuple[Pose, World], list[tup
                 poses[motion.start, motion.world] = [(motion.place, start)]
             poses.setdefault((motion.pose, motion.world), []).append((motion.place, goal))
     return poses
+
+
+def _unmoved(asked: _Asked, context: Context) -> dict[World, Place]:
+    """What is around the arm when a task first moves it, and where that is written."""
+    worlds, boot = dict[World, Place](), context.robot.boot_pose
+    carry = partial(_carried, context.pool)
+    for root, built in asked.tasks:
+        # What skills refuse of this pose alone is no mistake either.
+        asking = Asking(built.asking.doubtful)
+        for motion in foresee(root, built.leaves, context.robot, carry, boot, asking=asking):
+            if motion.start == boot:
+                worlds.setdefault(motion.world, motion.place)
+    return worlds
+
+
+def _carried(pool: Pool, request: Carry) -> Body:
+    answer = _ask(pool, request)
+    if isinstance(answer, MotionError):
+        raise answer
+    assert isinstance(answer, Body)
+    return answer
 
 
 def _ask(pool: Pool, request: Verify | Carry) -> Result:

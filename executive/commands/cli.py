@@ -139,8 +139,8 @@ for command in (*TASK_COMMANDS, *SERVER_COMMANDS):
 @click.argument("goal", metavar="GOAL...", nargs=-1, required=True)
 @robot_option
 @trees_option
-@click.option("--start", multiple=True, help="As GOAL, in quotes; default: the boot pose.")
-@click.option("--via", multiple=True, help="A point on the way, as GOAL in quotes; repeatable.")
+@click.option("--start", multiple=True, help="As GOAL but no task, in quotes; default: boot pose.")
+@click.option("--via", multiple=True, help="A point on the way, as --start; repeatable.")
 @click.option("--relative", is_flag=True, help="Let x y z count from where the tool is.")
 @click.option("--direction", nargs=3, metavar="X Y Z", help="Where the tool is to point.")
 @click.option("--tool", help="Link that is to go there; default: the robot file's tool.")

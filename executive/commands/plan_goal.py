@@ -57,7 +57,7 @@ class Goal:
             raise BadTarget(f"the robot has no group {self.group}; it has {there}")
         boot = {joint.name: joint.boot for joint in self.robot.actuated}
         asked = _Asked(planner, self.robot, self.library.poses()[0], "arm", self.seed, world)
-        begin = boot | asked.named(self.start, boot, {})
+        begin = boot | asked.named(self.start, boot, {}, "--start")
         if self.tool and not asked.is_point(self.words):
             options = ", ".join(f"--{port}" for port in self.tool)
             raise BadTarget(f"{options} goes with a point for the tool; give x y z")
@@ -69,7 +69,7 @@ class Goal:
         asked.group = self.group or "arm"
         named = asked.named(self.words, begin, self.tool)
         asked.group = self.group or self._group(named)
-        stations = [asked.named(words.split(), begin, {}) for words in self.via]
+        stations = [asked.named(words.split(), begin, {}, "--via") for words in self.via]
         *via, goal = (self._target(asked.group, each, begin) for each in (*stations, named))
         start = tuple(begin.values())
         return [(Query(asked.group, start, goal, self.seed, via=tuple(via), world=world), ())]
@@ -135,6 +135,7 @@ class _Asked:
         words: Sequence[str],
         begin: dict[str, float],
         tool: Mapping[str, str],
+        option: str = "",
     ) -> dict[str, float]:
         """Positions of the joints that words speak of.
 
@@ -142,6 +143,7 @@ class _Asked:
             words: As in a Goal.
             begin: Where the arm stands, all actuated joints.
             tool: What else is said of a point.
+            option: That takes the words; empty for the goal itself.
         """
         if self.is_point(words):
             return self._reached(words, begin, tool)
@@ -161,7 +163,7 @@ class _Asked:
             elif word in self.poses:
                 named |= self.poses[word]
             else:
-                raise BadTarget(f"{word!r} is no {_choices(self.poses)}")
+                raise BadTarget(_no_pose(word, self.poses, option))
         _check_names(named, units)
         return named
 
@@ -200,11 +202,13 @@ def _read(what: str, text: str, wanted: Declaration) -> Any:
         raise BadTarget(f"{what}: {error.mistakes[0].message}") from error
 
 
-def _choices(poses: Mapping[str, object]) -> str:
-    return (
-        f"pose; there are {', '.join(poses)}. Or give JOINT=VALUE or JOINT+=CHANGE, x y z of the "
-        "tool, or the number of a task"
-    )
+def _no_pose(word: str, poses: Mapping[str, object], option: str) -> str:
+    """What may stand there instead; a task goes its own way, so only the goal may be one."""
+    there = f"{word!r} is no pose; there are {', '.join(poses)}. Or give"
+    ways = "JOINT=VALUE or JOINT+=CHANGE"
+    if option:
+        return f"{option}: {there} {ways} or x y z of the tool, all of it in one pair of quotes"
+    return f"{there} {ways}, x y z of the tool, or the number of a task"
 
 
 def _check_names(named: Collection[str], there: Collection[str]) -> None:

@@ -94,7 +94,7 @@ def check(
 
     findings = find(load_robot(robot), trees, files)
     for note in findings.notes:
-        click.echo(f"note: {note.place.path} {note.message}", err=True)
+        click.echo(f"note: {note.place} {note.message}", err=True)
     if as_json:
         click.echo(json.dumps(_findings(findings)))
     elif findings.mistakes:

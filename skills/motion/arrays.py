@@ -1,11 +1,12 @@
 """Arrays that nobody can change, on either side of a pipe."""
 
-from collections.abc import Callable
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+# Values by name, shapes of arrays by name, and what is in these, one after another.
+_State = tuple[dict[str, Any], list[tuple[str, tuple[int, ...]]], bytes]
 
 
 def readonly(values: ArrayLike) -> NDArray[np.float64]:
@@ -30,23 +31,20 @@ class Rebuilt:
     All of its arrays travel as one piece of memory: pickle takes 3 us for each that it is given.
     """
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        values = [getattr(self, f.name) for f in fields(self)]  # type: ignore[arg-type]
-        arrays = {i: value for i, value in enumerate(values) if isinstance(value, np.ndarray)}
-        shapes = [(i, array.shape) for i, array in arrays.items()]
-        memory = b"".join([array.tobytes() for array in arrays.values()])
-        rest = [None if i in arrays else value for i, value in enumerate(values)]
-        return _rebuilt, (type(self), rest, shapes, memory)
+    def __getstate__(self) -> _State:
+        rest, shapes, memory = dict[str, Any](), list[tuple[str, tuple[int, ...]]](), list[bytes]()
+        for name, value in self.__dict__.items():
+            if isinstance(value, np.ndarray):
+                shapes.append((name, value.shape))
+                memory.append(value.tobytes())
+            else:
+                rest[name] = value
+        return rest, shapes, b"".join(memory)
 
-
-def _rebuilt(
-    kind: Callable[..., Any],
-    values: list[Any],
-    shapes: list[tuple[int, tuple[int, ...]]],
-    memory: bytes,
-) -> Any:
-    begin = 0
-    for i, shape in shapes:
-        array = np.ndarray(shape, np.float64, memory, begin)
-        values[i], begin = array, begin + array.nbytes
-    return kind(*values)
+    def __setstate__(self, state: _State) -> None:
+        rest, shapes, memory = state
+        values, begin = self.__dict__, 0
+        values.update(rest)
+        for name, shape in shapes:
+            values[name] = array = np.ndarray(shape, np.float64, memory, begin)
+            begin += array.nbytes

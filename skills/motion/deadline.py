@@ -25,15 +25,6 @@ class Deadline:
         """Whether it has passed."""
         return self._clock.now() > self._end
 
-    @contextmanager
-    def paused(self) -> Iterator[None]:
-        """What is done inside does not count."""
-        begin = self._clock.now()
-        try:
-            yield
-        finally:
-            self._end += self._clock.now() - begin
-
     def check(self) -> None:
         """Go on.
 

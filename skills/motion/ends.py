@@ -63,7 +63,7 @@ class Ends:
             GoalInCollision: In this order, the first that applies; a via point counts as a goal.
         """
         check_seed(query.seed)
-        if not (isinstance(query.spare, (int, float)) and 0.0 <= query.spare <= _WIDEST):
+        if not is_number(query.spare, 0.0, _WIDEST):
             raise BadQuery(f"The spare is {shown(query.spare)} m; give 0 to {_WIDEST:g}")
         start, own = finite("start", query.start, self._actuated), self.columns
         names = ["", *(f"via point {i + 1}" for i in range(len(query.via))), ""]
@@ -89,6 +89,12 @@ class Ends:
             lower, upper = max(joint.lower, -FARTHEST), min(joint.upper, FARTHEST)
             if not lower <= value <= upper:
                 raise error(joint.name, value, lower, upper, joint.unit, what)
+
+
+def is_number(value: object, least: float, most: float) -> bool:
+    """Whether it is a number, and not less than one nor more than another."""
+    numbers = (int, float, np.integer, np.floating)
+    return isinstance(value, numbers) and bool(least <= value <= most)
 
 
 def check_seed(seed: int) -> None:

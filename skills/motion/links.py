@@ -1,5 +1,7 @@
 """A robot as pinocchio reads it: its joints, the shapes of its links, and how far they can move."""
 
+from collections.abc import Iterator
+
 import pinocchio as pin
 
 from hardware import Robot
@@ -23,14 +25,14 @@ class Links:
         level: Those of the floor.
 
     Raises:
-        ModelUnusable: pinocchio cannot read the URDF.
+        ModelUnusable: pinocchio cannot read the URDF, or a joint follows one that it carries.
     """
 
     def __init__(self, robot: Robot) -> None:
         self._robot, urdf = robot, str(robot.urdf)
         try:
-            self.kinematics = pin.buildModelFromUrdf(urdf, True)
             self._loose = pin.buildModelFromUrdf(urdf)  # followers with coordinates of their own
+            self.kinematics = _tied(robot, self._loose)
             self.exact: list[pin.GeometryObject] = list(
                 pin.buildGeomFromUrdf(
                     self.kinematics, urdf, pin.GeometryType.COLLISION, None, packages(robot.urdf)
@@ -61,3 +63,43 @@ class Links:
             )
             for frame, shapes in links.items()
         ]
+
+
+def _tied(robot: Robot, loose: pin.Model) -> pin.Model:
+    """The same model, but followers share the coordinate of the joint they follow.
+
+    pinocchio can tie joints of a URDF itself, but wants each to come after the one it follows, and
+    reads those on one link in the order of their names.
+
+    Raises:
+        ModelUnusable: A joint follows one that it carries.
+    """
+    model, mimics = pin.Model(), {j.name: j.mimic for j in robot.joints if j.mimic}
+    places = {0: 0}
+    for i in _order(robot, loose, {name: mimic.leader for name, mimic in mimics.items()}):
+        parent, place = places[loose.parents[i]], loose.jointPlacements[i]
+        places[i] = model.addJoint(parent, loose.joints[i], place, loose.names[i])
+    for f in loose.frames.tolist()[1:]:
+        joint = places[f.parentJoint]
+        model.addFrame(pin.Frame(f.name, joint, f.parentFrame, f.placement, f.type))
+    for name, mimic in mimics.items():
+        ids = model.getJointId(mimic.leader), model.getJointId(name)
+        model = pin.transformJointIntoMimic(model, *ids, mimic.multiplier, mimic.offset)
+    return model
+
+
+def _order(robot: Robot, loose: pin.Model, leaders: dict[str, str]) -> Iterator[int]:
+    """All joints, each after the one that carries it and the one it follows."""
+    before = {i: {loose.parents[i]} for i in range(1, loose.njoints)}
+    for name, leader in leaders.items():
+        before[loose.getJointId(name)].add(loose.getJointId(leader))
+    done = {0}
+    while before:
+        i = next((i for i, others in before.items() if others <= done), None)
+        if i is None:
+            name = next(name for name in leaders if loose.getJointId(name) in before)
+            why = f"{name} follows {leaders[name]}, which it carries; let {leaders[name]} follow"
+            raise ModelUnusable(str(robot.urdf), why)
+        done.add(i)
+        del before[i]
+        yield i

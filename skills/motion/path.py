@@ -55,24 +55,42 @@ def ways(
             found = bent(space, search.lower, search.upper, legs[0])
         if found:
             yield found
-    goals = [*(leg[1:] for leg in np.array(legs[:-1])), search.other_ways(*legs[-1])]
-    parts = [
-        np.array(leg) if free else _round(space, search, leg[0], ends, seed, watch)
-        for leg, ends, free in zip(legs, goals, straight, strict=True)
-    ]
+    parts = list(_parts(space, search, legs, straight, seed, watch))
     waypoints = _apart(np.vstack([parts[0], *(part[1:] for part in parts[1:])]))
     if len(waypoints) > 2:
         with watch.rung("blend"):
-            curve = blended(space, waypoints, stations[1:-1])
+            curve = blended(space, waypoints, np.array([part[-1] for part in parts[:-1]]))
         yield waypoints, curve
     yield waypoints, Curve.through(waypoints, np.zeros(len(waypoints) - 2))
 
 
+def _parts(
+    space: Space,
+    search: Search,
+    legs: list[tuple[Array, Array]],
+    straight: list[bool],
+    seed: int,
+    watch: Stopwatch,
+) -> Iterator[Array]:
+    """Waypoints of each leg (N, J) [rad].
+
+    A leg that is searched for may end whole turns from where it should: the next begins there.
+    """
+    here, turned = legs[0][0], np.zeros(len(legs[0][0]))
+    for (_, end), free in zip(legs, straight, strict=True):
+        there = end + turned
+        part = np.array([here, there]) if free else _round(space, search, here, there, seed, watch)
+        here = part[-1]
+        turned = turned + (here - there)
+        yield part
+
+
 def _round(
-    space: Space, search: Search, start: Array, goals: Array, seed: int, watch: Stopwatch
+    space: Space, search: Search, start: Array, goal: Array, seed: int, watch: Stopwatch
 ) -> Array:
     with watch.rung("search"):
-        check_passable(space, search, start, goals[0])
+        check_passable(space, search, start, goal)
+        goals = search.other_ways(start, goal)
         found = search.find(space, start, goals, seed + 1)  # OMPL ignores a seed of 0
     with watch.rung("shorten"):
         return shortened(space, found)

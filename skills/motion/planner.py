@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,8 +16,8 @@ from .carry import carried
 from .contacts import Contacts
 from .curve import Curve
 from .deadline import Deadline, Stopwatch
-from .ends import Ends, bounds, finite, turning
-from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError
+from .ends import FARTHEST, Ends, bounds, finite, is_number, turning
+from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError, shown
 from .links import Links
 from .model import Model
 from .path import ways
@@ -27,7 +28,7 @@ from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
 from .rest import rest_of
 from .search import Search
 from .space import Space, evenly
-from .timing import load, timed
+from .timing import timed
 from .tool import reached
 from .verify import check_motion
 from .world import EMPTY, Body, World
@@ -55,7 +56,7 @@ class Planner:
 
     def __init__(self, robot: Robot, clock: Clock | None = None) -> None:
         self._robot, self._clock = robot, clock or RealClock()
-        _check_limits(robot)
+        _check_numbers(robot)
         self._links, self._scenes = Links(robot), dict[World, _Scene]()
         self._groups: dict[str, _Group] = {}
         self.contacts = self._scene(EMPTY).contacts
@@ -112,7 +113,7 @@ class Planner:
             deadline=deadline,
         )
         found = ways(space, group.search, stations, query.seed, watch)
-        waypoints, curve, profile = _timed(found, group, deadline, watch)
+        waypoints, curve, profile = _timed(found, group, watch)
         plan = Plan(
             group=query.group,
             joints=group.joints,
@@ -247,13 +248,10 @@ class _Group:
 
 
 def _timed(
-    found: Iterator[tuple[Array, Curve]], group: _Group, deadline: Deadline, watch: Stopwatch
+    found: Iterator[tuple[Array, Curve]], group: _Group, watch: Stopwatch
 ) -> tuple[Array, Curve, Profile]:
     """The first way that can be timed, and its time law."""
     for waypoints, curve in found:
-        if not curve.straight:
-            with deadline.paused():
-                load()
         with watch.rung("time"):
             profile = timed(curve, group.velocity, group.acceleration)
         if profile:
@@ -261,10 +259,23 @@ def _timed(
     raise AssertionError("what stops at every waypoint can be timed")
 
 
-def _check_limits(robot: Robot) -> None:
+def _check_numbers(robot: Robot) -> None:
+    """Refuse what no robot file would let pass.
+
+    Raises:
+        ModelUnusable: A limit, the margin or the floor makes no sense.
+    """
+    rules, path = robot.collision, str(robot.path)
+    for what, value, least in (("margin", rules.margin, 0.0), ("floor", rules.floor, -FARTHEST)):
+        if not (value is rules.floor is None or is_number(value, least, FARTHEST)):
+            wanted = f"give a number from {least:g} to {FARTHEST:g}"
+            raise ModelUnusable(path, f"its {what} is {shown(value)} m; {wanted}")
     for joint in robot.joints:
-        moves = all(_SLOWEST <= limit < math.inf for limit in (joint.velocity, joint.acceleration))
-        if not (moves and joint.lower <= joint.upper):
-            why = f"{joint.name} has limits [{joint.lower:g}, {joint.upper:g}] rad, "
-            why += f"{joint.velocity:g} rad/s, {joint.acceleration:g} rad/s2"
-            raise ModelUnusable(str(robot.path), why)
+        limits = (joint.lower, joint.upper, joint.velocity, joint.acceleration)
+        moves = all(is_number(limit, _SLOWEST, sys.float_info.max) for limit in limits[2:])
+        ends = all(is_number(limit, -math.inf, math.inf) for limit in limits[:2])
+        if not (moves and ends and joint.lower <= joint.upper):
+            shows = [f"{x:g}" if isinstance(x, float) else shown(x) for x in limits]
+            why = f"{joint.name} has limits [{shows[0]}, {shows[1]}] {joint.unit}, "
+            why += f"{shows[2]} {joint.unit}/s, {shows[3]} {joint.unit}/s2"
+            raise ModelUnusable(path, why)

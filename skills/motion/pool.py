@@ -100,15 +100,15 @@ class Pool:
         """What the thread of a worker does."""
         self._seated(seat)
         while self._next(seat):
-            assert seat.job
-            done = seat.job.done
-            done(self._answer(seat, seat.job))
+            if seat.job:
+                done = seat.job.done
+                done(self._answer(seat, seat.job))
             self._seated(seat)
         seat.close()
 
     def _seated(self, seat: "_Seat") -> None:
         """See to it that a living process sits there."""
-        if seat.process is None or not seat.process.alive:
+        if not seat.alive:
             seat.close()
             process = WorkerProcess(self._robot)
             with self._signal:
@@ -116,7 +116,7 @@ class Pool:
 
     def _begin(self, job: Job) -> bool:
         """Have an idle worker begin at once: it works while its thread here wakes up."""
-        seat = next((seat for seat in self._seats if seat.idle), None)
+        seat = next((seat for seat in self._seats if seat.idle and seat.alive), None)
         if not (seat and seat.process):
             return False
         seat.job, seat.ended, seat.idle = job, False, False
@@ -124,16 +124,16 @@ class Pool:
         return True
 
     def _next(self, seat: "_Seat") -> bool:
-        """Wait for a job; False when the pool closes."""
+        """Wait for a job, or for a dead process to be found; False when the pool closes."""
         with self._signal:
-            while not seat.job and not self._closed:
+            while not seat.job and not self._closed and seat.alive:
                 if self._queue:
                     seat.job, seat.ended = self._queue.popleft(), False
                 else:
                     seat.idle = True
                     self._signal.wait(None)
                     seat.idle = False
-            return seat.job is not None
+            return seat.job is not None or not self._closed
 
     def _answer(self, seat: "_Seat", job: Job) -> Result:
         self._seated(seat)  # it may have died while it had nothing to do
@@ -158,6 +158,10 @@ class _Seat:
         self.thread: Thread | None = None
         self.job: Job | None = None
         self.ended = self.idle = False
+
+    @property
+    def alive(self) -> bool:
+        return self.process is not None and self.process.alive
 
     def end(self) -> None:
         self.ended = True

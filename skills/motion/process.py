@@ -40,7 +40,6 @@ _AT_ONCE = 32_768  # that a socket takes without waiting, when nothing else is i
 _GRACE = 0.008  # beyond its time-out, before a worker counts as hanging [s]
 _DYING = 0.2  # to say what was wrong, once it has hung up [s]
 _START = 30.0  # to load the model on a slow machine [s]
-_LOAD = 10.0  # to load, after it, what only bends need [s]
 
 # What a request must hold, so that it is answered and ends no worker.
 _FORMS: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
@@ -49,8 +48,6 @@ _FORMS: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
     ("point", (tuple, list), "x, y, z"),
     ("world", World, "a World"),
 )
-
-LOADED = "loaded"  # said once, when that is done
 
 
 class WorkerProcess:
@@ -76,7 +73,7 @@ class WorkerProcess:
         self._socket, self._connection = ours, Connection(os.dup(ours.fileno()))
         self._readable = select.poll()  # kept, as `Connection.poll` makes one every time
         self._readable.register(self._connection, select.POLLIN)
-        self._ready = self._loaded = self._killed = self._begun = False
+        self._ready = self._killed = self._begun = False
         self._hello(robot)
 
     @property
@@ -105,7 +102,7 @@ class WorkerProcess:
                 return broken
             if not begun:
                 self._connection.send_bytes(message)
-            answer = self._answer_within(request.timeout + _GRACE)
+            answer = self._answer(request.timeout + _GRACE)
         except (EOFError, OSError):
             return self._died()
         except _NONSENSE as error:
@@ -155,15 +152,6 @@ class WorkerProcess:
             self._ready = True
             return answer
         return self._nonsense(f"nothing within {_START:g} s of its start")
-
-    def _answer_within(self, timeout: float) -> Any:
-        """Its answer; the time in which it still loads does not count."""
-        if not self._loaded:
-            answer = self._answer(timeout + _LOAD)
-            if answer != LOADED:
-                return answer
-            self._loaded = True
-        return self._answer(timeout)
 
     def _answer(self, timeout: float) -> Any:
         return receive(self._connection) if self._readable.poll(1e3 * timeout) else _LATE

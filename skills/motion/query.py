@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .arrays import Rebuilt, readonly
+from .errors import BadQuery, shown
 from .plan import Plan
 from .world import EMPTY, Vector, World
 
@@ -19,8 +20,8 @@ class Query:
         group: Name of the group that moves; all other joints stay at the start.
         start: All actuated joints, in the order of `robot.actuated` [rad].
         goal: The group's own joints, in the order of `robot.leaders(group)` [rad]. A joint without
-            an end goes the short way, to the value that differs by whole turns; where it
-            has to search, one of them may go the other way round.
+            an end goes the short way, to the value that differs by whole turns; where a way
+            has to be searched for, it may go the other way round.
         seed: Of everything random; equal queries give equal plans.
         timeout: Time there is [s]; it can only fail a plan, never change one.
         via: Points on the way, each as `goal`; passed in their order, without a stop where that
@@ -39,6 +40,13 @@ class Query:
     spare: float = 0.0
 
 
+def _numbers(what: str, values: ArrayLike, unit: str) -> NDArray[np.float64]:
+    try:
+        return readonly(values)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise BadQuery(f"The {what} {shown(values)} are not all numbers; give {unit}") from error
+
+
 @dataclass(frozen=True, eq=False)
 class Verify(Rebuilt):
     """Check a motion as it will be played.
@@ -50,6 +58,9 @@ class Verify(Rebuilt):
         times: When each row is reached (N,) [s]; None where it does not matter.
         timeout: Time there is [s].
         world: What stands around the arm, and what it holds.
+
+    Raises:
+        BadQuery: Configurations or times are not all numbers.
     """
 
     configurations: NDArray[np.float64] | Sequence[Sequence[float]]
@@ -59,9 +70,10 @@ class Verify(Rebuilt):
     world: World = EMPTY
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "configurations", readonly(self.configurations))
+        rows = _numbers("configurations", self.configurations, "radians")
+        object.__setattr__(self, "configurations", rows)
         if self.times is not None:
-            object.__setattr__(self, "times", readonly(self.times))
+            object.__setattr__(self, "times", _numbers("times", self.times, "seconds"))
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,12 +5,15 @@ planning", ICRA 2000; here OMPL's, whose objects leak when they refer to each ot
 that one space serves all searches of a group.
 """
 
+from itertools import chain, combinations, islice
+
 import numpy as np
 from numpy.typing import NDArray
 from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
+from .arrays import norms
 from .errors import NoPath
 from .space import Space
 
@@ -20,6 +23,7 @@ ou.setLogLevel(ou.LogLevel.LOG_NONE)
 
 _ITERATIONS = 5_000  # a count, not a time: the same query must give the same path
 _RANGE = 0.7  # longest new branch [rad]
+_GOALS = 64  # ways round to one goal: all of up to six joints
 
 
 class Search:
@@ -41,9 +45,16 @@ class Search:
         self._information.setStateValidityChecker(_any)
 
     def other_ways(self, start: Array, goal: Array) -> Array:
-        """A goal, and where one joint without an end turns to it the other way (G, J) [rad]."""
-        turns = np.where(self.turning, np.sign(goal - start), 0.0)
-        return np.vstack([goal, (goal - 2.0 * np.pi * np.diag(turns))[turns != 0.0]])
+        """A goal, and the same where joints without an end turn the other way (G, J) [rad].
+
+        The nearest first, as the search tries them in turn.
+        """
+        back = np.where(self.turning, 2.0 * np.pi * np.sign(goal - start), 0.0)
+        joints = np.flatnonzero(back)
+        some = chain.from_iterable(combinations(joints, n) for n in range(len(joints) + 1))
+        chosen = [np.isin(np.arange(len(goal)), those) for those in islice(some, _GOALS)]
+        goals = goal - np.array(chosen) * back
+        return goals[np.argsort(norms(goals - start), kind="stable")]
 
     def find(self, space: Space, start: Array, goals: Array, seed: int) -> Array:
         """A path of free edges from start to one of the goals (N, J) [rad].

@@ -9,13 +9,9 @@ from numpy.typing import NDArray
 
 from .curve import Curve
 from .profile import Profile
+from .toppra_timing import fastest
 
 Array = NDArray[np.float64]
-
-
-def load() -> None:
-    """Import TOPP-RA, which takes 0.7 s and is needed for bends only."""
-    from . import toppra_timing  # noqa: F401
 
 
 def timed(curve: Curve, velocity: Array, acceleration: Array) -> Profile | None:
@@ -46,8 +42,6 @@ def _section(
     """Between two stops: in closed form where it is one line, by TOPP-RA where it is not."""
     inside = [place for place in curve.breaks.tolist() if begin < place < end]
     if inside:
-        from .toppra_timing import fastest  # see `load`
-
         return fastest(curve, np.array([begin, *inside, end]), velocity, limits)
     piece = np.searchsorted(curve.breaks, begin, side="right") - 1
     return trapezoid(begin, end, *_along(abs(curve.slope[piece]), velocity, limits))

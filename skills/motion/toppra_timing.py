@@ -13,11 +13,10 @@ rounds; what is left of that is taken out by slowing the whole motion.
 
 import numpy as np
 from numpy.typing import NDArray
-from toppra.constraint import LinearConstraint
-from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 from .curve import Curve
 from .profile import Profile
+from .toppra_parts import LinearConstraint, seidelWrapper
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,5 @@
 """The last check: the motion as it will be played, between its rows too."""
 
-import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -8,8 +7,8 @@ from numpy.typing import NDArray
 
 from .contacts import Contacts
 from .deadline import Deadline
-from .ends import FARTHEST
-from .errors import BadQuery, MotionCollides, NotFinite
+from .ends import FARTHEST, is_number
+from .errors import BadQuery, MotionCollides, NotFinite, shown
 from .query import Verify
 from .space import LEAST_STEP
 
@@ -71,8 +70,8 @@ def _checked(request: Verify, joints: Sequence[str]) -> tuple[Array, Array | Non
         raise BadQuery(f"The configurations have the shape {rows.shape}; give {wanted}")
     if times is not None and np.shape(times) != (len(rows),):
         raise BadQuery(f"There are {np.size(times)} times for {len(rows)} rows; give one for each")
-    if not (math.isfinite(margin) and margin >= 0.0):
-        raise BadQuery(f"The margin is {margin} m; give a finite number from 0")
+    if not is_number(margin, 0.0, FARTHEST):
+        raise BadQuery(f"The margin is {shown(margin)} m; give a number from 0 to {FARTHEST:g}")
     for row, column in np.argwhere(~np.isfinite(rows)):
         raise NotFinite(f"row {row}", joints[column], float(rows[row, column]))
     for row, column in np.argwhere(abs(rows) > FARTHEST):
