@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from executive import goals
-from executive.server import bridge, connections
+from executive.server import bridge, connections, turns
 from executive.server import rosbridge as ros
 from tests.javascript import PEERS, without_node
 from tests.serving import Serve, Served
@@ -319,6 +319,33 @@ def test_a_flood_of_messages_waits_its_turn_and_holds_up_nobody(serve: Serve) ->
         say(other, op="nothing", id="done")
         assert heard(other, "status")["id"] == "done"
         assert heard(flooding, "status")["id"] == "last"
+
+
+@pytest.mark.parametrize(
+    "cancel",
+    [
+        {"op": "cancel_action_goal", "action": "/task_server", "id": "a"},
+        {"op": "cancel_action_goal", "action": "/task_server", "id": "a" * 300},
+        {"op": "call_service", "service": "/task_server/_action/cancel_goal"},
+    ],
+    ids=["by name", "by a long name", "all"],
+)
+def test_a_cancel_waits_for_no_turn(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, cancel: dict[str, str]
+) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as flooding, websocket(served) as client:
+        goal = {"id": cancel.get("id", "a"), "args": {"task_number": 10}, "feedback": True}
+        say(client, **GOAL, **goal)
+        heard(client, "action_feedback")
+        monkeypatch.setattr(turns, "REST", 1e9)
+        say(flooding, op="nothing")  # it is let in; that was enough for years
+        heard(flooding, "status")
+        for _ in range(100):
+            say(flooding, op="nothing")
+        say(client, **cancel)
+        assert heard(client, "action_result")["status"] == 5
+        served.stop()  # it would not hear for years, either, that they leave
 
 
 def test_who_reads_nothing_is_cut_off(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
