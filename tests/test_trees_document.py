@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trees import FileError, Place
+from trees import FileError, Mistake, Place
 from trees.document import MAX_BYTES, MAX_DEPTH, MAX_MISTAKES, read_document, read_text
 
 FILE = Path("x.yaml")
@@ -136,6 +136,13 @@ def test_what_is_wrong_has_its_place(text: str, line: int, column: int, words: s
     assert words in mistake.message
     assert (mistake.place.line, mistake.place.column) == (line, column)
     assert len(str(caught.value)) < 300
+
+
+def test_of_what_is_too_long_the_middle_is_left_out() -> None:
+    endless = "x" * 60_000
+    mistake = Mistake(Place(Path(endless), 0, 0, endless), f"no {endless}; there are a, b")
+    assert len(str(mistake)) < 1000
+    assert str(mistake).endswith("; there are a, b")
 
 
 def test_so_many_mistakes_that_nobody_reads_on() -> None:
