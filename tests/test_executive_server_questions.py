@@ -34,6 +34,7 @@ def test_an_answer_lets_the_task_go_on(serve: Serve) -> None:
     with served.client() as client:
         goal, question = asked(client)
         assert client.questions() == (OpenQuestion(question, "Free?", ("yes", "no")),)
+        assert client.status().phase == "asking"
         assert client.answer(question, "Y") == "yes"
         assert client.result(goal).success
         assert client.questions() == ()
