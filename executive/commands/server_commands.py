@@ -62,7 +62,7 @@ TCP_PORT = 8765
     default=900.0,
     show_default=True,
     metavar="SECONDS",
-    help="How long results are kept; -1: until 1000 others have come.",
+    help="How long results are kept; 0: not at all, -1: until 1000 others have come.",
 )
 @click.option(
     "--host", "hosts", multiple=True, help="Another name of this server: NAME or NAME:PORT."
