@@ -94,7 +94,10 @@ def test_the_command_answers(serve: Serve) -> None:
         wrong = armtree(served, "answer", "01234567", "yes")  # never taken for the other's answer
         assert wrong.returncode == 4
         assert "01234567 is not known" in wrong.stderr
-        assert armtree(served, "answer", "yes").stdout == "yes\n"
+        listed = {"question_id": question, "text": "Free?", "choices": ["yes", "no"]}
+        assert json.loads(armtree(served, "answer", "--json").stdout) == {"questions": [listed]}
+        counts = json.loads(armtree(served, "answer", "y", "--json").stdout)
+        assert counts == {"question_id": question, "answer": "yes"}
         assert client.result(goal).success
 
 
