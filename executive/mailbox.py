@@ -48,13 +48,13 @@ class Mailbox:
             self._signal.notify()
 
     def resume(self, step: bool = False) -> bool:
-        """Ask to go on; false where it does not stand still.
+        """Ask to go on, also past the end of a step; false where it goes on already.
 
         Args:
             step: Whether only up to the next node that begins.
         """
         with self._signal:
-            if not self._paused:
+            if not (self._paused or (self._stepping and not step)):
                 return False
             self._paused, self._stepping = False, step
             self._woken = True  # what waits to begin needs a tick, also where no pause was made yet

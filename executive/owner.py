@@ -18,7 +18,7 @@ from .building.arguments import BadArguments, located
 from .building.builder import Tree, build
 from .causes import cause_of
 from .codes import OK
-from .errors import GoalError
+from .errors import GoalError, OwnerHeld
 from .goal import Cause, Goal, GoalState, Outcome
 from .goals import NOBODY, Goals, Policy
 from .mailbox import Mailbox
@@ -29,6 +29,9 @@ from .stack import node_at_work
 from .verdict import judge
 
 logger = logging.getLogger(__name__)
+
+# So long may skills go on to judge a goal that was canceled [s]; nothing moves for it yet.
+_JUDGED = 5.0
 
 _OURS = (HardwareError, SkillError, MotionError, TreeError, GoalError, logs.LogError)
 
@@ -87,6 +90,7 @@ class Owner:
         self._ended = self._held = False
         self._thread: Thread | None = None
         self._tree: Tree | None = None  # that it may be in
+        self._judged: Goal | None = None  # whose tree is being built
 
     def start(self) -> None:
         """Begin to execute."""
@@ -143,10 +147,13 @@ class Owner:
             self._signal.notify()
 
     def _execute(self, attempt: _Attempt) -> None:
+        self._judged = attempt.goal
         self._try(attempt, self._build)
-        self._try(attempt, self._open)
-        if attempt.error is None:
-            self._try(attempt, self._run)
+        self._judged = None
+        if attempt.goal.outcome is None:  # else it was given up meanwhile
+            self._try(attempt, self._open)
+            if attempt.error is None:
+                self._try(attempt, self._run)
         self._end(attempt)
         self._discard(attempt)
 
@@ -239,18 +246,30 @@ class Owner:
 
     def _watch(self, goal: Goal) -> None:
         deadline = CANCEL_DEADLINE + self._arm.robot.brake
-        if self._goals.ends_in(goal, deadline) or not goal.mailbox.ticking:
+        if self._goals.ends_in(goal, deadline):
             return
-        node = self._node_at_work()
-        late = CancelTimeout(
-            f"the tree of task {goal.task} did not stop within {deadline * 1000:.0f} ms: "
-            f"the code of {node or 'a skill'} does not return"
-        )
-        outcome = self._outcome(goal, GoalState.ABORTED, cause_of(late, node))
-        self._arm.fault(late)
+        if goal.mailbox.ticking:
+            node = self._node_at_work()
+            late = CancelTimeout(
+                f"the tree of task {goal.task} did not stop within {deadline * 1000:.0f} ms: "
+                f"the code of {node or 'a skill'} does not return"
+            )
+            self._give_up(goal, cause_of(late, node), late)
+        elif self._judges(goal) and not self._goals.ends_in(goal, _JUDGED) and self._judges(goal):
+            self._give_up(goal, cause_of(OwnerHeld(goal.identity, goal.task, "")))
+
+    def _judges(self, goal: Goal) -> bool:
+        return self._judged is goal
+
+    def _give_up(self, goal: Goal, cause: Cause, fault: CancelTimeout | None = None) -> None:
+        """End a goal whose skills hold the owner; the arm fails where they may move it."""
+        outcome = self._outcome(goal, GoalState.ABORTED, cause)
+        if fault:
+            self._arm.fault(fault)
         if self._goals.give_up(goal, outcome):
             _log_end(goal, outcome)
-            self._recordings.tell(record_of(goal.identity, outcome, self._clock.now()))
+            if fault:  # else it has no recording of its own yet
+                self._recordings.tell(record_of(goal.identity, outcome, self._clock.now()))
             with self._signal:
                 self._held = True
                 self._signal.notify()

@@ -16,7 +16,7 @@ class Reached(NamedTuple):
 
     Attributes:
         percentage: Of the frames; None while none are scheduled.
-        phase: planning, executing, paused or succeeded.
+        phase: planning, executing, asking, waiting, paused or succeeded.
         node: Name of the skill at work.
         attempt: From 1; a retry begins another one.
     """
@@ -52,7 +52,8 @@ class Progress:
         before = self._told.percentage if attempt == self._told.attempt else None
         percentage = self._percentage(before)
         name = running.name if running else self._tree.root.name
-        phase = "paused" if paused else "planning" if percentage is None else "executing"
+        doing = "paused" if paused else running.doing if running else ""
+        phase = doing or ("planning" if percentage is None else "executing")
         return self._tell(Reached(percentage, phase, name, attempt))
 
     def done(self) -> Reached:

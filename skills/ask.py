@@ -27,6 +27,7 @@ class Ask(Skill):
     """Ask the operator, and wait for the answer; fail without one, or with another than wanted."""
 
     judges_parts = True
+    doing = "asking"
 
     INPUT_PORTS = {
         "question": Port(str, description="what to ask"),

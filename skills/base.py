@@ -123,6 +123,8 @@ class Skill(BehaviourWithPorts):
         pure: Whether its answer follows from its inputs alone.
         judges_parts: Whether `judge` is also handed inputs of which only a part is known: Positions
             with `unknown` joints, and None for an item of a list.
+        doing: What is going on while it is at work, such as `waiting`; empty for what it does for
+            motions: `planning` until one is scheduled, then `executing`.
         may_fail: Whether it can fail.
         may_succeed: Whether it can succeed.
         failure: Why it failed last, if it did.
@@ -134,6 +136,7 @@ class Skill(BehaviourWithPorts):
     condition = False
     pure = False
     judges_parts = False
+    doing = ""
     may_fail = True
     may_succeed = True
 

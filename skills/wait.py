@@ -14,6 +14,7 @@ class Wait(Skill):
     """Wait for a while."""
 
     may_fail = False
+    doing = "waiting"
 
     INPUT_PORTS = {
         "duration": Port(float, description="how long [s]", unit="s", least=0.0, most=86_400.0)

@@ -9,12 +9,15 @@ from py_trees.common import Status
 import logs
 from executive.goal import GoalState
 from executive.goals import Policy
-from hardware import State
+from hardware import Clock, RealClock, State
 from skills import Skill, skill
 from tests.conftest import RigMaker
 from tests.server_acts import at_frame, run
 
-_NAMES = ("leaves", "Leaves", "Doubts", "Hangs", "Unsure", "Lost", "Restless", "Unmade", "Timeless")
+_NAMES = (
+    *("leaves", "Leaves", "Doubts", "Hangs", "Unsure", "Lost", "Restless", "Unmade", "Timeless"),
+    "Ponders",
+)
 
 
 @skill
@@ -109,6 +112,21 @@ class Timeless(Skill):
     @classmethod
     def shortest(cls, *_: object) -> float:
         raise ValueError("no idea")
+
+
+class Ponders(Skill):
+    """Judges for an hour."""
+
+    clock: Clock = RealClock()
+
+    def on_start(self) -> Status:
+        return Status.SUCCESS
+
+    @classmethod
+    def judge(cls, *_: object) -> None:
+        signal, until = cls.clock.signal(), cls.clock.now() + 3600.0
+        with signal:
+            signal.wait(until)
 
 
 @pytest.fixture
@@ -218,6 +236,23 @@ def test_a_server_ends_though_something_never_returns(server: RigMaker, tasks: P
     assert arm.clock.now() - begun < 60.0
     assert arm.executive.result(goal).code == "hw.cancel_timeout"
     arm.rest(3600.0)
+
+
+def test_what_judges_for_ever_does_not_outlive_a_cancel(
+    server: RigMaker, tasks: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = server(tasks=tasks)
+    monkeypatch.setattr(Ponders, "clock", arm.clock)
+    goal = arm.executive.send(49).identity
+    arm.rest(1.0)
+    arm.executive.cancel(goal)
+    outcome = arm.executive.result(goal, 60.0)
+    assert (outcome.state, outcome.code) == (GoalState.ABORTED, "server.held")
+    assert "does not return" in outcome.message
+    assert arm.executive.send(1).code == "server.held"
+    assert arm.executive.snapshot().arm is State.ACTIVE
+    arm.rest(7200.0)
+    assert run(arm, 1).success
 
 
 @pytest.mark.parametrize("policy", Policy)

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -118,6 +119,24 @@ def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
     events = [json.loads(line) for line in told.splitlines()]
     assert events[-1]["event"] == "result"
     assert {"goal", "node", "feedback"} <= {event["event"] for event in events}
+
+
+def test_in_json_too(typed: tuple[Served, Typed]) -> None:
+    _, type_in = typed
+
+    def told(*words: str) -> dict[str, Any]:
+        (line,) = type_in(*words, "--json")[1].splitlines()
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    assert told("arm", "activate") == {"arm": "active"}
+    assert told("arm", "activate")["code"] == "hw.transition_refused"
+    assert told("step")["code"] == "goal.not_executing"
+    assert told("break") == {"breakpoints": []}
+    assert told("break", "pick") == {"breakpoints": ["pick"]}
+    assert told("answer") == {"questions": []}
+    goal = told("send", "10")["goal_id"]
+    assert told("pause")["goal_id"] == told("resume", goal)["goal_id"] == goal
 
 
 def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:

@@ -366,3 +366,26 @@ def test_a_step_in_the_middle_of_a_motion_ends_before_the_next_skill(rig: RigMak
     (outcome,) = arm.run(1)
     assert outcome.success
     assert waited == ["Succeed"]
+
+
+def test_a_step_under_way_can_be_gone_on_with_past_its_end(rig: RigMaker) -> None:
+    arm = rig()
+
+    def act() -> None:
+        goal = running(arm)
+        arm.executive.pause(goal)
+        arm.executive.step(goal)
+        with pytest.raises(NotPaused):
+            arm.executive.step(goal)
+        arm.executive.resume(goal)
+        with pytest.raises(NotPaused):
+            arm.executive.resume(goal)
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 10:
+            arm.soon(act)
+
+    arm.on_record = watch
+    (outcome,) = arm.run(1)
+    assert outcome.success
+    assert "waits to begin" not in {node.message for node in arm.told(logs.NodeStatus)}

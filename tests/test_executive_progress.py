@@ -42,12 +42,24 @@ tree:
 """
 
 
+WAIT = """\
+task: 17
+name: wait
+description: A wait.
+tree:
+  sequence:
+    - Wait: {duration: 1 s}
+    - Fail: {reason: meant}
+"""
+
+
 @pytest.fixture
 def tasks(tmp_path: Path) -> Path:
     folder = tmp_path / "tasks"
     folder.mkdir()
     (folder / "15_swings.yaml").write_text(REPEAT)
     (folder / "16_stubborn.yaml").write_text(RETRY)
+    (folder / "17_wait.yaml").write_text(WAIT)
     return folder
 
 
@@ -131,3 +143,10 @@ def test_what_is_canceled_stays_where_it_was(rig: RigMaker) -> None:
     arm.on_record = watch
     arm.run(1)
     assert (check(arm)[-1].percentage or 0) < 60
+
+
+def test_a_wait_is_no_planning(rig: RigMaker, tasks: Path) -> None:
+    arm = rig(tasks=tasks)
+    arm.run(17)
+    told = [(each.percentage, each.phase, each.node) for each in arm.told(logs.Feedback)]
+    assert told == [(None, "waiting", "Wait")]

@@ -1,5 +1,6 @@
 """One executive for many: what becomes of second goals, cancels from everywhere, the recordings."""
 
+import gc
 import logging
 from pathlib import Path
 
@@ -158,6 +159,13 @@ def test_a_port_that_is_missing_is_logged_once(
     prepare(arm.executive, activate=True)
     assert arm.executive.snapshot().arm is State.INACTIVE
     assert len([each for each in caplog.records if each.levelno >= logging.ERROR]) == 1
+
+
+def test_what_is_loaded_is_not_looked_through_for_garbage(server: RigMaker) -> None:
+    gc.unfreeze()
+    prepare(server(active=False).executive, activate=True)
+    assert gc.get_freeze_count() > 0
+    gc.unfreeze()
 
 
 def test_how_things_are(server: RigMaker) -> None:

@@ -12,13 +12,15 @@ from typing import Any
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.frames import Frame, Opcode
 from websockets.sync.client import ClientConnection, connect
 
 from executive import goals
-from executive.server import bridge, connections
+from executive.server import bridge, connections, turns
 from executive.server import rosbridge as ros
 from tests.javascript import PEERS, without_node
 from tests.serving import Serve, Served
+from tests.strangers import raw
 
 pytest_plugins = ["tests.server_fixtures"]
 
@@ -94,6 +96,11 @@ def told_until_complaint(connection: ClientConnection) -> list[list[int]]:
         told.append([goal["status"] for goal in message["msg"]["status_list"]])
     return told
 
+
+UPGRADE = (
+    *("connection: upgrade", "upgrade: websocket", "sec-websocket-version: 13"),
+    "sec-websocket-key: AAAAAAAAAAAAAAAAAAAAAA==",
+)
 
 GOAL = {
     "op": "send_action_goal",
@@ -321,6 +328,33 @@ def test_a_flood_of_messages_waits_its_turn_and_holds_up_nobody(serve: Serve) ->
         assert heard(flooding, "status")["id"] == "last"
 
 
+@pytest.mark.parametrize(
+    "cancel",
+    [
+        {"op": "cancel_action_goal", "action": "/task_server", "id": "a"},
+        {"op": "cancel_action_goal", "action": "/task_server", "id": "a" * 300},
+        {"op": "call_service", "service": "/task_server/_action/cancel_goal"},
+    ],
+    ids=["by name", "by a long name", "all"],
+)
+def test_a_cancel_waits_for_no_turn(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, cancel: dict[str, str]
+) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as flooding, websocket(served) as client:
+        goal = {"id": cancel.get("id", "a"), "args": {"task_number": 10}, "feedback": True}
+        say(client, **GOAL, **goal)
+        heard(client, "action_feedback")
+        monkeypatch.setattr(turns, "REST", 1e9)
+        say(flooding, op="nothing")  # it is let in; that was enough for years
+        heard(flooding, "status")
+        for _ in range(100):
+            say(flooding, op="nothing")
+        say(client, **cancel)
+        assert heard(client, "action_result")["status"] == 5
+        served.stop()  # it would not hear for years, either, that they leave
+
+
 def test_who_reads_nothing_is_cut_off(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bridge, "MOST_UNSENT", 5)
     served = serve(rosbridge=True)
@@ -334,3 +368,24 @@ def test_who_reads_nothing_is_cut_off(serve: Serve, monkeypatch: pytest.MonkeyPa
                 pass
         assert connection.close_reason == "too slow"
         assert client.run(11).success
+
+
+def test_who_is_gone_before_it_is_sent_away_is_no_error(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(bridge, "MOST_UNSENT", 40)
+    monkeypatch.setattr(connections, "STALL_SECONDS", 0.5)
+    served = serve(rosbridge=True)
+    asks = ("GET / HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", *UPGRADE, "")
+    wish = {"op": "subscribe", "topic": "/task_server/_action/status"}
+    frame = Frame(Opcode.TEXT, json.dumps(wish).encode()).serialize(mask=True)
+    with served.client() as client:
+        for _ in range(100):
+            served.executive.result(served.executive.send(11).identity)
+        with raw(served, *asks) as connection, suppress(OSError):
+            assert b" 101 " in connection.recv(1000)
+            connection.sendall(frame * 900)  # none of the answers is read
+            while client.status() and served.server.connections > 1:
+                pass
+        assert client.run(11).success
+    assert not [each.message for each in caplog.records if each.exc_info]

@@ -1,6 +1,7 @@
 """Many at once: whoever they are, the stop is answered and the arm in motion notices nothing."""
 
 import contextlib
+import logging
 import threading
 
 import pytest
@@ -87,6 +88,15 @@ def test_an_arm_in_motion_notices_nothing(serve: Serve) -> None:
         pest.join()
     assert len(sent) == outcome.frames
     assert all(frame.scheduled is not None for frame in sent)
+
+
+def test_a_stop_of_nothing_is_logged_but_does_not_fill_the_log(
+    serve: Serve, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    served = serve()
+    assert all(stops(served) for _ in range(20))
+    assert sum("no goal was under way" in each.message for each in caplog.records) == 3
 
 
 def test_too_many_requests_but_never_too_many_stops(

@@ -124,6 +124,18 @@ def test_an_error_quotes_only_so_much_of_what_was_sent(serve: Serve) -> None:
         status, error = served.ask("POST", "/api/goals", body)
         assert status in (400, 422)
         assert len(json.dumps(error)) < 600
+    for argument in ({"x" * 60_000: 1}, {"speed": "!" + "x" * 60_000}):
+        status, error = served.ask("POST", "/api/goals", {"task": 11, "arguments": argument})
+        assert status == 409
+        assert len(json.dumps(error)) < 2500
+    long = "x" * 60_000
+    for path, headers in (
+        (f"/api/{long}", {}),
+        (f"/api/goals?{long}=1", {}),
+        ("/api/goals", {"origin": long}),
+        ("/api/goals", {"host": long}),
+    ):
+        assert len(json.dumps(served.ask("GET", path, headers=headers)[1])) < 600
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,7 @@ def test_an_answer_lets_the_task_go_on(serve: Serve) -> None:
     with served.client() as client:
         goal, question = asked(client)
         assert client.questions() == (OpenQuestion(question, "Free?", ("yes", "no")),)
+        assert client.status().phase == "asking"
         assert client.answer(question, "Y") == "yes"
         assert client.result(goal).success
         assert client.questions() == ()
@@ -93,7 +94,10 @@ def test_the_command_answers(serve: Serve) -> None:
         wrong = armtree(served, "answer", "01234567", "yes")  # never taken for the other's answer
         assert wrong.returncode == 4
         assert "01234567 is not known" in wrong.stderr
-        assert armtree(served, "answer", "yes").stdout == "yes\n"
+        listed = {"question_id": question, "text": "Free?", "choices": ["yes", "no"]}
+        assert json.loads(armtree(served, "answer", "--json").stdout) == {"questions": [listed]}
+        counts = json.loads(armtree(served, "answer", "y", "--json").stdout)
+        assert counts == {"question_id": question, "answer": "yes"}
         assert client.result(goal).success
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trees import FileError, Place
+from trees import FileError, Mistake, Place
 from trees.document import MAX_BYTES, MAX_DEPTH, MAX_MISTAKES, read_document, read_text
 
 FILE = Path("x.yaml")
@@ -169,6 +169,13 @@ def test_any_json_is_read_or_refused_in_words_that_can_be_written(value: Any) ->
     except FileError as error:
         told = str(error)
     told.encode("utf-8")  # else UnicodeEncodeError
+
+
+def test_of_what_is_too_long_the_middle_is_left_out() -> None:
+    endless = "x" * 60_000
+    mistake = Mistake(Place(Path(endless), 0, 0, endless), f"no {endless}; there are a, b")
+    assert len(str(mistake)) < 1000
+    assert str(mistake).endswith("; there are a, b")
 
 
 def test_so_many_mistakes_that_nobody_reads_on() -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 _SHOWN = 20  # mistakes in a message
 _BEFORE, _WIDTH = 40, 76  # how much of a line is shown
+_BEGIN, _END = 600, 200  # how much of a mistake's words, where they quote a text without end
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class Place:
         shown = self.lines[self.line - 1][begin : begin + _WIDTH].replace("\t", " ")
         printable = "".join(c if c.isprintable() else "?" for c in shown)
         pointer = f"{' ' * (self.column - 1 - begin)}^ {self.way}".rstrip()
-        return f"    {printable}\n    {pointer}"
+        return f"    {printable}\n    {_cut(pointer)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,13 @@ class Mistake:
 
     def __str__(self) -> str:
         excerpt = self.place.excerpt
-        return f"{self.place}: {self.message}" + (f"\n{excerpt}" if excerpt else "")
+        return _cut(f"{self.place}: {self.message}") + (f"\n{excerpt}" if excerpt else "")
+
+
+def _cut(words: str) -> str:
+    """What there is to say without its middle, where that is long."""
+    whole = len(words) <= _BEGIN + _END
+    return words if whole else f"{words[:_BEGIN]} … {words[-_END:]}"
 
 
 class TreeError(Exception):

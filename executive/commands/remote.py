@@ -105,8 +105,11 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
     raise _ended()
 
 
-def reply(client: Client, words: Sequence[str]) -> str:
+def reply(client: Client, words: Sequence[str], as_json: bool) -> str:
     """Answer a question, the only one where no id is given; without words, list what is asked.
+
+    Returns:
+        The answer that counts, or the list; as the server puts it where JSON is wanted.
 
     Raises:
         UsageError: It is not clear which is meant.
@@ -114,13 +117,18 @@ def reply(client: Client, words: Sequence[str]) -> str:
     """
     asked = client.questions()
     if not words:
-        return "\n".join(map(str, asked)) or "nothing is asked"
+        listed = "\n".join(map(str, asked)) or "nothing is asked"
+        questions = [dataclasses.asdict(each) for each in asked]
+        return json.dumps({"questions": questions}) if as_json else listed
     if _QUESTION_ID.fullmatch(words[0]):
-        return client.answer(words[0], " ".join(words[1:]))
-    if len(asked) != 1:
+        question, *words = words
+    elif len(asked) == 1:
+        question = asked[0].question_id
+    else:
         there = "; ".join(map(str, asked))
         raise click.UsageError(f"give an id: {there}" if there else "nothing is asked")
-    return client.answer(asked[0].question_id, " ".join(words))
+    counts = client.answer(question, " ".join(words))
+    return json.dumps({"question_id": question, "answer": counts}) if as_json else counts
 
 
 def _refused(task: int, error: Refused, view: View) -> Outcome:

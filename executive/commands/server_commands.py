@@ -62,7 +62,7 @@ TCP_PORT = 8765
     default=900.0,
     show_default=True,
     metavar="SECONDS",
-    help="How long results are kept; -1: until 1000 others have come.",
+    help="How long results are kept; 0: not at all, -1: until 1000 others have come.",
 )
 @click.option(
     "--host", "hosts", multiple=True, help="Another name of this server: NAME or NAME:PORT."
@@ -238,76 +238,91 @@ def watch(as_json: bool, server: str | None) -> None:
     type=click.Choice(["configure", "activate", "deactivate", "cleanup", "shutdown"]),
 )
 @pose_option
+@json_option
 @server_option
-def arm(transition: str, pose: str | None, server: str | None) -> None:
+def arm(transition: str, pose: str | None, as_json: bool, server: str | None) -> None:
     """Take a server's arm through its lifecycle; activate opens the port, which moves the arm."""
     from executive.client import Client
 
-    with Client(server) as client:
-        click.echo(client.arm(transition, pose))
+    from .remote import errors_told
+
+    with errors_told(as_json), Client(server) as client:
+        state = client.arm(transition, pose)
+    click.echo(json.dumps({"arm": state}) if as_json else state)
 
 
-def _change(verb: str, goal_id: str, server: str | None) -> None:
+def _change(verb: str, goal_id: str, as_json: bool, server: str | None) -> None:
     from executive.client import Client, Refused
+    from executive.events import as_goal
 
-    with Client(server) as client:
+    from .remote import errors_told
+
+    with errors_told(as_json), Client(server) as client:
         running = client.status().goal
         if not goal_id and running is None:
             raise Refused({"code": "goal.not_executing", "message": "no goal is under way"})
         goal = getattr(client, verb)(goal_id or (running and running.identity))
-    click.echo(f"task {goal.task} ({goal.identity})")
+    click.echo(json.dumps(as_goal(goal)) if as_json else f"task {goal.task} ({goal.identity})")
 
 
 @click.command()
 @goal_argument
+@json_option
 @server_option
-def pause(goal_id: str, server: str | None) -> None:
+def pause(goal_id: str, as_json: bool, server: str | None) -> None:
     """Stop a server's arm and keep the goal; without GOAL the one under way."""
-    _change("pause", goal_id, server)
+    _change("pause", goal_id, as_json, server)
 
 
 @click.command()
 @goal_argument
+@json_option
 @server_option
-def resume(goal_id: str, server: str | None) -> None:
+def resume(goal_id: str, as_json: bool, server: str | None) -> None:
     """Go on with a paused goal; without GOAL the one under way."""
-    _change("resume", goal_id, server)
+    _change("resume", goal_id, as_json, server)
 
 
 @click.command()
 @goal_argument
+@json_option
 @server_option
-def step(goal_id: str, server: str | None) -> None:
+def step(goal_id: str, as_json: bool, server: str | None) -> None:
     """Go on with a paused goal up to the next skill; without GOAL the one under way."""
-    _change("step", goal_id, server)
+    _change("step", goal_id, as_json, server)
 
 
 @click.command("break")
 @click.argument("node", required=False)
 @click.option("--off", is_flag=True, help="Have it no longer.")
+@json_option
 @server_option
-def break_at(node: str | None, off: bool, server: str | None) -> None:
+def break_at(node: str | None, off: bool, as_json: bool, server: str | None) -> None:
     """Have goals of a server pause before NODE, such as pick/Execute; without NODE list all."""
     from executive.client import Client
 
+    from .remote import errors_told
+
     if off and not node:
         raise click.UsageError("--off wants the NODE")
-    with Client(server) as client:
+    with errors_told(as_json), Client(server) as client:
         marked = client.break_at(node, not off) if node else client.status().breakpoints
-    click.echo("\n".join(marked) or "no breakpoints")
+    told = "\n".join(marked) or "no breakpoints"
+    click.echo(json.dumps({"breakpoints": marked}) if as_json else told)
 
 
 @click.command()
 @click.argument("words", nargs=-1, metavar="[ID] [WORDS]...")
+@json_option
 @server_option
-def answer(words: tuple[str, ...], server: str | None) -> None:
+def answer(words: tuple[str, ...], as_json: bool, server: str | None) -> None:
     """Answer what a server's task asks; without ID the only question, without WORDS list all."""
     from executive.client import Client
 
-    from .remote import reply
+    from .remote import errors_told, reply
 
-    with Client(server) as client:
-        click.echo(reply(client, words))
+    with errors_told(as_json), Client(server) as client:
+        click.echo(reply(client, words, as_json))
 
 
 COMMANDS = (serve, send, cancel, answer, pause, resume, step, break_at, status, watch, arm)

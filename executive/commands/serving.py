@@ -1,5 +1,6 @@
 """Everything that `armtree serve` needs, put together."""
 
+import gc
 import logging
 import logging.handlers
 import queue
@@ -131,6 +132,9 @@ def prepare(executive: Executive, activate: bool) -> None:
         logger.error("%s", error)
     except HardwareError as error:
         logger.debug("%s", error)  # the arm has logged it
+    # What is loaded by now stays: to look through it again and again would hold the streamer, and
+    # a stop, for 30 ms each time.
+    gc.freeze()
 
 
 def _announce(server: Server, options: ServeOptions) -> None:

@@ -35,7 +35,6 @@ MOST_STREAMS = 40  # requests that may last as long as their client stays
 # Requests a second, and at once, by whether they show the token; stops are not counted.
 LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
 STRANGERS_BYTES = 1024  # of the body of a cancel, from whoever does not show the token
-_QUOTED = 200  # characters of what was wrong, in an answer
 
 _URL = re.compile(r"(?i:http)://(?P<authority>[^/]*)(?P<path>/.*)?", re.DOTALL)
 _INTEGER = re.compile(r"-?[0-9]{1,20}")
@@ -206,7 +205,7 @@ async def _body(request: Request, check: Callable[[Any], Any]) -> Any:
     try:
         value = strict_json.parse(data) if data else {}
     except strict_json.NotJson as error:
-        raise BadRequest(f"no JSON: {_quoted(str(error))}") from error
+        raise BadRequest(f"no JSON: {error}") from error
     return _checked(check, value, "the body")
 
 
@@ -226,11 +225,7 @@ def _checked(check: Callable[[Any], Any], value: Any, whole: str) -> Any:
         where = name.removeprefix("data").lstrip(".") or whole
         title = error.definition.get("title")
         words = f"must be {title}" if title else error.message.removeprefix(name).strip()
-        raise BadRequest(_quoted(f"{where} {words}"), status=422) from error
-
-
-def _quoted(words: str) -> str:
-    return words if len(words) <= _QUOTED else f"{words[:_QUOTED]} …"
+        raise BadRequest(f"{where} {words}", status=422) from error
 
 
 async def _read(request: Request, most: int) -> bytes:

@@ -4,6 +4,7 @@ import asyncio
 import logging
 import uuid
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -161,7 +162,8 @@ class _Client:
                 _forget(topic)
             self._topics.clear()
             self._goals.clear()
-        await self._websocket.close(_POLICY_VIOLATION, self._sent_away.result())
+        with suppress(WebSocketDisconnect):  # it is gone by itself
+            await self._websocket.close(_POLICY_VIOLATION, self._sent_away.result())
 
     def goal_changed(self, goal: GoalStatus) -> None:
         """Tell of the end of a goal; once, and nothing of it after that."""

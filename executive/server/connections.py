@@ -13,6 +13,7 @@ import h11
 from uvicorn.protocols.http.h11_impl import STATUS_PHRASES, H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
+from websockets.utils import apply_mask
 
 from .errors import BadRequest, as_json
 from .security import SHOWS_TOKEN
@@ -24,6 +25,8 @@ STALL_SECONDS = 5.0  # a client that reads nothing for so long is cut off
 
 _STOP = re.compile(rb"POST (?:http://[^/ ]*)?/api/stop[/? ]")
 _CANCEL = re.compile(rb"POST (?:http://[^/ ]*)?/api/(cancel|goals/[0-9a-f]{32}/cancel)[? ]")
+_BRIDGED_CANCEL = re.compile(rb"cancel_action_goal|_action/cancel_goal")
+_TEXT = 0x81  # what the frame of a whole message of text begins with
 
 
 class State(ServerState):
@@ -49,9 +52,13 @@ class _Patient(asyncio.Protocol):
         self.turns = server_state.turns
 
     def data_received(self, data: bytes) -> None:
-        """Something has come."""
-        self.transport.pause_reading()
-        self.turns.wait(self, data, self.is_first(data))
+        """Something has come; a stop is taken in at once, unless it is behind something else."""
+        stop = 0 if self.turns.waits(self) else self.stop_in(data)
+        if stop:
+            self.take_in(data[:stop])
+        if more := data[stop:]:
+            self.transport.pause_reading()
+            self.turns.wait(self, more, self.is_first(more))
 
     def take_in(self, data: bytes) -> None:
         """Its turn has come."""
@@ -62,6 +69,10 @@ class _Patient(asyncio.Protocol):
     def is_first(self, data: bytes) -> bool:
         """Whether it need not stand in line with everybody."""
         return False
+
+    def stop_in(self, data: bytes) -> int:
+        """How long the stop is that this begins with [bytes]; 0 where it begins with none."""
+        raise NotImplementedError
 
     @property
     def full(self) -> bool:
@@ -100,6 +111,14 @@ class WebSocketConnection(_Patient, WebSocketsSansIOProtocol):
         # As much as asyncio reads at a time, so that not too many messages come in one turn.
         self.transport.max_size = PIECE  # type: ignore[attr-defined]
 
+    def stop_in(self, data: bytes) -> int:
+        """The first message, where it cancels goals.
+
+        What only looks like one, in the midst of a longer message, gets no further than that piece.
+        """
+        length, message = _first_message(data)
+        return length if _BRIDGED_CANCEL.search(message) else 0
+
     @property
     def full(self) -> bool:
         """Whether a message waits to be read."""
@@ -129,18 +148,15 @@ class HttpConnection(_Patient, H11Protocol):
         super().connection_lost(exc)
         self._asked()
 
-    def data_received(self, data: bytes) -> None:
-        """Something has come; a stop is taken in at once."""
-        if _STOP.match(data) and not self._under_way and not self.turns.waits(self):
-            self.take_in(data)
-        else:
-            super().data_received(data)
-
     def take_in(self, data: bytes) -> None:
         """Its turn has come."""
         super().take_in(data)
         if self.transport.get_protocol() is self:  # else a WebSocket has taken over
             self._watch()
+
+    def stop_in(self, data: bytes) -> int:
+        """All of it, where it asks for a stop."""
+        return len(data) if _STOP.match(data) and not self._under_way else 0
 
     def is_first(self, data: bytes) -> bool:
         """Whether it is a cancel, or of somebody who has shown the token."""
@@ -216,3 +232,16 @@ class HttpConnection(_Patient, H11Protocol):
             if isinstance(each, HttpConnection) and not (each is self or each.asks or each.leaving)
         ]
         min(idle, key=lambda each: (each.shows_token, each.since), default=self).transport.abort()
+
+
+def _first_message(data: bytes) -> tuple[int, bytes]:
+    """The frame of a short message that this begins with: its length [bytes], and the message."""
+    if len(data) < 2 or data[0] != _TEXT:
+        return 0, b""
+    length, head = data[1] & 0x7F, 2
+    if length == 126:
+        length, head = int.from_bytes(data[2:4]), 4
+    end = head + 4 + length
+    if length == 127 or len(data) < end:
+        return 0, b""
+    return end, apply_mask(data[head + 4 : end], data[head : head + 4])

@@ -12,6 +12,8 @@ from typing import Any
 
 from executive.causes import cause_of
 
+_LONGEST = 300  # characters of what was wrong, in an answer: a client's own words may be in it
+
 
 class RequestError(Exception):
     """A request that is refused before the executive hears of it.
@@ -29,7 +31,8 @@ class RequestError(Exception):
     def __init__(
         self, message: str, hint: str = "", status: int | None = None, code: str | None = None
     ) -> None:
-        super().__init__(message)
+        cut = message if len(message) <= _LONGEST else f"{message[:_LONGEST]} …"
+        super().__init__(cut)
         self.hint = hint
         self.status = status or self.status
         self.code = code or self.code

@@ -160,7 +160,7 @@ class Server:
         """Begin to answer."""
         self._end_events = self._executive.subscribe(self._hub.happened)
         self._questions.watch = self._hub.happened
-        self._stops = stops = Stops(self._executive)
+        self._stops = stops = Stops(self._executive, self._clock)
         api = Api(self._executive, stops, self._library, self._hub, self._questions)
         bridge = Bridge(self._executive, stops, self._hub, self._robot, self._clock)
         app = App(api, self._rules(), self._clock, bridge.serve if self._place.rosbridge else None)
