@@ -178,6 +178,11 @@ def test_of_what_is_too_long_the_middle_is_left_out() -> None:
     assert str(mistake).endswith("; there are a, b")
 
 
+def test_a_mistake_is_one_line_whoever_named_the_thing() -> None:
+    mistake = Mistake(Place(Path("argument a\nINFO all is well"), 0, 0), "no \x1b[2J")
+    assert str(mistake) == "argument a?INFO all is well: no ?[2J"
+
+
 def test_so_many_mistakes_that_nobody_reads_on() -> None:
     with pytest.raises(FileError) as caught:
         read("{" + ":," * 100_000 + "}")

@@ -43,9 +43,8 @@ class Place:
             return ""
         begin = max(0, self.column - 1 - _BEFORE)
         shown = self.lines[self.line - 1][begin : begin + _WIDTH].replace("\t", " ")
-        printable = "".join(c if c.isprintable() else "?" for c in shown)
         pointer = f"{' ' * (self.column - 1 - begin)}^ {self.way}".rstrip()
-        return f"    {printable}\n    {_cut(pointer)}"
+        return f"    {_printable(shown)}\n    {_cut(pointer)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +62,12 @@ class Mistake:
 def _cut(words: str) -> str:
     """What there is to say without its middle, where that is long."""
     whole = len(words) <= _BEGIN + _END
-    return words if whole else f"{words[:_BEGIN]} … {words[-_END:]}"
+    return _printable(words if whole else f"{words[:_BEGIN]} … {words[-_END:]}")
+
+
+def _printable(words: str) -> str:
+    """The words on one line, and in no colours of their own: a client's may be among them."""
+    return "".join(c if c.isprintable() else "?" for c in words)
 
 
 class TreeError(Exception):
