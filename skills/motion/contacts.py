@@ -236,17 +236,13 @@ class Contacts:
 
     def nearest(self, configuration: ArrayLike) -> Contact | None:
         """The nearest two links that may not touch (A,) [rad]; None where all may."""
-        row = np.asarray(configuration, dtype=np.float64)[None, :]
-        geometry = self.model.exact
+        row, geometry = np.asarray(configuration, dtype=np.float64)[None, :], self.model.exact
         if not len(geometry.collisionPairs):
             return None
-        coordinates = self._coordinates(row)[0]
-        pin.computeDistances(self.model.kinematics, self._data, geometry, self._shapes, coordinates)
-        distances = np.array([result.min_distance for result in self._shapes.distanceResults])
-        k = self._depths.deepest(distances, self._insides.pairs(coordinates))
+        k, distance = self._depths.nearest(self._coordinates(row)[0])
         pair = geometry.collisionPairs[k]
         names = [self.model.link(geometry, i) for i in (pair.first, pair.second)]
-        return Contact(names[0], names[1], float(distances[k]))
+        return Contact(names[0], names[1], distance)
 
     def _coordinates(self, configurations: Array) -> Array:
         if not np.isfinite(configurations).all():
