@@ -91,7 +91,8 @@ class Hulls:
 class Primitives:
     """The primitives of two links, and their memory.
 
-    Meshes are looked at one configuration at a time, which takes some milliseconds at worst. A pool
+    Meshes are looked at one configuration at a time, as that may take milliseconds, and first
+    whether they touch: whether they keep a margin takes up to a thousand times as long. A pool
     would copy them, which takes longer than most looks.
     """
 
@@ -100,8 +101,9 @@ class Primitives:
         shapes = [shape.geometry for shape in self._geometry.geometryObjects]
         self._meshed = any(isinstance(shape, coal.BVHModelBase) for shape in shapes)
         if self._meshed:
-            self._data, placed = self._kinematics.createData(), self._geometry.createData()
-            self._placed = placed
+            self._data, self._bare = self._kinematics.createData(), self._geometry.createData()
+            self._placed = placed = self._geometry.createData()
+            _requests(self._geometry, self._bare)
         else:
             self._pool = pin.GeometryPool(self._kinematics, self._geometry, 1)
             placed = self._pool.getGeometryData(0)
@@ -117,13 +119,19 @@ class Primitives:
             return _collide(self._pool, q, stop, BATCH, self._check)
         hits = np.zeros(len(q), bool)
         for i, row in enumerate(q):
-            self._check()
-            hits[i] = pin.computeCollisions(
-                self._kinematics, self._data, self._geometry, self._placed, row, True
-            )
+            hits[i] = self._hit(row, self._bare) or (margin > 0.0 and self._hit(row, self._placed))
             if stop and hits[i]:
                 break
         return hits
+
+    def touch(self, q: Array) -> bool:
+        """Whether meshes touch in one row (nq,); of others it is not asked."""
+        return self._meshed and self._hit(q, self._bare)
+
+    def _hit(self, q: Array, placed: pin.GeometryData) -> bool:
+        self._check()
+        model, data, geometry = self._kinematics, self._data, self._geometry
+        return bool(pin.computeCollisions(model, data, geometry, placed, q, True))
 
 
 def _collide(

@@ -230,8 +230,9 @@ class Contacts:
             return len(q), False
         first = int(doubts[0])
         here = q[first : first + 1]
-        close = outer.touching(here)
-        return first, any(self._of(k, True).hits(here, margin, stop=True)[0] for k in close)
+        close = [self._of(k, True) for k in outer.touching(here)]
+        touch = any(pair.touch(here[0]) for pair in close)
+        return first, touch or any(pair.hits(here, margin, stop=True)[0] for pair in close)
 
     def _near_by(self, q: Array, pair: int, margin: float, least: bool) -> NDArray[np.bool_]:
         """In which rows the hulls of a pair are nearer than a margin [m]."""

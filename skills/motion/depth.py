@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 _SHARE = 0.05  # to which a depth is told, but no finer than that [m]:
 _FINEST = 1e-4
 _CONTACTS = 50  # enough to show how two surfaces cut each other
-_LARGE = 20_000  # triangles of a mesh, of which no shorter way is looked for: each look takes 2 ms
+_LARGE = 20_000  # triangles of two; of more each look takes milliseconds, and there is but one
 _STILL = np.zeros(3)
 _FAR, _ANY, _ALL = coal.DistanceRequest(), coal.CollisionRequest(), coal.CollisionRequest()
 _ALL.enable_contact, _ALL.num_max_contacts = True, _CONTACTS
@@ -116,7 +116,7 @@ class Depths:
 
     def _large(self, pair: int) -> bool:
         ends, solids = self._model.exact.collisionPairs[pair], self._model.solids
-        return any(solids[i].size > _LARGE for i in (ends.first, ends.second) if i in solids)
+        return sum(solids[i].size for i in (ends.first, ends.second) if i in solids) > _LARGE
 
     def _ways(self, pair: int, out: Array) -> Iterator[Array]:
         """Which ways the second one may be soonest out: unit vectors (3,).
