@@ -41,7 +41,9 @@ def depth(held: Shape, there: Shape, shift: tuple[float, ...], turn: tuple[float
 def test_two_meshes_are_as_deep_as_they_are_and_the_error_says_so(mesh: Mesh) -> None:
     held = Body("held", mesh, HIGH, link="base_plate")
     there = Body("there", mesh, (0.09, 0.003, 0.802))
-    with pytest.raises(StartInCollision, match=r"held would be 10\.0 mm deep in there") as caught:
+    with pytest.raises(
+        StartInCollision, match=r"held would be up to 10\.0 mm deep in there"
+    ) as caught:
         Planner(ROBOT).plan(Query("arm", STAND, AWAY, world=World((held, there))))
     assert caught.value.distance == pytest.approx(-0.01, abs=1e-6)
 
@@ -78,3 +80,20 @@ def test_further_in_is_no_way_out(mesh: Mesh, tmp_path: Path) -> None:
     small, aside = cube(tmp_path, (0.01,)), (0.049, 0.0, 0.0)
     for held, there in ((small, mesh), (mesh, small)):
         assert depth(held, there, aside, (0.0, 0.0, 0.0, 1.0)) == pytest.approx(0.011, abs=1e-5)
+
+
+@given(st.floats(-0.12, 0.12), turns)
+def test_in_the_floor_it_is_that_of_the_solid(
+    mesh: Mesh, height: float, turn: tuple[float, ...]
+) -> None:
+    """Of a mesh with the floor coal tells that of any triangle."""
+    a, b, c, d = (np.array(turn) / np.linalg.norm(turn)).tolist()
+    found = []
+    for shape in (mesh, Box((EDGE,) * 3)):
+        held = Body("held", shape, (1.5, 0.0, height), (a, b, c, d), link="base_plate")
+        contacts = Contacts(Model(ROBOT, World((held,))))
+        nearest = contacts.nearest(ROBOT.boot_pose)
+        assert nearest
+        found.append((nearest.distance, contacts.first_hit([ROBOT.boot_pose], 0.005)))
+    assert found[0][0] == pytest.approx(found[1][0], abs=1e-6)
+    assert found[0][1] == found[1][1]

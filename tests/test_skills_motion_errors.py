@@ -38,7 +38,7 @@ def test_codes_are_distinct() -> None:
 
 
 def test_collision_says_how_deep_or_how_near() -> None:
-    assert "hand would be 12.0 mm deep in floor" in str(ERRORS[6])
+    assert "hand would be up to 12.0 mm deep in floor" in str(ERRORS[6])
     assert "hand would come within 3.1 mm of base (5.0 mm must be kept)" in str(ERRORS[7])
     assert "At 1.25 s into the motion" in str(ERRORS[11])
 

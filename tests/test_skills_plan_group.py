@@ -94,7 +94,7 @@ def test_the_gripper_blames_the_arms_goal_where_it_begins(bench: Bench) -> None:
     bench.desk.jobs[0].answer(StartInCollision("base_plate", "horizontal_arm", -0.009, 0.005))
     skill.tick_once()
     assert isinstance(skill.failure, GoalInCollision)
-    assert skill.feedback_message.startswith("At the goal, base_plate would be 9.0 mm deep")
+    assert skill.feedback_message.startswith("At the goal, base_plate would be up to 9.0 mm deep")
 
 
 def test_halted(bench: Bench, skill: PlanArm) -> None:

@@ -1,22 +1,20 @@
 """Does the arm touch anything? Many configurations at a time."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
-import coal
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from .batch import BATCH, Hulls, Primitives
+from .deadline import Deadline
 from .depth import Depths
 from .errors import NotFinite
 from .inside import Insides
 from .model import Model
 
 Array = NDArray[np.float64]
-
-BATCH = 500  # configurations in one call, which nothing can interrupt: about 1 ms
 
 
 class Contact(NamedTuple):
@@ -62,17 +60,35 @@ class Contacts:
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        self._deadline: Deadline | None = None
         self.pairs = frozenset(range(len(model.outer.collisionPairs)))
         self._outers = {
-            (every, least): _Outer(model, self.pairs if every else frozenset())
+            (every, least): Hulls(model, self.pairs if every else frozenset(), self._check)
             for every in (True, False)
             for least in (True, False)
         }
-        self._exact = dict[tuple[int, bool], _Exact]()
+        self._exact = dict[tuple[int, bool], Primitives]()
         self._data = model.kinematics.createData()
         self._shapes = model.exact.createData()
         self._insides = Insides(model, self._data, self._shapes)
         self._depths = Depths(model, self._data, self._shapes, self._insides)
+
+    @contextmanager
+    def within(self, deadline: Deadline) -> Iterator[None]:
+        """Inside, all that looks at many configurations looks at a deadline too.
+
+        Raises:
+            PlanTimeout: The time is up, told by whatever is asked then.
+        """
+        self._deadline = deadline
+        try:
+            yield
+        finally:
+            self._deadline = None
+
+    def _check(self) -> None:
+        if self._deadline:
+            self._deadline.check()
 
     def first_hit(
         self, configurations: ArrayLike, margin: float, pairs: frozenset[int] | None = None
@@ -96,7 +112,16 @@ class Contacts:
         return None
 
     def blocked(self, configurations: Array, margin: float) -> tuple[int, Contact] | None:
-        """Row of the first configuration that can be no end of a motion, and why.
+        """As `first_blocked`, and why."""
+        hit = self.first_blocked(configurations, margin)
+        if hit is None:
+            return None
+        nearest = self.nearest(configurations[hit])
+        assert nearest
+        return hit, nearest
+
+    def first_blocked(self, configurations: Array, margin: float) -> int | None:
+        """Row of the first configuration that can be no end of a motion.
 
         Unlike `first_hit` it sees what is inside a mesh.
 
@@ -108,14 +133,10 @@ class Contacts:
             NotFinite: As `first_hit`.
         """
         hit = self.first_hit(configurations, margin)
-        if self._insides:
-            before = enumerate(self._coordinates(configurations[:hit]))
-            hit = next((i for i, q in before if self._insides.pairs(q)), hit)
-        if hit is None:
-            return None
-        nearest = self.nearest(configurations[hit])
-        assert nearest
-        return hit, nearest
+        if not self._insides:
+            return hit
+        before = enumerate(self._coordinates(configurations[:hit]))
+        return next((i for i, q in before if self._insides.pairs(q)), hit)
 
     def look(
         self,
@@ -209,8 +230,9 @@ class Contacts:
             return len(q), False
         first = int(doubts[0])
         here = q[first : first + 1]
-        close = outer.touching(here)
-        return first, any(self._of(k, True).hits(here, margin, stop=True)[0] for k in close)
+        close = [self._of(k, True) for k in outer.touching(here)]
+        touch = any(pair.touch(here[0]) for pair in close)
+        return first, touch or any(pair.hits(here, margin, stop=True)[0] for pair in close)
 
     def _near_by(self, q: Array, pair: int, margin: float, least: bool) -> NDArray[np.bool_]:
         """In which rows the hulls of a pair are nearer than a margin [m]."""
@@ -219,34 +241,30 @@ class Contacts:
         outer.hold(pairs, margin)
         return outer.hits(q, stop=False)
 
-    def _outer(self, pairs: frozenset[int], least: bool) -> "_Outer":
+    def _outer(self, pairs: frozenset[int], least: bool) -> Hulls:
         """As turning many pairs on and off takes its time: one for all and one for some.
 
         Of each one for the least distance, which hardly ever changes.
         """
         return self._outers[pairs is self.pairs, least]
 
-    def _of(self, pair: int, least: bool) -> "_Exact":
+    def _of(self, pair: int, least: bool) -> Primitives:
         """Made when it is first needed; one for the least distance, as above."""
         checker = self._exact.get((pair, least))
         if checker is None:
-            checker = _Exact(self.model, self.model.outer.collisionPairs[pair])
+            checker = Primitives(self.model, self.model.outer.collisionPairs[pair], self._check)
             self._exact[pair, least] = checker
         return checker
 
     def nearest(self, configuration: ArrayLike) -> Contact | None:
         """The nearest two links that may not touch (A,) [rad]; None where all may."""
-        row = np.asarray(configuration, dtype=np.float64)[None, :]
-        geometry = self.model.exact
+        row, geometry = np.asarray(configuration, dtype=np.float64)[None, :], self.model.exact
         if not len(geometry.collisionPairs):
             return None
-        coordinates = self._coordinates(row)[0]
-        pin.computeDistances(self.model.kinematics, self._data, geometry, self._shapes, coordinates)
-        distances = np.array([result.min_distance for result in self._shapes.distanceResults])
-        k = self._depths.deepest(distances, self._insides.pairs(coordinates))
+        k, distance = self._depths.nearest(self._coordinates(row)[0])
         pair = geometry.collisionPairs[k]
         names = [self.model.link(geometry, i) for i in (pair.first, pair.second)]
-        return Contact(names[0], names[1], float(distances[k]))
+        return Contact(names[0], names[1], distance)
 
     def _coordinates(self, configurations: Array) -> Array:
         if not np.isfinite(configurations).all():
@@ -254,109 +272,3 @@ class Contacts:
             value = float(configurations[row, column])
             raise NotFinite(f"row {row}", self.model.joints[column], value)
         return self.model.coordinates(configurations).T
-
-
-class _Outer:
-    """The hulls, and their memory.
-
-    Args:
-        model: Whose.
-        pairs: Those of its pairs that are looked at to begin with.
-    """
-
-    def __init__(self, model: Model, pairs: frozenset[int]) -> None:
-        self._pool = pin.GeometryPool(model.kinematics, model.outer, 1)
-        self._data = self._pool.getGeometryData(0)
-        self._requests = _requests(model.outer, self._data)
-        self._results = [self._data.collisionResults[k] for k in range(len(self._requests))]
-        self._pairs, self._margin = pairs, math.nan
-        for k in range(len(self._requests)):
-            if k not in pairs:
-                self._data.deactivateCollisionPair(k)
-
-    def keep(self, pairs: frozenset[int], margins: Sequence[float]) -> None:
-        """From now on look at these pairs, each with its distance to be kept (P,) [m]."""
-        self._only(pairs)
-        for k in pairs:
-            self._requests[k].security_margin = margins[k]
-        self._margin = math.nan
-
-    def hold(self, pairs: frozenset[int], margin: float) -> None:
-        """The same with one distance for all [m]."""
-        new = pairs - self._pairs if margin == self._margin else pairs
-        self._only(pairs)
-        for k in new:
-            self._requests[k].security_margin = margin
-        self._margin = margin
-
-    def _only(self, pairs: frozenset[int]) -> None:
-        if pairs is self._pairs:
-            return
-        for k in self._pairs - pairs:
-            self._data.deactivateCollisionPair(k)
-        for k in pairs - self._pairs:
-            self._data.activateCollisionPair(k)
-        self._pairs = pairs
-
-    def hits(self, q: Array, stop: bool) -> NDArray[np.bool_]:
-        """Whether each row is a hit; after the first, if `stop`, the rest is not looked at."""
-        return _collide(self._pool, q, stop)
-
-    def touching(self, q: Array) -> list[int]:
-        """All pairs that are too near in the one row (1, nq)."""
-        if len(self._pairs) == 1:
-            return list(self._pairs)  # who asks knows that there is one
-        pin.computeCollisionsInParallel(1, self._pool, q.T, False)
-        return [k for k in sorted(self._pairs) if self._results[k].isCollision()]
-
-    def near(self, q: Array) -> frozenset[int]:
-        """All pairs that are too near in one row or another, each of which has such a pair."""
-        pairs = self._pairs
-        while len(q):
-            left = self._pairs.difference(self.touching(q[:1]))
-            self._only(left)
-            if not left:
-                break
-            q = q[1:][self.hits(q[1:], stop=False)]
-        found = pairs - self._pairs
-        self._only(pairs)
-        return found
-
-
-class _Exact:
-    """The primitives of two links, and their memory."""
-
-    def __init__(self, model: Model, pair: pin.CollisionPair) -> None:
-        geometry = model.between(pair)
-        self._pool = pin.GeometryPool(model.kinematics, geometry, 1)
-        self._requests = _requests(geometry, self._pool.getGeometryData(0))
-        self._margin = 0.0
-
-    def hits(self, q: Array, margin: float, stop: bool) -> NDArray[np.bool_]:
-        """Whether two are nearer than a margin [m] in each row, as `_Outer.hits`."""
-        if margin != self._margin:
-            for request in self._requests:
-                request.security_margin = margin
-            self._margin = margin
-        return _collide(self._pool, q, stop)
-
-
-def _collide(pool: pin.GeometryPool, q: Array, stop: bool) -> NDArray[np.bool_]:
-    """Whether each row is a hit; after the first, if `stop`, the rest is not looked at."""
-    if not len(q):
-        return np.zeros(0, bool)
-    return np.asarray(pin.computeCollisionsInParallel(1, pool, q.T, True, stop), bool)
-
-
-def _requests(geometry: pin.GeometryModel, data: pin.GeometryData) -> list[coal.CollisionRequest]:
-    """Of every pair, set so that answers do not depend on what was asked before."""
-    requests = []
-    for k, pair in enumerate(geometry.collisionPairs):
-        shapes = [geometry.geometryObjects[i].geometry for i in (pair.first, pair.second)]
-        request = data.collisionRequests[k]
-        if any(isinstance(shape, coal.BVHModelBase) for shape in shapes):
-            request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
-        else:
-            request.gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
-        requests.append(request)
-    return requests

@@ -348,7 +348,7 @@ def _place(point: tuple[float, ...]) -> str:
 def _contact(first: str, second: str, distance: float) -> str:
     size = f"{1e3 * abs(distance):.1f} mm"
     if distance < 0:
-        return f"{first} would be {size} deep in {second}"
+        return f"{first} would be up to {size} deep in {second}"
     if distance == 0:
         return f"{first} would touch {second}"
     return f"{first} would come within {size} of {second}"

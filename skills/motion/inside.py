@@ -6,14 +6,11 @@ tray or a room with a door, so what is in it is free.
 Only the ends of a motion need be looked at: between them nothing gets in but through the surface.
 """
 
-from functools import cached_property
-
 import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from .arrays import norms
 from .model import Model
 
 Array = NDArray[np.float64]
@@ -37,19 +34,17 @@ class Insides:
     def __init__(self, model: Model, data: pin.Data, placed: pin.GeometryData) -> None:
         self._model, self._data, self._placed = model, data, placed
         shapes = [shape.geometry for shape in model.exact.geometryObjects]
-        meshes = {i for i, shape in enumerate(shapes) if isinstance(shape, coal.BVHModelBase)}
         seats = [
             (k, mesh, other)
-            for k, pair in enumerate(model.exact.collisionPairs if meshes else ())
+            for k, pair in enumerate(model.exact.collisionPairs if model.solids else ())
             for mesh, other in ((pair.first, pair.second), (pair.second, pair.first))
-            if mesh in meshes and not isinstance(shapes[other], coal.Halfspace)
+            if mesh in model.solids and not isinstance(shapes[other], coal.Halfspace)
         ]
         self._pairs, self._meshes, self._others = np.array(seats, dtype=np.intp).reshape(-1, 3).T
         self.meshed = frozenset(self._pairs.tolist())
         self._points = np.array([_point(shape) for shape in shapes]).reshape(-1, 3)
         boxes = [(shape.aabb_local.min_, shape.aabb_local.max_) for shape in shapes]
         self._lower, self._upper = np.array(boxes).reshape(-1, 2, 3).swapaxes(0, 1)
-        self._solids = dict[int, Solid]()
 
     def __bool__(self) -> bool:
         """Whether there is any mesh to look into."""
@@ -88,56 +83,9 @@ class Insides:
 
     def _encloses(self, mesh: int, point: Array) -> bool:
         """Whether a mesh is solid and has a point (3,) in it, in its frame [m]."""
-        solid = self._solid(mesh)
+        solid = self._model.solids[mesh]
         may_be_open = not self._model.is_body(self._model.exact, mesh)
         return (may_be_open or solid.closed) and solid.contains(point)
-
-    def _solid(self, mesh: int) -> "Solid":
-        if mesh not in self._solids:
-            geometry = self._model.exact.geometryObjects[mesh].geometry
-            rows = map(geometry.tri_indices, range(geometry.num_tris))
-            triangles = np.array([(row[0], row[1], row[2]) for row in rows])
-            self._solids[mesh] = Solid(np.array(geometry.vertices()), triangles)
-        return self._solids[mesh]
-
-
-class Solid:
-    """What a mesh encloses.
-
-    Args:
-        points: Its corners (V, 3) [m].
-        triangles: Three of them each (F, 3).
-    """
-
-    def __init__(self, points: Array, triangles: NDArray[np.intp]) -> None:
-        self._points, self._triangles = points, triangles
-
-    @cached_property
-    def closed(self) -> bool:
-        """Whether every edge is shared by two triangles, or four, and so on."""
-        _, same = np.unique(self._points, axis=0, return_inverse=True)
-        corners = same.reshape(-1)[self._triangles]
-        edges = np.sort(corners[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
-        edges = edges[edges[:, 0] != edges[:, 1]]
-        _, counts = np.unique(edges, axis=0, return_counts=True)
-        return not (counts % 2).any()
-
-    def contains(self, point: Array) -> bool:
-        """Whether the surface goes round a point (3,) [m].
-
-        How often it does is the sum of the solid angles under which the triangles are seen (A. Van
-        Oosterom and J. Strackee, "The solid angle of a plane triangle", 1983): once inside, twice
-        where two parts of a link overlap, not at all in a hollow.
-        """
-        a, b, c = (self._points - point)[self._triangles.T]
-        la, lb, lc = norms(a), norms(b), norms(c)
-        volume = _dots(a, np.cross(b, c))
-        rest = la * lb * lc + _dots(a, b) * lc + _dots(b, c) * la + _dots(c, a) * lb
-        return bool(abs(np.arctan2(volume, rest).sum()) > np.pi)  # halves of solid angles
-
-
-def _dots(a: Array, b: Array) -> Array:
-    return np.asarray(np.einsum("fi,fi->f", a, b))
 
 
 def _point(shape: coal.CollisionGeometry) -> Array:

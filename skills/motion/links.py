@@ -9,6 +9,7 @@ from hardware import Robot
 from .errors import ModelUnusable
 from .reach import Levers, level, levers
 from .shapes import hull, packages
+from .solid import solid_of
 
 
 class Links:
@@ -21,6 +22,7 @@ class Links:
         kinematics: pinocchio's model; followers share the coordinate of the joint they follow.
         exact: Every primitive or mesh of the URDF.
         outer: The convex hull around those of each link.
+        solids: Of each of `exact` what it encloses; None of a primitive.
         levers: Of each of `outer`; see `reach`.
         level: Those of the floor.
 
@@ -41,6 +43,7 @@ class Links:
             self.outer = self._hulls()
         except (RuntimeError, ValueError) as error:
             raise ModelUnusable(urdf, str(error)) from error
+        self.solids = [solid_of(shape.geometry) for shape in self.exact]
         self.level = level(self._loose)
         self.levers = [self.levers_of(shape) for shape in self.outer]
 

@@ -14,6 +14,7 @@ from .bodies import objects
 from .errors import BadWorld
 from .links import Links
 from .reach import travels
+from .solid import solid_of
 from .world import EMPTY, World
 
 Array = NDArray[np.float64]
@@ -39,6 +40,7 @@ class Model:
         kinematics: pinocchio's model; followers share the coordinate of the joint they follow.
         exact: Geometry of the primitives.
         outer: Geometry of the hulls.
+        solids: What each mesh of `exact` encloses, by its index.
         levers: How far the two of each pair of `outer` can move against each other (P, A) [m/rad];
             see `reach`.
 
@@ -59,10 +61,13 @@ class Model:
         for shape in links.outer:
             self.outer.addGeometryObject(shape)
         self._check_names()
+        solids = list(links.solids)
         for _, exact, outer in objects(self.kinematics, world):
             self.exact.addGeometryObject(exact)
             self.outer.addGeometryObject(outer)
             found.append(links.levers_of(outer))
+            solids.append(solid_of(exact.geometry))
+        self.solids = {i: solid for i, solid in enumerate(solids) if solid}
         for geometry in (self.exact, self.outer):
             self._add_floor(geometry, robot.collision)
             self._add_pairs(geometry, robot.collision)
@@ -99,11 +104,19 @@ class Model:
         return geometry.geometryObjects[index].name in self._bodies
 
     def between(self, pair: pin.CollisionPair) -> pin.GeometryModel:
-        """The primitives of the two links of a pair of `outer`, and their pairs."""
+        """The primitives of the two links of a pair of `outer`, and their pairs.
+
+        The floor meets meshes where it meets their hull, which coal tells a hundred times as soon.
+        """
         links = {self.link(self.outer, index) for index in (pair.first, pair.second)}
         shapes = range(len(self.exact.geometryObjects))
         chosen = [index for index in shapes if self.link(self.exact, index) in links]
         geometry = pin.GeometryModel()
+        if FLOOR in links and len(self.solids.keys() & set(chosen)) == len(chosen) - 1:
+            for index in (pair.first, pair.second):
+                geometry.addGeometryObject(self.outer.geometryObjects[index])
+            geometry.addCollisionPair(pin.CollisionPair(0, 1))
+            return geometry
         for index in chosen:
             geometry.addGeometryObject(self.exact.geometryObjects[index])
         for each in self.exact.collisionPairs:

@@ -112,8 +112,9 @@ class Planner:
             proved=0.5 * self._robot.collision.margin + query.spare,
             deadline=deadline,
         )
-        found = ways(space, group.search, stations, query.seed, watch)
-        waypoints, curve, profile = _timed(found, group, watch)
+        with scene.contacts.within(deadline):
+            found = ways(space, group.search, stations, query.seed, watch)
+            waypoints, curve, profile = _timed(found, group, watch)
         plan = Plan(
             group=query.group,
             joints=group.joints,
@@ -129,7 +130,7 @@ class Planner:
             milliseconds=watch.milliseconds,
         )
         if not curve.straight:
-            with watch.rung("check"):
+            with watch.rung("check"), scene.contacts.within(deadline):
                 _check(space, plan)
         deadline.check()
         return plan
@@ -145,7 +146,8 @@ class Planner:
         deadline = Deadline(self._clock, request.timeout)
         joints = [joint.name for joint in self._robot.actuated]
         scene = self._scene(request.world)
-        check_motion(scene.contacts, scene.model.levers, joints, request, deadline)
+        with scene.contacts.within(deadline):
+            check_motion(scene.contacts, scene.model.levers, joints, request, deadline)
 
     def reach(self, query: ToolQuery) -> Reached:
         """Joint positions that bring the tool where a query asks for.
@@ -155,7 +157,8 @@ class Planner:
                 The first that applies.
         """
         scene, deadline = self._scene(query.world), Deadline(self._clock, query.timeout)
-        return reached(self._robot, scene.model, scene.contacts, query, deadline)
+        with scene.contacts.within(deadline):
+            return reached(self._robot, scene.model, scene.contacts, query, deadline)
 
     def rest(self, request: Rest) -> Plan:
         """What is left of a motion that was stopped, timed from standstill.

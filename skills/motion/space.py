@@ -7,7 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from .contacts import BATCH, Contacts, Look
+from .batch import BATCH
+from .contacts import Contacts, Look
 from .curve import Curve
 from .deadline import Deadline
 

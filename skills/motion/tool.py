@@ -17,7 +17,7 @@ from hardware import Robot, Tool
 
 from .arrays import norms
 from .bodies import frame_of
-from .contacts import Contact, Contacts
+from .contacts import Contacts
 from .deadline import Deadline
 from .ends import bounds, check_seed, columns, finite, short_way, turning
 from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable, shown
@@ -50,9 +50,8 @@ def reached(
     point = np.array(query.point) + (arm.pose(start)[0] if query.relative else 0.0)
     random, answers, misses = np.random.default_rng(query.seed), list[_Found](), list[_Found]()
     for number in range(_PLACES):
-        deadline.check()
         begin = start[arm.columns] if number == 0 else arm.draw(random, start)
-        found = arm.solve(start, begin, point)
+        found = arm.solve(start, begin, point, deadline)
         (answers if found.distance <= _NEAR and found.askew <= _TRUE else misses).append(found)
     if not answers:
         best = min(misses, key=lambda miss: miss.distance + _WORTH * miss.askew)
@@ -60,13 +59,12 @@ def reached(
     answers.sort(key=lambda answer: arm.seconds(start, answer.joints))
     whole = np.tile(start, (len(answers), 1))
     whole[:, arm.columns] = [answer.joints for answer in answers]
-    margin, touching = robot.collision.margin, None
+    margin = robot.collision.margin
     for row, answer in zip(whole, answers, strict=True):
-        blocked = contacts.blocked(row[None, :], margin)
-        if not blocked:
+        if contacts.first_blocked(row[None, :], margin) is None:
             return Reached(tuple(answer.joints.tolist()), len(answers))
-        touching = touching or blocked[1]
-    assert isinstance(touching, Contact)
+    touching = contacts.nearest(whole[0])
+    assert touching
     raise GoalInCollision(*touching, margin)
 
 
@@ -133,11 +131,12 @@ class _Arm:
         frame = pin.updateFramePlacement(self._model.kinematics, self._data, self._frame)
         return frame.act(self._offset), frame.rotation @ self._axis
 
-    def solve(self, start: Array, begin: Array, point: Array) -> _Found:
+    def solve(self, start: Array, begin: Array, point: Array, deadline: Deadline) -> _Found:
         """Lower the error from one place, within the limits."""
         whole, joints, damping = start.copy(), begin, 1e-3
         error, slope, found = self._look(whole, joints, point)
         for _ in range(_STEPS):
+            deadline.check()
             gradient = slope.T @ error
             # A joint at its limit that would leave it stands still for this step.
             stuck = (joints <= self.lower) & (gradient > 0) | (joints >= self.upper) & (

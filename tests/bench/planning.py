@@ -21,6 +21,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hardware import load_robot
+from tests.bench.planners import meshed
 from tests.bench.planners.growth import Growth, growths
 from tests.bench.planners.pools import deadlines, growth_mb, overheads, poison
 from tests.bench.planners.problems import Problem, fixed, random
@@ -100,6 +101,10 @@ def rows(runs: Sequence[dict[str, Score]], quick: bool) -> Iterator[Row]:
     yield Row("cancel_ms", "ms", canceled)
     yield Row("next_after_kill_ms", "ms", again)
     yield Row("poison_ms", "ms", list(poison(robot)))
+    with tempfile.TemporaryDirectory() as folder:
+        arms, count = meshed.arms(Path(folder)), 10 if quick else 100
+        yield Row("mesh_poison_ms", "ms", [x for arm in arms for x in meshed.poison(arm, count)])
+        yield Row("mesh_past_deadline_ms", "ms", [x for a in arms for x in meshed.late(a, count)])
     yield Row("growth_10k_plans_mb", "MB", [growth_mb(robot, 1_000 if quick else 10_000)])
 
 

@@ -1,0 +1,71 @@
+"""Arms of big meshes: how soon a goal in collision is refused, and how late a deadline is seen."""
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from itertools import cycle, permutations
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware import RealClock, Robot
+from skills.motion import GoalInCollision, Plan, PlanTimeout, Pool, Query
+from skills.motion.contacts import Contacts
+from skills.motion.model import Model
+from tests.arms import free_poses
+from tests.bench.planners.pools import ask
+from tests.bench.planners.problems import POSTS
+from tests.real_arms import FILES, real
+
+_TIMEOUTS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # [s]
+
+
+def arms(folder: Path) -> list[Robot]:
+    """As their makers describe them, by robot files that are written into a folder."""
+    return [real(name, folder) for name in FILES]
+
+
+def poison(robot: Robot, count: int) -> Iterator[float]:
+    """To the error of each goal in which links touch each other or a post [ms]."""
+    contacts, random = Contacts(Model(robot, POSTS)), np.random.default_rng(1)
+    start, leaders = free_poses(robot, 1, 1, contacts)[0], robot.leaders("arm")
+    lower = [max(joint.lower, -np.pi) for joint in leaders]
+    upper = [min(joint.upper, np.pi) for joint in leaders]
+    goals = random.uniform(lower, upper, (100 * count, len(leaders)))
+    rows = np.hstack([goals, np.tile(start[len(leaders) :], (len(goals), 1))])
+    touching = (i for i in range(len(goals)) if contacts.first_hit(rows[i : i + 1], 0.0) == 0)
+    with closing(_pool(robot, start)) as pool:
+        for _, i in zip(range(count), touching, strict=False):
+            query = Query("arm", tuple(start), tuple(goals[i]), world=POSTS)
+            begun = time.perf_counter()
+            answer = ask(pool, query)
+            yield 1e3 * (time.perf_counter() - begun)
+            assert isinstance(answer, GoalInCollision), answer
+
+
+def late(robot: Robot, count: int) -> Iterator[float]:
+    """Past the deadline of each plan between posts that did not make it [ms]."""
+    poses = free_poses(robot, 20, 1, Contacts(Model(robot, POSTS)))
+    size = len(robot.leaders("arm"))
+    ends, timeouts = cycle(permutations(poses, 2)), cycle(_TIMEOUTS)
+    with closing(_pool(robot, poses[0])) as pool:
+        for seed, (start, goal), timeout in zip(range(count), ends, timeouts, strict=False):
+            query = Query("arm", tuple(start), tuple(goal[:size]), seed, world=POSTS)
+            begun = time.perf_counter()
+            answer = ask(pool, dataclasses.replace(query, timeout=timeout))
+            if isinstance(answer, PlanTimeout):
+                yield 1e3 * (time.perf_counter() - begun - timeout)
+
+
+def _pool(robot: Robot, start: NDArray[np.float64]) -> Pool:
+    """One worker, warm: that has planned a bend, so it has loaded all, and beside the posts."""
+    pool, size = Pool(robot, 1, RealClock()), len(robot.leaders("arm"))
+    pool.start()
+    aside, goal = start[:size].copy(), start[:size].copy()
+    aside[0] += 0.01
+    goal[1] += 0.01
+    query = Query("arm", tuple(start), tuple(goal), via=(tuple(aside),), world=POSTS)
+    assert isinstance(ask(pool, query), Plan)
+    return pool
