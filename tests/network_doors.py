@@ -38,7 +38,7 @@ def request():
         while connection.recv(65536):
             pass
 def publish():
-    with connect(f"ws://127.0.0.1:{port}/", compression=None) as bridge:
+    with connect(f"ws://127.0.0.1:{port}/", compression=None, ping_interval=None) as bridge:
         while True:
             bridge.send('{"op":"publish",' + keys[1:])
 def again(act):

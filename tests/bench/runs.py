@@ -34,7 +34,6 @@ from executive.executive import Event, Executive
 from executive.goal import GoalState
 from executive.goals import Policy
 from executive.live_library import LiveLibrary
-from executive.recording.recordings import is_servers
 from executive.run import Run
 from hardware import (
     FIRMWARES,
@@ -48,11 +47,11 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from logs.recovery import being_written
 from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
 from tests.network_doors import in_a_flood, over_http, rosbridge_results, served
+from tests.recordings_finished import at_rest, finished, rest, sweep
 from tests.resources import descriptors_used, memory_used, threads_used
 
 Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]
@@ -282,23 +281,9 @@ def leftovers(cancels: int) -> tuple[int, int, int]:
                 after_hold += frames - 1 - holds[0] if holds else 0
                 stopped += bool(holds)
                 _NotedRun.trees.clear()
-                _sweep(Path(folder))
+                sweep(Path(folder))
     setattr(executive.owner, "Run", Run)  # noqa: B010
     return zombies, after_hold, stopped
-
-
-def rest(clock: Clock, seconds: float) -> None:
-    """Let time pass."""
-    signal, until = clock.signal(), clock.now() + seconds
-    with signal:
-        while clock.now() < until:
-            signal.wait(until)
-
-
-def _sweep(folder: Path) -> None:
-    """Recordings of ten thousand runs would fill the disk; those that are surely finished go."""
-    for path in sorted(folder.glob("*Z-2[12].mcap"))[:-100]:
-        path.unlink()
 
 
 def soak(goals: int) -> tuple[int, float, int, int]:
@@ -309,12 +294,14 @@ def soak(goals: int) -> tuple[int, float, int, int]:
         with serving(robot, link, clock, lambda _: None, Path(folder)) as arm:
             for number in range(20):  # what is loaded once is loaded
                 arm.result(arm.send(21 + number % 2).identity)
+            at_rest(Path(folder))
             memory, threads, descriptors = memory_used(), threads_used(), descriptors_used()
             for number in range(goals):
                 done += arm.result(arm.send(21 + number % 2).identity).success
                 if number % 50 == 0:
-                    _sweep(Path(folder))
+                    sweep(Path(folder))
             grown = memory_used() - memory
+            at_rest(Path(folder))
             rest(clock, 1.0)
             return done, grown, threads_used() - threads, descriptors_used() - descriptors
 
@@ -349,15 +336,9 @@ def bridge(count: int, apart: bool) -> float:
             serving(robot, link, RealClock(), lambda _: None, Path(folder)) as arm,
             served(arm, robot, Path(folder)) as server,
         ):
-            between = partial(_finished, Path(folder)) if apart else lambda: None
+            between = partial(finished, Path(folder)) if apart else lambda: None
             rosbridge_results(server, 20, 3, between)
             return statistics.median(rosbridge_results(server, 20, count, between))
-
-
-def _finished(folder: Path) -> None:
-    """Wait until the recordings of all goals are."""
-    while any(being_written(path) for path in folder.glob("*.mcap") if not is_servers(path)):
-        rest(RealClock(), 0.01)
 
 
 def percentile(samples: Sequence[float], percent: int) -> float:
