@@ -16,6 +16,8 @@ LINE = PLANNER.plan(Query("arm", (0.0,) * 4, (0.7, 0.2, -0.3)))
 BENT = PLANNER.plan(
     Query("arm", (0.0,) * 4, (0.6, 0.3, -0.4), via=((0.5, -0.2, 0.1), (0.55, 0.1, 0.1)))
 )
+CORNER = PLANNER.plan(Query("arm", (0.0,) * 4, (0.1, 0.0, 0.0), via=((0.05, 0.05, 0.0),)))
+HOOK = PLANNER.plan(Query("arm", (0.0,) * 4, (0.3, 0.05, 0.0), via=((0.25, 0.0, 0.0),)))
 GRIPPER = PLANNER.plan(Query("gripper", (0.3, 0.0, 0.0, 0.0), (-0.7,)))
 
 
@@ -40,10 +42,15 @@ def check(plan: Plan, time: float, rest: Plan) -> None:
 
 
 @settings(max_examples=60, deadline=None)
-@given(st.sampled_from((LINE, BENT, GRIPPER)), st.floats(0.0, 1.0))
+@given(st.sampled_from((LINE, BENT, CORNER, HOOK, GRIPPER)), st.floats(0.0, 1.0))
 def test_the_rest_is_the_same_path_within_the_limits(plan: Plan, share: float) -> None:
     time = share * plan.duration
     check(plan, time, left(plan, time))
+
+
+def test_corners_may_end_a_path() -> None:
+    assert [bool(plan.curve.bend[-1].any()) for plan in (CORNER, HOOK)] == [True, True]
+    assert [len(plan.curve.base) for plan in (CORNER, HOOK)] == [1, 2]
 
 
 @settings(max_examples=30, deadline=None)

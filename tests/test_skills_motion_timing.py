@@ -99,6 +99,21 @@ def test_a_corner_may_take_all_of_a_leg(seed: int) -> None:
     assert excess(curve, profile, ONES, 0.5 * ONES) <= 0.001
 
 
+@given(seed=st.integers(0, 10**6), share=st.floats(0.0, 0.999))
+@settings(max_examples=60, deadline=None)
+def test_what_is_left_of_a_corner_is_no_line(seed: int, share: float) -> None:
+    """Nor is a corner that takes all of both legs: one piece, but bent."""
+    way, out = np.random.default_rng(seed).uniform(-1.0, 1.0, (2, 3))
+    corner = way / norms(way[None])[0]
+    waypoints = np.array([0.0 * way, corner, corner + out / norms(out[None])[0]])
+    curve = Curve.through(waypoints, np.ones(1)).after(2.0 * share)
+    assert len(curve.base) == 1
+    assert not curve.straight
+    profile = timed(curve, ONES, 0.5 * ONES)
+    assert profile
+    assert excess(curve, profile, ONES, 0.5 * ONES) <= 0.001
+
+
 @given(
     seed=st.integers(0, 10**6),
     count=st.integers(2, 6),

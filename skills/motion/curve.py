@@ -106,7 +106,7 @@ class Curve(Rebuilt):
     @property
     def straight(self) -> bool:
         """Whether it is one line."""
-        return len(self.base) == 1
+        return len(self.base) == 1 and not self.bend.any()
 
     def positions(self, s: Array) -> Array:
         """Positions at s (K,) -> (K, J) [rad]."""

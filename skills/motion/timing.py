@@ -41,9 +41,9 @@ def _section(
 ) -> Profile | None:
     """Between two stops: in closed form where it is one line, by TOPP-RA where it is not."""
     inside = [place for place in curve.breaks.tolist() if begin < place < end]
-    if inside:
-        return fastest(curve, np.array([begin, *inside, end]), velocity, limits)
     piece = np.searchsorted(curve.breaks, begin, side="right") - 1
+    if inside or curve.bend[piece].any():
+        return fastest(curve, np.array([begin, *inside, end]), velocity, limits)
     return trapezoid(begin, end, *_along(abs(curve.slope[piece]), velocity, limits))
 
 
