@@ -9,15 +9,13 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .checks import UNFINISHED
 from .errors import RecordingError, RecordingInUse
 from .salvage import Salvage
 from .summary import Summary
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
-
-# Ends the name of the library in the head of a file that is still to be compacted.
-UNFINISHED = ", journal"
 
 # The note that tells of all else in a finished recording what it was.
 DIGESTS = "digests"

@@ -1,4 +1,4 @@
-"""The file while it is being written: unchunked, and on its way to disk after every record."""
+"""The file while it is being written: unchunked, and on its way to disk piece by piece."""
 
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -7,9 +7,8 @@ from io import BufferedWriter
 
 from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
-from mcap.writer import MCAP0_MAGIC
 
-from .compaction import UNFINISHED
+from .checks import END, MAGIC, UNFINISHED, checked
 from .conversions import Stamp
 from .kinematics import Links
 from .records import Attachment, Description, Item, Note, Record
@@ -53,7 +52,7 @@ class Journal:
         self._links: Links | None = None
         self._ros = ros_types()
         self._channels = {name: _Channel(number) for name, number in _CHANNELS.items()}
-        self._tail.write(_head(epoch_ns))
+        self._tail.write(checked(_head(epoch_ns)))
 
     def write(self, *items: Item) -> None:
         """Adds files, facts, and what the table of topics makes of records; all in one piece.
@@ -62,7 +61,7 @@ class Journal:
             OSError: The disk did not take it.
             Exception: One of them cannot be converted; nothing was written.
         """
-        self._tail.write(b"".join(map(self._encoded, items)))
+        self._tail.write(checked(b"".join(map(self._encoded, items))))
 
     def finish(self) -> None:
         """Completes the file, brings it to the disk and closes it.
@@ -70,7 +69,7 @@ class Journal:
         Raises:
             OSError: The disk did not take it.
         """
-        self._tail.write(_bytes(mcap.DataEnd(0), mcap.Footer(0, 0, 0)) + MCAP0_MAGIC)
+        self._tail.write(END)
         self._tail.close()
 
     @property
@@ -114,7 +113,7 @@ class Journal:
         name = topic.name_for(record)
         if name not in self._channels:
             number = len(TOPICS) + len(self._channels)
-            self._tail.write(_bytes(_described(topic, name, number)))
+            self._tail.write(checked(_bytes(_described(topic, name, number))))
             self._channels[name] = _Channel(number)
         return self._channels[name]
 
@@ -137,7 +136,7 @@ def _head(epoch_ns: int) -> bytes:
         for name, number in _SCHEMAS.items()
     )
     named = {topic.name: topic for topic in TOPICS}
-    return MCAP0_MAGIC + _bytes(
+    return MAGIC + _bytes(
         mcap.Header("ros2", _library() + UNFINISHED),
         mcap.Metadata("armtree", {"epoch_ns": str(epoch_ns)}),
         mcap.Metadata("rosbag2", ROSBAG2),

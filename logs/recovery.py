@@ -5,13 +5,14 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from .compaction import UNFINISHED, locked, part_of, rewrite
+from .checks import MAGIC, is_journal
+from .compaction import locked, part_of, rewrite
 from .errors import LogError, RecordingInUse, RecordingTruncated
 from .recording import Recording
 from .salvage import Salvage
 from .summary import Summary
 
-_HEAD = 64  # the profile and the name of the library end before that [bytes]
+_HEAD = 64  # the profile and the name of the library begin before that [bytes]
 _LIBRARY = b"armtree"  # begins that name in files of ours
 _NAME = "*T*Z-*.mcap"  # as `recording_path` makes it
 _FOOTER_OPCODE, _FOOTER_CONTENT = 0x02, 20
@@ -139,13 +140,13 @@ def complete(path: Path, every_byte: bool) -> bool:
     salvage = Salvage(path)
     size = path.stat().st_size
     with path.open("rb") as stream:
-        head = stream.read(_HEAD)
+        unfinished = is_journal(stream)
         stream.seek(max(0, size - _FOOTER.size))
         footer = stream.read()
-    if UNFINISHED.encode() in head or len(footer) < _FOOTER.size:
+    if unfinished or len(footer) < _FOOTER.size:
         return False
     opcode, length, _, magic = _FOOTER.unpack(footer)
-    if (opcode, length, magic) != (_FOOTER_OPCODE, _FOOTER_CONTENT, head[: len(magic)]):
+    if (opcode, length, magic) != (_FOOTER_OPCODE, _FOOTER_CONTENT, MAGIC):
         return False
     if every_byte:
         for _ in salvage:

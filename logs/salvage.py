@@ -5,9 +5,8 @@ from pathlib import Path
 from stat import S_ISREG
 from typing import Any, BinaryIO
 
+from .checks import MAGIC, is_journal, sound
 from .errors import RecordingError
-
-_MAGIC = b"\x89MCAP0\r\n"
 
 
 class Salvage:
@@ -35,11 +34,11 @@ class Salvage:
             if not S_ISREG(path.stat().st_mode):  # a pipe would keep whoever opens it waiting
                 raise RecordingError(path, "is no file; give a recording, such as *.mcap")
             with path.open("rb") as stream:
-                head = stream.read(len(_MAGIC))
+                head = stream.read(len(MAGIC))
         except OSError as cause:
             reason = cause.strerror or str(cause)
             raise RecordingError(path, f"cannot be read ({reason}); check the path") from cause
-        if not _MAGIC.startswith(head):
+        if not MAGIC.startswith(head):
             raise RecordingError(path, "is not an MCAP file; give a recording, such as *.mcap")
 
     def __iter__(self) -> Iterator[Any]:
@@ -51,10 +50,11 @@ class Salvage:
         from .sense import Sense, summary_is_whole
 
         with self.path.open("rb") as stream:
+            end = sound(stream) if is_journal(stream) else None
             try:
                 sense = Sense()
                 for record in self._records(stream):
-                    if not sense.fits(record, stream):
+                    if (end is not None and stream.tell() > end) or not sense.fits(record, stream):
                         return
                     self.messages, self.valid = sense.messages, stream.tell()
                     yield record
@@ -65,6 +65,9 @@ class Salvage:
                 # Torn or damaged bytes surface as whatever the decoder stumbles over:
                 # McapError, struct.error, ValueError, ZstdError, MemoryError and more.
                 return
+            finally:
+                if end is not None and stream.tell() >= end:
+                    self.valid = end  # with the check of the last piece
 
     @property
     def torn(self) -> int:

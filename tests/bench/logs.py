@@ -4,11 +4,10 @@
 recording costs is to wake the thread that writes.
 `kill_*`: whole `armtree run` processes on a pseudo-terminal, killed at random instants of a move.
 `truncation_failures`: every cut, and flipped bits, of a journal and of the finished file, read and
-recovered: what precedes the damage is all there, and a cut, or a flip in the finished file, is
-seen. `read_*`: reading as `logs.read` gives it, against the stock reader of the same run.
+recovered: every piece that precedes the damage is there, nothing else is, and it is seen.
+`read_*`: reading as `logs.read` gives it, against the stock reader of the same run.
 """
 
-import contextlib
 import json
 import multiprocessing
 import os
@@ -20,10 +19,9 @@ import tempfile
 import threading
 import time
 import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
-from typing import NamedTuple
 
 # This file is named like a room, and its folder comes first where it is run by itself.
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
@@ -36,15 +34,12 @@ import logs
 from executive.replay.proof import prove_all
 from hardware import RealClock, load_robot
 from logs.journal import Journal
-from logs.salvage import Salvage
 from tests.bench.table import Row, arguments, show
+from tests.damages import FOOTER_BYTES, Damage, failure, take
 
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 JOINTS = ("joint_1", "joint_2", "joint_3", "joint_4")
 EPOCH_NS = 1_795_000_000_000_000_000
-MAGIC = 8  # bytes at the beginning of a file; without them it is no recording
-
-Content = tuple[str, int, bytes]  # of a message: topic, time, data
 
 
 def sent(number: int) -> logs.Sent:
@@ -143,29 +138,6 @@ def _killed_run(folder: Path, after: float) -> int:
     return heard.count(b"b")
 
 
-_FOOTER_BYTES = 37  # and the magic behind it
-
-
-class Damage(NamedTuple):
-    """A file of which the end was cut off, or one bit flipped."""
-
-    name: str
-    cut: int
-    bit: int = -1
-
-    def of(self, data: bytes) -> bytes:
-        """The damaged file."""
-        damaged = bytearray(data[: self.cut])
-        if self.bit >= 0:
-            damaged[self.bit // 8] ^= 1 << self.bit % 8
-        return bytes(damaged)
-
-    @property
-    def begins(self) -> int:
-        """How much of the file is as it was [bytes]."""
-        return self.cut if self.bit < 0 else self.bit // 8
-
-
 def truncations(every: int, flips: int) -> int:
     """Failures: of cuts and flipped bits of a journal and of the finished file."""
     spawn = multiprocessing.get_context("spawn")
@@ -180,67 +152,13 @@ def truncations(every: int, flips: int) -> int:
     for name, data in files.items():
         damages += [Damage(name, cut) for cut in range(0, len(data), every)]
         bits = (rng.randrange(8 * len(data)) for _ in range(flips))
-        footer = range(8 * (len(data) - _FOOTER_BYTES), 8 * len(data))
+        footer = range(8 * (len(data) - FOOTER_BYTES), 8 * len(data))
         damages += [Damage(name, len(data), bit) for bit in (*bits, *footer)]
-    with spawn.Pool(initializer=_take, initargs=(files,)) as pool:
-        failures = [text for text in pool.imap_unordered(_failure, damages, 200) if text]
+    with spawn.Pool(initializer=take, initargs=(files,)) as pool:
+        failures = [text for text in pool.imap_unordered(failure, damages, 200) if text]
     for text in failures:
         sys.stdout.write(f"{text}\n")
     return len(failures)
-
-
-# Of each file, its bytes, and its messages with where each of them ends [bytes].
-_FILES: dict[str, tuple[bytes, list[tuple[int, Content]]]] = {}
-
-
-def _take(files: dict[str, bytes]) -> None:
-    for name, data in files.items():
-        with _file_of(data) as path:
-            salvage = Salvage(path)
-            ends = [salvage.valid for record in salvage if type(record).__name__ == "Message"]
-            _FILES[name] = data, list(zip(ends, _read(path)[0], strict=True))
-
-
-def _failure(damage: Damage) -> str:
-    """What is wrong with how damage is met: by an exception, too late, unseen, or at a loss."""
-    data, messages = _FILES[damage.name]
-    wanted = [content for end, content in messages if end <= damage.begins]
-    begun = time.monotonic()
-    try:
-        with _file_of(damage.of(data)) as path:
-            found, seen = _read(path)
-            logs.recover(path)
-            kept, unseen = _read(path)
-    except Exception as error:
-        unread = isinstance(error, logs.RecordingError) and damage.begins < MAGIC
-        return "" if unread else f"{damage}: {error!r}"
-    if time.monotonic() - begun > 5.0:
-        return f"{damage}: slow"
-    if found[: len(wanted)] != wanted:
-        return f"{damage}: read {len(found)} messages, of which not all {len(wanted)} are right"
-    if kept != found or unseen:
-        return f"{damage}: recovered {len(kept)} of {len(found)} messages"
-    must_see = damage.name == "finished" or damage.bit < 0
-    return f"{damage}: unseen" if must_see and not seen else ""
-
-
-@contextlib.contextmanager
-def _file_of(data: bytes) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:
-        path = Path(folder) / "x.mcap"
-        path.write_bytes(data)
-        yield path
-
-
-def _read(path: Path) -> tuple[list[Content], bool]:
-    """All messages, and whether the file is damaged."""
-    found = []
-    try:
-        for message in logs.read(path):
-            found.append((message.topic, message.time_ns, message.cdr))
-    except logs.RecordingTruncated:
-        return found, True
-    return found, False
 
 
 def journal_of(path: Path, size: int) -> None:
