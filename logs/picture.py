@@ -7,6 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from .checks import MAGIC
+from .errors import RecordingError
+
 _FEWEST_DEGREES = 10.0
 
 
@@ -14,8 +17,13 @@ def save(figure: Figure, output: Path) -> None:
     """Writes a drawing as PNG, at once: into a pipe too, which cannot be sought in.
 
     Raises:
+        RecordingError: A recording is there, which no drawing replaces.
         OSError: It cannot be written.
     """
+    if output.is_file():
+        with output.open("rb") as there:
+            if there.read(len(MAGIC)) == MAGIC:
+                raise RecordingError(output, "is a recording; name another file for the drawing")
     FigureCanvasAgg(figure)
     picture = BytesIO()
     figure.savefig(picture, format="png")

@@ -173,3 +173,12 @@ def test_what_cannot_be_plotted_is_told(tmp_path: Path) -> None:
     record(tmp_path / "run.mcap", list(RUNS["refused"]))
     with pytest.raises(OSError, match="No such file"):
         plot(tmp_path / "run.mcap", tmp_path / "missing" / "run.png")
+
+
+def test_no_drawing_replaces_a_recording(tmp_path: Path) -> None:
+    run = tmp_path / "run.mcap"
+    record(run, list(RUNS["refused"]))
+    before = run.read_bytes()
+    with pytest.raises(RecordingError, match="is a recording; name another file"):
+        plot(run, run)
+    assert run.read_bytes() == before

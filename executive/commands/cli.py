@@ -1,6 +1,5 @@
 """The command line. What is heavy is loaded by the command that needs it."""
 
-import errno
 import logging
 import os
 import shlex
@@ -12,8 +11,9 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from executive.codes import INTERNAL, INTERRUPTED_EXIT, look_up
+from executive.codes import INTERRUPTED_EXIT, look_up
 
+from .failures import tell
 from .log_commands import log
 from .options import (
     PATH,
@@ -202,14 +202,4 @@ def main() -> None:
     except Exception as error:
         if "--debug" in sys.argv:
             raise
-        code, words = getattr(error, "code", INTERNAL), str(error)
-        if isinstance(error, OSError) and error.filename:
-            code, words = "file", f"{error.filename}: {error.strerror}; check the path"
-        elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
-            code, words = "file", "the disk is full; make room, then try again"
-        elif code == INTERNAL:
-            words = f"a bug of ours: {error!r}; see --debug"
-        hint = getattr(error, "hint", "")  # of what a server refused
-        more = f"\n  -> {hint}" if hint and hint not in words else ""
-        click.echo(f"Error: {words} [{code}]{more}", err=True)
-        sys.exit(look_up(code).exit)
+        sys.exit(tell(error))

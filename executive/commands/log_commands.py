@@ -8,6 +8,7 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
+from .failures import with_each
 from .incomplete import incomplete
 from .options import AT_LEAST_0, PATH
 
@@ -169,16 +170,18 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
 
     if output and len(recordings) > 1:
         raise click.UsageError("--output goes with one recording")
-    status = 0
-    for recording in recordings:
-        status = max(status, incomplete(recording))
+
+    def drawn(recording: Path) -> int:
+        status = incomplete(recording)
         target = output or recording.with_suffix(".png")
         scenes, why = _scenes(recording)
         draw(recording, target, scenes)
         if why:
             click.echo(f"{recording}: the bodies around the arm are not drawn: {why}", err=True)
         click.echo(target)
-    sys.exit(status)
+        return status
+
+    sys.exit(with_each(recordings, drawn))
 
 
 def _scenes(recording: Path) -> "tuple[list[Scene], str]":
@@ -201,15 +204,12 @@ def recover(recordings: tuple[Path, ...]) -> None:
     """Make recordings whole that a crash cut off; exit status 10 where something was lost."""
     from logs import recover as mend
 
-    lost = False
-    for recording in recordings:
+    def mended(recording: Path) -> int:
         made = mend(recording)
-        if made is None:
-            click.echo(f"{recording}: is complete, nothing to do")
-            continue
-        click.echo(made.in_words())
-        lost = lost or not made.whole
-    sys.exit(look_up("log.incomplete").exit if lost else 0)
+        click.echo(made.in_words() if made else f"{recording}: is complete, nothing to do")
+        return 0 if made is None or made.whole else look_up("log.incomplete").exit
+
+    sys.exit(with_each(recordings, mended))
 
 
 @log.command()
@@ -219,9 +219,12 @@ def pin(recordings: tuple[Path, ...], off: bool) -> None:
     """Keep recordings for good: prune leaves what is write-protected."""
     from logs.keeping import pin as keep
 
-    for recording in recordings:
+    def kept(recording: Path) -> int:
         keep(recording, not off)
         click.echo(f"{recording}: {'not pinned' if off else 'pinned'}")
+        return 0
+
+    sys.exit(with_each(recordings, kept))
 
 
 @log.command()

@@ -1,0 +1,25 @@
+"""`armtree log`, in this process."""
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from executive.commands.cli import cli
+from tests.test_logs_compaction import run_journal
+
+
+@pytest.mark.parametrize("command", ["recover", "plot", "pin"])
+def test_what_is_wrong_with_one_of_many_keeps_none_of_the_others(
+    tmp_path: Path, command: str
+) -> None:
+    wrong, gone, good = (tmp_path / f"{name}.mcap" for name in ("wrong", "gone", "good"))
+    wrong.write_text("no recording")
+    run_journal(good, finish=False)
+    typed = CliRunner().invoke(cli, ["log", command, str(wrong), str(gone), str(good)])
+    told = [line for line in typed.output.splitlines() if line.startswith("Error: ")]
+    assert [line.split(".mcap")[0] for line in told] == [
+        *(f"Error: {tmp_path}/wrong", f"Error: {tmp_path}/gone")
+    ]
+    assert str(good) in typed.output.splitlines()[-1] or "good.png" in typed.output
+    assert typed.exit_code in (3, 10)
