@@ -143,8 +143,9 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
         *((tool, {"seed": seed}) for seed in (float("nan"), float("inf"), "a", -1, 2**64 - 1)),
         *((PICK, {"seed": seed}) for seed in (2**64 - 1, 10**400, 10**5000)),
         *(
-            (tool, {"direction": (0.0, 0.0, 1.0), what: (10**400, 0.0, 1.0)})
+            (tool, {"direction": (0.0, 0.0, 1.0), what: (far, 0.0, 1.0)})
             for what in ("point", "direction", "axis", "offset")
+            for far in (10**400, 1e300)
         ),
         (PICK, {"goal": (threading.Lock(), 0.0, 0.0)}),  # cannot be pickled
         (PICK, {"goal": (lambda: 0.0, 0.0, 0.0)}),

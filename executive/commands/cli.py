@@ -169,8 +169,8 @@ def plan(
     """Plan to GOAL, say why it takes as long as it does, and draw it. Nothing moves.
 
     GOAL is JOINT=VALUE and JOINT+=CHANGE ... such as joint_1=70deg joint_2+=0.1, a pose such as
-    right, x y z of the tool such as 0.1 0 8cm, or the number of a task that spells out where it
-    goes. Around the arm is what --world says, and what the task has put there by then. Numbers
+    right, x y z of the tool such as 0.1 0.05 8cm, or the number of a task that spells out where
+    it goes. Around the arm is what --world says, and what the task has put there by then. Numbers
     without a unit are in rad and m.
     """
     from hardware import load_robot

@@ -32,11 +32,11 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
     planner = Planner(robot)
     queries = goal.queries(planner, _world(world))
     for number, (query, left_out) in enumerate(queries, 1):
-        loading = sum(planner.plan(query).milliseconds.values())
+        first = sum(planner.plan(query).milliseconds.values())
         plan = planner.plan(query)
         if len(queries) > 1:
             yield f"Motion {number} of {len(queries)}"
-        yield from _told(robot, plan, len(query.via), loading)
+        yield from _told(robot, plan, len(query.via), first)
         yield from _around(query.world, left_out)
         picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
         _draw(robot, query.world, plan, picture)
@@ -48,13 +48,13 @@ def _world(file: Path | None) -> World:
         return EMPTY
     try:
         bodies = json.loads(file.read_text())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise BadWorld(f"{file} cannot be read as JSON: {error}") from error
     return World.parse(bodies)
 
 
-def _told(robot: Robot, plan: Plan, via: int, loading: float) -> Iterator[str]:
-    """In words; the first time it took longer, as all had to be loaded [ms]."""
+def _told(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[str]:
+    """In words; `first` is how long it took the first time [ms]."""
     spent = sum(plan.milliseconds.values())
     rungs = ", ".join(f"{name} {ms:.2f}" for name, ms in plan.milliseconds.items())
     line = straight_duration(plan)
@@ -67,7 +67,7 @@ def _told(robot: Robot, plan: Plan, via: int, loading: float) -> Iterator[str]:
     else:
         yield "Path      straight" if plan.duration else "Path      none: it is there already"
     yield f"Duration  {plan.duration:.3f} s; a straight line would take {line:.3f} s"
-    yield f"Found in  {spent:.2f} ms ({rungs}); with all to be loaded, {loading:.0f} ms"
+    yield f"Found in  {spent:.2f} ms ({rungs}); the first time in {first:.2f} ms"
     for limit in limits_met(plan):
         unit = robot.joint(limit.joint).unit + ("/s" if limit.kind == "speed" else "/s²")
         share = 100.0 * limit.seconds / plan.duration

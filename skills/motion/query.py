@@ -23,7 +23,8 @@ class Query:
             an end goes the short way, to the value that differs by whole turns; where a way
             has to be searched for, it may go the other way round.
         seed: Of everything random; equal queries give equal plans.
-        timeout: Time there is [s]; it can only fail a plan, never change one.
+        timeout: Time there is [s], from when a worker has loaded the robot; it can only fail a
+            plan, never change one.
         via: Points on the way, each as `goal`; passed in their order, without a stop where that
             is free, no part of the arm further off than `blend.NEARNESS`.
         world: What stands around the arm, and what it holds.

@@ -19,7 +19,7 @@ from .arrays import norms
 from .bodies import frame_of
 from .contacts import Contacts
 from .deadline import Deadline
-from .ends import bounds, check_seed, columns, finite, short_way, turning
+from .ends import FARTHEST, bounds, check_seed, columns, finite, short_way, turning
 from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable, shown
 from .model import Model
 from .query import Reached, ToolQuery
@@ -215,6 +215,8 @@ def _check_vector(what: str, vector: Vector) -> None:
             raise BadQuery(f"The {name} of the {what} is {shown(value)}; give a number")
         if not math.isfinite(value):
             raise NotFinite(name, what, value)
+        if abs(value) > FARTHEST:
+            raise BadQuery(f"The {name} of the {what} is {value:g}; give at most {FARTHEST:g}")
 
 
 def _beyond_floats(value: float) -> bool:
