@@ -143,10 +143,10 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
         *((tool, {"seed": seed}) for seed in (float("nan"), float("inf"), "a", -1, 2**64 - 1)),
         *((PICK, {"seed": seed}) for seed in (2**64 - 1, 10**400, 10**5000)),
         *(
-            (tool, {"direction": (0.0, 0.0, 1.0), what: (far, 0.0, 1.0)})
+            (tool, {"direction": (0.0, 0.0, 1.0), what: (10**400, 0.0, 1.0)})
             for what in ("point", "direction", "axis", "offset")
-            for far in (10**400, 1e300)
         ),
+        *((tool, {what: (1e300, 0.0, 1.0)}) for what in ("point", "offset")),
         (PICK, {"goal": (threading.Lock(), 0.0, 0.0)}),  # cannot be pickled
         (PICK, {"goal": (lambda: 0.0, 0.0, 0.0)}),
         (PICK, {"timeout": 10**5000}),

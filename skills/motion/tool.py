@@ -207,6 +207,10 @@ def _checked(robot: Robot, query: ToolQuery) -> Array:
     return start
 
 
+# The other vectors only point somewhere.
+_DISTANCES = ("point", "offset")
+
+
 def _check_vector(what: str, vector: Vector) -> None:
     if len(vector) != 3:
         raise BadQuery(f"The {what} has {len(vector)} values; give x, y, z")
@@ -215,8 +219,8 @@ def _check_vector(what: str, vector: Vector) -> None:
             raise BadQuery(f"The {name} of the {what} is {shown(value)}; give a number")
         if not math.isfinite(value):
             raise NotFinite(name, what, value)
-        if abs(value) > FARTHEST:
-            raise BadQuery(f"The {name} of the {what} is {value:g}; give at most {FARTHEST:g}")
+        if what in _DISTANCES and abs(value) > FARTHEST:
+            raise BadQuery(f"The {name} of the {what} is {value:g}; give at most {FARTHEST:g} m")
 
 
 def _beyond_floats(value: float) -> bool:
