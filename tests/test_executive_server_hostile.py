@@ -2,15 +2,17 @@
 
 import contextlib
 import json
+import logging
 from pathlib import Path
 
 import pytest
+from websockets.frames import Close, Frame, Opcode
 
 from executive.server import access, app, connections
 from executive.server.operations import OPERATIONS
 from executive.server.server import AddressInUse, ServerError
 from tests.serving import Serve
-from tests.strangers import GOAL, answer, head, raw, stops
+from tests.strangers import GOAL, UPGRADE, answer, head, raw, stops
 
 pytest_plugins = ["tests.server_fixtures"]
 
@@ -214,6 +216,22 @@ def test_requests_in_advance_are_not_answered(serve: Serve) -> None:
     ask = ("GET /api/health HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "")
     with raw(served, *ask * 8) as connection:
         assert answer(connection).count(b"HTTP/1.1 200") == 1
+
+
+def test_text_that_is_not_utf_8_ends_its_connection_and_fills_no_log(
+    serve: Serve, caplog: pytest.LogCaptureFixture
+) -> None:
+    served = serve(rosbridge=True)
+    asks = ("GET / HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", *UPGRADE, "")
+    halves = Frame(Opcode.TEXT, b"\xff", fin=False), Frame(Opcode.CONT, b"\xfe")
+    for frames in ((Frame(Opcode.TEXT, b"\xff\xfe"),) * 2, halves):
+        with raw(served, *asks) as connection:
+            assert b" 101 " in connection.recv(1000)
+            connection.sendall(b"".join(each.serialize(mask=True) for each in frames))
+            assert answer(connection) == Frame(Opcode.CLOSE, Close(1007, "").serialize()).serialize(
+                mask=False
+            )
+    assert [each.message for each in caplog.records if each.levelno > logging.INFO] == []
 
 
 def test_where_it_may_not_listen(serve: Serve) -> None:
