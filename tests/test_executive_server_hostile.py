@@ -1,13 +1,17 @@
 """Strangers: foreign pages, bad bodies, slow and greedy clients. The stop is always answered."""
 
 import contextlib
+import dataclasses
 import json
 import logging
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from websockets.frames import Close, Frame, Opcode
 
+from executive.client import asks
 from executive.server import access, app, connections
 from executive.server.operations import OPERATIONS
 from executive.server.server import AddressInUse, ServerError
@@ -266,6 +270,18 @@ def test_the_token_is_its_users_alone(serve: Serve, tmp_path: Path) -> None:
     with pytest.raises(ServerError, match="chmod 700"):
         serve()
     file.parent.chmod(0o700)
+
+
+def test_the_token_of_a_server_that_was_killed_is_shown_to_nobody(serve: Serve) -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as gone:
+        pass
+    file = access.file_of(serve().server.port)
+    left = access.Access("http://127.0.0.1:1", "secret", gone.pid)
+    file.with_name("server-1.json").write_text(json.dumps(dataclasses.asdict(left)))
+    assert asks.address(left.url, None).headers == {}
+    serve()
+    assert not access.file_of(1).exists()
+    assert file.exists()
 
 
 def test_the_token_is_in_no_recording(serve: Serve) -> None:
