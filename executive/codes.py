@@ -279,7 +279,9 @@ CODES = {
     ),
     "server.error": Code(13, "The server failed", "see its log"),
     "server.unreachable": Code(
-        13, "No server answers", "`armtree serve` starts one; --server says where it is"
+        13,
+        "No server answers",
+        "`armtree serve` starts one; --server URL or ARMTREE_SERVER says where it is",
     ),
     "server.options": Code(13, "The server would be open to more than was said", "see the message"),
     "server.address_in_use": Code(

@@ -127,10 +127,8 @@ class Goals:
         with self._signal:
             self._forget()
             identity = identity or uuid.uuid4().hex
-            if refused := self._refusal(identity):
+            if refused := self._refusal(identity, wrong):
                 return refused, None
-            if wrong:
-                return _refused(identity, cause_of(wrong)), None
             preempted = self._preempt(identity) if self.policy is Policy.PREEMPT else None
             now, mailbox = self._clock.now(), Mailbox(self._clock)
             goal = Goal(identity, task, arguments, now, self._stamp(now), mailbox)
@@ -301,7 +299,7 @@ class Goals:
         while goal.stops:
             self._signal.wait(None)
 
-    def _refusal(self, identity: str) -> Acceptance | None:
+    def _refusal(self, identity: str, wrong: Exception | None) -> Acceptance | None:
         if self._closed:
             return _refused(identity, Cause(CLOSING, "the server is ending; start it again"))
         if not _IDENTITY.fullmatch(identity):
@@ -313,6 +311,8 @@ class Goals:
         busy = self._running or next(iter(self._waiting), None)
         if busy and busy.outcome:
             return _refused(identity, cause_of(_held(busy)))
+        if wrong:  # before what waiting would help against
+            return _refused(identity, cause_of(wrong))
         if busy and self.policy is Policy.REJECT:
             words = f"goal {busy.identity} for task {busy.task} is under way; wait, or cancel it"
             return _refused(identity, Cause(BUSY, words))

@@ -20,7 +20,7 @@ from .causes import cause_of
 from .codes import OK
 from .errors import GoalError, OwnerHeld
 from .goal import Cause, Goal, GoalState, Outcome
-from .goals import NOBODY, Goals, Policy
+from .goals import NOBODY, Goals
 from .mailbox import Mailbox
 from .recording.recordings import Recordings
 from .results import record_of
@@ -130,8 +130,9 @@ class Owner:
 
     def judge_request(self, task: int, arguments: Mapping[str, str | Located]) -> Exception | None:
         """What is wrong with how a goal is asked for; what else is, its recording is to tell."""
-        busy = self._goals.policy is Policy.REJECT and self._goals.running  # refused in any case
-        error = None if busy else self.judge(task, arguments)
+        running = self._goals.running
+        held = running and running.outcome  # refused in any case, and judging might not return
+        error = None if held else self.judge(task, arguments)
         return error if isinstance(error, (UnknownTask, BadArguments)) else None
 
     def _own(self) -> None:

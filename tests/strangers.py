@@ -8,6 +8,11 @@ from tests.serving import Served
 
 GOAL = "0123456789abcdef" * 2
 
+UPGRADE = (
+    *("connection: upgrade", "upgrade: websocket", "sec-websocket-version: 13"),
+    "sec-websocket-key: AAAAAAAAAAAAAAAAAAAAAA==",
+)
+
 
 @contextlib.contextmanager
 def raw(served: Served, *lines: str) -> Iterator[socket.socket]:

@@ -7,6 +7,7 @@ import threading
 import pytest
 
 import logs
+from executive import Client, ServerUnreachable
 from tests.serving import Served, Typed
 
 pytest_plugins = ["tests.server_fixtures"]
@@ -91,6 +92,30 @@ def test_an_error_is_told_in_json_too(typed: tuple[Served, Typed]) -> None:
     served.stop()
     for words in (("status",), ("watch",), ("cancel",), ("send", "1", "--wait")):
         assert told(*words) == (13, *["server.unreachable"] * 2)
+
+
+@pytest.mark.parametrize("url", ["localhost:1", "127.0.0.1", "ftp://localhost"])
+def test_an_address_that_is_no_url_is_a_mistake_of_usage(
+    typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch, url: str
+) -> None:
+    _, type_in = typed
+    wanted = f"{url!r} is no URL of a server, which begins with http://\n"
+    assert wanted in type_in("status", "--server", url)[2]
+    monkeypatch.setenv("ARMTREE_SERVER", url)
+    status, _, error = type_in("status")
+    assert (status, "ARMTREE_SERVER" in error, wanted in error) == (2, True, True)
+    with pytest.raises(ServerUnreachable, match=r"[^.]\. Start one with armtree serve"):
+        Client(url).status()
+
+
+def test_the_ways_to_a_server_elsewhere_are_named(
+    typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, type_in = typed
+    monkeypatch.setenv("ARMTREE_TOKEN", "x")
+    assert "; give it as ARMTREE_TOKEN, " in type_in("send", "11")[2]
+    monkeypatch.setenv("ARMTREE_SERVER", "http://127.0.0.1:1")
+    assert "--server URL or ARMTREE_SERVER" in type_in("status")[2]
 
 
 def test_a_lost_port_is_named_until_the_arm_is_active_again(typed: tuple[Served, Typed]) -> None:

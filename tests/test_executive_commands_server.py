@@ -147,7 +147,7 @@ def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
     assert json.loads(type_in("status", "--json")[1])["goal"]["goal_id"] == goal
     assert type_in("send", "11")[0] == 4
     assert type_in("pause")[0] == 0
-    assert "PAUSED" in type_in("status")[1]
+    assert re.findall(" paused| PAUSED", type_in("status")[1]) == [" PAUSED"]
     assert type_in("resume", goal)[0] == 0
     assert type_in("step")[0] == 4
     assert type_in("cancel", goal)[1] == f"canceling {goal}\n"
@@ -315,6 +315,9 @@ def test_a_watcher_sees_what_others_do(shell: Shell) -> None:
 
 def test_what_is_open_is_said_loudly(shell: Shell) -> None:
     shell.serve("--expose")
+    assert re.search(
+        r" on (http://127.*:\d+); .*reject; its clients want --server \1\n", "".join(shell.log)
+    )
     assert "WARNING EXPOSED: every machine" in "".join(shell.log)
 
 

@@ -283,6 +283,24 @@ def test_what_can_never_be_done_preempts_nothing(server: RigMaker) -> None:
     assert answers[0].identity == "ab" * 16
 
 
+@pytest.mark.parametrize("policy", [Policy.REJECT, Policy.QUEUE])
+def test_what_is_asked_for_wrongly_is_not_told_to_wait(
+    server: RigMaker, monkeypatch: pytest.MonkeyPatch, policy: Policy
+) -> None:
+    arm = server(policy=policy)
+    asked: list[tuple[int, dict[str, str]]] = [(99, {}), (2, {"nonsense": "3"}), (2, {})]
+    told: list[str] = []
+
+    def act() -> None:
+        monkeypatch.setattr("executive.goals.WAITING", 0)
+        told.extend(arm.executive.send(*each, strict=True).code for each in asked)
+
+    at_frame(arm, 10, act)
+    assert run(arm, 1).success
+    last = "goal.busy" if policy is Policy.REJECT else "goal.queue_full"
+    assert told == ["goal.unknown_task", "goal.bad_arguments", last]
+
+
 # Results and recordings
 
 

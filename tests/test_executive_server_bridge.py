@@ -20,7 +20,7 @@ from executive.server import bridge, connections, turns
 from executive.server import rosbridge as ros
 from tests.javascript import PEERS, without_node
 from tests.serving import Serve, Served
-from tests.strangers import raw
+from tests.strangers import UPGRADE, raw
 
 pytest_plugins = ["tests.server_fixtures"]
 
@@ -96,11 +96,6 @@ def told_until_complaint(connection: ClientConnection) -> list[list[int]]:
         told.append([goal["status"] for goal in message["msg"]["status_list"]])
     return told
 
-
-UPGRADE = (
-    *("connection: upgrade", "upgrade: websocket", "sec-websocket-version: 13"),
-    "sec-websocket-key: AAAAAAAAAAAAAAAAAAAAAA==",
-)
 
 GOAL = {
     "op": "send_action_goal",

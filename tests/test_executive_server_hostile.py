@@ -1,16 +1,22 @@
 """Strangers: foreign pages, bad bodies, slow and greedy clients. The stop is always answered."""
 
 import contextlib
+import dataclasses
 import json
+import logging
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from websockets.frames import Close, Frame, Opcode
 
+from executive.client import asks
 from executive.server import access, app, connections
 from executive.server.operations import OPERATIONS
 from executive.server.server import AddressInUse, ServerError
 from tests.serving import Serve
-from tests.strangers import GOAL, answer, head, raw, stops
+from tests.strangers import GOAL, UPGRADE, answer, head, raw, stops
 
 pytest_plugins = ["tests.server_fixtures"]
 
@@ -216,6 +222,22 @@ def test_requests_in_advance_are_not_answered(serve: Serve) -> None:
         assert answer(connection).count(b"HTTP/1.1 200") == 1
 
 
+def test_text_that_is_not_utf_8_ends_its_connection_and_fills_no_log(
+    serve: Serve, caplog: pytest.LogCaptureFixture
+) -> None:
+    served = serve(rosbridge=True)
+    asks = ("GET / HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", *UPGRADE, "")
+    halves = Frame(Opcode.TEXT, b"\xff", fin=False), Frame(Opcode.CONT, b"\xfe")
+    for frames in ((Frame(Opcode.TEXT, b"\xff\xfe"),) * 2, halves):
+        with raw(served, *asks) as connection:
+            assert b" 101 " in connection.recv(1000)
+            connection.sendall(b"".join(each.serialize(mask=True) for each in frames))
+            assert answer(connection) == Frame(Opcode.CLOSE, Close(1007, "").serialize()).serialize(
+                mask=False
+            )
+    assert [each.message for each in caplog.records if each.levelno > logging.INFO] == []
+
+
 def test_where_it_may_not_listen(serve: Serve) -> None:
     served = serve()
     with pytest.raises(AddressInUse, match="--tcp-port"):
@@ -248,6 +270,18 @@ def test_the_token_is_its_users_alone(serve: Serve, tmp_path: Path) -> None:
     with pytest.raises(ServerError, match="chmod 700"):
         serve()
     file.parent.chmod(0o700)
+
+
+def test_the_token_of_a_server_that_was_killed_is_shown_to_nobody(serve: Serve) -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as gone:
+        pass
+    file = access.file_of(serve().server.port)
+    left = access.Access("http://127.0.0.1:1", "secret", gone.pid)
+    file.with_name("server-1.json").write_text(json.dumps(dataclasses.asdict(left)))
+    assert asks.address(left.url, None).headers == {}
+    serve()
+    assert not access.file_of(1).exists()
+    assert file.exists()
 
 
 def test_the_token_is_in_no_recording(serve: Serve) -> None:

@@ -4,9 +4,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import fastjsonschema
+
 import executive.server as server
 from executive.server.operations import OPERATIONS
 from tests.serving import Serve
+from tests.test_executive_server_bridge import GOAL, heard, say, websocket
 
 pytest_plugins = ["tests.server_fixtures"]
 
@@ -34,6 +37,17 @@ def test_a_path_tells_all_its_methods(serve: Serve) -> None:
     served = serve()
     assert served.ask("OPTIONS", "/api/goals")[0] == 405
     assert served.ask("HEAD", "/api/health")[0] == 200
+
+
+def test_a_goal_of_rosbridge_is_answered_for_as_the_document_says(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as client:
+        say(client, **GOAL, id="a", args={"task_number": -1})
+        assert heard(client, "action_result")["status"] == 6
+    (goal,) = served.ask("GET", "/api/goals")[1]["goals"]
+    assert goal["task"] == -1
+    document = served.ask("GET", "/openapi.json")[1]
+    fastjsonschema.compile({**document, "$ref": "#/components/schemas/Goal"})(goal)
 
 
 def test_the_page_lists_every_operation() -> None:

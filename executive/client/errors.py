@@ -27,8 +27,8 @@ class ServerUnreachable(ClientError, ConnectionError):
 
     def __init__(self, url: str, why: str) -> None:
         super().__init__(
-            f"no server answers at {url}: {why}. Start one with armtree serve, or say where it is "
-            "with --server or ARMTREE_SERVER"
+            f"no server answers at {url}: {why.rstrip('.')}. Start one with armtree serve, or say "
+            "where it is with --server URL or ARMTREE_SERVER"
         )
 
 

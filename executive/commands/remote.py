@@ -208,7 +208,8 @@ def status_lines(status: Status) -> Iterator[str]:
         yield f"Commanded {joints} rad"
     if status.goal:
         far = "" if status.percentage is None else f", {status.percentage} %"
-        what = " ".join(filter(None, ("PAUSED" * status.paused, status.phase, status.node)))
+        doing = "PAUSED" if status.paused else status.phase
+        what = " ".join(filter(None, (doing, status.node)))
         yield f"Goal      task {status.goal.task}, {status.goal.state.name}{far}  {what}".rstrip()
         yield f"          {status.goal.identity}"
     else:

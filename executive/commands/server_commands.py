@@ -116,10 +116,19 @@ def serve(
     run(options)
 
 
+def _url(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+    if value and not value.startswith(("http://", "https://")):
+        raise click.BadParameter(f"{value!r} is no URL of a server, which begins with http://")
+    return value
+
+
 server_option = click.option(
     "--server",
+    metavar="URL",
+    callback=_url,
     envvar="ARMTREE_SERVER",
-    help="URL of the server; default: the one on this machine, on ARMTREE_TCP_PORT.",
+    show_envvar=True,
+    help="Where the server is; default: the one on this machine, on ARMTREE_TCP_PORT.",
 )
 
 

@@ -15,6 +15,7 @@ from executive.goals import Policy
 from executive.live_library import LiveLibrary
 from executive.pose import PoseUnconfirmed, standing
 from executive.questions import Questions
+from executive.server.access import PORT
 from executive.server.server import Place, Server
 from hardware import HardwareError, RealClock, TransitionRefused, load_robot
 from logs import LogError
@@ -139,8 +140,12 @@ def prepare(executive: Executive, activate: bool) -> None:
 
 def _announce(server: Server, options: ServeOptions) -> None:
     place = options.place
+    elsewhere = "" if server.port == PORT else f"; its clients want --server {server.url}"
     logger.info(
-        "Listening on %s; a second goal is handled by: %s", server.url, options.policy.value
+        "Listening on %s; a second goal is handled by: %s%s",
+        server.url,
+        options.policy.value,
+        elsewhere,
     )
     if place.expose:
         logger.warning(

@@ -35,6 +35,11 @@ class Access:
     token: str
     pid: int
 
+    @property
+    def serves(self) -> bool:
+        """Whether its process is there."""
+        return Path("/proc", str(self.pid)).exists()
+
 
 def new_token() -> str:
     """A token that nobody guesses."""
@@ -47,7 +52,7 @@ def file_of(port: int) -> Path:
 
 
 def publish(port: int, access: Access) -> Path:
-    """Write the file anew, readable by its user alone.
+    """Write the file anew, readable by its user alone; remove those of servers that are gone.
 
     Raises:
         OSError: It cannot be written, or its folder is not ours alone.
@@ -57,6 +62,9 @@ def publish(port: int, access: Access) -> Path:
     found = folder.stat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
         raise PermissionError(f"{folder} belongs to others too; chmod 700 it, or remove it")
+    for other in folder.glob("server-*.json"):
+        if (left := _read(other)) and not left.serves:
+            other.unlink(missing_ok=True)
     handle, name = tempfile.mkstemp(dir=folder)  # made with mode 0600
     with os.fdopen(handle, "w") as stream:
         json.dump({"url": access.url, "token": access.token, "pid": access.pid}, stream)
@@ -71,9 +79,17 @@ def withdraw(port: int, access: Access) -> None:
 
 
 def read(port: int) -> Access | None:
-    """What the file of a server says; None where there is none of this user's."""
+    """What the file of a server says; None where there is none of this user's, or it is gone.
+
+    Whoever listens in the place of a server that was killed shall not be shown its token.
+    """
+    found = _read(file_of(port))
+    return found if found and found.serves else None
+
+
+def _read(file: Path) -> Access | None:
     try:
-        with file_of(port).open() as stream:
+        with file.open() as stream:
             ours = os.fstat(stream.fileno()).st_uid == os.getuid()
             return Access(**json.load(stream)) if ours else None
     except (OSError, ValueError, TypeError):

@@ -13,6 +13,7 @@ import h11
 from uvicorn.protocols.http.h11_impl import STATUS_PHRASES, H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
+from websockets.frames import CloseCode
 from websockets.utils import apply_mask
 
 from .errors import BadRequest, as_json
@@ -118,6 +119,15 @@ class WebSocketConnection(_Patient, WebSocketsSansIOProtocol):
         """
         length, message = _first_message(data)
         return length if _BRIDGED_CANCEL.search(message) else 0
+
+    def send_receive_event_to_app(self) -> None:
+        """A message is whole. Text that is not UTF-8 ends the connection; uvicorn logs each."""
+        if self.curr_msg_data_type == "text" and not _is_utf8(b"".join(self.frames)):
+            self.frames = []
+            self.conn.fail(CloseCode.INVALID_DATA)
+            self.handle_parser_exception()
+        else:
+            super().send_receive_event_to_app()
 
     @property
     def full(self) -> bool:
@@ -232,6 +242,14 @@ class HttpConnection(_Patient, H11Protocol):
             if isinstance(each, HttpConnection) and not (each is self or each.asks or each.leaving)
         ]
         min(idle, key=lambda each: (each.shows_token, each.since), default=self).transport.abort()
+
+
+def _is_utf8(text: bytes) -> bool:
+    try:
+        text.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _first_message(data: bytes) -> tuple[int, bytes]:

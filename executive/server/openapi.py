@@ -11,6 +11,12 @@ from .operations import IDENTITY, OPERATIONS, QUESTION, Operation, Parameter
 _TEXT = {"type": "string"}
 _NUMBER = {"type": "number"}
 _COUNT = {"type": "integer", "minimum": 0}
+_GIVEN_TASK = {
+    "type": "integer",
+    "minimum": -(2**31),
+    "maximum": 2**31 - 1,
+    "description": "As it was asked for; clients of rosbridge may give any int32.",
+}
 _YES = {"type": "boolean"}
 _STATE = {"type": "string", "enum": [state.name for state in GoalState]}
 _ENDS = {"type": "string", "enum": ["SUCCEEDED", "CANCELED", "ABORTED"]}
@@ -47,7 +53,7 @@ SCHEMAS = {
     "Health": _object(ok=_YES, version=_TEXT),
     "Result": _object(
         goal_id=IDENTITY,
-        task=_COUNT,
+        task=_GIVEN_TASK,
         state=_ENDS,
         success=_YES,
         frames=_COUNT,
@@ -59,7 +65,7 @@ SCHEMAS = {
     ),
     "Goal": _object(
         goal_id=IDENTITY,
-        task=_COUNT,
+        task=_GIVEN_TASK,
         state=_STATE,
         stamp_ns=_COUNT,
         result=_or_null(_ref("Result")),

@@ -83,7 +83,8 @@ class Rules:
             given = headers.get("authorization")
             raise Unauthorized(
                 "the token is wrong" if given else "this needs the server's token",
-                "send Authorization: Bearer TOKEN; the server printed it when it started",
+                "give it as ARMTREE_TOKEN, or in HTTP send Authorization: Bearer TOKEN; the server "
+                "printed it when it started",
             )
 
 
