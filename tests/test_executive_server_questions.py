@@ -34,12 +34,20 @@ def test_an_answer_lets_the_task_go_on(serve: Serve) -> None:
     with served.client() as client:
         goal, question = asked(client)
         assert client.questions() == (OpenQuestion(question, "Free?", ("yes", "no")),)
-        assert client.status().phase == "asking"
         assert client.answer(question, "Y") == "yes"
         assert client.result(goal).success
         assert client.questions() == ()
         with pytest.raises(Refused, match="not known, or answered already"):
             client.answer(question, "yes")
+
+
+def test_while_it_asks_its_phase_says_so(serve: Serve) -> None:
+    served = serve()
+    with served.client() as client, client.events("feedback") as events:
+        goal = client.send(14)
+        told = next(event for event in events if getattr(event, "phase", "") == "asking")
+        assert client.status().phase == "asking"
+        assert getattr(told, "goal_id", "") == goal
 
 
 def test_another_answer_fails_the_task_and_nonsense_is_refused(serve: Serve) -> None:
