@@ -50,11 +50,11 @@ def take(files: dict[str, bytes]) -> None:
         with _file_of(data) as path:
             salvage = Salvage(path)
             ends = [salvage.valid for record in salvage if type(record).__name__ == "Message"]
-            wholes = _piece_ends(data) or ends  # of the pieces they are in
+            wholes = piece_ends(data) or ends  # of the pieces they are in
             _FILES[name] = data, list(zip(wholes, _read(path)[0], strict=True))
 
 
-def _piece_ends(journal: bytes) -> list[int]:
+def piece_ends(journal: bytes) -> list[int]:
     """Of each message of a journal, where the check of its piece ends; nothing of other files."""
     place, waiting, ends = MAGIC, 0, list[int]()
     while place < len(journal) - MAGIC:
