@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hardware import Robot, SimulatedClock, load_robot
+from hardware import RealClock, Robot, SimulatedClock, load_robot
 from skills.motion import (
     BadQuery,
     GoalInCollision,
@@ -234,6 +234,28 @@ def test_timeout(cut_off: Planner) -> None:
 def test_time_comes_from_the_clock(robot: Robot) -> None:
     plan = Planner(robot, SimulatedClock()).plan(arm(HOME, PICK, timeout=0.0))
     assert set(plan.milliseconds.values()) == {0.0}
+
+
+class _Ticking(RealClock):
+    """A second later each time it is looked at."""
+
+    looks = 0
+
+    def now(self) -> float:
+        """Seconds since nobody looked."""
+        self.looks += 1
+        return float(self.looks)
+
+
+def test_the_rungs_together_take_all_the_time(robot: Robot) -> None:
+    """Also where one is climbed for each leg; the last look is at the deadline."""
+    clock = _Ticking()
+    there_and_back = (*SEARCHED.via, SEARCHED.goal, *SEARCHED.via)
+    plan = Planner(robot, clock).plan(
+        dataclasses.replace(SEARCHED, via=there_and_back, timeout=1e9)
+    )
+    assert {"search", "shorten", "blend", "check"} <= plan.milliseconds.keys()
+    assert sum(plan.milliseconds.values()) == 1e3 * (clock.looks - 2)
 
 
 def digest(plan: Plan) -> str:

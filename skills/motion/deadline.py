@@ -36,21 +36,23 @@ class Deadline:
 
 
 class Stopwatch:
-    """What each rung took.
+    """What each rung took, with what led to it, from now on; together they are all the time.
 
     Attributes:
-        milliseconds: By rung, in their order [ms].
+        milliseconds: By rung, in the order of their first time [ms].
     """
 
     def __init__(self, clock: Clock) -> None:
-        self._clock = clock
+        self._clock, self._since = clock, clock.now()
         self.milliseconds: dict[str, float] = {}
 
     @contextmanager
     def rung(self, name: str) -> Iterator[None]:
-        """Time what is done inside."""
-        begin = self._clock.now()
+        """Time what is done inside; a rung may be climbed more than once."""
         try:
             yield
         finally:
-            self.milliseconds[name] = 1e3 * (self._clock.now() - begin)
+            now = self._clock.now()
+            spent = 1e3 * (now - self._since)
+            self.milliseconds[name] = self.milliseconds.get(name, 0.0) + spent
+            self._since = now

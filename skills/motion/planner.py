@@ -115,20 +115,21 @@ class Planner:
         with scene.contacts.within(deadline):
             found = ways(space, group.search, stations, query.seed, watch)
             waypoints, curve, profile = _timed(found, group, watch)
-        plan = Plan(
-            group=query.group,
-            joints=group.joints,
-            start=start,
-            origin=stations[0],
-            goal=waypoints[-1],
-            seed=query.seed,
-            velocity=group.velocity,
-            acceleration=group.acceleration,
-            waypoints=waypoints,
-            curve=curve,
-            profile=profile,
-            milliseconds=watch.milliseconds,
-        )
+        with watch.rung("time"):
+            plan = Plan(
+                group=query.group,
+                joints=group.joints,
+                start=start,
+                origin=stations[0],
+                goal=waypoints[-1],
+                seed=query.seed,
+                velocity=group.velocity,
+                acceleration=group.acceleration,
+                waypoints=waypoints,
+                curve=curve,
+                profile=profile,
+                milliseconds=watch.milliseconds,
+            )
         if not curve.straight:
             with watch.rung("check"), scene.contacts.within(deadline):
                 _check(space, plan)
