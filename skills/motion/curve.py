@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Rebuilt, norms, readonly
+from .arrays import norms, readonly
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ _SAME = 1e-9  # a break nearer ahead than this is passed: no piece is too short 
 
 
 @dataclass(frozen=True, eq=False)
-class Curve(Rebuilt):
+class Curve:
     """Pieces of `base + u * slope + u**2 * bend`, with u = s less the break where they begin.
 
     Attributes:

@@ -7,15 +7,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import Rebuilt, readonly
+from .arrays import Joined, joined, parted, readonly
 from .curve import Curve
 from .profile import Profile
 
 Array = NDArray[np.float64]
 
+# What is an array, in a plan and in its parts.
+_OWN = ("start", "origin", "goal", "velocity", "acceleration", "waypoints")
+_CURVE = ("breaks", "base", "slope", "bend", "stops")
+_PROFILE = ("times", "places", "speeds", "pushes")
+# Group, joints, seed, milliseconds, and all arrays.
+_State = tuple[str, tuple[str, ...], int, dict[str, float], Joined]
+
 
 @dataclass(frozen=True, eq=False)
-class Plan(Rebuilt):
+class Plan:
     """A motion of one group, exact at every time.
 
     Attributes:
@@ -47,8 +54,32 @@ class Plan(Rebuilt):
     milliseconds: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        for name in ("start", "origin", "goal", "velocity", "acceleration", "waypoints"):
+        for name in _OWN:
             object.__setattr__(self, name, readonly(getattr(self, name)))
+
+    def __getstate__(self) -> _State:
+        """As little as there is, its arrays in one piece of memory."""
+        curve, profile = self.curve, self.profile
+        arrays = [getattr(self, name) for name in _OWN]
+        arrays += [getattr(curve, name) for name in _CURVE]
+        arrays += [getattr(profile, name) for name in _PROFILE]
+        return self.group, self.joints, self.seed, dict(self.milliseconds), joined(arrays)
+
+    def __setstate__(self, state: _State) -> None:
+        group, joints, seed, milliseconds, together = state
+        curve, profile = Curve.__new__(Curve), Profile.__new__(Profile)
+        arrays = iter(parted(together))
+        self.__dict__.update(zip(_OWN, arrays, strict=False))
+        curve.__dict__.update(zip(_CURVE, arrays, strict=False))
+        profile.__dict__.update(zip(_PROFILE, arrays, strict=False))
+        self.__dict__.update(
+            group=group,
+            joints=joints,
+            seed=seed,
+            milliseconds=milliseconds,
+            curve=curve,
+            profile=profile,
+        )
 
     @property
     def duration(self) -> float:

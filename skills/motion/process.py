@@ -3,21 +3,19 @@
 import contextlib
 import os
 import pickle
-import select
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
 from hardware import Robot
 
 from .errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
 from .plan import Plan
 from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
+from .wire import packed, receive
 from .world import Body, World
 
 Request = Query | Verify | ToolQuery | Carry | Rest
@@ -70,9 +68,7 @@ class WorkerProcess:
                 env=_environment(),
                 start_new_session=True,
             )
-        self._socket, self._connection = ours, Connection(os.dup(ours.fileno()))
-        self._readable = select.poll()  # kept, as `Connection.poll` makes one every time
-        self._readable.register(self._connection, select.POLLIN)
+        self._socket = ours
         self._ready = self._killed = self._begun = False
         self._hello(robot)
 
@@ -97,19 +93,21 @@ class WorkerProcess:
         message = b"" if begun else _packed(request)
         if isinstance(message, BadQuery):
             return message
+        timeout = max(request.timeout, 0.0) + _GRACE
         try:
             if not self._ready and (broken := self._start()):
                 return broken
             if not begun:
-                self._connection.send_bytes(message)
-            answer = self._answer(request.timeout + _GRACE)
+                self._socket.settimeout(timeout)
+                self._socket.sendall(message)
+            answer = receive(self._socket, timeout)
+        except TimeoutError:
+            self.kill()
+            return PlanTimeout(request.timeout)
         except (EOFError, OSError):
             return self._died()
         except _NONSENSE as error:
             return self._nonsense(repr(error))
-        if answer is _LATE:
-            self.kill()
-            return PlanTimeout(request.timeout)
         if answer is None or isinstance(answer, Plan | Reached | Body | MotionError):
             return answer
         return self._nonsense(f"{type(answer).__name__} instead of a plan")
@@ -121,7 +119,7 @@ class WorkerProcess:
         message = _packed(request)
         if isinstance(message, bytes) and len(message) <= _AT_ONCE:
             with contextlib.suppress(OSError):  # it died; who asks is told
-                self._connection.send_bytes(message)
+                self._socket.sendall(message)
                 self._begun = True
 
     def kill(self) -> None:
@@ -135,26 +133,25 @@ class WorkerProcess:
         """End it and leave nothing behind."""
         self.kill()
         self._process.wait()
-        self._connection.close()
         self._socket.close()
         self._notes.close()
 
     def _hello(self, robot: Robot) -> None:
         try:
-            send(self._connection, robot)
+            self._socket.sendall(packed(robot))
         except OSError:
             self.kill()  # told by the first `ask`
 
     def _start(self) -> MotionError | None:
         """Wait until it has loaded the robot; the error where it cannot."""
-        answer = self._answer(_START)
+        try:
+            answer = receive(self._socket, _START)
+        except TimeoutError:
+            return self._nonsense(f"nothing within {_START:g} s of its start")
         if answer is None or isinstance(answer, MotionError):
             self._ready = True
             return answer
-        return self._nonsense(f"nothing within {_START:g} s of its start")
-
-    def _answer(self, timeout: float) -> Any:
-        return receive(self._connection) if self._readable.poll(1e3 * timeout) else _LATE
+        return self._nonsense(f"{type(answer).__name__} when it started")
 
     def _nonsense(self, what: str) -> WorkerDied:
         self.kill()
@@ -177,20 +174,10 @@ class WorkerProcess:
         return f" ({lines[-1].strip()})" if lines else ""
 
 
-def send(connection: Connection, message: object) -> None:
-    """As `Connection.send`, without its search for a pickler."""
-    connection.send_bytes(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
-
-
-def receive(connection: Connection) -> Any:
-    """What `send` sent."""
-    return pickle.loads(connection.recv_bytes())
-
-
 def _packed(request: Request) -> bytes | BadQuery:
     """A request as it is sent."""
     try:
-        return pickle.dumps(request, pickle.HIGHEST_PROTOCOL)
+        return packed(request)
     except Exception as error:  # whatever the values in it raise
         return BadQuery(f"It cannot be sent to a worker ({shown(error)}); give plain numbers")
 
@@ -206,13 +193,6 @@ def _wrong(request: Request) -> BadQuery | None:
     if isinstance(timeout, (int, float)) and abs(timeout) <= _LONGEST:  # not so if it is a NaN
         return None
     return BadQuery(f"The time-out is {shown(timeout)} s; give a number up to {_LONGEST:g}")
-
-
-class _Late:
-    """Stands for an answer that did not come in time."""
-
-
-_LATE = _Late()
 
 
 def _environment() -> dict[str, str]:

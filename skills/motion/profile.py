@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import Rebuilt, readonly
+from .arrays import readonly
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Profile(Rebuilt):
+class Profile:
     """Knots of s(t); between two of them the acceleration is constant.
 
     Attributes:

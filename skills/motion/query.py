@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import Rebuilt, readonly
+from .arrays import readonly
 from .errors import BadQuery, shown
 from .plan import Plan
 from .world import EMPTY, Vector, World
@@ -49,7 +49,7 @@ def _numbers(what: str, values: ArrayLike, unit: str) -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True, eq=False)
-class Verify(Rebuilt):
+class Verify:
     """Check a motion as it will be played.
 
     Attributes:

@@ -8,15 +8,15 @@ one. So does taking too much memory.
 
 import resource
 import signal
+import socket
 import sys
-from multiprocessing.connection import Connection
 from typing import Any
 
 from hardware import RealClock
 
 from .errors import MotionError
 from .planner import Planner
-from .process import receive, send
+from .wire import packed, receive
 
 _MEMORY = 4 * 2**30  # of address space; a worker needs a tenth of it [bytes]
 
@@ -25,25 +25,25 @@ def main(descriptor: int) -> None:
     """Serve until the other end closes."""
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # when to end is for the parent to say
-    with Connection(descriptor) as connection:
+    with socket.socket(fileno=descriptor) as parent:
         try:
-            _serve(connection)
+            _serve(parent)
         except (EOFError, ConnectionError):
             return
 
 
-def _serve(connection: Connection) -> None:
-    robot = receive(connection)
+def _serve(parent: socket.socket) -> None:
+    robot = receive(parent)
     try:
         planner = Planner(robot, RealClock())
     except MotionError as error:
-        send(connection, error)
+        parent.sendall(packed(error))
         while True:
-            receive(connection)
-            send(connection, error)
-    send(connection, None)
+            receive(parent)
+            parent.sendall(packed(error))
+    parent.sendall(packed(None))
     while True:
-        send(connection, _answered(planner, receive(connection)))
+        parent.sendall(packed(_answered(planner, receive(parent))))
 
 
 def _answered(planner: Planner, request: Any) -> Any:

@@ -1,0 +1,94 @@
+"""What passes between a worker and its parent, over a real pair of sockets."""
+
+import pickle
+import socket
+import threading
+from collections.abc import Iterator
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skills.motion.wire import packed, receive
+
+
+@pytest.fixture
+def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
+    here, there = socket.socketpair()
+    with here, there:
+        yield here, there
+
+
+@given(message=st.binary(max_size=300), cuts=st.lists(st.integers(0, 320), max_size=5))
+def test_a_message_arrives_whole_however_it_is_cut(message: bytes, cuts: list[int]) -> None:
+    here, there = socket.socketpair()
+    with here, there:
+        sent = packed(message)
+        edges = [0, *sorted(min(cut, len(sent)) for cut in cuts), len(sent)]
+
+        def send() -> None:
+            for begin, end in pairwise(edges):
+                there.sendall(sent[begin:end])
+
+        thread = threading.Thread(target=send)
+        thread.start()
+        assert receive(here, 10.0) == message
+        thread.join()
+
+
+def test_a_message_longer_than_any_buffer(pair: tuple[socket.socket, socket.socket]) -> None:
+    here, there = pair
+    message = bytes(range(256)) * 20_000
+    thread = threading.Thread(target=lambda: there.sendall(packed(message)))
+    thread.start()
+    assert receive(here) == message
+    thread.join()
+
+
+LENGTHS = st.integers(0, 12) | st.integers(0, 2**32 - 1)
+
+
+@settings(max_examples=300)
+@given(length=LENGTHS, comes=st.integers(0, 16), closes=st.booleans())
+def test_what_is_no_message_ends_in_time(length: int, comes: int, closes: bool) -> None:
+    """An x begins no pickle."""
+    here, there = socket.socketpair()
+    with here, there:
+        there.sendall((length.to_bytes(4) + b"x" * 12)[:comes])
+        if closes:
+            there.shutdown(socket.SHUT_WR)
+        told, whole = comes >= 4, comes >= 4 + length
+        expected: type[Exception] = EOFError if closes else TimeoutError
+        if told and (whole or length > 2**30):
+            expected = pickle.UnpicklingError
+        if told and comes == 4 and length == 0:
+            expected = EOFError  # as pickle calls what is empty
+        with pytest.raises(expected):
+            receive(here, 0.001)
+
+
+def test_no_time_left_is_no_time(pair: tuple[socket.socket, socket.socket]) -> None:
+    here, there = pair
+    there.sendall(packed(1))
+    with pytest.raises(TimeoutError):
+        receive(here, 0.0)
+    assert receive(here, 1.0) == 1
+
+
+def test_a_trickle_does_not_prolong_the_time(pair: tuple[socket.socket, socket.socket]) -> None:
+    """The time-out is for the whole message, not for each piece of it."""
+    here, there = pair
+    stop = threading.Event()
+
+    def trickle() -> None:
+        there.sendall((1_000_000).to_bytes(4))
+        while not stop.wait(0.001):
+            there.sendall(b".")
+
+    thread = threading.Thread(target=trickle)
+    thread.start()
+    with pytest.raises(TimeoutError):
+        receive(here, 0.05)
+    stop.set()
+    thread.join()
