@@ -3,8 +3,9 @@
 Ours and every peer that installs, each in an environment of its own, are asked the same in the
 same run: two straight moves and one round a block, on three simple axes; random pairs on the
 shipped arm, bare and beside a post; random pairs among posts on six and seven axes. All keep the
-same margin, and all are judged anew each millisecond by one judge. Then: how our cost grows, what a
-worker costs, how soon it can be stopped, and whether it leaks. `--quick` asks less of everything.
+same margin, and all are judged anew each millisecond by one judge. Then ours alone: motions by way
+of points and what is left of stopped ones, judged alike; how the cost grows, what a worker costs,
+how soon it can be stopped, and whether it leaks. `--quick` asks less of everything.
 """
 
 import os
@@ -23,6 +24,7 @@ from matplotlib.figure import Figure
 from hardware import load_robot
 from tests.bench.planners import meshed
 from tests.bench.planners.growth import Growth, growths
+from tests.bench.planners.onward import onward
 from tests.bench.planners.pools import deadlines, growth_mb, overheads, poison
 from tests.bench.planners.problems import Problem, fixed, random
 from tests.bench.planners.stacks import PEERS, Score, installed, ours, peer
@@ -94,6 +96,9 @@ def rows(runs: Sequence[dict[str, Score]], quick: bool) -> Iterator[Row]:
     yield Row("solved", "1", [sum(len(s.spent) for s in own) / sum(s.asked for s in own)])
     yield Row("colliding", "", [sum(score.colliding for score in own)])
     yield Row("limit_excess", "1", [max(score.worst() for score in own)])
+    on = onward(random(10 if quick else 100))
+    yield Row("onward_colliding", "", [on.colliding])
+    yield Row("onward_excess", "1", [max(on.over)])
     yield Row("seven_axis_success", "1", [len(last["seven"].spent) / last["seven"].asked])
     yield Row("worker_overhead_ms", "ms", overheads(robot, 100 if quick else 500))
     late, canceled, again = deadlines(robot, 10 if quick else 50)

@@ -6,10 +6,18 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from skills.motion import Plan
 from tests.bench.planners.padded import Description
 
 Array = NDArray[np.float64]
 TICK = 0.001  # [s]
+
+
+def ticks(plan: Plan | None) -> Array:
+    """Its positions each millisecond, and where it ends (N, J) [rad]; none of what is no plan."""
+    if plan is None:
+        return np.empty((0, 1))
+    return plan.sample(np.append(np.arange(0.0, plan.duration, TICK), plan.duration))
 
 
 class Judge:

@@ -18,7 +18,7 @@ from skills.motion.curve import Curve
 from skills.motion.model import Model
 from skills.motion.planner import Planner
 from skills.motion.timing import timed
-from tests.bench.planners.judge import TICK, Judge, excess
+from tests.bench.planners.judge import TICK, Judge, excess, ticks
 from tests.bench.planners.padded import padded
 from tests.bench.planners.problems import Problem
 
@@ -97,14 +97,7 @@ def ours(problem: Problem) -> Score:
             sys.stderr.write(f"armtree: {error}\n")
             plan = None
         found.append((1e3 * (time.perf_counter() - begun), plan))
-    return _judged("armtree", problem, ((spent, _ticks(plan)) for spent, plan in found))
-
-
-def _ticks(plan: Plan | None) -> Array:
-    """Its positions each millisecond, and where it ends (N, J) [rad]."""
-    if plan is None:
-        return np.empty((0, 1))
-    return plan.sample(np.append(np.arange(0.0, plan.duration, TICK), plan.duration))
+    return _judged("armtree", problem, ((spent, ticks(plan)) for spent, plan in found))
 
 
 def peer(name: str, venv: Path, problem: Problem, folder: Path) -> Score:
