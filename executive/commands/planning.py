@@ -60,18 +60,20 @@ def _told(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[str]:
     line = straight_duration(plan)
     goal = ", ".join(f"{n} {q:.3f}" for n, q in zip(plan.joints, plan.goal, strict=True))
     yield f"Goal      {goal}"
+    longer = ""
     if len(plan.waypoints) > 2:
-        more = 100.0 * (plan.duration / line - 1.0) if line else 0.0
+        if line:
+            longer = f", this one {100.0 * (plan.duration / line - 1.0):.0f} % longer"
         how = f"by way of {via} point{'s' * (via > 1)}" if via else "round something"
-        yield f"Path      {how}, {len(plan.waypoints)} waypoints, {more:.0f} % longer"
+        yield f"Path      {how}, {len(plan.waypoints)} waypoints"
     else:
         yield "Path      straight" if plan.duration else "Path      none: it is there already"
-    yield f"Duration  {plan.duration:.3f} s; a straight line would take {line:.3f} s"
+    yield f"Duration  {plan.duration:.3f} s; a straight line would take {line:.3f} s{longer}"
     yield f"Found in  {spent:.2f} ms ({rungs}); the first time in {first:.2f} ms"
     for limit in limits_met(plan):
         unit = robot.joint(limit.joint).unit + ("/s" if limit.kind == "speed" else "/s²")
         share = 100.0 * limit.seconds / plan.duration
-        what = f"{limit.joint} at its {limit.kind} limit, {limit.value:g} {unit}"
+        what = f"the {limit.kind} limit of {limit.joint}, {limit.value:g} {unit}"
         yield f"Held by   {what}: {limit.seconds:.2f} s ({share:.0f} %)"
 
 
