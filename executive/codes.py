@@ -57,6 +57,9 @@ CODES = {
     "file.robot": Code(
         3, "The robot file or its URDF is wrong", "correct it where the message says"
     ),
+    "file.world": Code(
+        3, "A file of bodies around the arm is wrong", "correct it where the message says"
+    ),
     # Goals
     "goal": Code(4, "The goal makes no sense", "send another one"),
     "goal.error": Code(4, "The goal makes no sense", "send another one"),

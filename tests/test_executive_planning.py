@@ -11,7 +11,7 @@ from matplotlib.image import imread
 from executive.codes import look_up
 from executive.commands.cli import cli
 from skills import BadTarget
-from skills.motion import BadWorld, GoalInCollision, Unreachable
+from skills.motion import GoalInCollision, Unreachable
 from trees import UnknownTask
 
 PICK = ("joint_1=-1.4", "joint_2=-0.6", "joint_3=-0.07")
@@ -188,7 +188,6 @@ def test_a_task_of_several_motions(tmp_path: Path) -> None:
         (("1", "2"), BadTarget),
         (("joint_2=-1.5", "joint_3=-0.5"), GoalInCollision),
         (("0.9", "0", "0.1"), Unreachable),
-        (("joint_1=0", "--world", "nowhere.json"), BadWorld),
     ],
 )
 def test_refusals(tmp_path: Path, goal: tuple[str, ...], error: type[Exception]) -> None:

@@ -1,17 +1,17 @@
 """`armtree plan`: a motion found, explained and drawn, without an arm."""
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from hardware import Robot
-from skills.motion import EMPTY, BadWorld, Plan, World
+from skills.motion import EMPTY, Plan, World
 from skills.motion.explain import limits_met, straight_duration
 from skills.motion.planner import Planner
 
 from .plan_goal import Goal
+from .world_file import read_world
 
 _GRID = 0.005  # of the curves [s]
 
@@ -26,11 +26,12 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
 
     Raises:
         BadTarget: Goal or start cannot be read, or name no joint.
+        BadWorldFile: The file is wrong, or not there.
         MotionError: There is no plan.
     """
     robot = goal.robot
     planner = Planner(robot)
-    queries = goal.queries(planner, _world(world))
+    queries = goal.queries(planner, read_world(world) if world else EMPTY)
     for number, (query, left_out) in enumerate(queries, 1):
         first = sum(planner.plan(query).milliseconds.values())
         plan = planner.plan(query)
@@ -41,16 +42,6 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
         picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
         _draw(robot, query.world, plan, picture)
         yield str(picture)
-
-
-def _world(file: Path | None) -> World:
-    if file is None:
-        return EMPTY
-    try:
-        bodies = json.loads(file.read_text())
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadWorld(f"{file} cannot be read as JSON: {error}") from error
-    return World.parse(bodies)
 
 
 def _told(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[str]:
