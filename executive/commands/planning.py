@@ -1,6 +1,6 @@
 """`armtree plan`: a motion found, explained and drawn, without an arm."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,14 +31,19 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
     """
     robot = goal.robot
     planner = Planner(robot)
-    queries = goal.queries(planner, read_world(world) if world else EMPTY)
-    for number, (query, left_out) in enumerate(queries, 1):
+    legs, unknown = goal.legs(planner, read_world(world) if world else EMPTY)
+    for move in unknown:
+        yield f"Not seen  {move}"
+    for number, leg in enumerate(legs, 1):
+        query = leg.query
         first = sum(planner.plan(query).milliseconds.values())
         plan = planner.plan(query)
-        if len(queries) > 1:
-            yield f"Motion {number} of {len(queries)}"
+        if len(legs) > 1:
+            yield f"Motion {number} of {len(legs)}"
+        if leg.assumed:
+            yield f"Start     taken to be {_joints(plan.joints, plan.origin)}: only a run tells"
         yield from _told(robot, plan, len(query.via), first)
-        yield from _around(query.world, left_out)
+        yield from _around(query.world, leg.left_out)
         picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
         _draw(robot, query.world, plan, picture)
         yield str(picture)
@@ -49,8 +54,7 @@ def _told(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[str]:
     spent = sum(plan.milliseconds.values())
     rungs = ", ".join(f"{name} {ms:.2f}" for name, ms in plan.milliseconds.items())
     line = straight_duration(plan)
-    goal = ", ".join(f"{n} {q:.3f}" for n, q in zip(plan.joints, plan.goal, strict=True))
-    yield f"Goal      {goal}"
+    yield f"Goal      {_joints(plan.joints, plan.goal)}"
     longer = ""
     if len(plan.waypoints) > 2:
         if line:
@@ -66,6 +70,10 @@ def _told(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[str]:
         share = 100.0 * limit.seconds / plan.duration
         what = f"the {limit.kind} limit of {limit.joint}, {limit.value:g} {unit}"
         yield f"Held by   {what}: {limit.seconds:.2f} s ({share:.0f} %)"
+
+
+def _joints(names: Iterable[str], positions: Iterable[float]) -> str:
+    return ", ".join(f"{name} {q:.3f}" for name, q in zip(names, positions, strict=True))
 
 
 def _around(world: World, left_out: Sequence[str]) -> Iterator[str]:
