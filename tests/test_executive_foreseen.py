@@ -68,6 +68,7 @@ def test_check_finds_a_pose_in_a_body(
     mistakes = check(robot, None, [path]).mistakes
     assert [(m.place.path.name, m.place.line) for m in mistakes] == [("7_x.yaml", line)] * bool(why)
     assert not why or re.search(why, mistakes[0].message), mistakes
+    assert not any("of the motion" in mistake.message for mistake in mistakes)
 
 
 def planned(folder: Path, *steps: str, above: str = "") -> list[str]:

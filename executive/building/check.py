@@ -16,6 +16,7 @@ from skills.motion import (
     BadWorld,
     Body,
     Carry,
+    MotionCollides,
     MotionError,
     Pool,
     Reached,
@@ -289,12 +290,17 @@ def _refused(asked: _Asked, context: Context, notes: list[Mistake]) -> Iterator[
         poses, boot = _poses(asked, context), context.robot.boot_pose
         for (pose, world), told in poses.items():
             if broken.isdisjoint(world.bodies) and (hit := _hit(context, pose, world)):
-                yield from (Mistake(place, f"{words}: {hit}") for place, words in told)
+                yield from (Mistake(place, f"{words}: {_told(hit)}") for place, words in told)
         for world, place in _unmoved(asked, context).items():
             new = (boot, world) not in poses and broken.isdisjoint(world.bodies)
             if new and (hit := _hit(context, boot, world)):
                 why = "where a reset puts the arm, it collides before it moves here"
-                notes.append(Mistake(place, f"{why}: {hit}"))
+                notes.append(Mistake(place, f"{why}: {_told(hit)}"))
+
+
+def _told(hit: MotionError) -> str:
+    """In words: of a pose by itself, where a planner speaks of a motion."""
+    return hit.contact if isinstance(hit, MotionCollides) else str(hit)
 
 
 def _hit(context: Context, pose: Pose, world: World) -> MotionError | None:

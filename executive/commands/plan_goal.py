@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 from executive.building.check import motions_of
@@ -10,7 +11,7 @@ from hardware import Robot
 from skills import BadTarget, Positions, ReachPoint, Shift, check_targets, three
 from skills.motion import Query, Reached, ToolQuery, World
 from skills.motion.planner import Planner
-from trees import Declaration, FileError, Library, Place, fit, parse_value
+from trees import UNITS, Declaration, FileError, Library, Place, fit, parse_value
 
 _PORTS = declarations(ReachPoint)
 
@@ -37,9 +38,9 @@ class Goal:
     Attributes:
         robot: Whose motion.
         library: Tasks and poses.
-        words: `JOINT=VALUE`, `JOINT+=CHANGE` and names of poses, each on top of those before it,
-            joints not named staying; x, y, z, where the tool shall be; or the number of a task, for
-            all that it spells out.
+        words: `JOINT=VALUE`, `JOINT+=CHANGE`, each joint once, and names of poses, each on top of
+            those before it, joints not named staying; x, y, z, where the tool shall be; or the
+            number of a task, for all that it spells out.
         group: That moves; None for the one whose joints are named, else the arm.
         seed: Of the search.
         start: Where the arm stands, as `words` without a task; joints not named are at their boot
@@ -170,15 +171,19 @@ class _Asked:
             tool: What else is said of a point.
             option: That takes the words; empty for the goal itself.
         """
+        _check_units(words, option)
         if self.is_point(words):
             return self._reached(words, begin, tool)
         units = {joint.name: joint.unit for joint in self.robot.actuated}
-        named = dict[str, float]()
+        named, once = dict[str, float](), set[str]()
         for word in words:
             name, equals, text = word.partition("=")
             joint = name.removesuffix("+")
             if equals:
                 _check_names((joint,), units)
+                if joint in once:
+                    raise BadTarget(f"{joint} is given twice; give it once, with all of its way")
+                once.add(joint)
                 kind = "length" if units[joint] == "m" else "angle"
                 value: float = _read(joint, text, Declaration(kind))
                 if joint != name:
@@ -196,6 +201,11 @@ class _Asked:
         self, words: Sequence[str], begin: Mapping[str, float], tool: Mapping[str, str]
     ) -> dict[str, float]:
         given = {port: _read(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
+        for port, value in given.items():
+            try:
+                ReachPoint.judge(self.robot, {port: value})
+            except BadTarget as error:
+                raise BadTarget(f"--{port}: {error}") from error
         point = _read("point", f"[{', '.join(words)}]", _PORTS["point"])
         query = ToolQuery(
             group=self.group,
@@ -225,6 +235,13 @@ def _read(what: str, text: str, wanted: Declaration) -> Any:
         return fit(parse_value(text, what), wanted, {}, wrong)
     except FileError as error:
         raise BadTarget(f"{what}: {error.mistakes[0].message}") from error
+
+
+def _check_units(words: Sequence[str], option: str) -> None:
+    for before, word in pairwise(words):
+        if any(word in units for units in UNITS.values()):
+            why = f"{word!r} stands apart from its number; write {before}{word} in one word"
+            raise BadTarget(f"{option}: {why}" if option else f"{why}, or both in quotes")
 
 
 def _no_pose(word: str, poses: Mapping[str, object], option: str) -> str:
