@@ -31,6 +31,22 @@ def test_a_straight_move(tmp_path: Path) -> None:
     assert imread(tmp_path / "plan.png").shape[:2] == (1640, 1432)
 
 
+@pytest.mark.parametrize(
+    ("name", "begin"), [("p.svg", b"<?xml"), ("p.PDF", b"%PDF"), ("p", b"\x89PNG")]
+)
+def test_the_suffix_says_how_it_is_drawn(tmp_path: Path, name: str, begin: bytes) -> None:
+    output = tmp_path / name
+    assert CliRunner().invoke(cli, ["plan", "right", "-o", str(output)]).exit_code == 0
+    assert output.read_bytes().startswith(begin)
+
+
+def test_what_is_no_drawing_is_refused_at_once(tmp_path: Path) -> None:
+    result = CliRunner().invoke(cli, ["plan", "right", "-o", str(tmp_path / "plan.jpg")])
+    assert result.exit_code == 2
+    assert "plan.jpg: a drawing is one of .png, .svg, .pdf" in result.output
+    assert "Goal" not in result.output
+
+
 def test_round_a_body(tmp_path: Path) -> None:
     (tmp_path / "world.json").write_text(json.dumps(POST))
     world = ("--world", str(tmp_path / "world.json"))

@@ -25,7 +25,7 @@ def test_the_example_of_the_readme(tmp_path: Path) -> None:
     file = tmp_path / "world.json"
     file.write_text(example)
     post, ball = read_world(file).bodies
-    assert (post.shape, ball.shape) == (Box((0.03, 0.03, 0.2)), Sphere(0.02))
+    assert (post.shape, ball.shape) == (Box((0.03, 0.03, 0.2)), Sphere(0.01))
     assert (post.link, ball.link) == ("", "claw_support")
     result = plan("right", "--world", str(file), "-o", str(tmp_path / "plan.png"))
     assert result.exit_code == 0, result.exception

@@ -16,6 +16,7 @@ from executive.codes import INTERRUPTED_EXIT, look_up
 from .failures import tell
 from .log_commands import log
 from .options import (
+    DRAWING,
     PATH,
     keep_days_option,
     keep_mb_option,
@@ -149,7 +150,14 @@ for command in (*TASK_COMMANDS, *SERVER_COMMANDS):
 @click.option("--world", type=PATH, help="JSON file of bodies around the arm; see above.")
 @click.option("--group", help="Group that moves; default: that of the joints named, else the arm.")
 @click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning.")
-@click.option("-o", "--output", type=PATH, default=Path("plan.png"), show_default=True)
+@click.option(
+    "-o",
+    "--output",
+    type=DRAWING,
+    default=Path("plan.png"),
+    show_default=True,
+    help="PNG, SVG or PDF file to draw it to.",
+)
 def plan(
     goal: tuple[str, ...],
     robot: Path | None,

@@ -22,7 +22,7 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
     Args:
         goal: What to plan for.
         world: JSON file with a list of bodies, as `World.plain` writes them.
-        output: The PNG to write; where there are several motions, the others beside it.
+        output: The PNG, SVG or PDF to write; where there are several motions, the others beside it.
 
     Raises:
         BadTarget: Goal or start cannot be read, or name no joint.
