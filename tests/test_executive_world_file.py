@@ -1,7 +1,9 @@
 """A file of bodies around the arm: the one in the README, and what is said of wrong ones."""
 
+import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
@@ -62,3 +64,20 @@ def test_a_file_that_is_not_there_is_one_that_is_wrong(tmp_path: Path) -> None:
     assert isinstance(result.exception, BadWorldFile)
     assert "nowhere.json: cannot be read: No such file" in str(result.exception)
     assert look_up(result.exception.code).exit == 3
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        ({"link": "claw"}, "post moves with claw: There is no link claw; there are world, "),
+        ({"touches": ["flor"]}, "post may touch flor, but there is no such link or body"),
+        ({"name": "base_link"}, "The robot has a base_link already"),
+    ],
+)
+def test_bodies_that_do_not_fit_the_robot(tmp_path: Path, more: dict[str, Any], why: str) -> None:
+    file = tmp_path / "world.json"
+    file.write_text(json.dumps([json.loads(POST) | more]))
+    for goal in ("right", "1"):
+        result = plan(goal, "--world", str(file))
+        assert isinstance(result.exception, BadWorldFile)
+        assert str(result.exception).startswith(f"{file}: {why}")

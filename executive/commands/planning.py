@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from hardware import Robot
-from skills.motion import EMPTY, Plan, World
+from skills.motion import EMPTY, BadWorld, Plan, World
 from skills.motion.explain import limits_met, straight_duration
 from skills.motion.planner import Planner
 
 from .plan_goal import Goal
-from .world_file import read_world
+from .world_file import check_world, read_world
 
 _GRID = 0.005  # of the curves [s]
 
@@ -29,9 +29,18 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
         BadWorldFile: The file is wrong, or not there.
         MotionError: There is no plan.
     """
+    planner, bodies = Planner(goal.robot), read_world(world) if world else EMPTY
+    try:
+        yield from _explained(goal, planner, bodies, output)
+    except BadWorld:
+        if world:  # else it is a body of the task's own that is wrong
+            check_world(world, bodies, goal.robot, planner)
+        raise
+
+
+def _explained(goal: Goal, planner: Planner, bodies: World, output: Path) -> Iterator[str]:
     robot = goal.robot
-    planner = Planner(robot)
-    legs, unknown = goal.legs(planner, read_world(world) if world else EMPTY)
+    legs, unknown = goal.legs(planner, bodies)
     for move in unknown:
         yield f"Not seen  {move}"
     for number, leg in enumerate(legs, 1):

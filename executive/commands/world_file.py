@@ -3,7 +3,9 @@
 import json
 from pathlib import Path
 
-from skills.motion import BadWorld, World
+from hardware import Robot
+from skills.motion import BadWorld, MotionError, Verify, World
+from skills.motion.planner import Planner
 from trees import FileError, Mistake, Place
 
 
@@ -31,6 +33,20 @@ def read_world(file: Path) -> World:
         raise _wrong(Place(file, error.lineno, error.colno, lines=lines), why) from error
     except (ValueError, RecursionError) as error:  # no UTF-8, a huge number, nested too deep
         raise _wrong(Place(file, 0, 0), f"is no JSON: {error}") from error
+
+
+def check_world(file: Path, world: World, robot: Robot, planner: Planner) -> None:
+    """See that the bodies of a file fit the robot, wherever it stands.
+
+    Raises:
+        BadWorldFile: A body names a link or body that is not there, or a file that is no mesh.
+    """
+    try:
+        planner.verify(Verify([robot.boot_pose], 0.0, world=world))
+    except BadWorld as error:
+        raise _wrong(Place(file, 0, 0), str(error)) from error
+    except MotionError:  # it stands elsewhere
+        pass
 
 
 def _wrong(place: Place, why: str) -> BadWorldFile:
