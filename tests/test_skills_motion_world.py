@@ -1,5 +1,6 @@
 """Worlds from files: what is no body is refused, and says why."""
 
+import re
 from typing import Any
 
 import pytest
@@ -28,11 +29,11 @@ def test_written_down_and_read_again() -> None:
         ({"sphere": {"radius": True}}, "radius of b is True"),
         ({"sphere": {"radius": 0}}, "radius of b is 0"),
         ({"sphere": {"radius": float("nan")}}, "radius of b is nan"),
-        ({"sphere": {}}, "is no body"),
-        ({"sphere": 0.1}, "is no body"),
-        ({"sphere": {"size": 0.1}}, "is no body"),
-        ({"box": {"size": [1, 1, 1]}}, "is no body"),
-        ({"extra": 3}, "is no body"),
+        ({"sphere": {}}, "The sphere of b has no radius; give one"),
+        ({"sphere": 0.1}, "sphere of b is 0.1; give an object with its radius"),
+        ({"sphere": {"size": 0.1}}, "'size' is no key of the sphere of b; there are radius$"),
+        ({"box": {"size": [1, 1, 1]}}, "Of b there are box and sphere; give one of box, sp"),
+        ({"extra": 3}, "'extra' is no key of b; there are name, position, rotation"),
         ({"name": ["b"]}, "give it a name"),
         ({"name": ""}, "give it a name"),
         ({"position": [0, 0]}, r"position of b is \(0, 0\); give x, y, z"),
@@ -41,8 +42,8 @@ def test_written_down_and_read_again() -> None:
         ({"rotation": [0, 0, 0]}, "no unit quaternion"),
         ({"rotation": [0, 0, 0, "1"]}, "no unit quaternion"),
         ({"link": 7}, "link of b is 7"),
-        ({"touches": "floor"}, "is no body"),
-        ({"touches": [7]}, "give names"),
+        ({"touches": "floor"}, "touches of b is 'floor'; give a list of names"),
+        ({"touches": [7]}, "give a list of names"),
     ],
 )
 def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> None:
@@ -58,7 +59,11 @@ def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> Non
         ({"mesh": {"path": 7}}, "path of b is 7; give that of a file"),
         ({"mesh": {"path": ""}}, "path of b is ''"),
         ({"mesh": {"path": "a.stl", "scale": [1, -1, 1]}}, "scale of b"),
-        ({"cylinder": {"radius": 0.1}}, "is no body"),
+        ({"cylinder": {"radius": 0.1}}, "The cylinder of b has no length; give one"),
+        ({"box": {"sze": [1, 1, 1]}}, "'sze' is no key of the box of b; .*; did you mean size"),
+        ({}, "Of b there is no form; give one of box, sphere, cylinder, mesh"),
+        ({"spere": {"radius": 0.1}}, "'spere' is no key of b; .*; did you mean sphere"),
+        ({"sphere": {"radius": 0.1}, "pos": [0, 0, 0]}, "'pos' is no key of b; .* mesh$"),
     ],
 )
 def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
@@ -66,7 +71,21 @@ def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
         World.parse([{"name": "b", "position": [0, 0, 0], **shape}])
 
 
-@pytest.mark.parametrize("bodies", [7, [7], {"name": "b"}, [[]], "b", None])
+@pytest.mark.parametrize("bodies", [7, {"name": "b"}, "b", None])
 def test_what_is_no_list_of_bodies(bodies: Any) -> None:
-    with pytest.raises(BadWorld):
+    with pytest.raises(BadWorld, match="is no list of bodies"):
         World.parse(bodies)
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (7, "Body 2: 7 is no object with a name, a form and a position"),
+        ([], "Body 2: [] is no object"),
+        (BALL | {"name": "c", "sphere": {"radius": 0}}, "Body 2: The radius of c is 0"),
+        ({"sphere": {"radius": 0.1}}, "Body 2: It has no name; give it a name"),
+    ],
+)
+def test_the_body_is_named_by_its_number(body: Any, message: str) -> None:
+    with pytest.raises(BadWorld, match=re.escape(message)):
+        World.parse([BALL, body])
