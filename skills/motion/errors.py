@@ -72,8 +72,8 @@ class NotFinite(BadQuery):
     """A NaN or an infinity.
 
     Attributes:
-        what: Where it was found, such as `start` or `via point 1`.
-        joint: The joint it was given for.
+        what: Where it was found, such as `start`, `via point 1` or `z of the axis`.
+        joint: The joint it was given for; empty where for none.
         value: NaN or an infinity.
     """
 
@@ -81,7 +81,8 @@ class NotFinite(BadQuery):
 
     def __init__(self, what: str, joint: str, value: float) -> None:
         self.what, self.joint, self.value = what, joint, value
-        super().__init__(f"{_the(what)} of {joint} is {value}; give a finite number")
+        whose = f" of {joint}" if joint else ""
+        super().__init__(f"{_the(what)}{whose} is {value}; give a finite number")
 
 
 class BadWorld(BadQuery):

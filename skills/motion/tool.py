@@ -218,7 +218,7 @@ def _check_vector(what: str, vector: Vector) -> None:
         if not isinstance(value, (int, float)) or _beyond_floats(value):
             raise BadQuery(f"The {name} of the {what} is {shown(value)}; give a number")
         if not math.isfinite(value):
-            raise NotFinite(name, what, value)
+            raise NotFinite(f"{name} of the {what}", "", value)
         if what in _DISTANCES and abs(value) > FARTHEST:
             raise BadQuery(f"The {name} of the {what} is {value:g}; give at most {FARTHEST:g} m")
 
