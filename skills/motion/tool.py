@@ -2,7 +2,8 @@
 
 From each of several places the squared error is lowered step by step (K. Levenberg 1944, D. W.
 Marquardt 1963), kept within the limits by projection. The first place is the start, the others are
-drawn with the seed. Of all answers that are free the one soonest reached from the start is taken.
+drawn with the seed. Of all answers that are free the one soonest reached from the start, straight
+and from rest to rest, is taken.
 """
 
 import math
@@ -23,6 +24,7 @@ from .ends import FARTHEST, bounds, check_seed, columns, finite, short_way, turn
 from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable, shown
 from .model import Model
 from .query import Reached, ToolQuery
+from .timing import straight
 from .world import Vector
 
 Array = NDArray[np.float64]
@@ -88,6 +90,7 @@ class _Arm:
         self._endless = turning(robot, query.group)
         joints = robot.leaders(query.group)
         self._velocity = np.array([joint.velocity for joint in joints])
+        self._acceleration = np.array([joint.acceleration for joint in joints])
         indices = [model.kinematics.getJointId(joint.name) for joint in joints]
         self._speeds = np.array([model.kinematics.joints[i].idx_v for i in indices])
         tool = self._tool(robot, query, indices)
@@ -121,8 +124,8 @@ class _Arm:
         return random.uniform(lower, upper)
 
     def seconds(self, start: Array, joints: Array) -> float:
-        """At full speed from the start [s]."""
-        return float(np.max(abs(joints - start[self.columns]) / self._velocity))
+        """Straight from the start, from rest to rest [s]."""
+        return straight(joints - start[self.columns], self._velocity, self._acceleration)
 
     def pose(self, configuration: Array) -> tuple[Array, Array]:
         """Place and axis of the tool, all actuated joints being at (A,) [rad]."""
