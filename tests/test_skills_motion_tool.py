@@ -57,6 +57,7 @@ def test_the_nearest_point_is_the_nearest(planner: Planner, seed: int) -> None:
     error = refusal(planner, ToolQuery("arm", HOME, FAR, seed=seed))
     assert error.distance == pytest.approx(0.1446, abs=1e-4)
     assert np.linalg.norm(np.subtract(error.nearest, FAR)) == pytest.approx(error.distance)
+    assert {type(value) for value in (*error.point, *error.nearest)} == {float}
 
 
 @pytest.mark.parametrize(

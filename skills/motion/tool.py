@@ -82,9 +82,8 @@ def reached(
                 return Reached(tuple(answer.joints.tolist()), len(answers))
     if not answers:
         best = min(_nearest(misses), key=lambda miss: miss.askew)
-        raise Unreachable(
-            tuple(point), tuple(best.point), best.distance, best.askew, query.direction, _NEAR
-        )
+        places = tuple(point.tolist()), tuple(best.point.tolist())
+        raise Unreachable(*places, best.distance, best.askew, query.direction, _NEAR)
     soonest = min(answers, key=lambda answer: arm.seconds(start, answer.joints))
     touching = contacts.nearest(arm.whole(start, soonest.joints))
     assert touching
