@@ -144,7 +144,10 @@ CODES = {
         5, "The goal is too near to something", "choose another goal", _PLANNERS
     ),
     "plan.unreachable": Code(
-        5, "The tool cannot be brought there", "choose a point within reach", _PLANNERS
+        5,
+        "The tool cannot be brought there, or cannot point that way there",
+        "choose a point within reach, or another direction",
+        _PLANNERS,
     ),
     "plan.barred": Code(
         5, "A joint cannot pass what is between start and goal", "choose another goal", _PLANNERS

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from skills.motion.arrays import norms
 from skills.motion.curve import Curve
 from skills.motion.profile import Profile
-from skills.motion.timing import timed
+from skills.motion.timing import straight, timed
 from skills.motion.toppra_timing import fastest
 
 Array = NDArray[np.float64]
@@ -39,6 +39,8 @@ def test_straight_durations(goal: list[float], duration: float) -> None:
     profile = timed(line(goal), ONES, 0.5 * ONES)
     assert profile
     assert profile.duration == pytest.approx(duration, abs=1e-4)
+    assert straight(np.array(goal), ONES, 0.5 * ONES) == pytest.approx(profile.duration)
+    assert straight(np.zeros(3), ONES, ONES) == 0.0
 
 
 @given(

@@ -11,7 +11,7 @@
     ├── EndInCollision          the arm would start or end touching something, or too near
     │   ├── StartInCollision
     │   └── GoalInCollision
-    ├── Unreachable             the tool gets nowhere near enough to where it shall go
+    ├── Unreachable             the tool cannot get to where it shall go, or point that way there
     ├── Barred                  on every way there a joint would have to pass what it cannot
     ├── NoPath                  searched to the end of the budget, found nothing
     ├── PlanTimeout             the time was up
@@ -72,8 +72,8 @@ class NotFinite(BadQuery):
     """A NaN or an infinity.
 
     Attributes:
-        what: Where it was found, such as `start` or `via point 1`.
-        joint: The joint it was given for.
+        what: Where it was found, such as `start`, `via point 1` or `z of the axis`.
+        joint: The joint it was given for; empty where for none.
         value: NaN or an infinity.
     """
 
@@ -81,7 +81,8 @@ class NotFinite(BadQuery):
 
     def __init__(self, what: str, joint: str, value: float) -> None:
         self.what, self.joint, self.value = what, joint, value
-        super().__init__(f"{_the(what)} of {joint} is {value}; give a finite number")
+        whose = f" of {joint}" if joint else ""
+        super().__init__(f"{_the(what)}{whose} is {value}; give a finite number")
 
 
 class BadWorld(BadQuery):
@@ -194,13 +195,17 @@ class GoalInCollision(EndInCollision):
 
 
 class Unreachable(MotionError):
-    """The tool cannot be brought there.
+    """The tool cannot be brought there, or cannot point that way there.
 
     Attributes:
         point: Where it shall go, in the URDF's root frame [m].
-        nearest: Where it gets, as far as was found [m].
-        distance: Between the two [m].
-        askew: Angle between the direction asked for and that of the tool there [rad].
+        nearest: Where it gets, wherever it points then, as far as was found [m].
+        distance: Between the two [m]; at most `tolerance` where it is the direction that cannot be
+            kept.
+        askew: Angle between the direction asked for and that of the tool there, where it gets to
+            the point the least that was found; 0 where any will do [rad].
+        direction: Where the tool's axis shall point, in that frame; None for anywhere.
+        tolerance: Distance at which the point counts as reached [m].
     """
 
     code = "plan.unreachable"
@@ -211,12 +216,31 @@ class Unreachable(MotionError):
         nearest: tuple[float, ...],
         distance: float,
         askew: float,
+        direction: tuple[float, ...] | None = None,
+        tolerance: float = 0.0,
     ) -> None:
         self.point, self.nearest, self.distance, self.askew = point, nearest, distance, askew
-        askance = f" and {math.degrees(askew):.1f} deg askew" if askew else ""
-        super().__init__(
-            f"The tool cannot reach {_place(point)}: the nearest it comes is {_place(nearest)}, "
-            f"{1e3 * distance:.1f} mm off{askance}; choose a point within reach"
+        self.direction, self.tolerance = direction, tolerance
+        super().__init__(self._too_far() if distance > tolerance else self._too_askew())
+
+    def _too_far(self) -> str:
+        # Two places that differ are not to look the same.
+        digits = max(4, 1 - math.floor(math.log10(self.distance)))
+        off = f"{1e3 * self.distance:.{max(1, digits - 3)}f} mm off"
+        if digits > 4:
+            off += f" where {1e3 * self.tolerance:g} mm would do"
+        anyhow = "" if self.direction is None else ", wherever it points"
+        return (
+            f"The tool cannot reach {_place(self.point, digits)}{anyhow}: the nearest it comes is "
+            f"{_place(self.nearest, digits)}, {off}; choose a point within reach"
+        )
+
+    def _too_askew(self) -> str:
+        direction = ", ".join(f"{x:.4g}" for x in self.direction or ())
+        return (
+            f"The tool can reach {_place(self.point)}, but there its axis comes no nearer than "
+            f"{math.degrees(self.askew):.3g} deg to the direction ({direction}); "
+            "choose another direction, or leave it out"
         )
 
 
@@ -342,8 +366,8 @@ def _the(what: str) -> str:
     return what.capitalize() if what[-1].isdigit() else f"The {what}"
 
 
-def _place(point: tuple[float, ...]) -> str:
-    return "(" + ", ".join(f"{x:.4f}" for x in point) + ") m"
+def _place(point: tuple[float, ...], digits: int = 4) -> str:
+    return "(" + ", ".join(f"{x:.{digits}f}" for x in point) + ") m"
 
 
 def _contact(first: str, second: str, distance: float) -> str:

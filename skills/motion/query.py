@@ -101,7 +101,7 @@ class ToolQuery:
     Attributes:
         group: Name of the group that moves; all other joints stay at the start.
         start: All actuated joints, in the order of `robot.actuated` [rad]; of several answers the
-            one soonest reached from there is given.
+            one soonest reached straight from there is given.
         point: Where the tool shall be, in the URDF's root frame [m].
         direction: Where the tool's axis shall point, in that frame; None for anywhere.
         link: The link that carries the tool; empty for the robot's own tool where it has one that

@@ -48,6 +48,20 @@ def _section(
     return trapezoid(begin, end, *_along(abs(curve.slope[piece]), velocity, limits))
 
 
+def straight(way: Array, velocity: Array, acceleration: Array) -> float:
+    """Seconds that a straight move takes, from rest to rest.
+
+    Args:
+        way: Of each joint (J,) [rad].
+        velocity: Limits (J,) [rad/s].
+        acceleration: Limits (J,) [rad/s2].
+    """
+    longest = float(abs(way).max())
+    if not longest:
+        return 0.0
+    return trapezoid(0.0, longest, *_along(abs(way) / longest, velocity, acceleration)).duration
+
+
 def _along(slope: Array, velocity: Array, acceleration: Array) -> tuple[float, float]:
     """Limits on ds/dt and d2s/dt2 along a line of that |dq/ds| (J,)."""
     moving = [(i, part) for i, part in enumerate(slope.tolist()) if part]

@@ -2,12 +2,20 @@
 
 From each of several places the squared error is lowered step by step (K. Levenberg 1944, D. W.
 Marquardt 1963), kept within the limits by projection. The first place is the start, the others are
-drawn with the seed. Of all answers that are free the one soonest reached from the start is taken.
+drawn with the seed. Of all answers that are free the one soonest reached from the start, straight
+and from rest to rest, is taken.
+
+Most goals are reached from some of the first places. Where none is free, or there is none, many
+more places are drawn, and the most promising are gone on from, with more patience. Where a
+direction then cannot be kept, the point comes first and the direction as far as it goes: so it is
+known which of the two is out of reach.
 """
 
 import math
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -23,22 +31,37 @@ from .ends import FARTHEST, bounds, check_seed, columns, finite, short_way, turn
 from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable, shown
 from .model import Model
 from .query import Reached, ToolQuery
+from .timing import straight
 from .world import Vector
 
 Array = NDArray[np.float64]
 
 _PLACES = 16  # counts, not times: the same query must give the same answer
-_STEPS = 60
-_GAIN = 1e-3  # share of the squared error that a step must be worth
+_DRAWS = 512
+_MORE = 32  # of those drawn
+_LAST = 8  # that are gone on from with patience
+_APART = 0.1  # from each other, root of the mean square of the joints, in their ranges
+_FIRST = 16  # each of those drawn and of those missed, when the point comes first
 _NEAR = 1e-6  # a point is reached [m]
 _TRUE = 1e-4  # a direction is kept [rad]
 _WORTH = 0.1  # of a radian beside a metre
+_LITTLE = 1e-3  # the same, where the point comes first
+
+
+class _Effort(NamedTuple):
+    """How long a descent goes on."""
+
+    steps: int
+    gain: float  # share of the squared error that a step must be worth
+
+
+_QUICK, _PATIENT = _Effort(60, 1e-3), _Effort(200, 1e-5)
 
 
 def reached(
     robot: Robot, model: Model, contacts: Contacts, query: ToolQuery, deadline: Deadline
 ) -> Reached:
-    """The nearest free answer.
+    """The free answer soonest reached.
 
     Raises:
         BadQuery, NotFinite, StartOutOfBounds: The query makes no sense.
@@ -48,22 +71,21 @@ def reached(
     """
     start, arm = _checked(robot, query), _Arm(robot, model, query)
     point = np.array(query.point) + (arm.pose(start)[0] if query.relative else 0.0)
-    random, answers, misses = np.random.default_rng(query.seed), list[_Found](), list[_Found]()
-    for number in range(_PLACES):
-        begin = start[arm.columns] if number == 0 else arm.draw(random, start)
-        found = arm.solve(start, begin, point, deadline)
-        (answers if found.distance <= _NEAR and found.askew <= _TRUE else misses).append(found)
+    margin, answers, misses = robot.collision.margin, list[_Found](), list[_Found]()
+    for found in _Search(arm, start, point, query.seed, deadline).rounds():
+        there = [each for each in found if each.there]
+        there.sort(key=lambda answer: arm.seconds(start, answer.joints))
+        answers += there
+        misses += [each for each in found if not each.there]
+        for answer in there:
+            if contacts.first_blocked(arm.whole(start, answer.joints)[None, :], margin) is None:
+                return Reached(tuple(answer.joints.tolist()), len(answers))
     if not answers:
-        best = min(misses, key=lambda miss: miss.distance + _WORTH * miss.askew)
-        raise Unreachable(tuple(point), tuple(best.point), best.distance, best.askew)
-    answers.sort(key=lambda answer: arm.seconds(start, answer.joints))
-    whole = np.tile(start, (len(answers), 1))
-    whole[:, arm.columns] = [answer.joints for answer in answers]
-    margin = robot.collision.margin
-    for row, answer in zip(whole, answers, strict=True):
-        if contacts.first_blocked(row[None, :], margin) is None:
-            return Reached(tuple(answer.joints.tolist()), len(answers))
-    touching = contacts.nearest(whole[0])
+        best = min(_nearest(misses), key=lambda miss: miss.askew)
+        places = tuple(point.tolist()), tuple(best.point.tolist())
+        raise Unreachable(*places, best.distance, best.askew, query.direction, _NEAR)
+    soonest = min(answers, key=lambda answer: arm.seconds(start, answer.joints))
+    touching = contacts.nearest(arm.whole(start, soonest.joints))
     assert touching
     raise GoalInCollision(*touching, margin)
 
@@ -77,6 +99,78 @@ class _Found:
     distance: float
     askew: float
 
+    @property
+    def there(self) -> bool:
+        return self.distance <= _NEAR and self.askew <= _TRUE
+
+    @property
+    def error(self) -> float:
+        return math.hypot(self.distance, _WORTH * self.askew)
+
+
+def _nearest(found: list[_Found]) -> list[_Found]:
+    """All that reach the point; if none does, the nearest."""
+    least = max(_NEAR, min(each.distance for each in found))
+    return [each for each in found if each.distance <= least]
+
+
+class _Search:
+    """Descents from one place after another."""
+
+    def __init__(
+        self, arm: "_Arm", start: Array, point: Array, seed: int, deadline: Deadline
+    ) -> None:
+        self._arm, self._start, self._point, self._deadline = arm, start, point, deadline
+        self._random = np.random.default_rng(seed)
+
+    def rounds(self) -> Iterator[list[_Found]]:
+        """Where descents ended; each round only where those before gave no free answer."""
+        begins = [self._start[self._arm.columns], *self._draw(_PLACES - 1)]
+        found = [self._descend(begin) for begin in begins]
+        yield found[:]
+        drawn = [self._look(joints) for joints in self._draw(_DRAWS)]
+        begins = self._apart(sorted(drawn, key=lambda look: look.error), _MORE)
+        found += [self._descend(begin) for begin in begins]
+        best = sorted(found, key=lambda each: each.error)[:_LAST]
+        found += [self._descend(each.joints, _PATIENT) for each in best if not each.there]
+        yield found[_PLACES:]
+        if self._arm.directed and not any(each.there for each in found):
+            near = self._apart(sorted(drawn, key=lambda look: look.distance), _FIRST)
+            near += self._apart(sorted(found, key=lambda each: each.error), _FIRST)
+            yield self._point_first(near)
+
+    def _point_first(self, begins: list[Array]) -> list[_Found]:
+        """As near to the point as it gets, and there as near to the direction."""
+        found = [self._descend(begin, _QUICK, 0.0) for begin in begins]
+        best = sorted(found, key=lambda each: each.distance)[:_LAST]
+        found += [self._descend(each.joints, _PATIENT, 0.0) for each in best]
+        near = _nearest(found)
+        turned = [self._descend(each.joints, _PATIENT, _LITTLE) for each in near]
+        return found + [self._descend(each.joints, _PATIENT, 0.0) for each in turned]
+
+    def _apart(self, looks: list[_Found], count: int) -> list[Array]:
+        """The first of them that are not beside one before: basins are wider than that."""
+        taken, shares = list[Array](), np.zeros((0, len(self._arm.ranges)))
+        for look in looks:
+            share = look.joints / self._arm.ranges
+            if np.all(np.mean((shares - share) ** 2, axis=1) > _APART**2):
+                taken.append(look.joints)
+                shares = np.vstack((shares, share))
+            if len(taken) == count:
+                break
+        return taken
+
+    def _draw(self, count: int) -> Iterator[Array]:
+        return (self._arm.draw(self._random, self._start) for _ in range(count))
+
+    def _look(self, joints: Array) -> _Found:
+        self._deadline.check()
+        return self._arm.look(self._start, joints, self._point)
+
+    def _descend(self, begin: Array, effort: _Effort = _QUICK, worth: float = _WORTH) -> _Found:
+        arm, start, point = self._arm, self._start, self._point
+        return arm.solve(start, begin, point, self._deadline, effort, worth)
+
 
 class _Arm:
     """A group and its tool."""
@@ -85,15 +179,19 @@ class _Arm:
         self._model, self._data = model, model.kinematics.createData()
         self.columns = columns(robot, query.group)
         self.lower, self.upper = bounds(robot, query.group)
+        ranges = self.upper - self.lower
+        self.ranges = np.where((ranges > 0.0) & np.isfinite(ranges), ranges, 2.0 * np.pi)
         self._endless = turning(robot, query.group)
         joints = robot.leaders(query.group)
         self._velocity = np.array([joint.velocity for joint in joints])
+        self._acceleration = np.array([joint.acceleration for joint in joints])
         indices = [model.kinematics.getJointId(joint.name) for joint in joints]
         self._speeds = np.array([model.kinematics.joints[i].idx_v for i in indices])
         tool = self._tool(robot, query, indices)
         self._frame = frame_of(model.kinematics, tool.link)
         self._offset, self._axis = np.array(tool.offset), _unit(tool.axis)
         self._wanted = None if query.direction is None else _unit(query.direction)
+        self.directed = query.direction is not None
 
     def _tool(self, robot: Robot, query: ToolQuery, joints: list[int]) -> Tool:
         """What is to be brought there."""
@@ -121,8 +219,14 @@ class _Arm:
         return random.uniform(lower, upper)
 
     def seconds(self, start: Array, joints: Array) -> float:
-        """At full speed from the start [s]."""
-        return float(np.max(abs(joints - start[self.columns]) / self._velocity))
+        """Straight from the start, from rest to rest [s]."""
+        return straight(joints - start[self.columns], self._velocity, self._acceleration)
+
+    def whole(self, start: Array, joints: Array) -> Array:
+        """All actuated joints (A,), the group's being there."""
+        configuration = start.copy()
+        configuration[self.columns] = joints
+        return configuration
 
     def pose(self, configuration: Array) -> tuple[Array, Array]:
         """Place and axis of the tool, all actuated joints being at (A,) [rad]."""
@@ -131,11 +235,24 @@ class _Arm:
         frame = pin.updateFramePlacement(self._model.kinematics, self._data, self._frame)
         return frame.act(self._offset), frame.rotation @ self._axis
 
-    def solve(self, start: Array, begin: Array, point: Array, deadline: Deadline) -> _Found:
-        """Lower the error from one place, within the limits."""
+    def look(self, start: Array, joints: Array, point: Array) -> _Found:
+        """The tool with the group's joints there."""
+        place, axis = self.pose(self.whole(start, joints))
+        return self._found(joints, place, axis, point)
+
+    def solve(
+        self,
+        start: Array,
+        begin: Array,
+        point: Array,
+        deadline: Deadline,
+        effort: _Effort = _QUICK,
+        worth: float = _WORTH,
+    ) -> _Found:
+        """Lower the error from one place, within the limits; a radian is worth so many metres."""
         whole, joints, damping = start.copy(), begin, 1e-3
-        error, slope, found = self._look(whole, joints, point)
-        for _ in range(_STEPS):
+        error, slope, found = self._slope(whole, joints, point, worth)
+        for _ in range(effort.steps):
             deadline.check()
             gradient = slope.T @ error
             # A joint at its limit that would leave it stands still for this step.
@@ -150,13 +267,14 @@ class _Arm:
             there = np.clip(joints + move, self.lower, self.upper)
             if abs(there - joints).max() < 1e-12:
                 break
-            ahead = self._look(whole, there, point)
+            ahead = self._slope(whole, there, point, worth)
             gain = 1.0 - (ahead[0] @ ahead[0]) / (error @ error)
             if gain > 0.0:
                 joints, damping = there, max(0.2 * damping, 1e-12)
                 error, slope, found = ahead
-                arrived = found.distance < 0.01 * _NEAR and found.askew < 0.01 * _TRUE
-                if arrived or gain < _GAIN:
+                kept = not worth or found.askew < 0.01 * _TRUE
+                arrived = kept and found.distance < 0.01 * _NEAR
+                if arrived or gain < effort.gain:
                     break
             else:
                 damping *= 5.0
@@ -165,7 +283,9 @@ class _Arm:
         joints = short_way(self._endless, start[self.columns], joints)
         return _Found(joints, found.point, found.distance, found.askew)
 
-    def _look(self, whole: Array, joints: Array, point: Array) -> tuple[Array, Array, _Found]:
+    def _slope(
+        self, whole: Array, joints: Array, point: Array, worth: float
+    ) -> tuple[Array, Array, _Found]:
         """The error with the group's joints there, its derivative, and it in words."""
         whole[self.columns] = joints
         place, axis = self.pose(whole)
@@ -173,13 +293,17 @@ class _Arm:
             self._model.kinematics, self._data, self._frame, pin.LOCAL_WORLD_ALIGNED
         )[:, self._speeds]
         arm, turns = place - self._data.oMf[self._frame].translation, jacobian[3:]
-        error, slope, askew = place - point, jacobian[:3] - pin.skew(arm) @ turns, 0.0
+        error, slope = place - point, jacobian[:3] - pin.skew(arm) @ turns
         if self._wanted is not None:
-            error = np.concatenate((error, _WORTH * (axis - self._wanted)))
-            slope = np.vstack((slope, -_WORTH * pin.skew(axis) @ turns))
+            error = np.concatenate((error, worth * (axis - self._wanted)))
+            slope = np.vstack((slope, -worth * pin.skew(axis) @ turns))
+        return error, slope, self._found(joints, place, axis, point)
+
+    def _found(self, joints: Array, place: Array, axis: Array, point: Array) -> _Found:
+        askew = 0.0
+        if self._wanted is not None:
             askew = 2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(axis - self._wanted))))
-        distance = float(np.linalg.norm(place - point))
-        return error, slope, _Found(joints, place, distance, askew)
+        return _Found(joints, place, float(np.linalg.norm(place - point)), askew)
 
 
 def _unit(vector: tuple[float, ...]) -> Array:
@@ -218,7 +342,7 @@ def _check_vector(what: str, vector: Vector) -> None:
         if not isinstance(value, (int, float)) or _beyond_floats(value):
             raise BadQuery(f"The {name} of the {what} is {shown(value)}; give a number")
         if not math.isfinite(value):
-            raise NotFinite(name, what, value)
+            raise NotFinite(f"{name} of the {what}", "", value)
         if what in _DISTANCES and abs(value) > FARTHEST:
             raise BadQuery(f"The {name} of the {what} is {value:g}; give at most {FARTHEST:g} m")
 
