@@ -16,9 +16,10 @@ from .carry import carried
 from .contacts import Contacts
 from .curve import Curve
 from .deadline import Deadline, Stopwatch
-from .ends import FARTHEST, Ends, bounds, finite, is_number, turning
+from .ends import Ends, bounds, finite, turning
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError, shown
 from .links import Links
+from .measures import FARTHEST, is_number
 from .model import Model
 from .path import ways
 from .plan import Plan

@@ -19,8 +19,9 @@ from .arrays import norms
 from .bodies import frame_of
 from .contacts import Contacts
 from .deadline import Deadline
-from .ends import FARTHEST, bounds, check_seed, columns, finite, short_way, turning
+from .ends import bounds, check_seed, columns, finite, short_way, turning
 from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable, shown
+from .measures import FARTHEST
 from .model import Model
 from .query import Reached, ToolQuery
 from .world import Vector
