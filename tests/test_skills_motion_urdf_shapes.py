@@ -116,3 +116,11 @@ def test_a_link_absurdly_far_off(tmp_path: Path, kind: str, far: str) -> None:
         urdf = urdf.replace("</robot>", _LINK.format("end", BOX) + joint)
     robot.urdf.write_text(urdf)
     assert re.search("1e.06", refusal(robot))
+
+
+def test_joints_that_hang_from_nothing(tmp_path: Path) -> None:
+    """As where the URDF was written anew since."""
+    robot = arm(tmp_path, BOX)
+    urdf = robot.urdf.read_text().replace('<parent link="base"/>', '<parent link="tip"/>')
+    robot.urdf.write_text(urdf)
+    assert "lead hangs from no link that hangs from base" in refusal(robot)
