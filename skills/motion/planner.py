@@ -26,7 +26,7 @@ from .plan import Plan
 from .process import Answer, Request
 from .profile import Profile
 from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
-from .rest import rest_of
+from .rest import check_rest, rest_of
 from .search import Search
 from .space import Space, evenly
 from .timing import timed
@@ -166,10 +166,16 @@ class Planner:
         """What is left of a motion that was stopped, timed from standstill.
 
         Raises:
-            BadQuery, NotFinite: The arm does not stand on its path.
+            BadQuery, NotFinite: The arm does not stand on its path, or the question makes no sense.
         """
+        check_rest(request)
         start = finite("start", request.start, self._robot.actuated)
         group = self._group(request.plan.group)
+        if request.plan.joints != group.joints:
+            moves = ", ".join(request.plan.joints), ", ".join(group.joints)
+            raise BadQuery(
+                f"The plan moves {moves[0]}, {request.plan.group} {moves[1]}; plan again"
+            )
         return rest_of(request.plan, request.time, start, group.ends.columns)
 
     def carry(self, request: Carry) -> Body:

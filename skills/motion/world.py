@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from .errors import BadWorld
+from .errors import BadWorld, shown
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -124,6 +124,8 @@ class World:
         Raises:
             BadWorld: There is none.
         """
+        if not _word(name):
+            raise BadWorld(f"A body is called {shown(name)}; give a name")
         for body in self.bodies:
             if body.name == name:
                 return body
