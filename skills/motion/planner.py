@@ -274,7 +274,7 @@ def _check_numbers(robot: Robot) -> None:
     """Refuse what no robot file would let pass.
 
     Raises:
-        ModelUnusable: A limit, the margin or the floor makes no sense.
+        ModelUnusable: A limit, the margin, the floor or the tool's place makes no sense.
     """
     rules, path = robot.collision, str(robot.path)
     for what, value, least in (("margin", rules.margin, 0.0), ("floor", rules.floor, -FARTHEST)):
@@ -284,9 +284,19 @@ def _check_numbers(robot: Robot) -> None:
     for joint in robot.joints:
         limits = (joint.lower, joint.upper, joint.velocity, joint.acceleration)
         moves = all(is_number(limit, _SLOWEST, sys.float_info.max) for limit in limits[2:])
-        ends = all(is_number(limit, -math.inf, math.inf) for limit in limits[:2])
+        most = FARTHEST if joint.unit == "m" else math.inf
+        ends = all(is_number(limit, -most, most) for limit in limits[:2])
         if not (moves and ends and joint.lower <= joint.upper):
             shows = [f"{x:g}" if isinstance(x, float) else shown(x) for x in limits]
             why = f"{joint.name} has limits [{shows[0]}, {shows[1]}] {joint.unit}, "
             why += f"{shows[2]} {joint.unit}/s, {shows[3]} {joint.unit}/s2"
+            far = f"; give it ends in order, from {-FARTHEST:g} to {FARTHEST:g} m"
+            raise ModelUnusable(path, why + far * (joint.unit == "m"))
+        mimic = joint.mimic
+        if mimic and not all(abs(x) <= FARTHEST for x in (mimic.multiplier, mimic.offset)):
+            why = f"{joint.name} follows {mimic.leader} by {mimic.multiplier:g} times and "
+            why += f"{mimic.offset:g} {joint.unit}; give at most {FARTHEST:g} either way"
             raise ModelUnusable(path, why)
+    if robot.tool and not all(abs(x) <= FARTHEST for x in robot.tool.offset):
+        why = f"its tool is at {shown(robot.tool.offset)} m; give at most {FARTHEST:g} either way"
+        raise ModelUnusable(path, why)
