@@ -11,6 +11,7 @@ import pytest
 
 from hardware import Joint, Mimic, Robot, load_robot
 from skills.motion import Body, ModelUnusable, PlanTimeout, Query, Sphere, World
+from skills.motion.explain import limits_met
 from skills.motion.planner import Planner
 from skills.motion.space import _coarse_to_fine
 from tests.arms import foreign
@@ -104,3 +105,17 @@ def test_a_tool_absurdly_far_off(odd: tuple[float, float, float]) -> None:
     tool = dataclasses.replace(robot.tool, offset=odd)
     with pytest.raises(ModelUnusable, match=r"its tool is at .* give at most"):
         Planner(dataclasses.replace(robot, tool=tool))
+
+
+def test_what_holds_a_motion_of_days() -> None:
+    robot = load_robot()
+    slow = tuple(dataclasses.replace(joint, velocity=1e-6) for joint in robot.joints)
+    plan = Planner(dataclasses.replace(robot, joints=slow)).plan(Query("arm", HOME, PICK))
+    assert plan.duration == pytest.approx(1.4e6, rel=1e-3)
+    tracemalloc.start()
+    (limit,) = limits_met(plan)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert (limit.joint, limit.kind) == ("joint_1", "speed")
+    assert limit.seconds == pytest.approx(1.4e6, rel=1e-3)
+    assert most < 50e6

@@ -9,6 +9,7 @@ from .plan import Plan
 from .timing import timed
 
 _STEP = 0.001  # [s]
+_MOST = 100_000  # samples of a motion of hours
 _AT_LIMIT = 0.95  # between grid points the accelerations on a bend fall a little short
 
 
@@ -31,7 +32,8 @@ class Limit:
 
 def limits_met(plan: Plan) -> list[Limit]:
     """Every limit that the motion runs at, the longest first."""
-    times = np.arange(0.5 * _STEP, plan.duration, _STEP)
+    step = max(_STEP, plan.duration / _MOST)
+    times = np.arange(0.5 * step, plan.duration, step)
     if not times.size:
         return []
     found = []
