@@ -29,7 +29,6 @@ from skills.motion import (
     Query,
     StartInCollision,
     StartOutOfBounds,
-    ToolQuery,
     Verify,
 )
 from skills.motion import search as search_module
@@ -318,25 +317,6 @@ def test_what_is_no_distance_is_told(planner: Planner, robot: Robot, odd: Any) -
             Verify([(*HOME, 0.0)], 0.0, times=[odd])
         with pytest.raises(BadQuery, match=r"The configurations .* are not all numbers"):
             Verify([(odd, 0.0, 0.0, 0.0)], 0.0)
-
-
-@pytest.mark.parametrize(
-    ("odd", "message"),
-    [
-        ({"offset": None}, "The offset is None; give x, y, z"),
-        ({"offset": "abc"}, "The offset is 'abc'; give x, y, z"),
-        ({"direction": 5}, "The direction is 5; give x, y, z"),
-        ({"direction": (0.0, 1.0)}, r"The direction is \(0.0, 1.0\); give x, y, z"),
-        ({"axis": np.array([0.0, 0.0, 1.0])}, "The axis is array"),
-        ({"point": None}, "The point is None; give x, y, z"),
-        ({"relative": np.zeros(3)}, "The relative is array.*; give True or False"),
-        ({"link": 7}, "The link is 7; give a name, or none"),
-    ],
-)
-def test_what_no_tool_can_be_asked(planner: Planner, odd: dict[str, Any], message: str) -> None:
-    query = ToolQuery("arm", (*HOME, 0.0), (0.1, 0.0, 0.1))
-    with pytest.raises(BadQuery, match=message):
-        planner.reach(dataclasses.replace(query, **odd))
 
 
 @pytest.mark.parametrize(("velocity", "acceleration"), [(1.0, 1e6), (1.0, 1e300), (1e-8, 1e-8)])
