@@ -72,16 +72,15 @@ class Links:
         links = dict[int, list[pin.GeometryObject]]()
         for shape in self.exact:
             links.setdefault(shape.parentFrame, []).append(shape)
-        return [
-            pin.GeometryObject(
-                self.kinematics.frames[frame].name,
-                shapes[0].parentJoint,
-                frame,
-                pin.SE3.Identity(),
-                hull(shapes),
-            )
-            for frame, shapes in links.items()
-        ]
+        return [self._hull(frame, shapes) for frame, shapes in links.items()]
+
+    def _hull(self, frame: int, shapes: list[pin.GeometryObject]) -> pin.GeometryObject:
+        name, joint = self.kinematics.frames[frame].name, shapes[0].parentJoint
+        try:
+            around = hull(shapes)
+        except ValueError as error:
+            raise ModelUnusable(str(self._robot.urdf), f"of {name} {error}") from error
+        return pin.GeometryObject(name, joint, frame, pin.SE3.Identity(), around)
 
 
 def _why(error: Exception) -> str:
