@@ -57,6 +57,9 @@ CODES = {
     "file.robot": Code(
         3, "The robot file or its URDF is wrong", "correct it where the message says"
     ),
+    "file.world": Code(
+        3, "A file of bodies around the arm is wrong", "correct it where the message says"
+    ),
     # Goals
     "goal": Code(4, "The goal makes no sense", "send another one"),
     "goal.error": Code(4, "The goal makes no sense", "send another one"),
@@ -72,8 +75,14 @@ CODES = {
     "goal.bad_target": Code(
         4,
         "A target names no joint, the wrong one, or contradicts itself",
-        "name every joint of the group once",
+        "correct what the message names",
         "The target makes no sense",
+    ),
+    "goal.bad_body": Code(
+        4,
+        "A body that shall stand around the arm makes no sense",
+        "correct the task",
+        "The body makes no sense",
     ),
     "goal.bad_arguments": Code(
         4, "What a task is called with is wrong", "`armtree tasks` shows what each task takes"
@@ -116,7 +125,10 @@ CODES = {
         5, "The planner was given a NaN or an infinity", "correct the task", _PLANNERS
     ),
     "plan.bad_world": Code(
-        5, "A body around the arm makes no sense, or is not there", "correct the task", _PLANNERS
+        5,
+        "A body around the arm makes no sense, or is not there",
+        "correct the task",
+        "What is around the arm makes no sense",
     ),
     "plan.model": Code(5, "The robot's URDF cannot be planned with", "correct it", _PLANNERS),
     "plan.start_out_of_bounds": Code(
@@ -141,7 +153,10 @@ CODES = {
         5, "No way round was found", "choose another goal, or one on the way to it", _PLANNERS
     ),
     "plan.timeout": Code(
-        8, "The planner ran out of time", "allow more, or choose a nearer goal", _PLANNERS
+        8,
+        "The planner ran out of time",
+        "choose a nearer goal, or go by way of a pose between",
+        _PLANNERS,
     ),
     "plan.motion_collides": Code(
         5,

@@ -12,10 +12,10 @@ _LOOKS = (("#0072B2", "-", 2.2), ("#D55E00", "--", 1.1))
 
 
 def draw_over(both: Comparison, output: Path) -> None:
-    """Draws every joint of two runs to a PNG.
+    """Draws every joint of two runs to a file, as its suffix says.
 
     Raises:
-        OSError: The PNG cannot be written.
+        OSError: The file cannot be written.
     """
     joints = list(both.joints)
     rows = max(1, len(joints))

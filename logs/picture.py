@@ -14,7 +14,11 @@ _FEWEST_DEGREES = 10.0
 
 
 def save(figure: Figure, output: Path) -> None:
-    """Writes a drawing as PNG, at once: into a pipe too, which cannot be sought in.
+    """Writes a drawing at once: into a pipe too, which cannot be sought in.
+
+    Args:
+        figure: The drawing.
+        output: Where to; its suffix says what it is written as, without one PNG.
 
     Raises:
         RecordingError: A recording is there, which no drawing replaces.
@@ -26,7 +30,7 @@ def save(figure: Figure, output: Path) -> None:
                 raise RecordingError(output, "is a recording; name another file for the drawing")
     FigureCanvasAgg(figure)
     picture = BytesIO()
-    figure.savefig(picture, format="png")
+    figure.savefig(picture, format=output.suffix.lower()[1:] or "png")
     output.write_bytes(picture.getvalue())
 
 

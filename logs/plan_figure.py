@@ -47,10 +47,10 @@ class PlanPicture:
 
 
 def draw_plan(picture: PlanPicture, output: Path) -> None:
-    """Draws a plan to a PNG.
+    """Draws a plan to a file, as its suffix says.
 
     Raises:
-        OSError: The PNG cannot be written.
+        OSError: The file cannot be written.
     """
     figure = Figure(figsize=(7.16, 8.2), dpi=200, layout="constrained")
     axes = figure.subplots(3, 2, height_ratios=(1.0, 1.0, 1.5))

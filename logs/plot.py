@@ -15,12 +15,12 @@ def plot(recording: Path, output: Path, scenes: "Sequence[Scene]" = ()) -> None:
 
     Args:
         recording: The recording, or a journal.
-        output: The PNG to write, two columns of a paper wide; replaced where it exists.
+        output: The file to write, two columns of a paper wide; replaced where it exists.
         scenes: Motions in space, drawn below all that.
 
     Raises:
         RecordingError: The recording cannot be read.
-        OSError: The PNG cannot be written.
+        OSError: The file cannot be written.
     """
     from .figure import draw  # here, for matplotlib takes half a second to import
     from .timeline import timeline

@@ -1,7 +1,7 @@
 """The arm's sweep, and what is around it, from two sides."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -21,15 +21,19 @@ class Sweep:
 
     Attributes:
         poses: By pose, the points around every shape of the arm, in the root frame [m].
-        bodies: The points around everything that is no part of it [m].
+        bodies: The points around everything that stands around it [m].
+        held: By pose, the points around every body that moves with it [m].
     """
 
     poses: Sequence[Sequence[Shape]]
     bodies: Sequence[Shape]
+    held: Sequence[Sequence[Shape]] = field(default=())
 
 
 def draw_sweep(sides: Sequence[Axes], sweep: Sweep) -> None:
     """Draws all poses over each other: the first grey, the last blue, those between faint.
+
+    Bodies are red, those that it holds too.
 
     Args:
         sides: Two, for the view from the front and that from above.
@@ -51,7 +55,11 @@ def _side(axes: Axes, sweep: Sweep, across: int, up: int) -> None:
         ([shape for pose in sweep.poses[1:-1] for shape in pose], _ARM, 0.06),
         ([shape for pose in sweep.poses[:1] for shape in pose], _START, 0.3),
         ([shape for pose in sweep.poses[1:][-1:] for shape in pose], _ARM, 0.3),
+        ([shape for pose in sweep.held[1:-1] for shape in pose], _BODY, 0.06),
+        ([shape for pose in (*sweep.held[:1], *sweep.held[1:][-1:]) for shape in pose], _BODY, 0.5),
     ):
+        if not shapes:
+            continue
         hulls = [_hull([(point[across], point[up]) for point in shape]) for shape in shapes]
         axes.add_collection(
             PolyCollection(hulls, facecolors=color, edgecolors=color, alpha=alpha, lw=0.3)
@@ -59,7 +67,7 @@ def _side(axes: Axes, sweep: Sweep, across: int, up: int) -> None:
     handles = [Patch(color=_START, alpha=0.5, label="start")]
     if len(sweep.poses) > 1:
         handles.append(Patch(color=_ARM, label="end"))
-    if sweep.bodies:
+    if sweep.bodies or any(sweep.held):
         handles.append(Patch(color=_BODY, alpha=0.5, label="bodies"))
     drawn = axes.dataLim
     axes.update_datalim([(drawn.x0, drawn.y1 + _KEY * drawn.height)])

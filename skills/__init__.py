@@ -6,6 +6,7 @@ from .bounds import CheckBounds, check_targets
 from .causes import as_one, causes_of
 from .check_hardware import CheckHardware
 from .errors import (
+    BadBody,
     BadQuestion,
     BadTarget,
     ConditionFails,
@@ -42,6 +43,7 @@ __all__ = [
     "AddSphere",
     "Ask",
     "Attach",
+    "BadBody",
     "BadQuestion",
     "BadTarget",
     "Cancel",

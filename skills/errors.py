@@ -3,6 +3,7 @@
 SkillError
 ├── OutOfBounds     a target lies outside the limits
 ├── BadTarget       a target names no joint, the wrong one, or contradicts itself
+├── BadBody         what shall stand around the arm cannot
 ├── BadQuestion     a question is empty, or an answer is wanted that is no choice
 ├── StartMoved      the arm no longer stands where the plan begins
 ├── Interrupted     somebody stopped the motion from outside the tree
@@ -71,6 +72,12 @@ class BadTarget(SkillError):
     """A target names an unknown joint, leaves one out, or contradicts a mimic joint's leader."""
 
     code = "goal.bad_target"
+
+
+class BadBody(SkillError):
+    """What shall stand around the arm cannot: its file is not there, or a number makes no sense."""
+
+    code = "goal.bad_body"
 
 
 class BadQuestion(SkillError):

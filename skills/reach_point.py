@@ -1,6 +1,7 @@
 """Where the joints must be for the tool to be at a point."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from py_trees.common import Status
@@ -80,20 +81,22 @@ class ReachPoint(Asking):
         start, robot = given["start"], self.context.robot
         check_whole(robot, "start", start)
         self._names = _leaders(robot, given["group"])
-        return self.ask(
-            ToolQuery(
-                group=given["group"],
-                start=tuple(start[joint.name] for joint in robot.actuated),
-                point=three("point", given["point"]),
-                direction=three("direction", given["direction"]) if given["direction"] else None,
-                link=given["tool"],
-                offset=three("offset", given["offset"]),
-                axis=three("axis", given["axis"]) if given["axis"] else None,
-                relative=given["relative"],
-                seed=self.context.seed,
-                timeout=self.context.timeout,
-                world=self.context.scene.world,
-            )
+        query, context = self.query(robot, given), self.context
+        world, seed, timeout = context.scene.world, context.seed, context.timeout
+        return self.ask(replace(query, world=world, seed=seed, timeout=timeout))
+
+    @classmethod
+    def query(cls, robot: Robot, given: Mapping[str, Any]) -> ToolQuery:
+        """What its inputs, all of them, ask a planner for: where nothing stands around the arm."""
+        return ToolQuery(
+            group=given["group"],
+            start=tuple(given["start"][joint.name] for joint in robot.actuated),
+            point=three("point", given["point"]),
+            direction=three("direction", given["direction"]) if given["direction"] else None,
+            link=given["tool"],
+            offset=three("offset", given["offset"]),
+            axis=three("axis", given["axis"]) if given["axis"] else None,
+            relative=given["relative"],
         )
 
     def on_answer(self, answer: Result) -> Status:

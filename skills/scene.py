@@ -12,7 +12,7 @@ from hardware import Robot
 
 from .base import Skill
 from .bounds import check_link
-from .errors import BadTarget, refuse
+from .errors import BadBody, refuse
 from .motion import Body, Box, Carry, Cylinder, Mesh, MotionError, Result, Shape, Sphere, quaternion
 from .pending import Asking
 from .ports import Port
@@ -69,7 +69,7 @@ class _Add(Skill, register=False):
         rotation = three("rotation", inputs["rotation"])
         if not all(map(math.isfinite, rotation)):
             why = f"the rotation of {inputs['body']} is not finite; give radians"
-            raise BadTarget(why).at("rotation")
+            raise BadBody(why).at("rotation")
         return Body(
             inputs["body"],
             cls.shape(inputs),
@@ -151,10 +151,10 @@ class AddMesh(_Add):
         """Check the file that is spelled out."""
         wrong: list[Exception] = []
         if "file" in inputs and (why := _no_mesh(Path(inputs["file"]))):
-            wrong.append(BadTarget(why).at("file"))
+            wrong.append(BadBody(why).at("file"))
         try:
             super().judge(robot, inputs)
-        except (BadTarget, MotionError) as error:
+        except (BadBody, MotionError) as error:
             wrong.append(error)
         refuse(wrong)
 

@@ -52,6 +52,18 @@ def test_it_ends_with_what_to_type_next_with_every_option_that_was_given(
     assert shlex.split(command) == ["armtree", "run", "0", *given]
 
 
+def test_a_boot_pose_in_collision(tmp_path: Path, robot: Path) -> None:
+    text = robot.read_text()
+    for name, boot in (("[joints.joint_2]", "-1.5"), ("[joints.joint_3]", "-0.5")):
+        before, after = text.split(name)
+        text = before + name + after.replace("boot = 0.0", f"boot = {boot}", 1)
+    robot.write_text(text)
+    result = doctor(tmp_path, "--robot", str(robot))
+    assert lines(result)["planner"].startswith("in its boot pose, ")
+    assert "of the motion" not in result.output
+    assert "choose another boot pose in the robot file" in result.output
+
+
 def test_what_stands_in_the_environment_need_not_be_typed(tmp_path: Path, robot: Path) -> None:
     environment = {"ARMTREE_ROBOT": str(robot), "ARMTREE_RECORDINGS": str(tmp_path / "x")}
     result = CliRunner().invoke(cli, ["doctor"], env=environment)

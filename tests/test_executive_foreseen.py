@@ -68,6 +68,7 @@ def test_check_finds_a_pose_in_a_body(
     mistakes = check(robot, None, [path]).mistakes
     assert [(m.place.path.name, m.place.line) for m in mistakes] == [("7_x.yaml", line)] * bool(why)
     assert not why or re.search(why, mistakes[0].message), mistakes
+    assert not any("of the motion" in mistake.message for mistake in mistakes)
 
 
 def planned(folder: Path, *steps: str, above: str = "") -> list[str]:
@@ -152,9 +153,9 @@ def test_repeats_within_each_other_are_not_walked_round_by_round(
 
 
 def test_plan_says_why_it_foresees_nothing(tmp_path: Path) -> None:
-    point = "{ReachPoint: {start: $start, point: [10 cm, 5 cm, 8 cm], target: $there}}"
+    point = "{ReachPoint: {start: $start, point: [1 m, 5 cm, 8 cm], target: $there}}"
     steps = ("{SetStart: {start: $start}}", point, "{subtree: move_joints, with: {joints: $there}}")
-    with pytest.raises(BadTarget, match=r"no goal of task 7 is known before it runs; those .* are"):
+    with pytest.raises(BadTarget, match=r"no goal of task 7 is known .* cannot reach"):
         planned(tmp_path, *steps)
 
 
@@ -185,7 +186,7 @@ def test_plan_takes_along_what_the_task_holds(tmp_path: Path) -> None:
         ((TALL, "{RemoveBody: {body: $b}}", GO), "parameters: {b: {type: text}}\n",
          "bodies named at run time, tall"),
         ((BALL, "{SetStart: {start: $s}}",
-          "{ReachPoint: {start: $s, point: [0.1, 0.05, 0.08], target: $t}}",
+          "{ReachPoint: {start: $s, point: [1, 0.05, 0.08], target: $t}}",
           "{Target: {start: $s, joints: $t, goal: $g}}",
           "{PlanArm: {start: $s, goal: $g, plan: $a}}",
           "{PlanGripper: {start: $s, goal: $g, plan: $b}}",
@@ -224,3 +225,36 @@ def test_where_a_reset_puts_the_arm_is_noted_and_no_mistake(
     assert len(findings.notes) == notes
     assert all("before it moves here" in note.message for note in findings.notes)
     assert all(note.place.line == 7 for note in findings.notes)
+
+
+REACH = "{subtree: move_tool, with: {point: [10 cm, 5 cm, 8 cm]}}"
+FAR = "{subtree: move_tool, with: {point: [1 m, 5 cm, 8 cm]}}"
+FOLLOW = "{subtree: follow, with: {via: [{joint_1: -0.5, joint_2: 0, joint_3: 0}], arm: right}}"
+
+
+def all_said(folder: Path, *steps: str) -> str:
+    written(folder, *steps)
+    arguments = ["plan", "7", "--trees", str(folder), "-o", str(folder / "plan.png")]
+    result = CliRunner().invoke(cli, arguments)
+    assert result.exit_code == 0, result.exception
+    return result.output
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_plan_follows_points_for_the_tool_and_on_the_way(tmp_path: Path) -> None:
+    said = all_said(tmp_path, REACH, FOLLOW, COME)
+    goals = re.findall("Goal      joint_1 (.*), joint_2", said)
+    assert goals == ["-1.242", "-1.400", "0.000"]
+    assert "Path      by way of 1 point" in said
+    assert "Not seen" not in said
+    assert "Start" not in said
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_plan_names_the_moves_that_it_leaves_out(tmp_path: Path) -> None:
+    said = all_said(tmp_path, GO, FAR, TURN, COME, COME)
+    assert "Not seen  x/move_tool/Target: The tool cannot reach (1.0000, 0.0500, 0.0800)" in said
+    assert "Not seen  x/move_joints/Target: only a run of the task tells where it goes" in said
+    start = "Start     taken to be joint_1 -1.400, joint_2 -0.600, joint_3 -0.070"
+    assert said.count("Start     ") == 1
+    assert said.index("Motion 2 of 3") < said.index(start) < said.index("Motion 3 of 3")

@@ -87,7 +87,8 @@ def test_motions_are_drawn_world_by_world(rig: RigMaker, tmp_path: Path) -> None
     post, beam, ball = middles(stood.sweep.bodies)
     assert (post, ball) == ([0.115, 0.115, 0.15], [-0.1, 0.15, 0.3])
     assert middles(held.sweep.bodies) == [post, beam]
-    first, last = (middles(held.sweep.poses[at])[-1] for at in (0, -1))
+    assert not any(stood.sweep.held)
+    first, last = (middles(held.sweep.held[at])[0] for at in (0, -1))
     assert first == pytest.approx(ball, abs=0.005)  # frames are in whole degrees
     assert last[0] > 0.1
     assert plotted(recording).exit_code == 0

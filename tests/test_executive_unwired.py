@@ -44,7 +44,7 @@ def test_plan(trees: Path) -> None:
     assert (trees / "plan.png").exists()
     arguments = ["finger_1=0.02", "--robot", ARM, "-o", str(trees / "plan.png")]
     result = CliRunner().invoke(cli, ["plan", *arguments])
-    assert "finger_1 at its acceleration limit, 2 m/s²:" in result.output
+    assert "the acceleration limit of finger_1, 2 m/s²:" in result.output
     assert "rad" not in result.output
     result = CliRunner().invoke(cli, ["plan", "finger_1=1", *arguments[1:]])
     assert "finger_1 = 1.0 m is outside its limits [0.0, 0.04] m" in str(result.exception)

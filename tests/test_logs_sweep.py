@@ -33,3 +33,15 @@ def test_the_key_hides_nothing_that_is_drawn(
         top = axes.transData.transform(corners)[:, 1].max()
         assert axes.bbox.y0 < top < legend.get_window_extent().y0
     assert not caplog.records
+
+
+def test_what_the_arm_holds_is_drawn_as_bodies_are() -> None:
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    sides = figure.subplots(1, 2)
+    draw_sweep(sides, Sweep([[SQUARE], [HIGH]], [], [[HIGH], [SQUARE]]))
+    for axes in sides:
+        assert [text.get_text() for text in axes.get_legend().get_texts()][-1] == "bodies"
+        held = axes.collections[-1]
+        assert to_hex(np.array(held.get_facecolor())[0].tolist()) == "#d55e00"
+        assert len(held.get_paths()) == 2

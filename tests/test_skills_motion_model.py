@@ -151,37 +151,44 @@ def test_a_body_may_touch_links_and_bodies_alone(robot: Robot, other: str) -> No
 
 
 _LINK = '<link name="{0}"/>'
-_JOINT = """<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/>
-<origin xyz="0.3 0 0"/><axis xyz="0 0 1"/><limit lower="-2" upper="2" velocity="2" effort="1"/>
+_JOINT = """<joint name="{0}" type="{4}"><parent link="{1}"/><child link="{2}"/>
+<origin xyz="0.3 0 0"/><axis xyz="0 0.6 0.8"/><limit lower="-2" upper="2" velocity="2" effort="1"/>
 {3}</joint>"""
 _FOLLOWS = '<mimic joint="z_lead" multiplier="-0.5" offset="0.1"/>'
 
 
-def tied(folder: Path, lead_on: str, mate_on: str) -> Robot:
+def tied(
+    folder: Path, lead_on: str, mate_on: str, lead_is: str = "revolute", mate_is: str = "revolute"
+) -> Robot:
     """Two joints, of which the one that is named first follows the other."""
-    lead = _JOINT.format("z_lead", lead_on, "led", "")
-    mate = _JOINT.format("a_mate", mate_on, "mated", _FOLLOWS)
+    lead = _JOINT.format("z_lead", lead_on, "led", "", lead_is)
+    mate = _JOINT.format("a_mate", mate_on, "mated", _FOLLOWS, mate_is)
     links = "".join(_LINK.format(name) for name in ("base", "led", "mated"))
     (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{mate}{lead}</robot>')
     (folder / "arm.toml").write_text(pair_file("z_lead", "a_mate"))
     return load_robot(folder / "arm.toml")
 
 
+KINDS = ("revolute", "continuous", "prismatic")
+
+
 @pytest.mark.parametrize("mate_on", ["base", "led"])
-def test_a_follower_may_be_named_before_its_leader(tmp_path: Path, mate_on: str) -> None:
-    model = Model(tied(tmp_path, "base", mate_on)).kinematics
+@pytest.mark.parametrize("mate_is", KINDS)
+@pytest.mark.parametrize("lead_is", KINDS)
+def test_any_joint_may_follow_any_other_also_one_that_is_named_after_it(
+    tmp_path: Path, lead_is: str, mate_is: str, mate_on: str
+) -> None:
+    model = Model(tied(tmp_path, "base", mate_on, lead_is, mate_is))
     loose = pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
-    ours, free = model.createData(), loose.createData()
-    pin.framesForwardKinematics(model, ours, np.array([0.8]))
-    q = np.empty(2)
-    for name, value in (("z_lead", 0.8), ("a_mate", 0.1 - 0.5 * 0.8)):
-        q[loose.joints[loose.getJointId(name)].idx_q] = value
-    pin.framesForwardKinematics(loose, free, q)
-    places = [
-        data.oMf[kind.getFrameId("mated", pin.FrameType.BODY)].homogeneous
-        for kind, data in ((model, ours), (loose, free))
-    ]
-    assert places[0] == pytest.approx(places[1], abs=1e-15)
+    ours, free, q = model.kinematics.createData(), loose.createData(), list[float]()
+    for name, kind, value in (("a_mate", mate_is, -0.3), ("z_lead", lead_is, 0.8)):
+        place = loose.joints[loose.getJointId(name)].idx_q
+        q[place:place] = [np.cos(value), np.sin(value)] if kind == "continuous" else [value]
+    pin.framesForwardKinematics(model.kinematics, ours, model.coordinates(np.array([[0.8]]))[:, 0])
+    pin.framesForwardKinematics(loose, free, np.array(q))
+    for link in ("led", "mated"):
+        here, there = model.kinematics.getFrameId(link), loose.getFrameId(link)
+        assert ours.oMf[here].isApprox(free.oMf[there])
 
 
 def test_a_follower_that_carries_its_leader_is_refused(tmp_path: Path) -> None:

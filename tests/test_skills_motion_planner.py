@@ -149,7 +149,7 @@ def test_a_bend_does_not_depend_on_the_seed(planner: Planner) -> None:
 
 def test_what_cannot_be_timed_is_not_all(planner: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
     """The solver fails on the bend: a way is searched for; on that too: it stops at each corner."""
-    monkeypatch.setattr("skills.motion.timing.fastest", lambda *_: None)
+    monkeypatch.setattr("skills.motion.toppra_timing.fastest", lambda *_: None)
     plan = planner.plan(DETOUR)
     assert {"bend", "search", "blend"} <= plan.milliseconds.keys()
     assert len(plan.curve.stops) == len(plan.waypoints) - 2 > 0

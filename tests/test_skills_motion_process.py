@@ -4,6 +4,7 @@ import dataclasses
 import os
 import pickle
 import signal
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from hardware import Robot, load_robot
-from skills.motion import PlanTimeout, Query, Verify, WorkerDied
+from skills.motion import Plan, PlanTimeout, Query, Reached, Verify, WorkerDied
+from skills.motion.planner import Planner
 from skills.motion.process import WorkerProcess
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
@@ -54,23 +56,38 @@ def test_a_worker_that_hangs_in_its_first_goal_is_given_up(
 
 
 LOADS = """
-import sys, skills.motion.worker
-print(sorted({"scipy.interpolate", "scipy.sparse", "matplotlib", "toppra"} & set(sys.modules)))
+import sys, skills.motion.planner
+wanted = {"scipy.interpolate", "scipy.sparse", "matplotlib", "toppra"}
+print(sorted(wanted & set(sys.modules)))
+import skills.motion.worker
+print(sorted(wanted & set(sys.modules)))
 from scipy.interpolate import CubicSpline
 print(CubicSpline([0, 1, 2], [0, 1, 4])(1.0))
 """
 
 
-def test_a_worker_loads_of_toppra_what_it_needs() -> None:
-    """All of it would take twice as long as everything else together."""
+def test_toppra_is_loaded_at_need_and_only_what_is_needed_of_it() -> None:
+    """By a worker before its first goal. All of it would take twice as long as all else."""
     root = str(Path(__file__).parents[1])
     out = subprocess.run([sys.executable, "-c", LOADS], cwd=root, capture_output=True, check=True)
-    assert out.stdout.decode() == "['toppra']\n1.0\n"
+    assert out.stdout.decode() == "[]\n['toppra']\n1.0\n"
 
 
 def framed(body: bytes, more: int = 0) -> bytes:
     """As a worker sends it, or as if so much more would come."""
     return (len(body) + more).to_bytes(4) + body
+
+
+class _Raises:
+    """What, when it is received, raises anything."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return exec, ("raise RuntimeError('?')",)
+
+
+def answered(answer: object, number: int = 1) -> bytes:
+    """The answer to the first request, or another."""
+    return framed(pickle.dumps((number, answer)))
 
 
 @pytest.mark.parametrize(
@@ -79,8 +96,13 @@ def framed(body: bytes, more: int = 0) -> bytes:
         framed(b"rubbish"),
         framed(b""),
         framed(pickle.dumps(42)),
-        framed(pickle.dumps(OSError("?"))),
-        framed(pickle.dumps(None)) + b"and more",
+        framed(pickle.dumps(_Raises())),
+        answered(42),
+        answered(OSError("?")),
+        answered(None),
+        answered(Reached((0.0,), 1)),
+        answered(PlanTimeout(1.0), number=2),
+        answered(PlanTimeout(1.0)) + b"and more",
         (2**31).to_bytes(4),
     ],
 )
@@ -102,6 +124,42 @@ def test_a_worker_that_announces_more_than_it_sends_is_given_up(
     program(tmp_path / "halts", SAYS, monkeypatch, answer=answer)
     worker = WorkerProcess(robot)
     assert isinstance(worker.ask(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
+    assert not worker.alive
+    worker.close()
+
+
+def test_a_worker_that_answers_twice(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it says of the first question is no answer to the second."""
+    twice = answered(PlanTimeout(1.0)) * 2
+    program(tmp_path / "twice", SAYS.replace("recv(1)", "recv(65536)"), monkeypatch, answer=twice)
+    worker = WorkerProcess(robot)
+    answers = [worker.ask(PICK), worker.ask(PICK)]
+    assert isinstance(answers[-1], WorkerDied)
+    assert not worker.alive
+    worker.close()
+
+
+def test_a_plan_that_is_not_finite_or_not_whole_is_none(robot: Robot) -> None:
+    *rest, (places, memory) = Planner(robot).plan(PICK).__getstate__()
+    nan, short = struct.pack("d", float("nan")) + memory[8:], memory[:-8]
+    for joined in ((places, nan), (places, short), (places[:-1], memory)):
+        twin = Plan.__new__(Plan)
+        with pytest.raises((ValueError, TypeError), match=r"finite|buffer|shorter"):
+            twin.__setstate__((*rest, joined))  # type: ignore[arg-type]
+
+
+def test_a_worker_that_hangs_up_is_given_up_at_once(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It need not say why, if its time is up before it could."""
+    says = SAYS.replace("parent.recv(1)", "parent.close(); import signal; signal.pause()")
+    program(tmp_path / "hangs_up", says, monkeypatch, answer=b"")
+    worker = WorkerProcess(robot)
+    died = worker.ask(dataclasses.replace(PICK, timeout=0.05))
+    assert isinstance(died, WorkerDied)
+    assert died.why == "it hung up"
     assert not worker.alive
     worker.close()
 

@@ -74,6 +74,16 @@ def test_left_hardly_before_a_bend_begins_or_ends(short: float) -> None:
         assert rest.length == pytest.approx(BENT.curve.length - end, abs=2e-8)
 
 
+@pytest.mark.parametrize("plan", [LINE, BENT, CORNER, GRIPPER])
+@pytest.mark.parametrize("before", [1e-12, 1e-9, 1e-6, 3e-5, 1e-4])
+def test_hardly_before_its_end_it_still_begins_where_the_arm_stands(
+    plan: Plan, before: float
+) -> None:
+    rest = left(plan, plan.duration - before)
+    check(plan, plan.duration - before, rest)
+    assert np.array_equal(rest.state(0.0), rest.origin)
+
+
 def test_from_its_beginning_it_is_all() -> None:
     rest = left(LINE, 0.0)
     assert rest.duration == LINE.duration

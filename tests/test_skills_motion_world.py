@@ -1,5 +1,6 @@
 """Worlds from files: what is no body is refused, and says why."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -30,11 +31,11 @@ def test_written_down_and_read_again() -> None:
         ({"sphere": {"radius": True}}, "radius of b is True"),
         ({"sphere": {"radius": 0}}, "radius of b is 0"),
         ({"sphere": {"radius": float("nan")}}, "radius of b is nan"),
-        ({"sphere": {}}, "is no body"),
-        ({"sphere": 0.1}, "is no body"),
-        ({"sphere": {"size": 0.1}}, "is no body"),
-        ({"box": {"size": [1, 1, 1]}}, "is no body"),
-        ({"extra": 3}, "is no body"),
+        ({"sphere": {}}, "The sphere of b has no radius; give one"),
+        ({"sphere": 0.1}, "sphere of b is 0.1; give an object with its radius"),
+        ({"sphere": {"size": 0.1}}, "'size' is no key of the sphere of b; there are radius$"),
+        ({"box": {"size": [1, 1, 1]}}, "Of b there are box and sphere; give one of box, sp"),
+        ({"extra": 3}, "'extra' is no key of b; there are name, position, rotation"),
         ({"name": ["b"]}, "give it a name"),
         ({"name": ""}, "give it a name"),
         ({"position": [0, 0]}, r"position of b is \(0, 0\); give x, y, z"),
@@ -52,10 +53,10 @@ def test_written_down_and_read_again() -> None:
         ({"sphere": {"radius": 1e308}}, r"radius of b is 1e\+308; .* above 0, up to 1e\+06$"),
         ({"link": 10**5000}, "The link of b is"),
         ({"name": 10**5000}, "give it a name"),
-        ({"extra": 10**5000}, "is no body"),
-        ({"touches": [10**5000]}, "give names"),
-        ({"touches": "floor"}, "is no body"),
-        ({"touches": [7]}, "give names"),
+        ({"extra": 10**5000}, "'extra' is no key of b"),
+        ({"touches": [10**5000]}, "give a list of names"),
+        ({"touches": "floor"}, "touches of b is 'floor'; give a list of names"),
+        ({"touches": [7]}, "give a list of names"),
     ],
 )
 def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> None:
@@ -75,7 +76,11 @@ def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> Non
         ({"mesh": {"path": 10**5000}}, "path of b is"),
         ({"box": {"size": [1, 1e200, 1]}}, r"size of b is .* each above 0, up to 1e\+06"),
         ({"cylinder": {"radius": 0.1, "length": 1e7}}, r"length of b is 10000000.0; give a number"),
-        ({"cylinder": {"radius": 0.1}}, "is no body"),
+        ({"cylinder": {"radius": 0.1}}, "The cylinder of b has no length; give one"),
+        ({"box": {"sze": [1, 1, 1]}}, "'sze' is no key of the box of b; .*; did you mean size"),
+        ({}, "Of b there is no form; give one of box, sphere, cylinder, mesh"),
+        ({"spere": {"radius": 0.1}}, "'spere' is no key of b; .*; did you mean sphere"),
+        ({"sphere": {"radius": 0.1}, "pos": [0, 0, 0]}, "'pos' is no key of b; .* mesh$"),
     ],
 )
 def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
@@ -83,9 +88,9 @@ def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
         World.parse([{"name": "b", "position": [0, 0, 0], **shape}])
 
 
-@pytest.mark.parametrize("bodies", [7, [10**5000], [7], {"name": "b"}, [[]], "b", None])
+@pytest.mark.parametrize("bodies", [7, {"name": "b"}, "b", None])
 def test_what_is_no_list_of_bodies(bodies: Any) -> None:
-    with pytest.raises(BadWorld):
+    with pytest.raises(BadWorld, match="is no list of bodies"):
         World.parse(bodies)
 
 
@@ -110,3 +115,17 @@ def test_what_could_not_be_kept(odd: dict[str, Any], message: str) -> None:
 def test_what_is_no_tuple_of_bodies(bodies: Any) -> None:
     with pytest.raises(BadWorld, match="give a tuple of bodies"):
         World(bodies)
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (7, "Body 2: 7 is no object with a name, a form and a position"),
+        ([], "Body 2: [] is no object"),
+        (BALL | {"name": "c", "sphere": {"radius": 0}}, "Body 2: The radius of c is 0"),
+        ({"sphere": {"radius": 0.1}}, "Body 2: It has no name; give it a name"),
+    ],
+)
+def test_the_body_is_named_by_its_number(body: Any, message: str) -> None:
+    with pytest.raises(BadWorld, match=re.escape(message)):
+        World.parse([BALL, body])

@@ -122,6 +122,7 @@ def test_via_points_are_passed_without_a_stop(rig: RigMaker, tmp_path: Path) -> 
     [
         ("Attach: {body: ghost, link: claw_support}", "plan.bad_world"),
         ("RemoveBody: {body: ghost}", "plan.bad_world"),
+        ("AddMesh: {body: x, file: nope.stl, position: [0, 0, 1]}", "goal.bad_body"),
         ("AddSphere: {body: x, radius: -1, position: [0, 0, 1]}", "file.task"),
         ("AddBox: {body: x, size: [1, 1], position: [0, 0, 1]}", "file.task"),
         (
@@ -134,6 +135,7 @@ def test_via_points_are_passed_without_a_stop(rig: RigMaker, tmp_path: Path) -> 
 def test_mistakes(rig: RigMaker, tmp_path: Path, step: str, code: str) -> None:
     outcome, made = run(rig, tmp_path, HEAD + "    - " + step)
     assert outcome.code == code
+    assert "planners failed" not in outcome.message
     assert made.frames == []
 
 

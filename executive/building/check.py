@@ -16,9 +16,12 @@ from skills.motion import (
     BadWorld,
     Body,
     Carry,
+    MotionCollides,
     MotionError,
     Pool,
+    Reached,
     Result,
+    ToolQuery,
     Verify,
     WorkerDied,
     World,
@@ -30,6 +33,7 @@ from .assembly import Assembly
 from .builder import mistakes_of, refusals
 from .foreseen import Motion, foresee
 from .outline import Entry, outline
+from .paths import paths
 
 # What a file is in its library: the number of a task, the name of a subtree, None for poses, or
 # why it is nothing.
@@ -111,9 +115,10 @@ def motions_of(
     library: Library,
     number: int,
     carry: Callable[[Carry], Body],
+    reach: Callable[[ToolQuery], Reached],
     start: Pose,
     world: World,
-) -> list[Motion]:
+) -> tuple[list[Motion], list[str]]:
     """Where the arm goes, as far as a task tells, in order, with what is around it by then.
 
     Args:
@@ -121,8 +126,12 @@ def motions_of(
         library: Where the task is.
         number: Of the task.
         carry: Hands a body over to another link; may raise a MotionError.
+        reach: Says where the joints are for the tool to be at a point; may raise a MotionError.
         start: Where the arm stands at first [rad].
         world: What is around it at first.
+
+    Returns:
+        The motions; and in words the moves that are left out.
 
     Raises:
         UnknownTask: There is none of that number.
@@ -130,10 +139,12 @@ def motions_of(
     """
     assembly, root = _assembled(robot, library, number)
     _check_refused(assembly, robot)
-    motions = foresee(root, assembly.leaves, robot, carry, start, world, asking=assembly.asking)
-    if broken := assembly.asking.mistakes:
+    asking, leaves = assembly.asking, assembly.leaves
+    found = foresee(root, leaves, robot, carry, start, world, asking=asking, reach=reach)
+    if broken := asking.mistakes:
         raise FileError(broken)
-    return motions
+    nodes = dict(paths(root))
+    return found.motions, [f"{nodes[node]}: {why}" for node, why in found.unknown.items()]
 
 
 def _check_refused(assembly: Assembly, robot: Robot) -> None:
@@ -279,12 +290,17 @@ def _refused(asked: _Asked, context: Context, notes: list[Mistake]) -> Iterator[
         poses, boot = _poses(asked, context), context.robot.boot_pose
         for (pose, world), told in poses.items():
             if broken.isdisjoint(world.bodies) and (hit := _hit(context, pose, world)):
-                yield from (Mistake(place, f"{words}: {hit}") for place, words in told)
+                yield from (Mistake(place, f"{words}: {_told(hit)}") for place, words in told)
         for world, place in _unmoved(asked, context).items():
             new = (boot, world) not in poses and broken.isdisjoint(world.bodies)
             if new and (hit := _hit(context, boot, world)):
                 why = "where a reset puts the arm, it collides before it moves here"
-                notes.append(Mistake(place, f"{why}: {hit}"))
+                notes.append(Mistake(place, f"{why}: {_told(hit)}"))
+
+
+def _told(hit: MotionError) -> str:
+    """In words: of a pose by itself, where a planner speaks of a motion."""
+    return hit.contact if isinstance(hit, MotionCollides) else str(hit)
 
 
 def _hit(context: Context, pose: Pose, world: World) -> MotionError | None:
@@ -313,7 +329,7 @@ def _poses(asked: _Asked, context: Context) -> dict[tuple[Pose, World], list[tup
     carry = partial(_carried, context.pool)
     for root, built in asked.trees:
         leaves, asking = built.leaves, built.asking
-        for motion in foresee(root, leaves, context.robot, carry, asking=asking):
+        for motion in foresee(root, leaves, context.robot, carry, asking=asking).motions:
             if motion.start and (motion.start, motion.world) not in poses:
                 poses[motion.start, motion.world] = [(motion.place, start)]
             poses.setdefault((motion.pose, motion.world), []).append((motion.place, goal))
@@ -327,7 +343,8 @@ def _unmoved(asked: _Asked, context: Context) -> dict[World, Place]:
     for root, built in asked.tasks:
         # What skills refuse of this pose alone is no mistake either.
         asking = Asking(built.asking.doubtful)
-        for motion in foresee(root, built.leaves, context.robot, carry, boot, asking=asking):
+        found = foresee(root, built.leaves, context.robot, carry, boot, asking=asking)
+        for motion in found.motions:
             if motion.start == boot:
                 worlds.setdefault(motion.world, motion.place)
     return worlds

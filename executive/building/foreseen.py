@@ -16,12 +16,14 @@ from skills import (
     AddSphere,
     Attach,
     Detach,
+    PlanArm,
     Positions,
+    ReachPoint,
     RemoveBody,
     SetStart,
     Skill,
 )
-from skills.motion import EMPTY, Body, Carry, MotionError, World
+from skills.motion import EMPTY, Body, Carry, MotionError, Reached, ToolQuery, World
 from trees import Place
 
 from .asking import Asking, Pose
@@ -33,6 +35,7 @@ from .leaf import Leaf
 _IN_TURN = (composites.Sequence, Guard, Retry, Timeout, WaitFor)
 _ADDS = (AddBox, AddCylinder, AddMesh, AddSphere)
 _UNNAMED = "bodies named at run time"
+_UNKNOWN = "only a run of the task tells where it goes"
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,7 @@ class Motion:
         world: What is around the arm when it goes there.
         left_out: Names of bodies that are not in that world, as only the run tells whether they are
             there, and where.
+        via: Points that the arm passes on the way there: values of its own joints [rad].
     """
 
     place: Place
@@ -53,6 +57,20 @@ class Motion:
     start: Pose | None
     world: World
     left_out: tuple[str, ...]
+    via: tuple[Pose, ...] = ()
+
+
+@dataclass(frozen=True)
+class Foreseen:
+    """What follows from what a task spells out.
+
+    Attributes:
+        motions: In their order.
+        unknown: Nodes that move the arm too, each with why nobody knows where to.
+    """
+
+    motions: list[Motion]
+    unknown: dict[Behaviour, str]
 
 
 def foresee(
@@ -64,7 +82,8 @@ def foresee(
     world: World = EMPTY,
     *,
     asking: Asking,
-) -> list[Motion]:
+    reach: Callable[[ToolQuery], Reached] | None = None,
+) -> Foreseen:
     """The motions of a task, each in the world as the task has made it by then.
 
     Args:
@@ -75,10 +94,12 @@ def foresee(
         start: Where the arm stands at first [rad]; None where that is not known.
         world: What is around it at first.
         asking: Asks the code of its skills; knows the nodes that are wrong.
+        reach: Says where the joints are for the tool to be at a point; may raise a MotionError.
+            None where nobody shall be asked, and such a point is as good as unknown.
     """
-    walk = _Walk({leaf.skill: leaf for leaf in leaves}, robot, carry, asking)
+    walk = _Walk({leaf.skill: leaf for leaf in leaves}, robot, carry, asking, reach)
     walk.through(root, _Now(world, start))
-    return walk.motions
+    return Foreseen(walk.motions, walk.unknown)
 
 
 @dataclass(frozen=True)
@@ -89,7 +110,7 @@ class _Now:
         world: Bodies.
         pose: Where the arm stands.
         unsure: Names of bodies that may be there.
-        keys: Configurations by key.
+        keys: Configurations by key, and targets of some joints.
     """
 
     world: World
@@ -129,9 +150,12 @@ class _Walk:
         robot: Robot,
         carry: Callable[[Carry], Body],
         asking: Asking,
+        reach: Callable[[ToolQuery], Reached] | None,
     ) -> None:
         self._leaves, self._robot, self._carry = leaves, robot, carry
-        self._asking = asking
+        self._asking, self._reach = asking, reach
+        self._why = _UNKNOWN  # the next target is not known
+        self.unknown: dict[Behaviour, str] = {}
         self._again = False  # within the second round of a repeat
         self.motions: list[Motion] = []
 
@@ -169,8 +193,9 @@ class _Walk:
 
     def _after(self, leaf: Leaf, now: _Now) -> _Now:
         kind = type(leaf.skill)
-        start = now.keys.get(leaf.keys.get("start", ""))
-        inputs = {**leaf.known, "start": start} if start else leaf.known
+        ports = kind.input_ports().keys() & leaf.keys.keys()
+        found = {port: now.keys[leaf.keys[port]] for port in ports if leaf.keys[port] in now.keys}
+        inputs = {**leaf.known, **found}
         poses = self._asking.poses(leaf, self._robot, inputs)
         for pose in poses:
             left_out = tuple(sorted(now.unsure))
@@ -178,7 +203,13 @@ class _Walk:
             now = replace(now, pose=pose)
         if not poses and "goal" in (*kind.output_ports(), *leaf.inputs):  # found by other means
             now = replace(now, pose=None)
+            self.unknown.setdefault(leaf.skill, self._why)
+            self._why = _UNKNOWN
         now = self._written(leaf, now)
+        if isinstance(leaf.skill, ReachPoint):
+            now = self._reached(leaf, inputs, now)
+        if isinstance(leaf.skill, PlanArm) and leaf.skill not in self._asking.doubtful:
+            self._pass(inputs)
         if isinstance(leaf.skill, (*_ADDS, Attach, Detach, RemoveBody)):
             now = self._changed(leaf, now)
         return now
@@ -192,6 +223,29 @@ class _Walk:
             names = (joint.name for joint in self._robot.actuated)
             keys[key] = Positions(zip(names, now.pose, strict=True))
         return replace(now, keys=keys)
+
+    def _reached(self, leaf: Leaf, inputs: Mapping[str, Any], now: _Now) -> _Now:
+        """With the target that brings the tool to a point, where all of it is known."""
+        whole = all(port in inputs for port in ReachPoint.INPUT_PORTS)
+        if not (self._reach and whole) or leaf.skill in self._asking.doubtful:
+            return now
+        query = replace(ReachPoint.query(self._robot, inputs), world=now.world)
+        try:
+            answer = self._reach(query)
+        except MotionError as error:
+            self._why = str(error)
+            return now
+        names = (joint.name for joint in self._robot.leaders(query.group))
+        target = Positions(zip(names, answer.positions, strict=True))
+        return replace(now, keys={**now.keys, leaf.keys["target"]: target})
+
+    def _pass(self, inputs: Mapping[str, Any]) -> None:
+        """Have the motion to a goal pass the points on its way."""
+        goal = tuple(inputs.get("goal", {}).values())
+        if inputs.get("via") and self.motions and self.motions[-1].pose == goal:
+            names = [joint.name for joint in self._robot.leaders("arm")]
+            via = tuple(tuple(point[name] for name in names) for point in inputs["via"])
+            self.motions[-1] = replace(self.motions[-1], via=via)
 
     def _changed(self, leaf: Leaf, now: _Now) -> _Now:
         """With the body that a skill adds, hands over or removes."""

@@ -16,6 +16,7 @@ from executive.codes import INTERRUPTED_EXIT, look_up
 from .failures import tell
 from .log_commands import log
 from .options import (
+    DRAWING,
     PATH,
     keep_days_option,
     keep_mb_option,
@@ -146,10 +147,17 @@ for command in (*TASK_COMMANDS, *SERVER_COMMANDS):
 @click.option("--tool", help="Link that is to go there; default: the robot file's tool.")
 @click.option("--offset", nargs=3, metavar="X Y Z", help="The tool on its link [m].")
 @click.option("--axis", nargs=3, metavar="X Y Z", help="The tool's axis on its link.")
-@click.option("--world", type=PATH, help="JSON file with a list of bodies around the arm.")
+@click.option("--world", type=PATH, help="JSON file of bodies around the arm; see above.")
 @click.option("--group", help="Group that moves; default: that of the joints named, else the arm.")
 @click.option("--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning.")
-@click.option("-o", "--output", type=PATH, default=Path("plan.png"), show_default=True)
+@click.option(
+    "-o",
+    "--output",
+    type=DRAWING,
+    default=Path("plan.png"),
+    show_default=True,
+    help="PNG, SVG or PDF file to draw it to.",
+)
 def plan(
     goal: tuple[str, ...],
     robot: Path | None,
@@ -166,12 +174,17 @@ def plan(
     seed: int,
     output: Path,
 ) -> None:
-    """Plan to GOAL, say why it takes as long as it does, and draw it. Nothing moves.
+    r"""Plan to GOAL, say why it takes as long as it does, and draw it. Nothing moves.
 
     GOAL is JOINT=VALUE and JOINT+=CHANGE ... such as joint_1=70deg joint_2+=0.1, a pose such as
     right, x y z of the tool such as 0.1 0.05 8cm, or the number of a task that spells out where
     it goes. Around the arm is what --world says, and what the task has put there by then. Numbers
     without a unit are in rad and m.
+
+    \b
+    A file for --world, of which the README tells more:
+    [{"name": "post", "box": {"size": [0.03, 0.03, 0.2]},
+      "position": [0.115, 0.115, 0.1]}]
     """
     from hardware import load_robot
     from trees import Library

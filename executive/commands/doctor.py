@@ -20,7 +20,7 @@ from hardware import (
     load_robot,
 )
 from logs import LogError, check_space
-from skills.motion import MotionError, Pool, Result, Verify
+from skills.motion import MotionCollides, MotionError, Pool, Result, Verify
 from trees import FileError, Library, TreeError
 
 
@@ -97,6 +97,10 @@ def _planner(robot: Robot) -> Check:
         pool.start()
         pool.submit(Verify([robot.boot_pose], 0.0), answers.put)
         answer = answers.get()
+    if isinstance(answer, MotionCollides):
+        remedy = "choose another boot pose in the robot file, or mend its URDF"
+        why = f"in its boot pose, {answer.contact}"
+        return Check("planner", False, why, remedy, answer.code)
     if isinstance(answer, MotionError):
         remedy = "mend the robot file or its URDF"
         return Check("planner", False, str(answer), remedy, answer.code)

@@ -10,7 +10,7 @@ from executive.codes import DIFFERS, look_up
 
 from .failures import with_each
 from .incomplete import incomplete
-from .options import AT_LEAST_0, PATH
+from .options import AT_LEAST_0, DRAWING, PATH
 
 if TYPE_CHECKING:
     from collections import Counter
@@ -143,7 +143,7 @@ def export(recording: Path, output: Path) -> None:
 @log.command()
 @click.argument("one", type=PATH)
 @click.argument("other", type=PATH)
-@click.option("-o", "--output", type=PATH, help="PNG file with the joints over each other.")
+@click.option("-o", "--output", type=DRAWING, help="PNG, SVG or PDF of joints over each other.")
 def diff(one: Path, other: Path, output: Path | None) -> None:
     """Compare two runs; exit status 12 where their frames differ."""
     from logs.comparison import compare
@@ -163,9 +163,11 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
 
 @log.command()
 @_FILES
-@click.option("-o", "--output", type=PATH, help="PNG file; default: beside the recording.")
+@click.option(
+    "-o", "--output", type=DRAWING, help="PNG, SVG or PDF; default: a PNG beside the recording."
+)
 def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
-    """Draw recordings to PNG files."""
+    """Draw recordings to files."""
     from logs.plot import plot as draw
 
     if output and len(recordings) > 1:

@@ -27,6 +27,26 @@ AT_LEAST_0 = Finite(0)
 ABOVE_0 = Finite(0, min_open=True)
 
 
+class Drawing(click.Path):
+    """A file for a drawing; its suffix says the format, without one it is PNG."""
+
+    FORMATS = ("png", "svg", "pdf")
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """The path; one with another suffix is a wrong usage, told before anything is drawn."""
+        path = Path(value)
+        if path.suffix and path.suffix.lower()[1:] not in self.FORMATS:
+            there = ", ".join(f".{each}" for each in self.FORMATS)
+            self.fail(f"{path}: a drawing is one of {there}", param, ctx)
+        return path
+
+
+DRAWING = Drawing()
+
+
 def _own_trees() -> Path | None:
     return OWN_TREES if OWN_TREES.is_dir() else None
 

@@ -1,18 +1,34 @@
 """What `armtree plan` is asked for: joints, a pose, a point for the tool, or a task."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 from executive.building.check import motions_of
 from executive.building.port_types import declarations
 from hardware import Robot
 from skills import BadTarget, Positions, ReachPoint, Shift, check_targets, three
-from skills.motion import Query, ToolQuery, World
+from skills.motion import Query, Reached, ToolQuery, World
 from skills.motion.planner import Planner
-from trees import Declaration, FileError, Library, Place, fit, parse_value
+from trees import UNITS, Declaration, FileError, Library, Place, fit, parse_value
 
 _PORTS = declarations(ReachPoint)
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One motion to be planned.
+
+    Attributes:
+        query: What to plan.
+        left_out: Bodies that are not in its world, as only a run tells where they are.
+        assumed: Whether only a run tells where it starts; here, where the one before ends.
+    """
+
+    query: Query
+    left_out: tuple[str, ...] = ()
+    assumed: bool = False
 
 
 @dataclass(frozen=True)
@@ -22,9 +38,9 @@ class Goal:
     Attributes:
         robot: Whose motion.
         library: Tasks and poses.
-        words: `JOINT=VALUE`, `JOINT+=CHANGE` and names of poses, each on top of those before it,
-            joints not named staying; x, y, z, where the tool shall be; or the number of a task, for
-            all that it spells out.
+        words: `JOINT=VALUE`, `JOINT+=CHANGE`, each joint once, and names of poses, each on top of
+            those before it, joints not named staying; x, y, z, where the tool shall be; or the
+            number of a task, for all that it spells out.
         group: That moves; None for the one whose joints are named, else the arm.
         seed: Of the search.
         start: Where the arm stands, as `words` without a task; joints not named are at their boot
@@ -42,10 +58,10 @@ class Goal:
     via: Sequence[str] = ()
     tool: Mapping[str, str] = field(default_factory=dict)
 
-    def queries(self, planner: Planner, world: World) -> list[tuple[Query, tuple[str, ...]]]:
+    def legs(self, planner: Planner, world: World) -> tuple[list[Leg], list[str]]:
         """The motions to be planned, each from where the one before ends.
 
-        With each, the bodies left out of its world: only a run of the task tells where they are.
+        And in words the moves of a task that are none of them, as nobody knows where they go.
 
         Raises:
             BadTarget, OutOfBounds: Goal or start cannot be read, or name no joint.
@@ -72,30 +88,40 @@ class Goal:
         stations = [asked.named(words.split(), begin, {}, "--via") for words in self.via]
         *via, goal = (self._target(asked.group, each, begin) for each in (*stations, named))
         start = tuple(begin.values())
-        return [(Query(asked.group, start, goal, self.seed, via=tuple(via), world=world), ())]
+        query = Query(asked.group, start, goal, self.seed, via=tuple(via), world=world)
+        return [Leg(query)], []
 
     def _task(
         self, planner: Planner, group: str, begin: tuple[float, ...], world: World
-    ) -> list[tuple[Query, tuple[str, ...]]]:
+    ) -> tuple[list[Leg], list[str]]:
         """As the skills move: the arm with the gripper as it is, the gripper where the arm goes."""
         number = int(self.words[0])
-        motions = motions_of(self.robot, self.library, number, planner.carry, begin, world)
+
+        def reach(query: ToolQuery) -> Reached:
+            return planner.reach(replace(query, seed=self.seed))
+
+        motions, unknown = motions_of(
+            self.robot, self.library, number, planner.carry, reach, begin, world
+        )
         if not motions:
-            why = f"no goal of task {number} is known before it runs; those of CheckBounds, Target "
-            why += "and Shift are, where their values are written down and so is all before them. "
+            why = f"no goal of task {number} is known before it runs; those of CheckBounds, "
+            why += "Target, Shift and ReachPoint are, where their values and all before them are "
+            why += "written down. "
+            why += "".join(f"{each}. " for each in unknown)
             raise BadTarget(why + "Give joints, a pose or a point instead")
         own = [joint in self.robot.leaders(group) for joint in self.robot.actuated]
-        queries = []
+        legs = []
         for motion in motions:
             pose = motion.pose
             goal = tuple(q for q, mine in zip(pose, own, strict=True) if mine)
             rows = zip(pose, begin, own, strict=True)
             arrived = group == "gripper"
             start = tuple(then if arrived and not mine else now for then, now, mine in rows)
-            query = Query(group, start, goal, self.seed, world=motion.world)
-            queries.append((query, motion.left_out))
+            via = () if arrived else motion.via
+            query = Query(group, start, goal, self.seed, via=via, world=motion.world)
+            legs.append(Leg(query, motion.left_out, assumed=motion.start is None))
             begin = pose
-        return queries
+        return legs, unknown
 
     def _target(
         self, group: str, named: Mapping[str, float], begin: Mapping[str, float]
@@ -145,15 +171,19 @@ class _Asked:
             tool: What else is said of a point.
             option: That takes the words; empty for the goal itself.
         """
+        _check_units(words, option)
         if self.is_point(words):
             return self._reached(words, begin, tool)
         units = {joint.name: joint.unit for joint in self.robot.actuated}
-        named = dict[str, float]()
+        named, once = dict[str, float](), set[str]()
         for word in words:
             name, equals, text = word.partition("=")
             joint = name.removesuffix("+")
             if equals:
                 _check_names((joint,), units)
+                if joint in once:
+                    raise BadTarget(f"{joint} is given twice; give it once, with all of its way")
+                once.add(joint)
                 kind = "length" if units[joint] == "m" else "angle"
                 value: float = _read(joint, text, Declaration(kind))
                 if joint != name:
@@ -171,6 +201,11 @@ class _Asked:
         self, words: Sequence[str], begin: Mapping[str, float], tool: Mapping[str, str]
     ) -> dict[str, float]:
         given = {port: _read(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
+        for port, value in given.items():
+            try:
+                ReachPoint.judge(self.robot, {port: value})
+            except BadTarget as error:
+                raise BadTarget(f"--{port}: {error}") from error
         point = _read("point", f"[{', '.join(words)}]", _PORTS["point"])
         query = ToolQuery(
             group=self.group,
@@ -200,6 +235,13 @@ def _read(what: str, text: str, wanted: Declaration) -> Any:
         return fit(parse_value(text, what), wanted, {}, wrong)
     except FileError as error:
         raise BadTarget(f"{what}: {error.mistakes[0].message}") from error
+
+
+def _check_units(words: Sequence[str], option: str) -> None:
+    for before, word in pairwise(words):
+        if any(word in units for units in UNITS.values()):
+            why = f"{word!r} stands apart from its number; write {before}{word} in one word"
+            raise BadTarget(f"{option}: {why}" if option else f"{why}, or both in quotes")
 
 
 def _no_pose(word: str, poses: Mapping[str, object], option: str) -> str:

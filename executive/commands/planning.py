@@ -1,7 +1,6 @@
 """`armtree plan`: a motion found, explained and drawn, without an arm."""
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from skills.motion.explain import limits_met, straight_duration
 from skills.motion.planner import Planner
 
 from .plan_goal import Goal
+from .world_file import check_world, read_world
 
 _GRID = 0.005  # of the curves [s]
 _MOST = 20_000  # points of the curves of a motion of hours
@@ -23,35 +23,40 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
     Args:
         goal: What to plan for.
         world: JSON file with a list of bodies, as `World.plain` writes them.
-        output: The PNG to write; where there are several motions, the others beside it.
+        output: The PNG, SVG or PDF to write; where there are several motions, the others beside it.
 
     Raises:
         BadTarget: Goal or start cannot be read, or name no joint.
+        BadWorldFile: The file is wrong, or not there.
         MotionError: There is no plan.
     """
+    planner, bodies = Planner(goal.robot), read_world(world) if world else EMPTY
+    try:
+        yield from _explained(goal, planner, bodies, output)
+    except BadWorld:
+        if world:  # else it is a body of the task's own that is wrong
+            check_world(world, bodies, goal.robot, planner)
+        raise
+
+
+def _explained(goal: Goal, planner: Planner, bodies: World, output: Path) -> Iterator[str]:
     robot = goal.robot
-    planner = Planner(robot)
-    queries = goal.queries(planner, _world(world))
-    for number, (query, left_out) in enumerate(queries, 1):
+    legs, unknown = goal.legs(planner, bodies)
+    for move in unknown:
+        yield f"Not seen  {move}"
+    for number, leg in enumerate(legs, 1):
+        query = leg.query
         first = sum(planner.plan(query).milliseconds.values())
         plan = planner.plan(query)
-        if len(queries) > 1:
-            yield f"Motion {number} of {len(queries)}"
+        if len(legs) > 1:
+            yield f"Motion {number} of {len(legs)}"
+        if leg.assumed:
+            yield f"Start     taken to be {_joints(plan.joints, plan.origin)}: only a run tells"
         yield from _told(robot, plan, len(query.via), first)
-        yield from _around(query.world, left_out)
+        yield from _around(query.world, leg.left_out)
         picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
         _draw(robot, query.world, plan, picture)
         yield str(picture)
-
-
-def _world(file: Path | None) -> World:
-    if file is None:
-        return EMPTY
-    try:
-        bodies = json.loads(file.read_text())
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadWorld(f"{file} cannot be read as JSON: {error}") from error
-    return World.parse(bodies)
 
 
 def _told(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[str]:
@@ -59,21 +64,26 @@ def _told(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[str]:
     spent = sum(plan.milliseconds.values())
     rungs = ", ".join(f"{name} {ms:.2f}" for name, ms in plan.milliseconds.items())
     line = straight_duration(plan)
-    goal = ", ".join(f"{n} {q:.3f}" for n, q in zip(plan.joints, plan.goal, strict=True))
-    yield f"Goal      {goal}"
+    yield f"Goal      {_joints(plan.joints, plan.goal)}"
+    longer = ""
     if len(plan.waypoints) > 2:
-        more = 100.0 * (plan.duration / line - 1.0) if line else 0.0
+        if line:
+            longer = f", this one {100.0 * (plan.duration / line - 1.0):.0f} % longer"
         how = f"by way of {via} point{'s' * (via > 1)}" if via else "round something"
-        yield f"Path      {how}, {len(plan.waypoints)} waypoints, {more:.0f} % longer"
+        yield f"Path      {how}, {len(plan.waypoints)} waypoints"
     else:
         yield "Path      straight" if plan.duration else "Path      none: it is there already"
-    yield f"Duration  {plan.duration:.3f} s; a straight line would take {line:.3f} s"
+    yield f"Duration  {plan.duration:.3f} s; a straight line would take {line:.3f} s{longer}"
     yield f"Found in  {spent:.2f} ms ({rungs}); the first time in {first:.2f} ms"
     for limit in limits_met(plan):
         unit = robot.joint(limit.joint).unit + ("/s" if limit.kind == "speed" else "/s²")
         share = 100.0 * limit.seconds / plan.duration
-        what = f"{limit.joint} at its {limit.kind} limit, {limit.value:g} {unit}"
+        what = f"the {limit.kind} limit of {limit.joint}, {limit.value:g} {unit}"
         yield f"Held by   {what}: {limit.seconds:.2f} s ({share:.0f} %)"
+
+
+def _joints(names: Iterable[str], positions: Iterable[float]) -> str:
+    return ", ".join(f"{name} {q:.3f}" for name, q in zip(names, positions, strict=True))
 
 
 def _around(world: World, left_out: Sequence[str]) -> Iterator[str]:

@@ -34,13 +34,14 @@ def sweep_of(robot: Robot, world: World, configurations: ArrayLike) -> Sweep:
         BadWorld: The world cannot be loaded.
     """
     model = Model(robot, world)
-    fixed = {body.name for body in world.bodies if not body.link}
-    poses, bodies = [], []
+    links = {body.name: body.link for body in world.bodies}
+    poses, bodies, held = [], [], []
     for configuration in np.asarray(configurations):
         shapes = [(name, points.tolist()) for name, points in outlines(model, configuration)]
-        poses.append([points for name, points in shapes if name not in fixed])
-        bodies = [points for name, points in shapes if name in fixed]
-    return Sweep(poses, bodies)
+        poses.append([points for name, points in shapes if name not in links])
+        held.append([points for name, points in shapes if links.get(name)])
+        bodies = [points for name, points in shapes if links.get(name) == ""]
+    return Sweep(poses, bodies, held)
 
 
 @dataclass

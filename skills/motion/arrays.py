@@ -37,6 +37,12 @@ def joined(arrays: Iterable[NDArray[np.float64]]) -> Joined:
 
 
 def parted(together: Joined) -> list[NDArray[np.float64]]:
-    """The arrays that were joined; they are read-only."""
+    """The arrays that were joined; they are read-only.
+
+    Raises:
+        ValueError: They hold a NaN or an infinity, or there is less of them than is said.
+    """
     places, memory = together
+    if not np.isfinite(np.frombuffer(memory)).all():
+        raise ValueError("a value is not finite")
     return [np.ndarray(shape, _FLOAT, memory, begin) for shape, begin in places]

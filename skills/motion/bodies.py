@@ -92,6 +92,9 @@ def _stamp(path: str) -> tuple[int, ...] | None:
 
 def _seat(kinematics: pin.Model, body: Body) -> tuple[int, int, pin.SE3]:
     """Joint and frame that a body moves with, and its place in the frame of the joint."""
-    index = frame_of(kinematics, body.link)
+    try:
+        index = frame_of(kinematics, body.link)
+    except BadWorld as error:
+        raise BadWorld(f"{body.name} moves with {body.link}: {error}") from error
     frame = kinematics.frames[index]
     return frame.parentJoint, index, frame.placement * placed(body)

@@ -270,7 +270,9 @@ class PlanTimeout(MotionError, TimeoutError):
 
     def __init__(self, timeout: float) -> None:
         self.timeout = timeout
-        super().__init__(f"No plan within {timeout:g} s; allow more time, or choose a nearer goal")
+        super().__init__(
+            f"No plan within {timeout:g} s; choose a nearer goal, or go by way of a pose between"
+        )
 
 
 class MotionCollides(MotionError):
@@ -283,6 +285,7 @@ class MotionCollides(MotionError):
         second: The other.
         distance: Between them, negative where they overlap [m].
         margin: Distance to be kept [m].
+        contact: Which two, and how near, in words.
     """
 
     code = "plan.motion_collides"
@@ -298,11 +301,9 @@ class MotionCollides(MotionError):
     ) -> None:
         self.row, self.time, self.margin = row, time, margin
         self.first, self.second, self.distance = first, second, distance
+        self.contact = f"{_contact(first, second, distance)} ({1e3 * margin:.1f} mm must be kept)"
         where = f"row {row} of" if time is None else f"{time:.2f} s into"
-        super().__init__(
-            f"At {where} the motion, {_contact(first, second, distance)} "
-            f"({1e3 * margin:.1f} mm must be kept); go by way of a pose further off"
-        )
+        super().__init__(f"At {where} the motion, {self.contact}; go by way of a pose further off")
 
 
 class PlanCanceled(MotionError):

@@ -23,7 +23,8 @@ class Links:
         robot: The robot.
 
     Attributes:
-        kinematics: pinocchio's model; followers share the coordinate of the joint they follow.
+        kinematics: pinocchio's model; followers share the coordinate of the joint they follow, and
+            joints without an end have their angle.
         exact: Every primitive or mesh of the URDF.
         outer: The convex hull around those of each link.
         solids: Of each of `exact` what it encloses; None of a primitive.
@@ -104,10 +105,11 @@ def _check_joints(robot: Robot, loose: pin.Model) -> None:
 
 
 def _tied(robot: Robot, loose: pin.Model) -> pin.Model:
-    """The same model, but followers share the coordinate of the joint they follow.
+    """The same model, each joint at its angle or way, followers at that of the joint they follow.
 
     pinocchio can tie joints of a URDF itself, but wants each to come after the one it follows, and
-    reads those on one link in the order of their names.
+    reads those on one link in the order of their names. Joints without an end it would have at
+    their cosine and sine, which nothing else can follow.
 
     Raises:
         ModelUnusable: A joint follows one that it carries.
@@ -116,7 +118,7 @@ def _tied(robot: Robot, loose: pin.Model) -> pin.Model:
     places = {0: 0}
     for i in _order(robot, loose, {name: mimic.leader for name, mimic in mimics.items()}):
         parent, place = places[loose.parents[i]], loose.jointPlacements[i]
-        places[i] = model.addJoint(parent, loose.joints[i], place, loose.names[i])
+        places[i] = model.addJoint(parent, _single(loose, i), place, loose.names[i])
     for f in loose.frames.tolist()[1:]:
         joint = places[f.parentJoint]
         model.addFrame(pin.Frame(f.name, joint, f.parentFrame, f.placement, f.type))
@@ -124,6 +126,16 @@ def _tied(robot: Robot, loose: pin.Model) -> pin.Model:
         ids = model.getJointId(mimic.leader), model.getJointId(name)
         model = pin.transformJointIntoMimic(model, *ids, mimic.multiplier, mimic.offset)
     return model
+
+
+def _single(model: pin.Model, joint: int) -> pin.JointModel:
+    """A joint of a model, with one coordinate."""
+    turns = model.joints[joint]
+    if turns.nq == turns.nv:
+        return turns
+    data, still = model.createData(), pin.neutral(model)
+    axis = pin.computeJointJacobian(model, data, still, joint)[3:, turns.idx_v]
+    return pin.JointModelRevoluteUnaligned(axis)
 
 
 def _order(robot: Robot, loose: pin.Model, leaders: dict[str, str]) -> Iterator[int]:

@@ -75,21 +75,17 @@ class Model:
                 shape.geometry.computeLocalAABB()  # coal guesses from it where two shapes face
         found += [links.level] * (len(self.outer.geometryObjects) - len(found))  # of the floor
         self.levers = travels(robot, found, self.outer.collisionPairs)
-        self._places = [self._place(name) for name in self.joints]
+        ids = map(self.kinematics.getJointId, self.joints)
+        self._places = [self.kinematics.joints[joint].idx_q for joint in ids]
         # Whether pinocchio's coordinates are the configuration itself.
-        self._plain = self._places == [(i, False) for i in range(self.kinematics.nq)]
+        self._plain = self._places == list(range(self.kinematics.nq))
 
     def coordinates(self, configurations: Array) -> Array:
         """Of configurations (N, A) [rad], as pinocchio wants them: (nq, N), column-major."""
         if self._plain:
             return np.ascontiguousarray(configurations).T
         q = np.zeros((self.kinematics.nq, len(configurations)), order="F")
-        for column, (index, turns) in enumerate(self._places):
-            values = configurations[:, column]
-            if turns:
-                q[index], q[index + 1] = np.cos(values), np.sin(values)
-            else:
-                q[index] = values
+        q[self._places] = configurations.T
         return q
 
     def link(self, geometry: pin.GeometryModel, index: int) -> str:
@@ -136,11 +132,6 @@ class Model:
             for other in sorted(body.touches - links - self._bodies.keys()):
                 what = f"{name} may touch {other}, but there is no such link or body"
                 raise BadWorld(f"{what}; there are {', '.join(sorted(links | set(self._bodies)))}")
-
-    def _place(self, joint: str) -> tuple[int, bool]:
-        """Index of a joint's coordinate, and whether it is stored as cosine and sine."""
-        place = self.kinematics.joints[self.kinematics.getJointId(joint)]
-        return place.idx_q, place.nq == 2
 
     def _add_floor(self, geometry: pin.GeometryModel, rules: CollisionRules) -> None:
         if rules.floor is not None:

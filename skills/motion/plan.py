@@ -68,10 +68,11 @@ class Plan:
     def __setstate__(self, state: _State) -> None:
         group, joints, seed, milliseconds, together = state
         curve, profile = Curve.__new__(Curve), Profile.__new__(Profile)
-        arrays = iter(parted(together))
-        self.__dict__.update(zip(_OWN, arrays, strict=False))
-        curve.__dict__.update(zip(_CURVE, arrays, strict=False))
-        profile.__dict__.update(zip(_PROFILE, arrays, strict=False))
+        arrays = parted(together)
+        own, rest = arrays[: len(_OWN)], arrays[len(_OWN) :]
+        self.__dict__.update(zip(_OWN, own, strict=True))
+        curve.__dict__.update(zip(_CURVE, rest[: len(_CURVE)], strict=True))
+        profile.__dict__.update(zip(_PROFILE, rest[len(_CURVE) :], strict=True))
         self.__dict__.update(
             group=group,
             joints=joints,

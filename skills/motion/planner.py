@@ -129,7 +129,7 @@ class Planner:
                 waypoints=waypoints,
                 curve=curve,
                 profile=profile,
-                milliseconds=watch.milliseconds,
+                milliseconds=watch.milliseconds,  # to which the watch still adds
             )
         if not curve.straight:
             with watch.rung("check"), scene.contacts.within(deadline):

@@ -54,10 +54,9 @@ class Pool:
         """Have a request answered by the next free worker.
 
         Args:
-            request: A Query or a Verify.
-            done: Called exactly once, with a Plan for a Query, None for a Verify that found
-                nothing, or the MotionError; from a thread of the pool, or from within
-                `Job.cancel` and `close`. It must not block and must not raise.
+            request: What `Planner.answer` answers.
+            done: Called exactly once, with its answer or the MotionError; from a thread of the
+                pool, or from within `Job.cancel` and `close`. It must not block and must not raise.
         """
         job = Job(self, request, done)
         with self._signal:

@@ -2,39 +2,36 @@
 
 import contextlib
 import os
-import pickle
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
+from types import NoneType
+from typing import Any
 
 from hardware import Robot
 
 from .errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
 from .plan import Plan
 from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
-from .wire import packed, receive
+from .wire import Garbled, packed, receive, send
 from .world import Body, World
 
 Request = Query | Verify | ToolQuery | Carry | Rest
 Answer = Plan | Reached | Body | None
 Result = Answer | MotionError
 
-# What reading a damaged answer raises; anything else is a bug of ours and should be seen.
-_NONSENSE = (
-    pickle.UnpicklingError,
-    ArithmeticError,
-    AttributeError,
-    ImportError,
-    LookupError,
-    MemoryError,
-    TypeError,
-    ValueError,
-)
+_ANSWERS: dict[type, type[Any]] = {
+    Query: Plan,
+    Rest: Plan,
+    ToolQuery: Reached,
+    Carry: Body,
+    Verify: NoneType,
+}
 _LONGEST = 86_400.0  # time-out there can be [s]
-_AT_ONCE = 32_768  # that a socket takes without waiting, when nothing else is in it [bytes]
 _GRACE = 0.008  # beyond its time-out, before a worker counts as hanging [s]
 _DYING = 0.2  # to say what was wrong, once it has hung up [s]
 _START = 30.0  # to load the model on a slow machine [s]
@@ -69,7 +66,10 @@ class WorkerProcess:
                 start_new_session=True,
             )
         self._socket = ours
-        self._ready = self._killed = self._begun = False
+        self._ready = self._killed = False
+        self._unusable: MotionError | None = None  # what it says of the robot
+        self._number = 0  # of the last request
+        self._begun: tuple[float, bytes] | None = None  # until when, and what is still to be sent
         self._hello(robot)
 
     @property
@@ -87,40 +87,40 @@ class WorkerProcess:
 
         A worker that died, hung or answered nonsense is no longer alive after it.
         """
-        begun, self._begun = self._begun, False
+        begun, self._begun = self._begun, None
         if wrong := _wrong(request):
             return wrong
-        message = b"" if begun else _packed(request)
-        if isinstance(message, BadQuery):
-            return message
-        timeout = max(request.timeout, 0.0) + _GRACE
+        if not self._ready and (broken := self._start()):
+            return broken
         try:
-            if not self._ready and (broken := self._start()):
-                return broken
-            if not begun:
-                self._socket.settimeout(timeout)
-                self._socket.sendall(message)
-            answer = receive(self._socket, timeout)
+            until, message = begun or self._packed(request)
+        except BadQuery as error:
+            return error
+        try:
+            if message:
+                send(self._socket, message, until)
+            number, answer = _pair(receive(self._socket, until))
         except TimeoutError:
             self.kill()
             return PlanTimeout(request.timeout)
         except (EOFError, OSError):
-            return self._died()
-        except _NONSENSE as error:
-            return self._nonsense(repr(error))
-        if answer is None or isinstance(answer, Plan | Reached | Body | MotionError):
+            return self._died(until)
+        except Garbled as error:
+            return self._nonsense(str(error))
+        if number != self._number:
+            return self._nonsense(f"request {number} instead of {self._number}")
+        if isinstance(answer, (_ANSWERS[type(request)], MotionError)):
             return answer
-        return self._nonsense(f"{type(answer).__name__} instead of a plan")
+        return self._nonsense(f"{type(request).__name__} with {type(answer).__name__}")
 
     def begin(self, request: Request) -> None:
-        """Send what will be asked next, where that can be done without waiting."""
+        """Send of what will be asked next as much as can be sent without waiting."""
         if not self._ready or _wrong(request):
             return
-        message = _packed(request)
-        if isinstance(message, bytes) and len(message) <= _AT_ONCE:
-            with contextlib.suppress(OSError):  # it died; who asks is told
-                self._socket.sendall(message)
-                self._begun = True
+        with contextlib.suppress(BadQuery, OSError):  # who asks is told
+            self._begun = until, message = self._packed(request)
+            sent = self._socket.send(message, socket.MSG_DONTWAIT)
+            self._begun = until, message[sent:]
 
     def kill(self) -> None:
         """End it now. May be called from any thread, and again."""
@@ -144,26 +144,51 @@ class WorkerProcess:
 
     def _start(self) -> MotionError | None:
         """Wait until it has loaded the robot; the error where it cannot."""
+        until = time.monotonic() + _START
         try:
-            answer = receive(self._socket, _START)
+            answer = self._unusable or receive(self._socket, until)
         except TimeoutError:
             return self._nonsense(f"nothing within {_START:g} s of its start")
-        if answer is None or isinstance(answer, MotionError):
-            self._ready = True
+        except (EOFError, OSError):
+            return self._died(until)
+        except Garbled as error:
+            return self._nonsense(str(error))
+        if isinstance(answer, MotionError):
+            self._unusable = answer
             return answer
-        return self._nonsense(f"{type(answer).__name__} when it started")
+        if answer is not None:
+            return self._nonsense(f"{type(answer).__name__} when it started")
+        self._ready = True
+        return None
+
+    def _packed(self, request: Request) -> tuple[float, bytes]:
+        """Until when it may take, from now on, and the next request as it is sent.
+
+        Raises:
+            BadQuery: It cannot be sent.
+        """
+        until = time.monotonic() + max(request.timeout, 0.0) + _GRACE
+        self._number += 1
+        try:
+            return until, packed((self._number, request))
+        except Exception as error:  # whatever the values in it raise
+            what = f"It cannot be sent to a worker ({shown(error)}); give plain numbers"
+            raise BadQuery(what) from error
 
     def _nonsense(self, what: str) -> WorkerDied:
         self.kill()
         return WorkerDied(f"it answered {what}")
 
-    def _died(self) -> WorkerDied:
+    def _died(self, until: float) -> WorkerDied:
+        """What it died of, as far as that is known by then."""
         if self._killed:
             return WorkerDied("it was ended")
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(_DYING)
+        try:
+            code = self._process.wait(min(_DYING, max(0.0, until - time.monotonic())))
+        except subprocess.TimeoutExpired:
+            self.kill()
+            return WorkerDied("it hung up")
         self.kill()
-        code = self._process.wait()
         how = f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
         return WorkerDied(how + self._last_words())
 
@@ -174,16 +199,19 @@ class WorkerProcess:
         return f" ({lines[-1].strip()})" if lines else ""
 
 
-def _packed(request: Request) -> bytes | BadQuery:
-    """A request as it is sent."""
-    try:
-        return packed(request)
-    except Exception as error:  # whatever the values in it raise
-        return BadQuery(f"It cannot be sent to a worker ({shown(error)}); give plain numbers")
+def _pair(answer: object) -> tuple[object, Any]:
+    """The number of a request, and its answer.
+
+    Raises:
+        Garbled: It is no pair.
+    """
+    if isinstance(answer, tuple) and len(answer) == 2:
+        return answer
+    raise Garbled(f"{type(answer).__name__} without a number")
 
 
 def _wrong(request: Request) -> BadQuery | None:
-    if not isinstance(request, Request):
+    if type(request) not in _ANSWERS:
         return BadQuery(f"{type(request).__name__} is nothing that a planner can be asked")
     for name, kind, form in _FORMS:
         value = getattr(request, name, None)

@@ -17,7 +17,7 @@ from .timing import timed
 
 Array = NDArray[np.float64]
 
-# Less way than this is none [rad].
+# Less way than this is a line [rad].
 _NOTHING = 1e-9
 
 
@@ -56,8 +56,10 @@ def rest_of(plan: Plan, time: float, start: Array, columns: NDArray[np.intp]) ->
     if not np.allclose(curve.base[0], origin, rtol=0.0, atol=_NOTHING):
         raise BadQuery("the arm does not stand where the motion was stopped; plan again")
     waypoints = np.vstack((origin, _ahead(plan.waypoints, curve.length)))
-    if curve.length <= _NOTHING:
+    if np.array_equal(origin, plan.goal):
         curve = Curve.point(plan.goal)
+    elif curve.length <= _NOTHING:
+        curve = Curve.line(origin, plan.goal)
     profile = timed(curve, plan.velocity, plan.acceleration)
     if profile is None:
         raise BadQuery("what is left of the motion cannot be timed; plan again")

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from .curve import Curve
 from .profile import Profile
-from .toppra_timing import fastest
 
 Array = NDArray[np.float64]
 
@@ -43,6 +42,8 @@ def _section(
     inside = [place for place in curve.breaks.tolist() if begin < place < end]
     piece = np.searchsorted(curve.breaks, begin, side="right") - 1
     if inside or curve.bend[piece].any():
+        from .toppra_timing import fastest  # loads TOPP-RA
+
         return fastest(curve, np.array([begin, *inside, end]), velocity, limits)
     return trapezoid(begin, end, *_along(abs(curve.slope[piece]), velocity, limits))
 

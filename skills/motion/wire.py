@@ -13,6 +13,10 @@ _MOST = 2**30  # that a pickle may have [bytes]
 _CHUNK = 65_536  # that is read at a time [bytes]
 
 
+class Garbled(Exception):
+    """What came is no message."""
+
+
 def packed(message: object) -> bytes:
     """A message as it is sent.
 
@@ -25,43 +29,64 @@ def packed(message: object) -> bytes:
     return len(body).to_bytes(_PREFIX) + body
 
 
-def receive(connection: socket.socket, timeout: float | None = None) -> Any:
+def send(connection: socket.socket, data: bytes, until: float | None = None) -> None:
+    """Send what was packed, or what is left of it.
+
+    Args:
+        connection: Where it goes. Its own time-out is changed.
+        data: What to send.
+        until: On the monotonic clock, for all of it [s]; None to wait for ever.
+
+    Raises:
+        TimeoutError: Not all of it was taken in time.
+        OSError: The other end closed.
+    """
+    _wait(connection, until)
+    connection.sendall(data)
+
+
+def receive(connection: socket.socket, until: float | None = None) -> Any:
     """The next message, waited for.
 
     Args:
         connection: Where it comes from. Its own time-out is changed.
-        timeout: For all of it [s]; None to wait for ever.
+        until: On the monotonic clock, for all of it [s]; None to wait for ever.
 
     Raises:
         TimeoutError: Not all of it came in time.
         EOFError: The other end closed.
-        pickle.UnpicklingError: What came is no message; and all else that unpickling it raises.
+        Garbled: What came is no message.
     """
-    until = None if timeout is None else time.monotonic() + timeout
     data = bytearray()
-    while (missing := _missing(data)) > 0:
-        data += _some(connection, until)
-    if missing:
-        raise pickle.UnpicklingError(f"{-missing} bytes too many")
-    return pickle.loads(memoryview(data)[_PREFIX:])
+    while _missing(data):
+        _wait(connection, until)
+        some = connection.recv(_CHUNK)
+        if not some:
+            raise EOFError
+        data += some
+    try:
+        return pickle.loads(bytes(data[_PREFIX:]))
+    except Exception as error:  # whatever there is in what another process sent
+        raise Garbled(repr(error)) from error
 
 
-def _some(connection: socket.socket, until: float | None) -> bytes:
-    """What has come, at least one byte."""
+def _wait(connection: socket.socket, until: float | None) -> None:
+    """Have the next call wait until then, and no longer."""
     left = None if until is None else until - time.monotonic()
-    if left is not None and left <= 0.0:  # 0 would mean not to wait at all
+    if left is not None and left <= 0.0:  # of which a socket would make not to wait at all
         raise TimeoutError
     connection.settimeout(left)
-    if data := connection.recv(_CHUNK):
-        return data
-    raise EOFError
 
 
 def _missing(data: bytearray) -> int:
-    """How many bytes of a message have not come; less than none where there are too many."""
+    """How many bytes of a message are still to come.
+
+    Raises:
+        Garbled: It would be too long, or something follows it.
+    """
     if len(data) < _PREFIX:
         return _PREFIX - len(data)
     length = int.from_bytes(data[:_PREFIX])
-    if length > _MOST:
-        raise pickle.UnpicklingError(f"a message of {length} bytes")
+    if length > _MOST or len(data) > _PREFIX + length:
+        raise Garbled(f"{len(data)} bytes of a message of {length}")
     return _PREFIX + length - len(data)

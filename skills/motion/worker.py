@@ -1,9 +1,9 @@
 """The worker process: `python -P -m skills.motion.worker FD`, FD being its end of a socket.
 
-It is sent a pickled Robot, answers None when it has loaded it, and then answers every request that
-it is sent, in turn, until the other end closes. Errors of ours are answers, that there is no
-planning with this Robot to every request; any other ends the process, and the parent starts a new
-one. So does taking too much memory.
+It is sent a Robot, answers None when it has loaded it, and then answers every request that it is
+sent, in turn, until the other end closes; both come with the number of the request. A MotionError
+is an answer; where the Robot cannot be planned with, it is the first and the last. Any other error
+ends the process, as too much memory does, and the parent starts a new one.
 """
 
 import resource
@@ -14,9 +14,10 @@ from typing import Any
 
 from hardware import RealClock
 
+from . import toppra_timing as toppra_timing  # now, so that no goal waits for it
 from .errors import MotionError
 from .planner import Planner
-from .wire import packed, receive
+from .wire import packed, receive, send
 
 _MEMORY = 4 * 2**30  # of address space; a worker needs a tenth of it [bytes]
 
@@ -37,13 +38,13 @@ def _serve(parent: socket.socket) -> None:
     try:
         planner = Planner(robot, RealClock())
     except MotionError as error:
-        parent.sendall(packed(error))
-        while True:
-            receive(parent)
-            parent.sendall(packed(error))
-    parent.sendall(packed(None))
+        send(parent, packed(error))
+        receive(parent)  # nothing; it is there until the other end closes
+        return
+    send(parent, packed(None))
     while True:
-        parent.sendall(packed(_answered(planner, receive(parent))))
+        number, request = receive(parent)
+        send(parent, packed((number, _answered(planner, request))))
 
 
 def _answered(planner: Planner, request: Any) -> Any:

@@ -1,8 +1,9 @@
 """What stands around the arm, and what it holds: bodies that are checked like its own links."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from difflib import get_close_matches
 from typing import Any
 
 from .errors import BadWorld, shown
@@ -49,7 +50,7 @@ class Mesh:
 
 
 Shape = Box | Sphere | Cylinder | Mesh
-_SHAPES: dict[str, Callable[..., Shape]] = {
+_SHAPES: dict[str, type[Shape]] = {
     "box": Box,
     "sphere": Sphere,
     "cylinder": Cylinder,
@@ -171,9 +172,15 @@ class World:
         Raises:
             BadWorld: It is no list of bodies.
         """
-        if not isinstance(bodies, Iterable):
+        if not isinstance(bodies, Iterable) or isinstance(bodies, str | Mapping):
             raise BadWorld(f"{shown(bodies)} is no list of bodies")
-        return cls(tuple(_parsed(body) for body in bodies))
+        found = []
+        for number, body in enumerate(bodies, 1):
+            try:
+                found.append(_parsed(body))
+            except BadWorld as error:
+                raise BadWorld(f"Body {number}: {error}") from error
+        return cls(tuple(found))
 
 
 EMPTY = World()
@@ -205,23 +212,45 @@ def _plain(body: Body) -> dict[str, Any]:
     }
 
 
-def _parsed(plain: Mapping[str, Any]) -> Body:
-    kinds = ", ".join(_SHAPES)
-    try:
-        what = plain.keys() & _SHAPES.keys()
-        unknown = sorted(plain.keys() - _SHAPES.keys() - {f.name for f in fields(Body)})
-        if len(what) != 1 or unknown:
-            raise TypeError
-        (kind,) = what
-        shape = {key: _tupled(value) for key, value in plain[kind].items()}
-        rest = {key: _tupled(value) for key, value in plain.items() if key != kind}
-        if not isinstance(touches := rest.pop("touches", ()), tuple):
-            raise TypeError
-        return Body(shape=_SHAPES[kind](**shape), touches=frozenset(touches), **rest)
-    except (TypeError, AttributeError) as error:
-        raise BadWorld(
-            f"{shown(plain)} is no body; give a name, a position and one of {kinds}"
-        ) from error
+def _parsed(plain: Any) -> Body:
+    if not isinstance(plain, Mapping):
+        raise BadWorld(f"{shown(plain)} is no object with a name, a form and a position")
+    name = plain.get("name", "")
+    if not isinstance(name, str) or not name:
+        what = f"It is called {shown(name)}" if name else "It has no name"
+        raise BadWorld(f"{what}; give it a name")
+    keys = [each.name for each in fields(Body) if each.name != "shape"]
+    _check_keys(name, plain, [*keys, *_SHAPES])
+    forms = [kind for kind in _SHAPES if kind in plain]
+    if len(forms) != 1:
+        what = f"are {' and '.join(forms)}" if forms else "is no form"
+        raise BadWorld(f"Of {name} there {what}; give one of {', '.join(_SHAPES)}")
+    rest = {key: _tupled(plain[key]) for key in keys if key in plain}
+    touches = rest.pop("touches", ())
+    if not isinstance(touches, tuple) or not all(map(_word, touches)):
+        raise BadWorld(f"The touches of {name} is {shown(touches)}; give a list of names")
+    return Body(shape=_form(name, forms[0], plain[forms[0]]), touches=frozenset(touches), **rest)
+
+
+def _form(name: str, kind: str, plain: Any) -> Shape:
+    shape, parts = _SHAPES[kind], fields(_SHAPES[kind])
+    wanted = [part.name for part in parts]
+    if not isinstance(plain, Mapping):
+        what = f"The {kind} of {name} is {shown(plain)}"
+        raise BadWorld(f"{what}; give an object with its {' and '.join(wanted)}")
+    _check_keys(f"the {kind} of {name}", plain, wanted)
+    for part in parts:
+        if part.name not in plain and part.default is MISSING:
+            raise BadWorld(f"The {kind} of {name} has no {part.name}; give one")
+    return shape(**{key: _tupled(value) for key, value in plain.items()})
+
+
+def _check_keys(whose: str, plain: Mapping[str, Any], known: Sequence[str]) -> None:
+    for key in plain:
+        if key not in known:
+            near = get_close_matches(str(key), [each for each in known if each not in plain], n=1)
+            there = ", ".join(known) + (f"; did you mean {near[0]}?" if near else "")
+            raise BadWorld(f"{shown(key)} is no key of {whose}; there are {there}")
 
 
 def _tupled(value: Any) -> Any:

@@ -44,17 +44,16 @@ _HEAD = (
 )
 
 
-def table(problems: Sequence[Problem], peers: dict[str, Path]) -> Iterator[Score]:
-    """Every planner on every problem, printed as it comes."""
+def table(problems: Sequence[Problem], peers: dict[str, Path], folder: Path) -> Iterator[Score]:
+    """Every planner on every problem, printed as it comes; what peers read and write goes there."""
     sys.stdout.write(_LINE.format(*_HEAD))
-    with tempfile.TemporaryDirectory() as folder:
-        for problem in problems:
-            yield _told(ours(problem))
-            for name, venv in peers.items():
-                try:
-                    yield _told(peer(name, venv, problem, Path(folder)))
-                except RuntimeError as error:
-                    sys.stdout.write(f"{problem.name:<9} {name}: FAILED: {error}\n")
+    for problem in problems:
+        yield _told(ours(problem))
+        for name, venv in peers.items():
+            try:
+                yield _told(peer(name, venv, problem, folder))
+            except RuntimeError as error:
+                sys.stdout.write(f"{problem.name:<9} {name}: FAILED: {error}\n")
 
 
 def _told(score: Score) -> Score:
@@ -66,9 +65,9 @@ def _told(score: Score) -> Score:
     return score
 
 
-def grown(count: int) -> Iterator[Growth]:
+def grown(count: int, folder: Path) -> Iterator[Growth]:
     """How our cost grows, printed as it comes."""
-    for growth in growths(count):
+    for growth in growths(count, folder):
         each = zip(growth.counts, growth.spent, growth.solved, growth.searched, strict=True)
         for n, ms, solved, searched in each:
             told = f"{ms:9.3f} ms, {ms / growth.spent[0]:6.2f} times, {solved} of {count}"
@@ -76,8 +75,8 @@ def grown(count: int) -> Iterator[Growth]:
         yield growth
 
 
-def rows(runs: Sequence[dict[str, Score]], quick: bool) -> Iterator[Row]:
-    """The figures that the project holds itself to."""
+def rows(runs: Sequence[dict[str, Score]], quick: bool, folder: Path) -> Iterator[Row]:
+    """The figures that the project holds itself to; arms are written into a folder."""
     last, robot = runs[-1], load_robot()
     own = list(last.values())
     for name, problem, share in (
@@ -101,15 +100,14 @@ def rows(runs: Sequence[dict[str, Score]], quick: bool) -> Iterator[Row]:
     yield Row("onward_excess", "1", [max(on.over)])
     yield Row("seven_axis_success", "1", [len(last["seven"].spent) / last["seven"].asked])
     yield Row("worker_overhead_ms", "ms", overheads(robot, 100 if quick else 500))
-    late, canceled, again = deadlines(robot, 10 if quick else 50)
+    late, canceled, again = deadlines(robot, 10 if quick else 50, folder)
     yield Row("past_deadline_ms", "ms", late)
     yield Row("cancel_ms", "ms", canceled)
     yield Row("next_after_kill_ms", "ms", again)
     yield Row("poison_ms", "ms", list(poison(robot)))
-    with tempfile.TemporaryDirectory() as folder:
-        arms, count = meshed.arms(Path(folder)), 10 if quick else 100
-        yield Row("mesh_poison_ms", "ms", [x for arm in arms for x in meshed.poison(arm, count)])
-        yield Row("mesh_past_deadline_ms", "ms", [x for a in arms for x in meshed.late(a, count)])
+    arms, count = meshed.arms(folder), 10 if quick else 100
+    yield Row("mesh_poison_ms", "ms", [x for arm in arms for x in meshed.poison(arm, count)])
+    yield Row("mesh_past_deadline_ms", "ms", [x for arm in arms for x in meshed.late(arm, count)])
     yield Row("growth_10k_plans_mb", "MB", [growth_mb(robot, 1_000 if quick else 10_000)])
 
 
@@ -167,14 +165,18 @@ def main() -> None:
     found = {name: installed(name, given.environments, sys.stdout.write) for name in wanted}
     peers = {name: venv for name, venv in found.items() if venv}
     problems = [*fixed(12), *random(30 if given.quick else 300)]
-    scores = list(table(problems, peers))
-    growing = list(grown(10 if given.quick else 50))
-    runs = [{score.problem: score for score in scores if score.stack == "armtree"}]
-    for _ in range(given.runs - 1):
-        again = {problem.name: ours(problem) for problem in problems if problem.name != "seven"}
-        runs.append({**runs[0], **again})
-    draw(scores, growing, given.plot)
-    show(list(rows(runs, given.quick)), given.json)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        scores = list(table(problems, peers, folder))
+        growing = list(grown(10 if given.quick else 50, folder))
+        runs = [{score.problem: score for score in scores if score.stack == "armtree"}]
+        for _ in range(given.runs - 1):
+            again = {problem.name: ours(problem) for problem in problems if problem.name != "seven"}
+            runs.append({**runs[0], **again})
+        draw(scores, growing, given.plot)
+        figures = list(rows(runs, given.quick, folder))
+    figures += [Row(f"{g.what}_10x", "1", [g.spent[-1] / g.spent[0]]) for g in growing]
+    show(figures, given.json)
     sys.stdout.write(f"{given.plot}\n")
 
 

@@ -4,7 +4,6 @@ Nothing asked here is a straight move: on the line of every leg something is in 
 """
 
 import statistics
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -56,9 +55,9 @@ class Growth:
     searched: Sequence[int]
 
 
-def growths(count: int) -> Iterator[Growth]:
-    """All three, with so many queries at each factor."""
-    yield _growth("axes", AXES, count, lambda n: (chain(n), POSTS, 1))
+def growths(count: int, folder: Path) -> Iterator[Growth]:
+    """All three, with so many queries at each factor; arms are written into a folder."""
+    yield _growth("axes", AXES, count, lambda n: (chain(n, folder), POSTS, 1))
     yield _growth("boxes", BOXES, count, lambda n: (load_robot(), around(n), 1))
     yield _growth("legs", LEGS, count, lambda n: (load_robot(), POST, n))
 
@@ -119,8 +118,8 @@ def around(count: int) -> World:
     )
 
 
-def chain(axes: int) -> Robot:
-    """An arm of so many hinges, always as long and as bendable in all."""
+def chain(axes: int, folder: Path) -> Robot:
+    """An arm of so many hinges, always as long and as bendable in all; its URDF goes there."""
     length, bend = _LENGTH / axes, 6.0 / axes
     links = [
         f'<link name="link_{i}"><collision><origin xyz="0 0 {0.5 * length}"/>'
@@ -134,6 +133,6 @@ def chain(axes: int) -> Robot:
         f'<limit lower="{-bend}" upper="{bend}" velocity="1" effort="1"/></joint>'
         for i in range(axes)
     ]
-    with tempfile.NamedTemporaryFile("w", suffix=".urdf", delete=False) as urdf:
-        urdf.write(f'<robot name="chain_{axes}">{"".join(links + joints)}</robot>')
-    return robot_of(Path(urdf.name))
+    urdf = folder / f"chain_{axes}.urdf"
+    urdf.write_text(f'<robot name="chain_{axes}">{"".join(links + joints)}</robot>')
+    return robot_of(urdf)

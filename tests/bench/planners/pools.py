@@ -1,7 +1,6 @@
 """What a worker costs, how soon it stops, what poison does to it, and whether it grows."""
 
 import dataclasses
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -77,10 +76,15 @@ def overheads(robot: Robot, count: int) -> list[float]:
     return spent
 
 
-def deadlines(robot: Robot, count: int) -> tuple[list[float], list[float], list[float]]:
-    """Behind a wall: past the deadline, from cancel to its answer, from there to a plan [ms]."""
+def deadlines(
+    robot: Robot, count: int, folder: Path
+) -> tuple[list[float], list[float], list[float]]:
+    """Behind a wall: past the deadline, from cancel to its answer, from there to a plan [ms].
+
+    The URDF with the wall goes into the folder.
+    """
     late, canceled, again = list[float](), list[float](), list[float]()
-    with closing(_pool(_cut_off(robot))) as pool:
+    with closing(_pool(_cut_off(robot, folder))) as pool:
         for seed in range(count):
             begun = time.perf_counter()
             answer = ask(pool, dataclasses.replace(EASY, seed=seed, timeout=0.1))
@@ -100,14 +104,31 @@ def deadlines(robot: Robot, count: int) -> tuple[list[float], list[float], list[
 
 
 def poison(robot: Robot) -> Iterator[float]:
-    """To the error of each poisoned query [ms]."""
+    """To the error of each poisoned query, and of any to a poisoned robot [ms]."""
     with closing(_pool(robot)) as pool:
         for query in POISON:
-            begun = time.perf_counter()
-            answer = ask(pool, query)
-            yield 1e3 * (time.perf_counter() - begun)
-            assert isinstance(answer, MotionError), query
+            yield _refused(pool, query)
             assert isinstance(ask(pool, EASY), Plan)  # and the next is none the worse
+    first, *rest = robot.joints
+    for wrong in (
+        dataclasses.replace(first, lower=first.upper, upper=first.lower),
+        dataclasses.replace(first, velocity=0.0),
+        dataclasses.replace(first, acceleration=0.0),
+        dataclasses.replace(first, lower=_NAN),
+        dataclasses.replace(first, upper=_NAN),
+        dataclasses.replace(first, acceleration=_INF),
+    ):
+        with closing(_pool(dataclasses.replace(robot, joints=(wrong, *rest)))) as pool:
+            yield _refused(pool, EASY)
+
+
+def _refused(pool: Pool, query: Query) -> float:
+    """How long it takes to say so [ms]."""
+    begun = time.perf_counter()
+    answer = ask(pool, query)
+    spent = 1e3 * (time.perf_counter() - begun)
+    assert isinstance(answer, MotionError), query
+    return spent
 
 
 def growth_mb(robot: Robot, count: int) -> float:
@@ -141,14 +162,14 @@ def _pool(robot: Robot) -> Pool:
     return pool
 
 
-def _cut_off(robot: Robot) -> Robot:
+def _cut_off(robot: Robot, folder: Path) -> Robot:
     """The arm behind a wall, too stiff to get past it."""
-    with tempfile.NamedTemporaryFile("w", suffix=".urdf", delete=False) as urdf:
-        urdf.write(robot.urdf.read_text().replace("</robot>", WALL))
+    urdf = folder / "cut_off.urdf"
+    urdf.write_text(robot.urdf.read_text().replace("</robot>", WALL))
     base, *rest = robot.joints
     stiff = (
         dataclasses.replace(j, lower=max(j.lower, -0.7), upper=min(j.upper, 0.1)) for j in rest
     )
     ignores = robot.collision.floor_ignores | {"wall"}
     rules = dataclasses.replace(robot.collision, floor_ignores=ignores)
-    return dataclasses.replace(robot, urdf=Path(urdf.name), collision=rules, joints=(base, *stiff))
+    return dataclasses.replace(robot, urdf=urdf, collision=rules, joints=(base, *stiff))

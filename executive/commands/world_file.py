@@ -1,0 +1,53 @@
+"""The bodies around the arm, from a file of their own."""
+
+import json
+from pathlib import Path
+
+from hardware import Robot
+from skills.motion import BadWorld, MotionError, Verify, World
+from skills.motion.planner import Planner
+from trees import FileError, Mistake, Place
+
+
+class BadWorldFile(FileError):
+    """A file of bodies is wrong."""
+
+    code = "file.world"
+
+
+def read_world(file: Path) -> World:
+    """The bodies of a JSON file, as the README has it.
+
+    Raises:
+        BadWorldFile: It cannot be read, or holds no list of bodies.
+    """
+    try:
+        return World.parse(json.loads(file.read_text(encoding="utf-8")))
+    except BadWorld as error:
+        raise _wrong(Place(file, 0, 0), str(error)) from error
+    except OSError as error:
+        raise _wrong(Place(file, 0, 0), f"cannot be read: {error.strerror}") from error
+    except json.JSONDecodeError as error:
+        why = f"is no JSON: {error.msg}"
+        lines = error.doc.splitlines()
+        raise _wrong(Place(file, error.lineno, error.colno, lines=lines), why) from error
+    except (ValueError, RecursionError) as error:  # no UTF-8, a huge number, nested too deep
+        raise _wrong(Place(file, 0, 0), f"is no JSON: {error}") from error
+
+
+def check_world(file: Path, world: World, robot: Robot, planner: Planner) -> None:
+    """See that the bodies of a file fit the robot, wherever it stands.
+
+    Raises:
+        BadWorldFile: A body names a link or body that is not there, or a file that is no mesh.
+    """
+    try:
+        planner.verify(Verify([robot.boot_pose], 0.0, world=world))
+    except BadWorld as error:
+        raise _wrong(Place(file, 0, 0), str(error)) from error
+    except MotionError:  # it stands elsewhere
+        pass
+
+
+def _wrong(place: Place, why: str) -> BadWorldFile:
+    return BadWorldFile([Mistake(place, why)])

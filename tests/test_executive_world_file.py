@@ -1,0 +1,83 @@
+"""A file of bodies around the arm: the one in the README, and what is said of wrong ones."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from executive.codes import look_up
+from executive.commands.cli import cli
+from executive.commands.world_file import BadWorldFile, read_world
+from skills.motion import Box, Sphere
+
+README = Path(__file__).parents[1] / "README.md"
+POST = '{"name": "post", "box": {"size": [0.03, 0.03, 0.2]}}'
+
+
+def plan(*arguments: str) -> Result:
+    return CliRunner().invoke(cli, ["plan", *arguments])
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_example_of_the_readme(tmp_path: Path) -> None:
+    (example,) = re.findall(r"```json\n(\[.*?)```", README.read_text(), re.DOTALL)
+    file = tmp_path / "world.json"
+    file.write_text(example)
+    post, ball = read_world(file).bodies
+    assert (post.shape, ball.shape) == (Box((0.03, 0.03, 0.2)), Sphere(0.01))
+    assert (post.link, ball.link) == ("", "claw_support")
+    result = plan("right", "--world", str(file), "-o", str(tmp_path / "plan.png"))
+    assert result.exit_code == 0, result.exception
+    assert "Path      round something" in result.output
+    assert "Around    post, ball on claw_support" in result.output
+
+
+def test_the_keys_of_the_readme() -> None:
+    page = README.read_text()
+    for key in ("name", "box", "mesh", "size", "radius", "path", "scale", "rotation", "touches"):
+        assert f"`{key}`" in page
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f'[{POST}, {{"name": "b", "spere": 1}}]', "Body 2: 'spere' is no key of b; .* sphere?"),
+        ('{"a": 1}', "{'a': 1} is no list of bodies"),
+        (f"[{POST},\n", ":2:1: is no JSON: Expecting value"),
+        ("[" * 100_000, "is no JSON"),
+        ("[\xff]".encode("latin-1").decode("utf-8", "surrogateescape"), "is no JSON"),
+        (f"[{POST}, {POST}]", "Two bodies are called post"),
+    ],
+)
+def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "world.json"
+    file.write_text(text, encoding="utf-8", errors="surrogateescape")
+    with pytest.raises(BadWorldFile, match=f"{re.escape(str(file))}.*{message}"):
+        read_world(file)
+
+
+def test_a_file_that_is_not_there_is_one_that_is_wrong(tmp_path: Path) -> None:
+    result = plan("right", "--world", str(tmp_path / "nowhere.json"))
+    assert isinstance(result.exception, BadWorldFile)
+    assert "nowhere.json: cannot be read: No such file" in str(result.exception)
+    assert look_up(result.exception.code).exit == 3
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        ({"link": "claw"}, "post moves with claw: There is no link claw; there are world, "),
+        ({"touches": ["flor"]}, "post may touch flor, but there is no such link or body"),
+        ({"name": "base_link"}, "The robot has a base_link already"),
+    ],
+)
+def test_bodies_that_do_not_fit_the_robot(tmp_path: Path, more: dict[str, Any], why: str) -> None:
+    file = tmp_path / "world.json"
+    file.write_text(json.dumps([json.loads(POST) | more]))
+    for goal in ("right", "1"):
+        result = plan(goal, "--world", str(file))
+        assert isinstance(result.exception, BadWorldFile)
+        assert str(result.exception).startswith(f"{file}: {why}")
