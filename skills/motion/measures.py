@@ -6,8 +6,9 @@ import numpy as np
 # and coal crashes on what is too large to be squared [rad, m].
 FARTHEST = 1e6
 
+_NUMBERS = (int, float, np.integer, np.floating)
+
 
 def is_number(value: object, least: float, most: float) -> bool:
     """Whether it is a number, and not less than one nor more than another."""
-    numbers = (int, float, np.integer, np.floating)
-    return isinstance(value, numbers) and bool(least <= value <= most)
+    return isinstance(value, _NUMBERS) and bool(least <= value <= most)
