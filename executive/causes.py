@@ -1,6 +1,6 @@
 """What is known of a failure: its code, and the node, joint, value and limit it concerns."""
 
-import math
+import sys
 
 from .codes import CANCELED, INTERNAL, look_up
 from .goal import Cause
@@ -38,7 +38,7 @@ CANCELED_CAUSE = Cause(CANCELED, look_up(CANCELED).heading, hint=look_up(CANCELE
 def _number(error: Exception, names: tuple[str, ...]) -> float | None:
     """The first of these that the error has, where it is a finite number."""
     value = next((getattr(error, name) for name in names if hasattr(error, name)), None)
-    fits = isinstance(value, (int, float)) and math.isfinite(value)
+    fits = isinstance(value, (int, float)) and abs(value) <= sys.float_info.max
     return float(value) if fits and value is not None else None
 
 

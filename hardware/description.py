@@ -16,6 +16,8 @@ from .toml_table import TomlTable
 _MOVING = ("revolute", "continuous", "prismatic")
 _ROUNDING = 1.0 + 1e-9  # of a follower's velocity, times its limit
 
+_SHORTEST = 1e-6  # that a joint's axis can be
+
 
 def load_robot(path: Path | None = None) -> Robot:
     """The robot described in a file; the shipped Arduinobot where none is given.
@@ -94,7 +96,7 @@ def _read_urdf(table: TomlTable, path: Path) -> _Urdf:
         root = ElementTree.parse(path).getroot()
     except ElementTree.ParseError as error:
         raise DescriptionError(path, error.position[0], f"is not XML: {error}") from error
-    except (OSError, ValueError) as error:  # ValueError: the name itself is impossible
+    except (OSError, ValueError, LookupError) as error:  # the name or encoding is impossible
         table.fail("urdf", f"{path} cannot be read: {getattr(error, 'strerror', error)}")
     links = tuple(link.get("name", "") for link in root.iter("link"))
     joints = root.findall("joint")
@@ -102,8 +104,39 @@ def _read_urdf(table: TomlTable, path: Path) -> _Urdf:
         if joint.get("type") not in (*_MOVING, "fixed"):
             why = f"joint {joint.get('name')} is {joint.get('type')}"
             raise DescriptionError(path, 0, f"{why}; it must be {', '.join(_MOVING)} or fixed")
+    if why := _no_tree(joints, links):
+        raise DescriptionError(path, 0, why)
     moving = [j for j in joints if j.get("type") in _MOVING]
     return _Urdf(links, {j.get("name", ""): _urdf_joint(path, j) for j in moving})
+
+
+def _no_tree(joints: list[ElementTree.Element], links: tuple[str, ...]) -> str:
+    """Why the joints do not make a tree of the links; empty if they do."""
+    ends = {
+        joint.get("name", ""): (_end(joint, "parent"), _end(joint, "child")) for joint in joints
+    }
+    above = dict[str, str]()  # the joint that each link hangs from
+    for name, (parent, child) in ends.items():
+        for link in (parent, child):
+            if link not in links:
+                return f"joint {name}: there is no link {link!r}; there are {', '.join(links)}"
+        if child in above:
+            return f"joint {name}: its child {child} hangs from {above[child]} already"
+        above[child] = name
+    for name, (parent, child) in ends.items():
+        way, end = list[str](), parent
+        while end != child and end in above and above[end] not in way:
+            way.append(above[end])
+            end, _ = ends[way[-1]]
+        if end == child:
+            loop = f"by way of {', '.join(way)}" if way else "as its child is its parent"
+            return f"joint {name} hangs from itself, {loop}; let its child be another link"
+    return ""
+
+
+def _end(joint: ElementTree.Element, which: str) -> str:
+    element = joint.find(which)
+    return "" if element is None else element.get("link", "")
 
 
 def _urdf_joint(path: Path, element: ElementTree.Element) -> _UrdfJoint:
@@ -121,8 +154,22 @@ def _urdf_joint(path: Path, element: ElementTree.Element) -> _UrdfJoint:
         raise DescriptionError(path, 0, f"joint {name}: {error}") from error
     if not lower <= upper:
         raise DescriptionError(path, 0, f"joint {name}: lower {lower:g} is above upper {upper:g}")
+    axis = element.find("axis")
+    xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+    if not _is_direction(xyz):
+        wanted = "give x, y, z of a vector with a length, such as 0 0 1"
+        raise DescriptionError(path, 0, f"joint {name}: its axis is {xyz!r}; {wanted}")
     unit = "m" if element.get("type") == "prismatic" else "rad"
     return _UrdfJoint(lower, upper, velocity, leader, unit)
+
+
+def _is_direction(xyz: str) -> bool:
+    """Whether it is a vector; pinocchio makes nothing of one whose square is no number."""
+    try:
+        numbers = [float(word) for word in xyz.split()]
+    except ValueError:
+        return False
+    return len(numbers) == 3 and _SHORTEST <= math.hypot(*numbers) <= 1.0 / _SHORTEST
 
 
 def _mimic(element: ElementTree.Element) -> Mimic:

@@ -2,6 +2,8 @@
 
 import math
 import re
+import reprlib
+import sys
 import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -43,7 +45,7 @@ class TomlTable:
             raise DescriptionError(path, 0, f"cannot be read: {error.strerror}") from error
         except UnicodeDecodeError as error:
             raise DescriptionError(path, 0, f"is not UTF-8 text: {error.reason}") from error
-        except tomllib.TOMLDecodeError as error:
+        except ValueError as error:  # a number of thousands of digits is no TOMLDecodeError
             place = re.search(r"at line (\d+)", str(error))
             raise DescriptionError(path, int(place[1]) if place else 0, str(error)) from error
         return cls(path, _key_lines(text), "", values)
@@ -74,9 +76,10 @@ class TomlTable:
     ) -> tuple[float, float, float]:
         """Three finite numbers; the default where one is given."""
         values = self._value(key, list, None if default is None else list(default))
-        numbers = [v for v in values if type(v) in (int, float) and math.isfinite(v)]
+        most = sys.float_info.max
+        numbers = [v for v in values if type(v) in (int, float) and -most <= v <= most]
         if len(values) != 3 or numbers != values:
-            self.fail(key, f"{values!r} is not three finite numbers")
+            self.fail(key, f"{reprlib.repr(values)} is not three finite numbers")
         x, y, z = map(float, values)
         return x, y, z
 

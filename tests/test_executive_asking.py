@@ -64,11 +64,13 @@ BREAKS: list[tuple[str, Callable[[], Any], str]] = [
     ("shortest", lambda: "long", "Frail.shortest gave 'long', not a number"),
     ("shortest", lambda: [10**5000], "Frail.shortest gave a list that cannot be shown, not a"),
     ("shortest", lambda: math.nan, "Frail.shortest gave nan, not a number"),
+    ("shortest", lambda: 10**400, "Frail.shortest gave 1000"),
     ("poses", boom, RAISED.format("poses")),
     ("poses", refuse, "Frail: not there"),
     ("poses", lambda: None, f"Frail.poses gave None, not {POSES}"),
     ("poses", lambda: [("x",)], f"Frail.poses gave [('x',)], not {POSES}"),
     ("poses", lambda: [(math.nan,) * 4], f"not {POSES}"),
+    ("poses", lambda: [(10**400,) * 4], f"not {POSES}"),
     ("body", boom, RAISED.format("body")),
     ("body", lambda: "a cup", "Frail.body gave 'a cup', not a Body or None"),
 ]

@@ -10,6 +10,7 @@ from matplotlib.image import imread
 
 from executive.codes import look_up
 from executive.commands.cli import cli
+from hardware import load_robot
 from skills import BadTarget
 from skills.motion import GoalInCollision, Unreachable
 from trees import UnknownTask
@@ -29,6 +30,18 @@ def test_a_straight_move(tmp_path: Path) -> None:
     assert "Duration  3.347 s" in result.output
     assert "the acceleration limit of joint_1, 0.5 rad/s²: 3.35 s (100 %)" in result.output
     assert imread(tmp_path / "plan.png").shape[:2] == (1640, 1432)
+
+
+def test_a_motion_of_days_is_drawn_too(tmp_path: Path) -> None:
+    """In as many points as a motion of a minute and a half, not in millions."""
+    shipped = load_robot()
+    text = shipped.path.read_text().replace(f'"{shipped.urdf.name}"', json.dumps(str(shipped.urdf)))
+    robot = tmp_path / "slow.toml"
+    robot.write_text(re.sub(r"^velocity = .*", "velocity = 1e-6", text, flags=re.MULTILINE))
+    result = plan(tmp_path, *PICK, "--robot", str(robot))
+    assert result.exit_code == 0, result.output
+    assert "Duration  1400000" in result.output
+    assert (tmp_path / "plan.png").stat().st_size
 
 
 @pytest.mark.parametrize(

@@ -150,6 +150,7 @@ def test_what_is_known_of_it_is_told() -> None:
         (PlanTimeout(5.0), None, 5.0),
         (NotFinite("goal", "joint_1", math.nan), None, None),
         (BadPosition("x", "joint_1", "two"), None, None),
+        (BadPosition("x", "joint_1", 10**400), None, None),
         (ZeroDivisionError("x"), None, None),
     ],
 )

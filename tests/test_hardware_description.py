@@ -122,6 +122,9 @@ WRONG = {
     "tool on no link": ('link = "claw_support"', 'link = "claw_suport"', "link =", "tool.link: 'claw_suport' is not one of .*did you mean claw_support"),
     "tool in a plane": ("[-0.013, 0.06, -0.0155]", "[0.0, 0.1]", "offset_m", r"tool.offset_m: .* is not three finite numbers"),
     "tool nowhere": ("[-0.013, 0.06, -0.0155]", "[0.0, nan, true]", "offset_m", "tool.offset_m: .* is not three finite numbers"),
+    "thousands of digits": ("margin_m = 0.005", f"margin_m = 1{5000 * '0'}", "", "Exceeds the limit"),
+    "tool beyond numbers": ("[-0.013, 0.06, -0.0155]", f"[0, 0, {10**400}]", "offset_m", r"tool.offset_m: .* is not three finite numbers"),
+    "tool points beyond numbers": ("axis = [0.0, 1.0, 0.0]", f"axis = [0, {10**400}, 0]", "axis =", "tool.axis: .* is not three finite numbers"),
     "tool points nowhere": ("axis = [0.0, 1.0, 0.0]", "axis = [0, 0, 0]", "axis =", "tool.axis: is zero"),
     "no toml": ("[serial]", "[serial", "[serial", "Expected"),
     "key twice": ("baud = 115200", "baud = 1\nbaud = 2", "baud = 2", "Cannot overwrite"),
@@ -151,6 +154,17 @@ WRONG_URDF = {
     "no leader": ('<mimic joint="joint_4"', "<mimic", "joint joint_5 lacks joint"),
     "planar joint": ('type="revolute"', 'type="planar"', "joint joint_1 is planar; it must be revolute, continuous, prismatic or fixed"),
     "floating joint": ('type="fixed"', 'type="floating"', r"joint \w+ is floating; it must be"),
+    "axis without a length": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "joint joint_1: its axis is '0 0 0'; give x, y, z of a vector with a length, such as 0 0 1"),
+    "axis hardly longer": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1e-320"/>', "joint joint_1: its axis is '0 0 1e-320'"),
+    "axis of two numbers": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0"/>', "joint joint_1: its axis is '0 0'"),
+    "axis is no number": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 nan"/>', "joint joint_1: its axis is '0 0 nan'"),
+    "axis of texts": ('<axis xyz="0 0 1"/>', '<axis xyz="up"/>', "joint joint_1: its axis is 'up'"),
+    "child above itself": ('<child link="horizontal_arm"/>', '<child link="base_plate"/>', "joint joint_3: its child base_plate hangs from joint_1 already"),
+    "parent below itself": ('<parent link="base_link"/>', '<parent link="horizontal_arm"/>', "joint joint_1 hangs from itself, by way of joint_3, joint_2; let its child be another"),
+    "child is its parent": ('<parent link="base_link"/>', '<parent link="base_plate"/>', "joint joint_1 hangs from itself, as its child is its parent; let"),
+    "no such parent": ('<parent link="base_link"/>', '<parent link="base"/>', "joint joint_1: there is no link 'base'; there are world, base_link"),
+    "no child": ('<child link="base_plate"/>', "", "joint joint_1: there is no link ''; there are"),
+    "no such encoding": ('<?xml version="1.0"?>', '<?xml version="1.0" encoding="foo"?>', "cannot be read: unknown encoding: foo"),
     "joint nobody describes": ('name="joint_1"', 'name="joint_x"', "the URDF has no such joint"),
 }  # fmt: skip
 
@@ -240,7 +254,7 @@ floor_ignores = []
 """
 OTHER_URDF = """<?xml version="1.0"?>
 <robot name="pan_tilt">
-  <link name="base"/><link name="neck"/><link name="camera"/>
+  <link name="base"/><link name="neck"/><link name="camera"/><link name="eye"/>
   <joint name="pan" type="revolute">
     <parent link="base"/><child link="neck"/><axis xyz="0 0 1"/>
     <limit lower="-2.3" upper="2.3" effort="1" velocity="2"/>
@@ -249,7 +263,7 @@ OTHER_URDF = """<?xml version="1.0"?>
     <parent link="neck"/><child link="camera"/><axis xyz="0 1 0"/>
     <limit lower="-1" upper="1" effort="1" velocity="2"/>
   </joint>
-  <joint name="lens" type="fixed"><parent link="camera"/><child link="camera"/></joint>
+  <joint name="lens" type="fixed"><parent link="camera"/><child link="eye"/></joint>
 </robot>
 """
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from hardware import RealClock, Robot, SimulatedClock, load_robot
@@ -29,6 +30,7 @@ from skills.motion import (
     Query,
     Reached,
     Request,
+    Rest,
     Result,
     StartInCollision,
     ToolQuery,
@@ -120,6 +122,12 @@ def test_errors_come_back_whole(pool: Pool) -> None:
     assert "floor" in (hit.first, hit.second)
 
 
+def answered(pool: Pool, request: Query) -> Plan:
+    plan = ask(pool, request)
+    assert isinstance(plan, Plan)
+    return plan
+
+
 def test_poison_hurts_nobody_else(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
     worker = pid(pool)
@@ -134,7 +142,9 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
         assert isinstance(ask(pool, dataclasses.replace(PICK, goal=goal)), BadQuery)
     assert isinstance(ask(pool, "hello"), BadQuery)  # type: ignore[arg-type]
     tool = ToolQuery("arm", PICK.start, (0.1, 0.0, 0.1))
-    poisons: tuple[tuple[Query | ToolQuery, dict[str, Any]], ...] = (
+    rest = Rest(answered(pool, PICK), 0.1, PICK.start)
+    carry = Carry(World(), "ball", "", PICK.start)
+    poisons: tuple[tuple[Request, dict[str, Any]], ...] = (
         (PICK, {"via": 3}),
         (PICK, {"group": []}),
         (PICK, {"world": None}),
@@ -147,6 +157,13 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
             for what in ("point", "direction", "axis", "offset")
         ),
         *((tool, {what: (1e300, 0.0, 1.0)}) for what in ("point", "offset")),
+        *((tool, {what: odd}) for what in ("direction", "axis", "offset") for odd in (5, "abc")),
+        *((tool, {what: np.zeros(3)}) for what in ("direction", "axis", "link", "relative")),
+        *((tool, {what: None}) for what in ("offset", "link", "relative")),
+        *((rest, {"time": time}) for time in (float("nan"), float("-inf"), "a", None, 10**400)),
+        *((rest, {"plan": plan}) for plan in (None, "a", PICK)),
+        (rest, {"plan": dataclasses.replace(rest.plan, velocity=np.zeros(3))}),
+        *((carry, {what: odd}) for what in ("body", "link") for odd in (np.zeros(3), None)),
         (PICK, {"goal": (threading.Lock(), 0.0, 0.0)}),  # cannot be pickled
         (PICK, {"goal": (lambda: 0.0, 0.0, 0.0)}),
         (PICK, {"timeout": 10**5000}),

@@ -1,12 +1,16 @@
 """What is left of a motion: the same path, timed anew from standstill, within the limits."""
 
+import math
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hardware import load_robot
-from skills.motion import BadQuery, Plan, Query, Rest
+from skills.motion import BadQuery, NotFinite, Plan, Query, Rest
 from skills.motion.planner import Planner
 from skills.motion.timing import timed
 
@@ -89,3 +93,31 @@ def test_from_its_beginning_it_is_all() -> None:
 def test_an_arm_that_stands_elsewhere_is_refused() -> None:
     with pytest.raises(BadQuery, match="does not stand where the motion was stopped"):
         PLANNER.rest(Rest(LINE, 0.5 * LINE.duration, tuple(LINE.start)))
+
+
+@pytest.mark.parametrize("time", [math.nan, math.inf, -math.inf, np.float64("nan")])
+def test_a_time_that_is_not_finite(time: float) -> None:
+    with pytest.raises(NotFinite, match=r"time of the motion is .*; give a finite number"):
+        PLANNER.rest(Rest(LINE, time, tuple(LINE.start)))
+
+
+ODD: tuple[tuple[str, Any, str], ...] = (
+    ("time", "a", "The time is 'a' s; give a number"),
+    ("time", None, "The time is None s; give a number"),
+    ("time", 10**400, "The time is 1000.* s; give a number"),
+    ("plan", None, "The plan is None; give one that was found"),
+    ("plan", GRIPPER, "arm does not stand where the motion was stopped"),
+    ("plan", replace(LINE, velocity=np.zeros(3)), "The limits of the plan are not above 0"),
+    (
+        "plan",
+        replace(LINE, acceleration=np.array([1.0, np.nan, 1.0])),
+        "The limits of the plan are not ab",
+    ),
+    ("plan", replace(LINE, joints=("joint_4",)), r"The plan moves joint_4, arm joint_1, joint_2"),
+)
+
+
+@pytest.mark.parametrize(("what", "odd", "message"), ODD)
+def test_what_is_no_rest(what: str, odd: Any, message: str) -> None:
+    with pytest.raises(BadQuery, match=message):
+        PLANNER.rest(replace(Rest(LINE, 0.1, tuple(LINE.start)), **{what: odd}))

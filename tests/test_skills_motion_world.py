@@ -1,8 +1,10 @@
 """Worlds from files: what is no body is refused, and says why."""
 
 import re
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from skills.motion import BadWorld, Body, Box, Cylinder, Mesh, Shape, Sphere, World
@@ -42,6 +44,17 @@ def test_written_down_and_read_again() -> None:
         ({"rotation": [0, 0, 0]}, "no unit quaternion"),
         ({"rotation": [0, 0, 0, "1"]}, "no unit quaternion"),
         ({"link": 7}, "link of b is 7"),
+        ({"position": [0, 0, 10**400]}, "The position of b is .*; give x, y, z in m"),
+        ({"position": [0, 10**5000, 0]}, "The position of b is .*; give x, y, z in m"),
+        ({"position": [0, 0, -1e200]}, r"is \(0, 0, -1e\+200\); .* m, up to 1e\+06 either way"),
+        ({"rotation": [0, 0, 0, 10**400]}, "no unit quaternion"),
+        ({"rotation": [1e200, 0, 0, 1e200]}, "no unit quaternion"),
+        ({"sphere": {"radius": 10**400}}, r"The radius of b is .*; give a number above 0"),
+        ({"sphere": {"radius": 1e308}}, r"radius of b is 1e\+308; .* above 0, up to 1e\+06$"),
+        ({"link": 10**5000}, "The link of b is"),
+        ({"name": 10**5000}, "give it a name"),
+        ({"extra": 10**5000}, "'extra' is no key of b"),
+        ({"touches": [10**5000]}, "give a list of names"),
         ({"touches": "floor"}, "touches of b is 'floor'; give a list of names"),
         ({"touches": [7]}, "give a list of names"),
     ],
@@ -59,6 +72,10 @@ def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> Non
         ({"mesh": {"path": 7}}, "path of b is 7; give that of a file"),
         ({"mesh": {"path": ""}}, "path of b is ''"),
         ({"mesh": {"path": "a.stl", "scale": [1, -1, 1]}}, "scale of b"),
+        ({"mesh": {"path": "a.stl", "scale": [1, 1, 10**400]}}, "scale of b is"),
+        ({"mesh": {"path": 10**5000}}, "path of b is"),
+        ({"box": {"size": [1, 1e200, 1]}}, r"size of b is .* each above 0, up to 1e\+06"),
+        ({"cylinder": {"radius": 0.1, "length": 1e7}}, r"length of b is 10000000.0; give a number"),
         ({"cylinder": {"radius": 0.1}}, "The cylinder of b has no length; give one"),
         ({"box": {"sze": [1, 1, 1]}}, "'sze' is no key of the box of b; .*; did you mean size"),
         ({}, "Of b there is no form; give one of box, sphere, cylinder, mesh"),
@@ -75,6 +92,29 @@ def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
 def test_what_is_no_list_of_bodies(bodies: Any) -> None:
     with pytest.raises(BadWorld, match="is no list of bodies"):
         World.parse(bodies)
+
+
+@pytest.mark.parametrize(
+    ("odd", "message"),
+    [
+        ({"position": [0.0, 0.0, 0.5]}, "position of b is"),
+        ({"position": np.zeros(3)}, "position of b is"),
+        ({"shape": None}, "shape of b is None; give box, sphere, cylinder, mesh"),
+        ({"shape": Box([0.1, 0.1, 0.1])}, "size of b is"),  # type: ignore[arg-type]
+        ({"touches": None}, "touches of b is None; give names, in a frozenset"),
+        ({"touches": {"floor"}}, "touches of b is {'floor'}"),
+    ],
+)
+def test_what_could_not_be_kept(odd: dict[str, Any], message: str) -> None:
+    """The planner keeps its models by their worlds, so these have to be hashable."""
+    with pytest.raises(BadWorld, match=message):
+        replace(Body("b", Sphere(0.1)), **odd)
+
+
+@pytest.mark.parametrize("bodies", [None, [Body("b", Sphere(0.1))], ("b",)])
+def test_what_is_no_tuple_of_bodies(bodies: Any) -> None:
+    with pytest.raises(BadWorld, match="give a tuple of bodies"):
+        World(bodies)
 
 
 @pytest.mark.parametrize(

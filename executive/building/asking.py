@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, isnan
+from math import inf, isfinite
 from numbers import Real
 from typing import Any, TypeVar
 
@@ -156,9 +156,21 @@ def _poses_of(joints: int) -> _Wanted:
 
     def is_pose(pose: Any) -> bool:
         numbers = isinstance(pose, tuple) and len(pose) == joints
-        return numbers and all(isinstance(q, Real) and isfinite(q) for q in pose)
+        return numbers and all(map(_is_finite, pose))
 
     return _Wanted(f"a list of tuples of {joints} numbers", fits)
+
+
+def _is_finite(number: Any) -> bool:
+    """Whether it is a number that a float can hold."""
+    try:
+        return isinstance(number, Real) and isfinite(number)
+    except OverflowError:
+        return False
+
+
+def _is_duration(least: Any) -> bool:
+    return _is_finite(least) or (isinstance(least, Real) and least == inf)
 
 
 def _is_made(made: object) -> bool:
@@ -167,7 +179,7 @@ def _is_made(made: object) -> bool:
 
 _ANY = _Wanted("anything", lambda _: True)
 _MADE = _Wanted("what super().__init__(name, context) makes", _is_made)
-_DURATION = _Wanted("a number", lambda least: isinstance(least, Real) and not isnan(least))
+_DURATION = _Wanted("a number", _is_duration)
 _BODY = _Wanted("a Body or None", lambda body: body is None or isinstance(body, Body))
 
 

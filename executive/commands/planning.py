@@ -14,6 +14,7 @@ from .plan_goal import Goal
 from .world_file import check_world, read_world
 
 _GRID = 0.005  # of the curves [s]
+_MOST = 20_000  # points of the curves of a motion of hours
 
 
 def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
@@ -98,7 +99,8 @@ def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
 
     from .sweeps import POSES, sweep_of
 
-    times = np.append(np.arange(0.0, plan.duration, _GRID), plan.duration)
+    grid = max(_GRID, plan.duration / _MOST)
+    times = np.append(np.arange(0.0, plan.duration, grid), plan.duration)
     columns = [_column(robot, name) for name in plan.joints]
     rows = np.tile(np.array(plan.start), (POSES, 1))
     rows[:, columns] = plan.sample(np.linspace(0.0, plan.duration, POSES))

@@ -7,7 +7,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from .errors import BadWorld
+from .errors import BadWorld, shown
 from .shapes import hull
 from .world import Body, Box, Cylinder, Mesh, Shape, Sphere, World
 
@@ -46,6 +46,8 @@ def frame_of(kinematics: pin.Model, link: str) -> int:
     Raises:
         BadWorld: There is no such link.
     """
+    if not isinstance(link, str):
+        raise BadWorld(f"The link is {shown(link)}; give a name, or none")
     if not link:
         return 0
     bodies = [frame.name for frame in kinematics.frames if frame.type == pin.FrameType.BODY]

@@ -1,11 +1,14 @@
 """The time a plan has, and where it went."""
 
+import math
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from hardware import Clock
 
-from .errors import PlanTimeout
+from .errors import BadQuery, PlanTimeout, shown
+from .measures import is_number
 
 
 class Deadline:
@@ -14,11 +17,16 @@ class Deadline:
     Args:
         clock: The time.
         timeout: From now [s].
+
+    Raises:
+        BadQuery: The time-out is no number, or a NaN, which would never be over.
     """
 
     def __init__(self, clock: Clock, timeout: float) -> None:
-        self._clock, self._timeout = clock, timeout
-        self._end = clock.now() + timeout
+        if not is_number(timeout, -math.inf, math.inf):
+            raise BadQuery(f"The time-out is {shown(timeout)} s; give a number")
+        self._clock, self._timeout = clock, min(max(timeout, -1.0), sys.float_info.max)
+        self._end = clock.now() + self._timeout
 
     @property
     def over(self) -> bool:

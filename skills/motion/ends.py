@@ -20,13 +20,13 @@ from .errors import (
     StartOutOfBounds,
     shown,
 )
+from .measures import FARTHEST, is_number
 from .query import Query
 
 Array = NDArray[np.float64]
 
 _WIDEST = 1.0  # distance to be kept beyond the margin [m]
 _LARGEST = 2**64 - 2  # seed; OMPL is given one more, in 64 bits
-FARTHEST = 1e6  # of a joint without an end; of much more no angle can be told [rad]
 
 
 class Ends:
@@ -89,12 +89,6 @@ class Ends:
             lower, upper = max(joint.lower, -FARTHEST), min(joint.upper, FARTHEST)
             if not lower <= value <= upper:
                 raise error(joint.name, value, lower, upper, joint.unit, what)
-
-
-def is_number(value: object, least: float, most: float) -> bool:
-    """Whether it is a number, and not less than one nor more than another."""
-    numbers = (int, float, np.integer, np.floating)
-    return isinstance(value, numbers) and bool(least <= value <= most)
 
 
 def check_seed(seed: int) -> None:

@@ -59,7 +59,7 @@ class BadQuery(MotionError, ValueError):
     @classmethod
     def group(cls, group: str, groups: Iterable[str]) -> "BadQuery":
         """An unknown group."""
-        return cls(f"There is no group {group!r}; there are {', '.join(groups)}")
+        return cls(f"There is no group {shown(group)}; there are {', '.join(groups)}")
 
     @classmethod
     def count(cls, what: str, given: int, wanted: Iterable[str]) -> "BadQuery":

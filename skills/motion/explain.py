@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _STEP = 0.001  # [s]
+_MOST = 100_000  # samples of a motion of hours
 _NEAR = 0.999  # of a limit: every motion keeps its limits to a thousandth
 
 
@@ -42,7 +43,8 @@ def limits_met(plan: Plan) -> list[Limit]:
     is constant in between, can be no harder; and where no limit is met, but this one between the
     next two knots: with a harder push now, the joint would break it there.
     """
-    times = np.arange(0.5 * _STEP, plan.duration, _STEP)
+    step = max(_STEP, plan.duration / _MOST)
+    times = np.arange(0.5 * step, plan.duration, step)
     if not times.size:
         return []
     here = np.searchsorted(plan.profile.times, times, side="right") - 1

@@ -1,5 +1,7 @@
 """A robot as pinocchio reads it: its joints, the shapes of its links, and how far they can move."""
 
+import re
+from collections import Counter
 from collections.abc import Iterator
 
 import pinocchio as pin
@@ -7,9 +9,11 @@ import pinocchio as pin
 from hardware import Robot
 
 from .errors import ModelUnusable
+from .measures import FARTHEST
 from .reach import Levers, level, levers
 from .shapes import hull, packages
 from .solid import solid_of
+from .urdf_shapes import shape_counts
 
 
 class Links:
@@ -28,22 +32,26 @@ class Links:
         level: Those of the floor.
 
     Raises:
-        ModelUnusable: pinocchio cannot read the URDF, or a joint follows one that it carries.
+        ModelUnusable: pinocchio cannot read the URDF or one of its shapes, or a joint follows one
+            that it carries.
     """
 
     def __init__(self, robot: Robot) -> None:
         self._robot, urdf = robot, str(robot.urdf)
+        shapes = shape_counts(robot.urdf)
         try:
             self._loose = pin.buildModelFromUrdf(urdf)  # followers with coordinates of their own
+            _check_joints(robot, self._loose)
             self.kinematics = _tied(robot, self._loose)
             self.exact: list[pin.GeometryObject] = list(
                 pin.buildGeomFromUrdf(
                     self.kinematics, urdf, pin.GeometryType.COLLISION, None, packages(robot.urdf)
                 ).geometryObjects
             )
+            self._check_count(shapes)
             self.outer = self._hulls()
         except (RuntimeError, ValueError) as error:
-            raise ModelUnusable(urdf, str(error)) from error
+            raise ModelUnusable(urdf, _why(error)) from error
         self.solids = [solid_of(shape.geometry) for shape in self.exact]
         self.level = level(self._loose)
         self.levers = [self.levers_of(shape) for shape in self.outer]
@@ -53,20 +61,47 @@ class Links:
         joint = self._loose.getJointId(self.kinematics.names[shape.parentJoint])
         return levers(self._robot, self._loose, joint, shape)
 
+    def _check_count(self, counts: dict[str, int]) -> None:
+        found = Counter(self.kinematics.frames[shape.parentFrame].name for shape in self.exact)
+        for link, count in counts.items():
+            if found[link] != count:
+                why = f"of the {count} shapes of {link} pinocchio reads {found[link]}"
+                hint = "give plain numbers, with a single space between two"
+                raise ModelUnusable(str(self._robot.urdf), f"{why}; {hint}")
+
     def _hulls(self) -> list[pin.GeometryObject]:
         links = dict[int, list[pin.GeometryObject]]()
         for shape in self.exact:
             links.setdefault(shape.parentFrame, []).append(shape)
-        return [
-            pin.GeometryObject(
-                self.kinematics.frames[frame].name,
-                shapes[0].parentJoint,
-                frame,
-                pin.SE3.Identity(),
-                hull(shapes),
-            )
-            for frame, shapes in links.items()
-        ]
+        return [self._hull(frame, shapes) for frame, shapes in links.items()]
+
+    def _hull(self, frame: int, shapes: list[pin.GeometryObject]) -> pin.GeometryObject:
+        name, joint = self.kinematics.frames[frame].name, shapes[0].parentJoint
+        try:
+            around = hull(shapes)
+        except ValueError as error:
+            raise ModelUnusable(str(self._robot.urdf), f"of {name} {error}") from error
+        return pin.GeometryObject(name, joint, frame, pin.SE3.Identity(), around)
+
+
+def _why(error: Exception) -> str:
+    """What pinocchio says, less where in coal it was said."""
+    said = re.search(r"Could not load resource (.*)\n(.*)", str(error))
+    why = f"{said[1]} cannot be read as a mesh: {said[2]}" if said else str(error)
+    return why.rstrip(".")
+
+
+def _check_joints(robot: Robot, loose: pin.Model) -> None:
+    """Refuse joints that hang from nothing, or too far off."""
+    for joint in robot.joints:
+        if not loose.existJointName(joint.name):
+            why = f"{joint.name} hangs from no link that hangs from {loose.frames[1].name}"
+            raise ModelUnusable(str(robot.urdf), why)
+    for name, place in zip(loose.names, loose.jointPlacements, strict=True):
+        off = abs(place.translation).max()
+        if off > FARTHEST:
+            why = f"{name} is {off:g} m off the joint before it; give at most {FARTHEST:g}"
+            raise ModelUnusable(str(robot.urdf), why)
 
 
 def _tied(robot: Robot, loose: pin.Model) -> pin.Model:

@@ -16,16 +16,17 @@ from .carry import carried
 from .contacts import Contacts
 from .curve import Curve
 from .deadline import Deadline, Stopwatch
-from .ends import FARTHEST, Ends, bounds, finite, is_number, turning
+from .ends import Ends, bounds, finite, turning
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError, shown
 from .links import Links
+from .measures import FARTHEST, is_number
 from .model import Model
 from .path import ways
 from .plan import Plan
 from .process import Answer, Request
 from .profile import Profile
 from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
-from .rest import rest_of
+from .rest import check_rest, rest_of
 from .search import Search
 from .space import Space, evenly
 from .timing import timed
@@ -165,10 +166,16 @@ class Planner:
         """What is left of a motion that was stopped, timed from standstill.
 
         Raises:
-            BadQuery, NotFinite: The arm does not stand on its path.
+            BadQuery, NotFinite: The arm does not stand on its path, or the question makes no sense.
         """
+        check_rest(request)
         start = finite("start", request.start, self._robot.actuated)
         group = self._group(request.plan.group)
+        if request.plan.joints != group.joints:
+            moves = ", ".join(request.plan.joints), ", ".join(group.joints)
+            raise BadQuery(
+                f"The plan moves {moves[0]}, {request.plan.group} {moves[1]}; plan again"
+            )
         return rest_of(request.plan, request.time, start, group.ends.columns)
 
     def carry(self, request: Carry) -> Body:
@@ -267,7 +274,7 @@ def _check_numbers(robot: Robot) -> None:
     """Refuse what no robot file would let pass.
 
     Raises:
-        ModelUnusable: A limit, the margin or the floor makes no sense.
+        ModelUnusable: A limit, the margin, the floor or the tool's place makes no sense.
     """
     rules, path = robot.collision, str(robot.path)
     for what, value, least in (("margin", rules.margin, 0.0), ("floor", rules.floor, -FARTHEST)):
@@ -277,9 +284,19 @@ def _check_numbers(robot: Robot) -> None:
     for joint in robot.joints:
         limits = (joint.lower, joint.upper, joint.velocity, joint.acceleration)
         moves = all(is_number(limit, _SLOWEST, sys.float_info.max) for limit in limits[2:])
-        ends = all(is_number(limit, -math.inf, math.inf) for limit in limits[:2])
+        most = FARTHEST if joint.unit == "m" else math.inf
+        ends = all(is_number(limit, -most, most) for limit in limits[:2])
         if not (moves and ends and joint.lower <= joint.upper):
             shows = [f"{x:g}" if isinstance(x, float) else shown(x) for x in limits]
             why = f"{joint.name} has limits [{shows[0]}, {shows[1]}] {joint.unit}, "
             why += f"{shows[2]} {joint.unit}/s, {shows[3]} {joint.unit}/s2"
+            far = f"; give it ends in order, from {-FARTHEST:g} to {FARTHEST:g} m"
+            raise ModelUnusable(path, why + far * (joint.unit == "m"))
+        mimic = joint.mimic
+        if mimic and not all(abs(x) <= FARTHEST for x in (mimic.multiplier, mimic.offset)):
+            why = f"{joint.name} follows {mimic.leader} by {mimic.multiplier:g} times and "
+            why += f"{mimic.offset:g} {joint.unit}; give at most {FARTHEST:g} either way"
             raise ModelUnusable(path, why)
+    if robot.tool and not all(abs(x) <= FARTHEST for x in robot.tool.offset):
+        why = f"its tool is at {shown(robot.tool.offset)} m; give at most {FARTHEST:g} either way"
+        raise ModelUnusable(path, why)

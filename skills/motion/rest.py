@@ -1,5 +1,7 @@
 """What is left of a motion that was stopped on its way."""
 
+import math
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -7,14 +9,34 @@ from numpy.typing import NDArray
 
 from .arrays import norms
 from .curve import Curve
-from .errors import BadQuery
+from .errors import BadQuery, NotFinite, shown
+from .measures import is_number
 from .plan import Plan
+from .query import Rest
 from .timing import timed
 
 Array = NDArray[np.float64]
 
 # Less way than this is a line [rad].
 _NOTHING = 1e-9
+
+
+def check_rest(request: Rest) -> None:
+    """Refuse what has no rest.
+
+    Raises:
+        NotFinite: The time is a NaN or an infinity.
+        BadQuery: It is no number, or the plan none of ours.
+    """
+    plan, time = request.plan, request.time
+    if isinstance(time, (float, np.floating)) and not math.isfinite(time):
+        raise NotFinite("time", "the motion", float(time))
+    if not is_number(time, -sys.float_info.max, sys.float_info.max):
+        raise BadQuery(f"The time is {shown(time)} s; give a number")
+    if not isinstance(plan, Plan):
+        raise BadQuery(f"The plan is {shown(plan)}; give one that was found")
+    if not ((plan.velocity > 0.0).all() and (plan.acceleration > 0.0).all()):
+        raise BadQuery("The limits of the plan are not above 0; give one that was found")
 
 
 def rest_of(plan: Plan, time: float, start: Array, columns: NDArray[np.intp]) -> Plan:

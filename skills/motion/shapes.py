@@ -8,6 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from .measures import FARTHEST
+
 Array = NDArray[np.float64]
 
 _THIN = 1e-4  # [m]
@@ -40,11 +42,11 @@ def hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
     with more neighbours than coal can hold, it is the hull of the boxes around them.
 
     Raises:
-        ValueError: A corner is not finite.
+        ValueError: A corner is not finite, or absurdly far off.
     """
     points = np.vstack([corners(shape) for shape in shapes])
-    if not np.isfinite(points).all():
-        raise ValueError("a corner is not at finite numbers")
+    if not (abs(points) <= FARTHEST).all():
+        raise ValueError(f"a corner is not at numbers up to {FARTHEST:g} m")
     try:
         return _convex(points)
     except RuntimeError:

@@ -1,6 +1,6 @@
 """Where a group may move while the rest stands: the free part of its joint space."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -21,6 +21,8 @@ LEAST_STEP = 0.001
 # A way is looked at in stretches of up to 16 steps first, then of 4, then of one.
 _LEVELS = 3
 _FINER = 4
+_PIECE = 2**14  # stretches cut at a time
+_KEPT = 2**11  # stretches whose order is kept for the next way
 _CUTS = np.arange(1.0 - _FINER, _FINER, 2.0)
 
 Way = Callable[[Array], Array]
@@ -94,8 +96,18 @@ class Space:
             return None
         level = next((k for k in range(_LEVELS) if step * _FINER**k >= travel), _LEVELS - 1)
         count = int(travel / (step * _FINER**level)) + 1
-        half, pairs = 0.5 / count, self.contacts.pairs
-        middles = half * (2.0 * _coarse_to_fine(count) + 1.0)
+        half = 0.5 / count
+        for order in _coarse_to_fine(count):
+            share = self._met(at, half * (2.0 * order + 1.0), half, travels, level)
+            if share is not None:
+                return share
+        return None
+
+    def _met(
+        self, at: Way, middles: Array, half: float, travels: Array, level: int
+    ) -> float | None:
+        """As `hit`, in stretches around so many middles, of half a length each side."""
+        pairs = self.contacts.pairs
         while middles.size:
             near, close = list[Array](), set[int]()
             for begin in range(0, len(middles), BATCH):
@@ -139,14 +151,28 @@ def evenly(breaks: Array, travels: Array) -> tuple[Way, Array]:
     return lambda shares: np.interp(ends[-1] * shares, ends, breaks), ends[-1] * rates
 
 
-@lru_cache(maxsize=1024)
-def _coarse_to_fine(count: int) -> Array:
-    """0 ... count - 1 as 0, 1/2, 1/4, 3/4 ... of the way (count,).
+def _coarse_to_fine(count: int) -> Iterable[Array]:
+    """0 ... count - 1 as 0, 1/2, 1/4, 3/4 ... of the way, in pieces.
 
     A contact is met early in that order (J. G. van der Corput's sequence of 1935, run over the
-    binary fractions).
+    binary fractions). However many they are, what is not looked at yet takes no memory.
     """
-    bits = max(1, (count - 1).bit_length())
-    order = np.argsort([int(f"{i:0{bits}b}"[::-1], 2) for i in range(count)]).astype(float)
+    return (_kept(count),) if count <= _KEPT else _pieces(count)
+
+
+@lru_cache(maxsize=1024)
+def _kept(count: int) -> Array:
+    (order,) = _pieces(count)
     order.setflags(write=False)
     return order
+
+
+def _pieces(count: int) -> Iterator[Array]:
+    """The numbers of so many binary digits, each read backwards, but those beyond the count."""
+    digits = max(1, (count - 1).bit_length())
+    for begin in range(0, 2**digits, _PIECE):
+        numbers = np.arange(begin, min(begin + _PIECE, 2**digits))
+        order = np.zeros(len(numbers))
+        for place in range(int(numbers[-1]).bit_length()):
+            order += (numbers >> place & 1) * 2.0 ** (digits - 1 - place)
+        yield order[order < count]

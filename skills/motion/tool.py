@@ -27,8 +27,9 @@ from .arrays import norms
 from .bodies import frame_of
 from .contacts import Contacts
 from .deadline import Deadline
-from .ends import FARTHEST, bounds, check_seed, columns, finite, short_way, turning
+from .ends import bounds, check_seed, columns, finite, short_way, turning
 from .errors import BadQuery, GoalInCollision, NotFinite, StartOutOfBounds, Unreachable, shown
+from .measures import FARTHEST
 from .model import Model
 from .query import Reached, ToolQuery
 from .timing import straight
@@ -321,9 +322,13 @@ def _checked(robot: Robot, query: ToolQuery) -> Array:
     for joint, value in zip(robot.actuated, start.tolist(), strict=True):
         if not joint.lower <= value <= joint.upper:
             raise StartOutOfBounds(joint.name, value, joint.lower, joint.upper, joint.unit)
+    if not isinstance(query.link, str):
+        raise BadQuery(f"The link is {shown(query.link)}; give a name, or none")
+    if not isinstance(query.relative, bool):
+        raise BadQuery(f"The relative is {shown(query.relative)}; give True or False")
     for what in ("point", "direction", "offset", "axis"):
         vector = getattr(query, what)
-        if vector is None:
+        if vector is None and what not in _DISTANCES:
             continue
         _check_vector(what, vector)
         if what in ("direction", "axis") and not any(vector):
@@ -336,8 +341,8 @@ _DISTANCES = ("point", "offset")
 
 
 def _check_vector(what: str, vector: Vector) -> None:
-    if len(vector) != 3:
-        raise BadQuery(f"The {what} has {len(vector)} values; give x, y, z")
+    if not isinstance(vector, (tuple, list)) or len(vector) != 3:
+        raise BadQuery(f"The {what} is {shown(vector)}; give x, y, z")
     for name, value in zip("xyz", vector, strict=True):
         if not isinstance(value, (int, float)) or _beyond_floats(value):
             raise BadQuery(f"The {name} of the {what} is {shown(value)}; give a number")

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from .contacts import Contacts
 from .deadline import Deadline
-from .ends import FARTHEST, is_number
 from .errors import BadQuery, MotionCollides, NotFinite, shown
+from .measures import FARTHEST, is_number
 from .query import Verify
 from .space import LEAST_STEP
 

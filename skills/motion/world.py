@@ -7,6 +7,9 @@ from difflib import get_close_matches
 from typing import Any
 
 from .errors import BadWorld, shown
+from .measures import FARTHEST
+
+_LEAST = math.ulp(0.0)  # of a size [m]
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -68,7 +71,8 @@ class Body:
         touches: Links, bodies or `floor` that it may touch.
 
     Raises:
-        BadWorld: A number is not finite, a size not above 0, or a name is missing.
+        BadWorld: A number is not finite, a size not above 0, one of them more than
+            `measures.FARTHEST`, or a name is missing.
     """
 
     name: str
@@ -80,24 +84,32 @@ class Body:
 
     def __post_init__(self) -> None:
         if not _word(self.name):
-            raise BadWorld(f"A body is called {self.name!r}; give it a name")
+            raise BadWorld(f"A body is called {shown(self.name)}; give it a name")
         what = f"of {self.name} is"
+        if not isinstance(self.shape, Shape):
+            raise BadWorld(f"The shape {what} {shown(self.shape)}; give {', '.join(_SHAPES)}")
+        self._check_sizes(what)
+        if not _reals(self.position, 3):
+            form = f"x, y, z in m, up to {FARTHEST:g} either way"
+            raise BadWorld(f"The position {what} {shown(self.position)}; give {form}")
+        if not _reals(self.rotation, 4) or not abs(math.hypot(*self.rotation) - 1.0) < 1e-6:
+            turn = shown(self.rotation)
+            raise BadWorld(f"The rotation {what} {turn}, no unit quaternion x, y, z, w")
+        if not isinstance(self.link, str):
+            raise BadWorld(f"The link {what} {shown(self.link)}; give a name, or none")
+        if not isinstance(self.touches, frozenset) or not all(map(_word, self.touches)):
+            raise BadWorld(f"The touches {what} {shown(self.touches)}; give names, in a frozenset")
+
+    def _check_sizes(self, what: str) -> None:
         for part in fields(self.shape):
             value, vector = getattr(self.shape, part.name), part.type == Vector
             if part.type is str:
                 if not _word(value):
-                    raise BadWorld(f"The {part.name} {what} {value!r}; give that of a file")
-            elif not _reals(value if vector else [value], 3 if vector else 1, least=0.0):
+                    raise BadWorld(f"The {part.name} {what} {shown(value)}; give that of a file")
+            elif not _reals(value if vector else (value,), 3 if vector else 1, _LEAST):
                 form = "x, y, z, each" if vector else "a number"
-                raise BadWorld(f"The {part.name} {what} {value!r}; give {form} above 0")
-        if not _reals(self.position, 3):
-            raise BadWorld(f"The position {what} {self.position!r}; give x, y, z in m")
-        if not _reals(self.rotation, 4) or not abs(math.hypot(*self.rotation) - 1.0) < 1e-6:
-            raise BadWorld(f"The rotation {what} {self.rotation!r}, no unit quaternion x, y, z, w")
-        if not isinstance(self.link, str):
-            raise BadWorld(f"The link {what} {self.link!r}; give a name, or none")
-        if not all(map(_word, self.touches)):
-            raise BadWorld(f"The touches {what} {set(self.touches)!r}; give names")
+                form += f" above 0, up to {FARTHEST:g}"
+                raise BadWorld(f"The {part.name} {what} {shown(value)}; give {form}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +120,14 @@ class World:
         bodies: In the order they came.
 
     Raises:
-        BadWorld: Two bodies have one name.
+        BadWorld: Two bodies have one name, or one is none.
     """
 
     bodies: tuple[Body, ...] = field(default=())
 
     def __post_init__(self) -> None:
+        if not isinstance(self.bodies, tuple) or any(not isinstance(b, Body) for b in self.bodies):
+            raise BadWorld(f"The bodies are {shown(self.bodies)}; give a tuple of bodies")
         names = [body.name for body in self.bodies]
         for name in names:
             if names.count(name) > 1:
@@ -125,6 +139,8 @@ class World:
         Raises:
             BadWorld: There is none.
         """
+        if not _word(name):
+            raise BadWorld(f"A body is called {shown(name)}; give a name")
         for body in self.bodies:
             if body.name == name:
                 return body
@@ -245,16 +261,13 @@ def _word(value: object) -> bool:
     return isinstance(value, str) and bool(value)
 
 
-def _reals(values: Any, count: int, least: float = -math.inf) -> bool:
-    """Whether they are so many finite numbers above the least."""
+def _reals(values: Any, count: int, least: float = -FARTHEST) -> bool:
+    """Whether they are a tuple of so many numbers, none less than the least nor absurdly large."""
     return (
-        isinstance(values, Sequence)
+        isinstance(values, tuple)
         and len(values) == count
         and all(
-            isinstance(v, int | float)
-            and not isinstance(v, bool)
-            and math.isfinite(v)
-            and v > least
+            isinstance(v, int | float) and not isinstance(v, bool) and least <= v <= FARTHEST
             for v in values
         )
     )

@@ -1,0 +1,59 @@
+"""Questions that make no sense: refused by the planner itself, whatever they hold."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hardware import load_robot
+from skills.motion import BadQuery, Plan, PlanTimeout, Query, Request, ToolQuery, Verify
+from skills.motion.planner import Planner
+
+HOME = (0.0, 0.0, 0.0, 0.0)
+PICK = Query("arm", HOME, (-1.4, -0.6, -0.07))
+TOOL = ToolQuery("arm", HOME, (0.1, 0.0, 0.1))
+
+
+@pytest.fixture(scope="module")
+def planner() -> Planner:
+    return Planner(load_robot())
+
+
+@pytest.mark.parametrize(
+    ("odd", "message"),
+    [
+        ({"offset": None}, "The offset is None; give x, y, z"),
+        ({"offset": "abc"}, "The offset is 'abc'; give x, y, z"),
+        ({"direction": 5}, "The direction is 5; give x, y, z"),
+        ({"direction": (0.0, 1.0)}, r"The direction is \(0.0, 1.0\); give x, y, z"),
+        ({"axis": np.array([0.0, 0.0, 1.0])}, "The axis is array"),
+        ({"point": None}, "The point is None; give x, y, z"),
+        ({"relative": np.zeros(3)}, "The relative is array.*; give True or False"),
+        ({"link": 7}, "The link is 7; give a name, or none"),
+    ],
+)
+def test_what_no_tool_can_be_asked(planner: Planner, odd: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadQuery, match=message):
+        planner.reach(dataclasses.replace(TOOL, **odd))
+
+
+@pytest.mark.parametrize("request_", [PICK, TOOL, Verify([HOME], 0.0)])
+@pytest.mark.parametrize("odd", [math.nan, "a", None, np.zeros(3)])
+def test_a_time_out_that_is_none(planner: Planner, request_: Request, odd: Any) -> None:
+    """A NaN would never be over."""
+    with pytest.raises(BadQuery, match=r"The time-out is .* s; give a number"):
+        planner.answer(dataclasses.replace(request_, timeout=odd))
+
+
+def test_a_time_out_beyond_numbers(planner: Planner) -> None:
+    assert isinstance(planner.answer(dataclasses.replace(PICK, timeout=10**400)), Plan)
+    with pytest.raises(PlanTimeout):
+        planner.answer(dataclasses.replace(PICK, timeout=-(10**400)))
+
+
+def test_a_group_of_thousands_of_digits(planner: Planner) -> None:
+    group: Any = 10**5000
+    with pytest.raises(BadQuery, match="There is no group a int that cannot be shown; there are"):
+        planner.answer(dataclasses.replace(PICK, group=group))
