@@ -86,6 +86,7 @@ def test_hardly_before_its_end_it_still_begins_where_the_arm_stands(
 
 def test_from_its_beginning_it_is_all() -> None:
     rest = left(LINE, 0.0)
+    assert list(rest.milliseconds) == ["time"]  # not what it took to find all of it
     assert rest.duration == LINE.duration
     assert np.array_equal(rest.waypoints, LINE.waypoints)
 

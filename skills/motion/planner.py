@@ -168,6 +168,7 @@ class Planner:
         Raises:
             BadQuery, NotFinite: The arm does not stand on its path, or the question makes no sense.
         """
+        watch = Stopwatch(self._clock)
         check_rest(request)
         start = finite("start", request.start, self._robot.actuated)
         group = self._group(request.plan.group)
@@ -176,7 +177,9 @@ class Planner:
             raise BadQuery(
                 f"The plan moves {moves[0]}, {request.plan.group} {moves[1]}; plan again"
             )
-        return rest_of(request.plan, request.time, start, group.ends.columns)
+        with watch.rung("time"):
+            left = rest_of(request.plan, request.time, start, group.ends.columns)
+        return dataclasses.replace(left, milliseconds=watch.milliseconds)
 
     def carry(self, request: Carry) -> Body:
         """A body where it is, but moving with another link.
