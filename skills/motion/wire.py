@@ -33,9 +33,9 @@ def send(connection: socket.socket, data: bytes, until: float | None = None) -> 
     """Send what was packed, or what is left of it.
 
     Args:
-        connection: Where it goes. Its own time-out is changed.
+        connection: Where it goes. Its own time-out is changed where one is given.
         data: What to send.
-        until: On the monotonic clock, for all of it [s]; None to wait for ever.
+        until: On the monotonic clock, for all of it [s]; None to wait as long as the socket does.
 
     Raises:
         TimeoutError: Not all of it was taken in time.
@@ -49,8 +49,8 @@ def receive(connection: socket.socket, until: float | None = None) -> Any:
     """The next message, waited for.
 
     Args:
-        connection: Where it comes from. Its own time-out is changed.
-        until: On the monotonic clock, for all of it [s]; None to wait for ever.
+        connection: Where it comes from. Its own time-out is changed where one is given.
+        until: On the monotonic clock, for all of it [s]; None to wait as long as the socket does.
 
     Raises:
         TimeoutError: Not all of it came in time.
@@ -72,8 +72,10 @@ def receive(connection: socket.socket, until: float | None = None) -> Any:
 
 def _wait(connection: socket.socket, until: float | None) -> None:
     """Have the next call wait until then, and no longer."""
-    left = None if until is None else until - time.monotonic()
-    if left is not None and left <= 0.0:  # of which a socket would make not to wait at all
+    if until is None:
+        return
+    left = until - time.monotonic()
+    if left <= 0.0:  # of which a socket would make not to wait at all
         raise TimeoutError
     connection.settimeout(left)
 
