@@ -74,7 +74,8 @@ def test_check_finds_a_pose_in_a_body(
 def planned(folder: Path, *steps: str, above: str = "") -> list[str]:
     """What `armtree plan` says of a task, motion by motion."""
     path = written(folder, *steps, above=above)
-    words = ["plan", "7", "--trees", str(path.parent), "-o", str(folder / "plan.png")]
+    words = ["plan", "7", "--trees", str(path.parent), "--group", "arm"]
+    words += ["-o", str(folder / "plan.png")]
     result = CliRunner().invoke(cli, words)
     if result.exception:
         raise result.exception
@@ -234,7 +235,8 @@ FOLLOW = "{subtree: follow, with: {via: [{joint_1: -0.5, joint_2: 0, joint_3: 0}
 
 def all_said(folder: Path, *steps: str) -> str:
     written(folder, *steps)
-    arguments = ["plan", "7", "--trees", str(folder), "-o", str(folder / "plan.png")]
+    arguments = ["plan", "7", "--trees", str(folder), "--group", "arm"]
+    arguments += ["-o", str(folder / "plan.png")]
     result = CliRunner().invoke(cli, arguments)
     assert result.exit_code == 0, result.exception
     return result.output
@@ -254,7 +256,10 @@ def test_a_plan_follows_points_for_the_tool_and_on_the_way(tmp_path: Path) -> No
 def test_a_plan_names_the_moves_that_it_leaves_out(tmp_path: Path) -> None:
     said = all_said(tmp_path, GO, FAR, TURN, COME, COME)
     assert "Not seen  x/move_tool/Target: The tool cannot reach (1.0000, 0.0500, 0.0800)" in said
-    assert "Not seen  x/move_joints/Target: only a run of the task tells where it goes" in said
+    assert (
+        "Not seen  x/move_joints/Target: only a run of the task tells from where, or where to"
+        in said
+    )
     start = "Start     taken to be joint_1 -1.400, joint_2 -0.600, joint_3 -0.070"
     assert said.count("Start     ") == 1
     assert said.index("Motion 2 of 3") < said.index(start) < said.index("Motion 3 of 3")

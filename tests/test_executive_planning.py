@@ -146,8 +146,9 @@ def test_goals_are_written_as_in_task_files(
 def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
     point = ("0.1", "0.05", "0.08")
     there = plan(tmp_path, *point, "--offset", "0", "1cm", "0").output
-    assert there.startswith("Goal")
-    assert there.splitlines()[0] != plan(tmp_path, *point).output.splitlines()[0]
+    goals = [said.splitlines()[1] for said in (there, plan(tmp_path, *point).output)]
+    assert [goal.split()[0] for goal in goals] == ["Goal", "Goal"]
+    assert goals[0] != goals[1]
     other = ("--tool", "claw_support", "--axis", "0", "0", "1", "--direction", "0", "0", "1")
     assert "deg to the direction (0, 0, 1)" in str(plan(tmp_path, *point, *other).exception)
 
@@ -201,8 +202,31 @@ def test_a_task_of_several_motions(tmp_path: Path) -> None:
     (tmp_path / "7_there_and_back.yaml").write_text(TWO_REACHES)
     result = plan(tmp_path, "7", "--trees", str(tmp_path))
     assert result.exit_code == 0, result.exception
-    assert "Motion 2 of 2" in result.output
-    assert (tmp_path / "plan-2.png").exists()
+    said = result.output.splitlines()
+    goals = [line.split()[1] for line in said if line.startswith("Goal")]
+    assert goals == ["joint_1", "joint_4", "joint_1", "joint_4"]  # the arm, then the gripper
+    assert "Motion 4 of 4" in said
+    assert (tmp_path / "plan-4.png").exists()
+    alone = plan(tmp_path, "7", "--trees", str(tmp_path), "--group", "gripper").output
+    assert [line for line in alone.splitlines() if line.startswith("Goal")] == [
+        line for line in said if line.startswith("Goal      joint_4")
+    ]
+
+
+def test_a_task_that_moves_nothing(tmp_path: Path) -> None:
+    said = plan(tmp_path, "2", "--start", "folded closed").output
+    assert "Path      none: it is there already" in said
+    assert "Motion" not in said
+
+
+def test_how_long_it_took_to_get_ready_is_told(tmp_path: Path) -> None:
+    ready, _, _, _, found, *_ = plan(tmp_path, "0.1", "0.05", "0.08").output.splitlines()
+    milliseconds = re.match(r"Prepared  in (\S+) ms \(model (\S+), goal (\S+)\)$", ready)
+    assert milliseconds
+    whole, model, goal = map(float, milliseconds.groups())
+    assert whole == pytest.approx(model + goal, abs=0.02)
+    assert goal > 0.5  # many descents
+    assert found.startswith("Found in")
 
 
 @pytest.mark.parametrize(

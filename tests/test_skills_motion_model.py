@@ -8,10 +8,11 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from hardware import Robot, load_robot
+from hardware import Mimic, Robot, load_robot
 from skills.motion import BadWorld, Body, ModelUnusable, NotFinite, Sphere, World
 from skills.motion.contacts import Contacts
 from skills.motion.model import Model
+from skills.motion.planner import Planner
 from skills.motion.reach import level
 from skills.motion.shapes import corners
 from tests.arms import pair_file
@@ -194,3 +195,11 @@ def test_any_joint_may_follow_any_other_also_one_that_is_named_after_it(
 def test_a_follower_that_carries_its_leader_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ModelUnusable, match=r"a_mate follows z_lead, .* let z_lead follow"):
         Model(tied(tmp_path, "mated", "base"))
+
+
+def test_a_follower_that_stays_where_it_is_is_no_follower(tmp_path: Path) -> None:
+    robot = tied(tmp_path, "base", "base")
+    first, *rest = robot.joints
+    follows = [dataclasses.replace(j, mimic=Mimic("z_lead", 0.0, 0.1)) for j in rest]
+    with pytest.raises(ModelUnusable, match="a_mate follows z_lead by 0 times; make it a fixed"):
+        Planner(dataclasses.replace(robot, joints=(first, *follows)))

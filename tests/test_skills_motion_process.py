@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hardware import Robot, load_robot
@@ -85,7 +86,7 @@ class _Raises:
         return exec, ("raise RuntimeError('?')",)
 
 
-def answered(answer: object, number: int = 1) -> bytes:
+def answered(answer: object, number: object = 1) -> bytes:
     """The answer to the first request, or another."""
     return framed(pickle.dumps((number, answer)))
 
@@ -102,6 +103,8 @@ def answered(answer: object, number: int = 1) -> bytes:
         answered(None),
         answered(Reached((0.0,), 1)),
         answered(PlanTimeout(1.0), number=2),
+        answered(PlanTimeout(1.0), number=np.array([1, 1])),
+        answered(PlanTimeout(1.0), number=1.0),
         answered(PlanTimeout(1.0)) + b"and more",
         (2**31).to_bytes(4),
     ],
@@ -144,6 +147,8 @@ def test_a_worker_that_answers_twice(
 def test_a_plan_that_is_not_finite_or_not_whole_is_none(robot: Robot) -> None:
     *rest, (places, memory) = Planner(robot).plan(PICK).__getstate__()
     nan, short = struct.pack("d", float("nan")) + memory[8:], memory[:-8]
+    high = struct.pack("dd", 1.7e308, 1.7e308) + memory[16:]
+    Plan.__new__(Plan).__setstate__((*rest, (places, high)))  # type: ignore[arg-type]
     for joined in ((places, nan), (places, short), (places[:-1], memory)):
         twin = Plan.__new__(Plan)
         with pytest.raises((ValueError, TypeError), match=r"finite|buffer|shorter"):

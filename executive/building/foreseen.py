@@ -35,7 +35,7 @@ from .leaf import Leaf
 _IN_TURN = (composites.Sequence, Guard, Retry, Timeout, WaitFor)
 _ADDS = (AddBox, AddCylinder, AddMesh, AddSphere)
 _UNNAMED = "bodies named at run time"
-_UNKNOWN = "only a run of the task tells where it goes"
+_UNKNOWN = "only a run of the task tells from where, or where to"
 
 
 @dataclass(frozen=True)

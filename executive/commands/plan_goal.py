@@ -81,7 +81,7 @@ class Goal:
             if self.via:
                 raise BadTarget("a task goes its own way; leave out --via")
             start = tuple(begin.values())
-            return self._task(planner, self.group or "arm", start, world)
+            return self._task(planner, start, world)
         asked.group = self.group or "arm"
         named = asked.named(self.words, begin, self.tool)
         asked.group = self.group or self._group(named)
@@ -92,9 +92,9 @@ class Goal:
         return [Leg(query)], []
 
     def _task(
-        self, planner: Planner, group: str, begin: tuple[float, ...], world: World
+        self, planner: Planner, begin: tuple[float, ...], world: World
     ) -> tuple[list[Leg], list[str]]:
-        """As the skills move: the arm with the gripper as it is, the gripper where the arm goes."""
+        """As the skills move: the arm with the gripper as it is, then the gripper."""
         number = int(self.words[0])
 
         def reach(query: ToolQuery) -> Reached:
@@ -109,19 +109,21 @@ class Goal:
             why += "written down. "
             why += "".join(f"{each}. " for each in unknown)
             raise BadTarget(why + "Give joints, a pose or a point instead")
-        own = [joint in self.robot.leaders(group) for joint in self.robot.actuated]
-        legs = []
+        legs, still = list[Leg](), list[Leg]()
         for motion in motions:
-            pose = motion.pose
-            goal = tuple(q for q, mine in zip(pose, own, strict=True) if mine)
-            rows = zip(pose, begin, own, strict=True)
-            arrived = group == "gripper"
-            start = tuple(then if arrived and not mine else now for then, now, mine in rows)
-            via = () if arrived else motion.via
-            query = Query(group, start, goal, self.seed, via=via, world=motion.world)
-            legs.append(Leg(query, motion.left_out, assumed=motion.start is None))
-            begin = pose
-        return legs, unknown
+            for group in self.robot.groups:
+                own = [joint in self.robot.leaders(group) for joint in self.robot.actuated]
+                goal = tuple(q for q, mine in zip(motion.pose, own, strict=True) if mine)
+                ends = zip(motion.pose, begin, own, strict=True)
+                arrived = tuple(there if mine else here for there, here, mine in ends)
+                via = motion.via if group == "arm" else ()
+                query = Query(group, begin, goal, self.seed, via=via, world=motion.world)
+                if group == (self.group or group):
+                    asked = self.group or via or arrived != begin
+                    leg = Leg(query, motion.left_out, assumed=motion.start is None)
+                    (legs if asked else still).append(leg)
+                begin = arrived
+        return legs or still[:1], unknown
 
     def _target(
         self, group: str, named: Mapping[str, float], begin: Mapping[str, float]

@@ -1,12 +1,13 @@
 """`armtree plan`: a motion found, explained and drawn, without an arm."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from hardware import Robot
+from hardware import RealClock, Robot
 from skills.motion import EMPTY, BadWorld, Plan, World
+from skills.motion.deadline import Stopwatch
 from skills.motion.explain import limits_met, straight_duration
 from skills.motion.planner import Planner
 
@@ -30,18 +31,25 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
         BadWorldFile: The file is wrong, or not there.
         MotionError: There is no plan.
     """
-    planner, bodies = Planner(goal.robot), read_world(world) if world else EMPTY
+    watch = Stopwatch(RealClock())
+    with watch.rung("model"):
+        planner = Planner(goal.robot)
+    bodies = read_world(world) if world else EMPTY
     try:
-        yield from _explained(goal, planner, bodies, output)
+        yield from _explained(goal, planner, bodies, output, watch)
     except BadWorld:
         if world:  # else it is a body of the task's own that is wrong
             check_world(world, bodies, goal.robot, planner)
         raise
 
 
-def _explained(goal: Goal, planner: Planner, bodies: World, output: Path) -> Iterator[str]:
+def _explained(
+    goal: Goal, planner: Planner, bodies: World, output: Path, watch: Stopwatch
+) -> Iterator[str]:
     robot = goal.robot
-    legs, unknown = goal.legs(planner, bodies)
+    with watch.rung("goal"):
+        legs, unknown = goal.legs(planner, bodies)
+    yield f"Prepared  in {_rungs(watch.milliseconds)}"
     for move in unknown:
         yield f"Not seen  {move}"
     for number, leg in enumerate(legs, 1):
@@ -61,25 +69,28 @@ def _explained(goal: Goal, planner: Planner, bodies: World, output: Path) -> Ite
 
 def _told(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[str]:
     """In words; `first` is how long it took the first time [ms]."""
-    spent = sum(plan.milliseconds.values())
-    rungs = ", ".join(f"{name} {ms:.2f}" for name, ms in plan.milliseconds.items())
     line = straight_duration(plan)
     yield f"Goal      {_joints(plan.joints, plan.goal)}"
     longer = ""
     if len(plan.waypoints) > 2:
         if line:
-            longer = f", this one {100.0 * (plan.duration / line - 1.0):.0f} % longer"
+            longer = f", this one {100.0 * (plan.duration / line - 1.0):.1f} % longer"
         how = f"by way of {via} point{'s' * (via > 1)}" if via else "round something"
         yield f"Path      {how}, {len(plan.waypoints)} waypoints"
     else:
         yield "Path      straight" if plan.duration else "Path      none: it is there already"
     yield f"Duration  {plan.duration:.3f} s; a straight line would take {line:.3f} s{longer}"
-    yield f"Found in  {spent:.2f} ms ({rungs}); the first time in {first:.2f} ms"
+    yield f"Found in  {_rungs(plan.milliseconds)}; the first time in {first:.2f} ms"
     for limit in limits_met(plan):
         unit = robot.joint(limit.joint).unit + ("/s" if limit.kind == "speed" else "/s²")
         share = 100.0 * limit.seconds / plan.duration
         what = f"the {limit.kind} limit of {limit.joint}, {limit.value:g} {unit}"
         yield f"Held by   {what}: {limit.seconds:.2f} s ({share:.0f} %)"
+
+
+def _rungs(milliseconds: Mapping[str, float]) -> str:
+    each = ", ".join(f"{name} {ms:.2f}" for name, ms in milliseconds.items())
+    return f"{sum(milliseconds.values()):.2f} ms ({each})"
 
 
 def _joints(names: Iterable[str], positions: Iterable[float]) -> str:

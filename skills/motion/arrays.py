@@ -44,6 +44,6 @@ def parted(together: Joined) -> list[NDArray[np.float64]]:
         ValueError: They hold a NaN or an infinity, or there is less of them than is said.
     """
     places, memory = together
-    if not math.isfinite(sum(memoryview(memory).cast("d"))):
+    if not all(map(math.isfinite, memoryview(memory).cast("d"))):
         raise ValueError("a value is not finite")
     return [np.ndarray(shape, _FLOAT, memory, begin) for shape, begin in places]

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .curve import Curve
 from .plan import Plan
-from .timing import timed
+from .timing import straight
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -92,9 +91,4 @@ def _limits(plan: Plan, kind: str, limits: Array, held: Mask) -> Iterable[Limit]
 
 def straight_duration(plan: Plan) -> float:
     """What the straight line between the ends would take, if it were free [s]."""
-    if np.array_equal(plan.origin, plan.goal):
-        return 0.0
-    line = Curve.through(np.array([plan.origin, plan.goal]), np.empty(0))
-    profile = timed(line, plan.velocity, plan.acceleration)
-    assert profile  # on a line always
-    return profile.duration
+    return straight(plan.goal - plan.origin, plan.velocity, plan.acceleration)

@@ -274,17 +274,21 @@ def _timed(
 
 
 def _check_numbers(robot: Robot) -> None:
-    """Refuse what no robot file would let pass.
+    """Refuse numbers that cannot be planned with, as a Robot made by hand may have them.
 
     Raises:
         ModelUnusable: A limit, the margin, the floor or the tool's place makes no sense.
     """
     rules, path = robot.collision, str(robot.path)
-    for what, value, least in (("margin", rules.margin, 0.0), ("floor", rules.floor, -FARTHEST)):
-        if not (value is rules.floor is None or is_number(value, least, FARTHEST)):
+    floor = 0.0 if rules.floor is None else rules.floor
+    for what, value, least in (("margin", rules.margin, 0.0), ("floor", floor, -FARTHEST)):
+        if not is_number(value, least, FARTHEST):
             wanted = f"give a number from {least:g} to {FARTHEST:g}"
             raise ModelUnusable(path, f"its {what} is {shown(value)} m; {wanted}")
     for joint in robot.joints:
+        if joint.mimic and not joint.mimic.multiplier:
+            why = f"{joint.name} follows {joint.mimic.leader} by 0 times; make it a fixed joint"
+            raise ModelUnusable(path, why)
         limits = (joint.lower, joint.upper, joint.velocity, joint.acceleration)
         moves = all(is_number(limit, _SLOWEST, sys.float_info.max) for limit in limits[2:])
         most = FARTHEST if joint.unit == "m" else math.inf

@@ -34,6 +34,7 @@ _ANSWERS: dict[type, type[Any]] = {
 _LONGEST = 86_400.0  # time-out there can be [s]
 _GRACE = 0.008  # beyond its time-out, before a worker counts as hanging [s]
 _DYING = 0.2  # to say what was wrong, once it has hung up [s]
+_FEW = 100  # points and bodies
 _START = 30.0  # to load the model on a slow machine [s]
 
 # What a request must hold, so that it is answered and ends no worker.
@@ -114,8 +115,8 @@ class WorkerProcess:
         return self._nonsense(f"{type(request).__name__} with {type(answer).__name__}")
 
     def begin(self, request: Request) -> None:
-        """Send of what will be asked next as much as can be sent without waiting."""
-        if not self._ready or _wrong(request):
+        """Send what will be asked next, if it is small, as far as that needs no waiting."""
+        if not self._ready or _wrong(request) or not _is_small(request):
             return
         with contextlib.suppress(BadQuery, OSError):  # who asks is told
             self._begun = until, message = self._packed(request)
@@ -199,13 +200,18 @@ class WorkerProcess:
         return f" ({lines[-1].strip()})" if lines else ""
 
 
-def _pair(answer: object) -> tuple[object, Any]:
+def _is_small(request: Request) -> bool:
+    """Whether it is packed in no time, so that nobody waits for it."""
+    return isinstance(request, Query) and len(request.via) + len(request.world.bodies) < _FEW
+
+
+def _pair(answer: object) -> tuple[int, Any]:
     """The number of a request, and its answer.
 
     Raises:
         Garbled: It is no pair.
     """
-    if isinstance(answer, tuple) and len(answer) == 2:
+    if isinstance(answer, tuple) and len(answer) == 2 and type(answer[0]) is int:
         return answer
     raise Garbled(f"{type(answer).__name__} without a number")
 
