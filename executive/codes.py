@@ -130,7 +130,7 @@ CODES = {
         "correct the task",
         "What is around the arm makes no sense",
     ),
-    "plan.model": Code(5, "The robot's URDF cannot be planned with", "correct it", _PLANNERS),
+    "plan.model": Code(3, "The robot's URDF cannot be planned with", "correct it", _PLANNERS),
     "plan.start_out_of_bounds": Code(
         5, "The arm stands outside its limits", "free it by hand, then run again", _PLANNERS
     ),

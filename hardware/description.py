@@ -1,22 +1,16 @@
 """Reading a robot description: one TOML file and the URDF it names."""
 
-import math
-from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 
 from .driver import Driver, load_driver
-from .errors import DescriptionError
-from .joints import Joint, Mimic
+from .joints import Joint
 from .no_board import NoBoard
 from .profiles import NO_FIRMWARE, Firmware
 from .robot import CollisionRules, Robot, Serial, Tool
 from .toml_table import TomlTable
+from .urdf import Urdf, UrdfJoint, read_urdf
 
-_MOVING = ("revolute", "continuous", "prismatic")
 _ROUNDING = 1.0 + 1e-9  # of a follower's velocity, times its limit
-
-_SHORTEST = 1e-6  # that a joint's axis can be
 
 
 def load_robot(path: Path | None = None) -> Robot:
@@ -29,7 +23,7 @@ def load_robot(path: Path | None = None) -> Robot:
         path = Path(__file__).with_name("arduinobot.toml")
     root = TomlTable.read(path)
     urdf_path = path.parent / root.text("urdf")
-    urdf = _read_urdf(root, urdf_path)
+    urdf = read_urdf(root, urdf_path)
     driver = load_driver(root) if "driver" in root or "serial" in root else NoBoard(path)
     joints = _joints(root, urdf, driver)
     groups = _groups(root, joints)
@@ -75,112 +69,7 @@ def _check_line(serial: TomlTable, robot: Robot) -> None:
         serial.fail("boot_wait_s", f"{wait:g} s is too short: {needs}")
 
 
-@dataclass(frozen=True)
-class _UrdfJoint:
-    lower: float
-    upper: float
-    velocity: float
-    mimic: Mimic | None
-    unit: str
-
-
-@dataclass(frozen=True)
-class _Urdf:
-    links: tuple[str, ...]
-    joints: dict[str, _UrdfJoint]
-
-
-def _read_urdf(table: TomlTable, path: Path) -> _Urdf:
-    """The links and moving joints of the URDF that a robot file names."""
-    try:
-        root = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
-        raise DescriptionError(path, error.position[0], f"is not XML: {error}") from error
-    except (OSError, ValueError, LookupError) as error:  # the name or encoding is impossible
-        table.fail("urdf", f"{path} cannot be read: {getattr(error, 'strerror', error)}")
-    links = tuple(link.get("name", "") for link in root.iter("link"))
-    joints = root.findall("joint")
-    for joint in joints:
-        if joint.get("type") not in (*_MOVING, "fixed"):
-            why = f"joint {joint.get('name')} is {joint.get('type')}"
-            raise DescriptionError(path, 0, f"{why}; it must be {', '.join(_MOVING)} or fixed")
-    if why := _no_tree(joints, links):
-        raise DescriptionError(path, 0, why)
-    moving = [j for j in joints if j.get("type") in _MOVING]
-    return _Urdf(links, {j.get("name", ""): _urdf_joint(path, j) for j in moving})
-
-
-def _no_tree(joints: list[ElementTree.Element], links: tuple[str, ...]) -> str:
-    """Why the joints do not make a tree of the links; empty if they do."""
-    ends = {
-        joint.get("name", ""): (_end(joint, "parent"), _end(joint, "child")) for joint in joints
-    }
-    above = dict[str, str]()  # the joint that each link hangs from
-    for name, (parent, child) in ends.items():
-        for link in (parent, child):
-            if link not in links:
-                return f"joint {name}: there is no link {link!r}; there are {', '.join(links)}"
-        if child in above:
-            return f"joint {name}: its child {child} hangs from {above[child]} already"
-        above[child] = name
-    for name, (parent, child) in ends.items():
-        way, end = list[str](), parent
-        while end != child and end in above and above[end] not in way:
-            way.append(above[end])
-            end, _ = ends[way[-1]]
-        if end == child:
-            loop = f"by way of {', '.join(way)}" if way else "as its child is its parent"
-            return f"joint {name} hangs from itself, {loop}; let its child be another link"
-    return ""
-
-
-def _end(joint: ElementTree.Element, which: str) -> str:
-    element = joint.find(which)
-    return "" if element is None else element.get("link", "")
-
-
-def _urdf_joint(path: Path, element: ElementTree.Element) -> _UrdfJoint:
-    name, limit, mimic = element.get("name"), element.find("limit"), element.find("mimic")
-    bounds = {} if limit is None else limit.attrib
-    if element.get("type") == "continuous":
-        bounds = {**bounds, "lower": "-inf", "upper": "inf"}
-    try:
-        lower, upper = float(bounds["lower"]), float(bounds["upper"])
-        velocity = float(bounds.get("velocity", "inf"))
-        leader = None if mimic is None else _mimic(mimic)
-    except KeyError as error:
-        raise DescriptionError(path, 0, f"joint {name} lacks {error.args[0]}") from error
-    except ValueError as error:
-        raise DescriptionError(path, 0, f"joint {name}: {error}") from error
-    if not lower <= upper:
-        raise DescriptionError(path, 0, f"joint {name}: lower {lower:g} is above upper {upper:g}")
-    axis = element.find("axis")
-    xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-    if not _is_direction(xyz):
-        wanted = "give x, y, z of a vector with a length, such as 0 0 1"
-        raise DescriptionError(path, 0, f"joint {name}: its axis is {xyz!r}; {wanted}")
-    unit = "m" if element.get("type") == "prismatic" else "rad"
-    return _UrdfJoint(lower, upper, velocity, leader, unit)
-
-
-def _is_direction(xyz: str) -> bool:
-    """Whether it is a vector; pinocchio makes nothing of one whose square is no number."""
-    try:
-        numbers = [float(word) for word in xyz.split()]
-    except ValueError:
-        return False
-    return len(numbers) == 3 and _SHORTEST <= math.hypot(*numbers) <= 1.0 / _SHORTEST
-
-
-def _mimic(element: ElementTree.Element) -> Mimic:
-    multiplier = float(element.get("multiplier", "1"))
-    offset = float(element.get("offset", "0"))
-    if not (math.isfinite(multiplier) and math.isfinite(offset)):
-        raise ValueError(f"multiplier {multiplier:g} and offset {offset:g} must be finite")
-    return Mimic(element.attrib["joint"], multiplier, offset)
-
-
-def _joints(root: TomlTable, urdf: _Urdf, driver: Driver) -> tuple[Joint, ...]:
+def _joints(root: TomlTable, urdf: Urdf, driver: Driver) -> tuple[Joint, ...]:
     """The joints of the robot file in its order, then the mimics of the URDF."""
     table = root.table("joints")
     for name in table:
@@ -195,13 +84,14 @@ def _joints(root: TomlTable, urdf: _Urdf, driver: Driver) -> tuple[Joint, ...]:
             leader = described.mimic.leader
             mimics.append(_mimic_joint(name, table.table(leader), described, own[leader]))
         elif described.mimic:
-            root.fail("joints", f"the URDF's {name} follows {described.mimic.leader}, not a joint")
+            why = f"the URDF's {name} follows {described.mimic.leader}"
+            root.fail("joints", f"{why}; let it follow one of those described: {', '.join(own)}")
         elif name not in own:
             root.fail("joints", f"the URDF's joint {name} is not described")
     return (*own.values(), *mimics)
 
 
-def _joint(name: str, table: TomlTable, urdf: _UrdfJoint, driver: Driver) -> Joint:
+def _joint(name: str, table: TomlTable, urdf: UrdfJoint, driver: Driver) -> Joint:
     joint = Joint(
         name=name,
         lower=urdf.lower,
@@ -222,7 +112,7 @@ def _joint(name: str, table: TomlTable, urdf: _UrdfJoint, driver: Driver) -> Joi
     return joint
 
 
-def _mimic_joint(name: str, table: TomlTable, urdf: _UrdfJoint, leader: Joint) -> Joint:
+def _mimic_joint(name: str, table: TomlTable, urdf: UrdfJoint, leader: Joint) -> Joint:
     assert urdf.mimic is not None
     scale = abs(urdf.mimic.multiplier)
     velocity = leader.velocity * scale

@@ -2,8 +2,9 @@
 
 import json
 import re
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from click.testing import CliRunner, Result
@@ -11,7 +12,7 @@ from click.testing import CliRunner, Result
 from executive.codes import look_up
 from executive.commands.cli import cli
 from executive.commands.world_file import BadWorldFile, read_world
-from skills.motion import Box, Sphere
+from skills.motion import Body, Box, Shape, Sphere
 
 README = Path(__file__).parents[1] / "README.md"
 POST = '{"name": "post", "box": {"size": [0.03, 0.03, 0.2]}}'
@@ -36,16 +37,24 @@ def test_the_example_of_the_readme(tmp_path: Path) -> None:
 
 
 def test_the_keys_of_the_readme() -> None:
-    page = README.read_text()
-    for key in ("name", "box", "mesh", "size", "radius", "path", "scale", "rotation", "touches"):
-        assert f"`{key}`" in page
+    """All that a body and its form may have, and nothing else."""
+    (table,) = re.findall(
+        r"\| key \| holds \|\n\|---\|---\|\n(.*?)\n\n", README.read_text(), re.DOTALL
+    )
+    keys = {part.name for part in fields(Body)} - {"shape"}
+    kinds = {str(kind.__name__).lower(): kind for kind in get_args(Shape)}
+    parts = {part.name for kind in kinds.values() for part in fields(kind)}
+    assert set(re.findall(r"`(\w+)`", table)) == keys | kinds.keys() | parts | {"floor"}
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (f'[{POST}, {{"name": "b", "spere": 1}}]', "Body 2: 'spere' is no key of b; .* sphere?"),
-        ('{"a": 1}', "{'a': 1} is no list of bodies"),
+        (f'[{POST}, {{"name": "b", "spere": 1}}]', 'Body 2: "spere" is no key of b; .* sphere?'),
+        ('{"a": 1}', '{"a": 1} is no list of bodies'),
+        ('[{"name": "b", "link": "x", "link": "y"}]', '"link" stands twice in b; leave one out'),
+        ('[{"name": "b", "box": {"size": 1, "size": 2}}]', '"size" stands twice in one object; l'),
+        ('[{"link": "x", "link": "y", "name": 7}]', '"link" stands twice in one object; leave one'),
         (f"[{POST},\n", ":2:1: is no JSON: Expecting value"),
         ("[" * 100_000, "is no JSON"),
         ("[\xff]".encode("latin-1").decode("utf-8", "surrogateescape"), "is no JSON"),

@@ -142,16 +142,34 @@ def test_a_wrong_robot_file(tmp_path: Path, old: str, new: str, found: str, why:
     assert re.search(why, said), said
 
 
+LIMIT = re.findall("<limit.*?/>", URDF)[0]
+ORIGIN = '<origin xyz="0 0 0.0307" rpy="0 0 0"'
+
 WRONG_URDF = {
     "no xml": ("<robot", "robot", r"arduinobot.urdf:\d+: is not XML"),
-    "no limit": ('lower="-1.570796326795"', "", "joint joint_1 lacks lower"),
-    "limit is a text": ('lower="-1.570796326795"', 'lower="low"', "joint joint_1: could not convert"),
+    "no urdf": (URDF, "<html/>", "arduinobot.urdf: is no URDF: it is a <html>; give it a <robot>"),
+    "no links": (URDF, "<robot/>", "arduinobot.urdf: has no links; give it one at least"),
+    "no lower": ('lower="-1.570796326795"', "", r"joint joint_1: the lower of its limit is missing; give a finite number \[rad\]"),
+    "no effort": ('effort="30.0"', "", "joint joint_1: the effort of its limit is missing; give a finite number of at least 0"),
+    "no limit": (LIMIT, "", "joint joint_1: it has no limit; give one with its lower, upper, velocity and effort"),
+    "limit is a text": ('lower="-1.570796326795"', 'lower="low"', "joint joint_1: the lower of its limit is 'low'; give a finite"),
+    "limit with a unit": ('lower="-1.570796326795"', 'lower="-1_0"', "joint joint_1: the lower of its limit is '-1_0'"),
     "limits crossed": ('lower="-1.570796326795"', 'lower="2"', "joint joint_1: lower 2 is above upper"),
-    "limit is no number": ('lower="-1.570796326795"', 'lower="nan"', "joint joint_1: lower nan is above"),
-    "mimic of nobody": ('<mimic joint="joint_4"', '<mimic joint="joint_8"', "joint_5 follows joint_8"),
-    "mimic of itself": ('<mimic joint="joint_4"', '<mimic joint="joint_5"', "joint_5 follows joint_5"),
-    "mimic by no number": ('multiplier="-1"', 'multiplier="nan"', "joint joint_5: multiplier nan and offset 0 must be finite"),
-    "no leader": ('<mimic joint="joint_4"', "<mimic", "joint joint_5 lacks joint"),
+    "limit is no number": ('lower="-1.570796326795"', 'lower="nan"', "joint joint_1: the lower of its limit is 'nan'; give a finite number"),
+    "limit is endless": ('upper="1.570796326795"', 'upper="1e400"', "joint joint_1: the upper of its limit is '1e400'"),
+    "velocity is negative": ('velocity="10.0"', 'velocity="-1"', r"joint joint_1: the velocity of its limit is '-1'; .* at least 0 \[rad/s\]"),
+    "origin of two numbers": (ORIGIN, '<origin xyz="0 0"', "joint joint_1: the xyz of its origin is '0 0'; give three finite numbers"),
+    "origin is no number": (ORIGIN, '<origin xyz="0 0 nan"', "joint joint_1: the xyz of its origin is '0 0 nan'"),
+    "origin of texts": (ORIGIN, '<origin rpy="a"', r"joint joint_1: the rpy of its origin is 'a'; .* \[rad\]"),
+    "two joints of a name": ('<joint name="joint_2"', '<joint name="joint_1"', "two joints are called joint_1; give each a name of its own"),
+    "two links of a name": ('<link name="base_link"', '<link name="world"', "two links are called world; give each a name of its own"),
+    "joint without a name": ('<joint name="joint_2"', "<joint", r"joint \d of \d+ has no name; give it one"),
+    "link without a name": ("</robot>", "<link/></robot>", r"link (\d+) of \1 has no name; give it one"),
+    "two roots": ("</robot>", '<link name="lost"/></robot>', "links world and lost hang from no joint, as only one link may; let"),
+    "mimic of nobody": ('<mimic joint="joint_4"', '<mimic joint="joint_8"', "joint_5 follows joint_8; let it follow one of those described: joint_1, joint_2"),
+    "mimic of itself": ('<mimic joint="joint_4"', '<mimic joint="joint_5"', "joint joint_5: it mimics itself; let it mimic another joint, or none"),
+    "mimic by no number": ('multiplier="-1"', 'multiplier="nan"', "joint joint_5: the multiplier of its mimic is 'nan'; give a finite number"),
+    "no leader": ('<mimic joint="joint_4"', "<mimic", "joint joint_5: the joint of its mimic is missing; give the name of the joint to follow"),
     "planar joint": ('type="revolute"', 'type="planar"', "joint joint_1 is planar; it must be revolute, continuous, prismatic or fixed"),
     "floating joint": ('type="fixed"', 'type="floating"', r"joint \w+ is floating; it must be"),
     "axis without a length": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "joint joint_1: its axis is '0 0 0'; give x, y, z of a vector with a length, such as 0 0 1"),

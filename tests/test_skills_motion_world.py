@@ -1,5 +1,6 @@
 """Worlds from files: what is no body is refused, and says why."""
 
+import math
 import re
 from dataclasses import replace
 from typing import Any
@@ -27,35 +28,41 @@ def test_written_down_and_read_again() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"sphere": {"radius": "0.1"}}, "radius of b is '0.1'; give a number above 0"),
-        ({"sphere": {"radius": True}}, "radius of b is True"),
+        ({"sphere": {"radius": "0.1"}}, 'radius of b is "0.1"; give a number above 0'),
+        ({"sphere": {"radius": True}}, "radius of b is true;"),
         ({"sphere": {"radius": 0}}, "radius of b is 0"),
-        ({"sphere": {"radius": float("nan")}}, "radius of b is nan"),
+        ({"sphere": {"radius": float("nan")}}, "radius of b is NaN;"),
         ({"sphere": {}}, "The sphere of b has no radius; give one"),
         ({"sphere": 0.1}, "sphere of b is 0.1; give an object with its radius"),
-        ({"sphere": {"size": 0.1}}, "'size' is no key of the sphere of b; there are radius$"),
+        ({"sphere": {"size": 0.1}}, '"size" is no key of the sphere of b; there are radius$'),
         ({"box": {"size": [1, 1, 1]}}, "Of b there are box and sphere; give one of box, sp"),
-        ({"extra": 3}, "'extra' is no key of b; there are name, position, rotation"),
+        ({"extra": 3}, '"extra" is no key of b; there are name, position, rotation'),
         ({"name": ["b"]}, "give it a name"),
         ({"name": ""}, "give it a name"),
-        ({"position": [0, 0]}, r"position of b is \(0, 0\); give x, y, z"),
+        ({"position": [0, 0]}, r"position of b is \[0, 0\]; give x, y, z"),
         ({"position": 7}, "position of b is 7"),
         ({"position": [0, 0, "x"]}, "give x, y, z in m"),
-        ({"rotation": [0, 0, 0]}, "no unit quaternion"),
-        ({"rotation": [0, 0, 0, "1"]}, "no unit quaternion"),
+        ({"rotation": [0, 0, 0]}, "give x, y, z, w of a unit quaternion, whose length is 1"),
+        ({"rotation": [0, 0, 0, "1"]}, "give x, y, z, w of a unit quaternion, whose length is 1"),
         ({"link": 7}, "link of b is 7"),
         ({"position": [0, 0, 10**400]}, "The position of b is .*; give x, y, z in m"),
         ({"position": [0, 10**5000, 0]}, "The position of b is .*; give x, y, z in m"),
-        ({"position": [0, 0, -1e200]}, r"is \(0, 0, -1e\+200\); .* m, up to 1e\+06 either way"),
-        ({"rotation": [0, 0, 0, 10**400]}, "no unit quaternion"),
-        ({"rotation": [1e200, 0, 0, 1e200]}, "no unit quaternion"),
+        ({"position": [0, 0, -1e200]}, r"is \[0, 0, -1e\+200\]; .* m, up to 1e\+06 either way"),
+        (
+            {"rotation": [0, 0, 0, 10**400]},
+            "give x, y, z, w of a unit quaternion, whose length is 1",
+        ),
+        (
+            {"rotation": [1e200, 0, 0, 1e200]},
+            "give x, y, z, w of a unit quaternion, whose length is 1",
+        ),
         ({"sphere": {"radius": 10**400}}, r"The radius of b is .*; give a number above 0"),
         ({"sphere": {"radius": 1e308}}, r"radius of b is 1e\+308; .* above 0, up to 1e\+06$"),
         ({"link": 10**5000}, "The link of b is"),
         ({"name": 10**5000}, "give it a name"),
-        ({"extra": 10**5000}, "'extra' is no key of b"),
+        ({"extra": 10**5000}, '"extra" is no key of b'),
         ({"touches": [10**5000]}, "give a list of names"),
-        ({"touches": "floor"}, "touches of b is 'floor'; give a list of names"),
+        ({"touches": "floor"}, 'touches of b is "floor"; give a list of names'),
         ({"touches": [7]}, "give a list of names"),
     ],
 )
@@ -67,20 +74,20 @@ def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> Non
 @pytest.mark.parametrize(
     ("shape", "message"),
     [
-        ({"box": {"size": [0.1, 0.1]}}, r"size of b is \(0.1, 0.1\); give x, y, z"),
+        ({"box": {"size": [0.1, 0.1]}}, r"size of b is \[0.1, 0.1\]; give x, y, z"),
         ({"box": {"size": 0.1}}, "size of b is 0.1; give x, y, z, each above 0"),
         ({"mesh": {"path": 7}}, "path of b is 7; give that of a file"),
-        ({"mesh": {"path": ""}}, "path of b is ''"),
+        ({"mesh": {"path": ""}}, 'path of b is ""'),
         ({"mesh": {"path": "a.stl", "scale": [1, -1, 1]}}, "scale of b"),
         ({"mesh": {"path": "a.stl", "scale": [1, 1, 10**400]}}, "scale of b is"),
         ({"mesh": {"path": 10**5000}}, "path of b is"),
         ({"box": {"size": [1, 1e200, 1]}}, r"size of b is .* each above 0, up to 1e\+06"),
         ({"cylinder": {"radius": 0.1, "length": 1e7}}, r"length of b is 10000000.0; give a number"),
         ({"cylinder": {"radius": 0.1}}, "The cylinder of b has no length; give one"),
-        ({"box": {"sze": [1, 1, 1]}}, "'sze' is no key of the box of b; .*; did you mean size"),
+        ({"box": {"sze": [1, 1, 1]}}, '"sze" is no key of the box of b; .*; did you mean size'),
         ({}, "Of b there is no form; give one of box, sphere, cylinder, mesh"),
-        ({"spere": {"radius": 0.1}}, "'spere' is no key of b; .*; did you mean sphere"),
-        ({"sphere": {"radius": 0.1}, "pos": [0, 0, 0]}, "'pos' is no key of b; .* mesh$"),
+        ({"spere": {"radius": 0.1}}, '"spere" is no key of b; .*; did you mean sphere'),
+        ({"sphere": {"radius": 0.1}, "pos": [0, 0, 0]}, '"pos" is no key of b; .* mesh$'),
     ],
 )
 def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
@@ -88,10 +95,45 @@ def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
         World.parse([{"name": "b", "position": [0, 0, 0], **shape}])
 
 
-@pytest.mark.parametrize("bodies", [7, {"name": "b"}, "b", None])
-def test_what_is_no_list_of_bodies(bodies: Any) -> None:
-    with pytest.raises(BadWorld, match="is no list of bodies"):
+@pytest.mark.parametrize(
+    ("bodies", "seen"),
+    [(7, "7"), ({"name": "b"}, '{"name": "b"}'), ("b", '"b"'), (None, "null"), (True, "true")],
+)
+def test_what_is_no_list_of_bodies(bodies: Any, seen: str) -> None:
+    with pytest.raises(BadWorld, match=f"^{re.escape(seen)} is no list of bodies"):
         World.parse(bodies)
+
+
+@pytest.mark.parametrize(
+    ("body", "seen"),
+    [
+        ([0] * 1000, r"\[0, 0, [0, ]{50,60}\.\.\."),
+        ("é", '"é"'),
+        ("\ud800\x9b", r'"\\ud800\\u009b"'),
+    ],
+)
+def test_what_is_shown_of_a_value_is_short_and_can_be_read(body: Any, seen: str) -> None:
+    with pytest.raises(BadWorld, match=f"^Body 1: {seen} is no object"):
+        World.parse([body])
+
+
+@pytest.mark.parametrize("part", [0.7071, 0.707, 0.70711, 0.71, 0.70710678])
+def test_a_rounded_quaternion_is_scaled(part: float) -> None:
+    (ball,) = World.parse([BALL | {"rotation": [0, 0, part, part]}]).bodies
+    if abs(math.hypot(part, part) - 1.0) < 1e-6:
+        assert ball.rotation == (0, 0, part, part)
+    else:
+        assert ball.rotation == pytest.approx((0, 0, 0.5**0.5, 0.5**0.5), abs=1e-15)
+    assert World.parse(World((ball,)).plain()).bodies == (ball,)
+
+
+@pytest.mark.parametrize(
+    ("rotation", "length"),
+    [([0, 0, 1, 1], "1.41421"), ([0, 0, 0, 0], "0"), ([0.5, 0, 0, 0], "0.5")],
+)
+def test_one_of_another_length_is_refused_with_it(rotation: list[float], length: str) -> None:
+    with pytest.raises(BadWorld, match=rf"\], of length {length}; give x, y, z, w of a unit"):
+        World.parse([BALL | {"rotation": rotation}])
 
 
 @pytest.mark.parametrize(
@@ -120,7 +162,7 @@ def test_what_is_no_tuple_of_bodies(bodies: Any) -> None:
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        (7, "Body 2: 7 is no object with a name, a form and a position"),
+        (7, "Body 2: 7 is no object with a name and a form"),
         ([], "Body 2: [] is no object"),
         (BALL | {"name": "c", "sphere": {"radius": 0}}, "Body 2: The radius of c is 0"),
         ({"sphere": {"radius": 0.1}}, "Body 2: It has no name; give it a name"),

@@ -1,6 +1,7 @@
 """Options that several commands have."""
 
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -36,11 +37,18 @@ class Drawing(click.Path):
         super().__init__(path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """The path; one with another suffix is a wrong usage, told before anything is drawn."""
+        """The path; one that cannot be drawn to is a wrong usage, told before anything is done."""
         path = Path(value)
         if path.suffix and path.suffix.lower()[1:] not in self.FORMATS:
             there = ", ".join(f".{each}" for each in self.FORMATS)
             self.fail(f"{path}: a drawing is one of {there}", param, ctx)
+        if path.is_dir():
+            self.fail(f"{path} is a folder; name a file in it, such as plan.png", param, ctx)
+        if not path.parent.is_dir():
+            why = f"{path}: there is no folder {path.parent}; make it, or give another"
+            self.fail(why, param, ctx)
+        if not os.access(path if path.exists() else path.parent, os.W_OK):
+            self.fail(f"{path} cannot be written to; give another file", param, ctx)
         return path
 
 

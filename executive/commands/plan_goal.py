@@ -1,6 +1,7 @@
 """What `armtree plan` is asked for: joints, a pose, a point for the tool, or a task."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -8,8 +9,16 @@ from typing import Any
 from executive.building.check import motions_of
 from executive.building.port_types import declarations
 from hardware import Robot
-from skills import BadTarget, Positions, ReachPoint, Shift, check_targets, three
-from skills.motion import Query, Reached, ToolQuery, World
+from skills import (
+    BadTarget,
+    Positions,
+    ReachPoint,
+    Shift,
+    SkillError,
+    check_targets,
+    three,
+)
+from skills.motion import MotionError, Query, Reached, ToolQuery, World
 from skills.motion.planner import Planner
 from trees import UNITS, Declaration, FileError, Library, Place, fit, parse_value
 
@@ -73,7 +82,8 @@ class Goal:
             raise BadTarget(f"the robot has no group {self.group}; it has {there}")
         boot = {joint.name: joint.boot for joint in self.robot.actuated}
         asked = _Asked(planner, self.robot, self.library.poses()[0], "arm", self.seed, world)
-        begin = boot | asked.named(self.start, boot, {}, "--start")
+        with _within("--start"):
+            begin = boot | asked.named(self.start, boot, {}, goal=False)
         if self.tool and not asked.is_point(self.words):
             options = ", ".join(f"--{port}" for port in self.tool)
             raise BadTarget(f"{options} goes with a point for the tool; give x y z")
@@ -85,10 +95,12 @@ class Goal:
         asked.group = self.group or "arm"
         named = asked.named(self.words, begin, self.tool)
         asked.group = self.group or self._group(named)
-        stations = [asked.named(words.split(), begin, {}, "--via") for words in self.via]
-        *via, goal = (self._target(asked.group, each, begin) for each in (*stations, named))
+        with _within("--via"):
+            stations = [asked.named(each.split(), begin, {}, goal=False) for each in self.via]
+            via = tuple(self._target(asked.group, each, begin) for each in stations)
+        goal = self._target(asked.group, named, begin)
         start = tuple(begin.values())
-        query = Query(asked.group, start, goal, self.seed, via=tuple(via), world=world)
+        query = Query(asked.group, start, goal, self.seed, via=via, world=world)
         return [Leg(query)], []
 
     def _task(
@@ -130,10 +142,17 @@ class Goal:
     ) -> tuple[float, ...]:
         """Of every joint of a group."""
         joints = [joint.name for joint in self.robot.leaders(group)]
-        _check_names(named, joints)
+        self._check_group(group, named)
         target = Positions((name, named.get(name, begin[name])) for name in joints)
         check_targets(self.robot, {group: target})
         return tuple(target.values())
+
+    def _check_group(self, group: str, named: Mapping[str, float]) -> None:
+        for name in named:
+            (own,) = (g for g, members in self.robot.groups.items() if name in members)
+            if own != group:
+                why = f"{name} is of the {own}, and what moves is the {group}"
+                raise BadTarget(f"{why}; leave it out, or give --group {own}")
 
     def _group(self, named: Mapping[str, float]) -> str:
         """The one that all named joints belong to."""
@@ -163,7 +182,8 @@ class _Asked:
         words: Sequence[str],
         begin: dict[str, float],
         tool: Mapping[str, str],
-        option: str = "",
+        *,
+        goal: bool = True,
     ) -> dict[str, float]:
         """Positions of the joints that words speak of.
 
@@ -171,9 +191,9 @@ class _Asked:
             words: As in a Goal.
             begin: Where the arm stands, all actuated joints.
             tool: What else is said of a point.
-            option: That takes the words; empty for the goal itself.
+            goal: Whether they are the goal itself, not what an option takes.
         """
-        _check_units(words, option)
+        _check_words(words, goal, next(joint.name for joint in self.robot.actuated))
         if self.is_point(words):
             return self._reached(words, begin, tool)
         units = {joint.name: joint.unit for joint in self.robot.actuated}
@@ -195,7 +215,7 @@ class _Asked:
             elif word in self.poses:
                 named |= self.poses[word]
             else:
-                raise BadTarget(_no_pose(word, self.poses, option))
+                raise BadTarget(_no_pose(word, self.poses, goal))
         _check_names(named, units)
         return named
 
@@ -239,20 +259,44 @@ def _read(what: str, text: str, wanted: Declaration) -> Any:
         raise BadTarget(f"{what}: {error.mistakes[0].message}") from error
 
 
-def _check_units(words: Sequence[str], option: str) -> None:
+@contextmanager
+def _within(option: str) -> Iterator[None]:
+    """What is wrong with the values of an option is told with its name."""
+    try:
+        yield
+    except (SkillError, MotionError) as error:
+        error.args = (f"{option}: {error}",)
+        raise
+
+
+def _check_words(words: Sequence[str], goal: bool, joint: str) -> None:
+    """Refuse what is one word and stands in several; the joint is for an example."""
+    for word in words:
+        name, equals, value = word.partition("=")
+        sign = "+=" if name.endswith("+") else "="
+        name = name.removesuffix("+")
+        if equals and not name.strip():
+            why = "names no joint; write it in one word, such as"
+            raise BadTarget(f"{word!r} {why} {joint}=0.5")
+        if equals and name != name.strip():
+            right = f"{name.strip()}{sign}{value.strip()}"
+            raise BadTarget(f"{word!r} has blanks in it; write {right}")
     for before, word in pairwise(words):
         if any(word in units for units in UNITS.values()):
             why = f"{word!r} stands apart from its number; write {before}{word} in one word"
-            raise BadTarget(f"{option}: {why}" if option else f"{why}, or both in quotes")
+            raise BadTarget(f"{why}, or both in quotes" if goal else why)
 
 
-def _no_pose(word: str, poses: Mapping[str, object], option: str) -> str:
+def _no_pose(word: str, poses: Mapping[str, object], goal: bool) -> str:
     """What may stand there instead; a task goes its own way, so only the goal may be one."""
+    if goal and word.isdecimal():
+        why = f"{word!r} is the number of a task, and goes alone"
+        return f"{why}; plan one task at a time, or give x y z of the tool"
     there = f"{word!r} is no pose; there are {', '.join(poses)}. Or give"
     ways = "JOINT=VALUE or JOINT+=CHANGE"
-    if option:
-        return f"{option}: {there} {ways} or x y z of the tool, all of it in one pair of quotes"
-    return f"{there} {ways}, x y z of the tool, or the number of a task"
+    if goal:
+        return f"{there} {ways}, x y z of the tool, or the number of a task"
+    return f"{there} {ways} or x y z of the tool, all of it in one pair of quotes"
 
 
 def _check_names(named: Collection[str], there: Collection[str]) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 from hardware import Robot
 from skills.motion import BadWorld, MotionError, Verify, World
@@ -22,7 +23,8 @@ def read_world(file: Path) -> World:
         BadWorldFile: It cannot be read, or holds no list of bodies.
     """
     try:
-        return World.parse(json.loads(file.read_text(encoding="utf-8")))
+        text = file.read_text(encoding="utf-8")
+        return World.parse(json.loads(text, object_pairs_hook=_once))
     except BadWorld as error:
         raise _wrong(Place(file, 0, 0), str(error)) from error
     except OSError as error:
@@ -47,6 +49,18 @@ def check_world(file: Path, world: World, robot: Robot, planner: Planner) -> Non
         raise _wrong(Place(file, 0, 0), str(error)) from error
     except MotionError:  # it stands elsewhere
         pass
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object; json itself would take the last of equal keys, and say nothing."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for key in keys if keys.count(key) > 1)
+        name = found.get("name")
+        where = name if isinstance(name, str) and twice != "name" else "one object"
+        raise BadWorld(f"{json.dumps(twice)} stands twice in {where}; leave one out")
+    return found
 
 
 def _wrong(place: Place, why: str) -> BadWorldFile:

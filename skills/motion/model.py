@@ -131,7 +131,8 @@ class Model:
                 raise BadWorld(f"The robot has a {name} already; give the body another name")
             for other in sorted(body.touches - links - self._bodies.keys()):
                 what = f"{name} may touch {other}, but there is no such link or body"
-                raise BadWorld(f"{what}; there are {', '.join(sorted(links | set(self._bodies)))}")
+                there = links | self._bodies.keys() - {name}
+                raise BadWorld(f"{what}; there are {', '.join(sorted(there))}")
 
     def _add_floor(self, geometry: pin.GeometryModel, rules: CollisionRules) -> None:
         if rules.floor is not None:

@@ -1,5 +1,6 @@
 """What stands around the arm, and what it holds: bodies that are checked like its own links."""
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
@@ -10,6 +11,9 @@ from .errors import BadWorld, shown
 from .measures import FARTHEST
 
 _LEAST = math.ulp(0.0)  # of a size [m]
+_ROUNDED = 1e-2  # of the length of a quaternion that was written with three digits or more
+_UNIT = 1e-6
+_LONGEST = 60  # of a value in a message
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -84,19 +88,22 @@ class Body:
 
     def __post_init__(self) -> None:
         if not _word(self.name):
-            raise BadWorld(f"A body is called {shown(self.name)}; give it a name")
+            raise BadWorld(f"A body is called {_shown(self.name)}; give it a name")
         what = f"of {self.name} is"
         if not isinstance(self.shape, Shape):
             raise BadWorld(f"The shape {what} {shown(self.shape)}; give {', '.join(_SHAPES)}")
         self._check_sizes(what)
         if not _reals(self.position, 3):
             form = f"x, y, z in m, up to {FARTHEST:g} either way"
-            raise BadWorld(f"The position {what} {shown(self.position)}; give {form}")
-        if not _reals(self.rotation, 4) or not abs(math.hypot(*self.rotation) - 1.0) < 1e-6:
-            turn = shown(self.rotation)
-            raise BadWorld(f"The rotation {what} {turn}, no unit quaternion x, y, z, w")
+            raise BadWorld(f"The position {what} {_shown(self.position)}; give {form}")
+        if not _is_unit(self.rotation, _UNIT):
+            turn = _shown(self.rotation)
+            if _reals(self.rotation, 4):
+                turn += f", of length {math.hypot(*self.rotation):g}"
+            form = "x, y, z, w of a unit quaternion, whose length is 1"
+            raise BadWorld(f"The rotation {what} {turn}; give {form}")
         if not isinstance(self.link, str):
-            raise BadWorld(f"The link {what} {shown(self.link)}; give a name, or none")
+            raise BadWorld(f"The link {what} {_shown(self.link)}; give a name, or none")
         if not isinstance(self.touches, frozenset) or not all(map(_word, self.touches)):
             raise BadWorld(f"The touches {what} {shown(self.touches)}; give names, in a frozenset")
 
@@ -105,11 +112,11 @@ class Body:
             value, vector = getattr(self.shape, part.name), part.type == Vector
             if part.type is str:
                 if not _word(value):
-                    raise BadWorld(f"The {part.name} {what} {shown(value)}; give that of a file")
+                    raise BadWorld(f"The {part.name} {what} {_shown(value)}; give that of a file")
             elif not _reals(value if vector else (value,), 3 if vector else 1, _LEAST):
                 form = "x, y, z, each" if vector else "a number"
                 form += f" above 0, up to {FARTHEST:g}"
-                raise BadWorld(f"The {part.name} {what} {shown(value)}; give {form}")
+                raise BadWorld(f"The {part.name} {what} {_shown(value)}; give {form}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +147,7 @@ class World:
             BadWorld: There is none.
         """
         if not _word(name):
-            raise BadWorld(f"A body is called {shown(name)}; give a name")
+            raise BadWorld(f"A body is called {_shown(name)}; give a name")
         for body in self.bodies:
             if body.name == name:
                 return body
@@ -167,13 +174,15 @@ class World:
 
     @classmethod
     def parse(cls, bodies: Iterable[Mapping[str, Any]]) -> "World":
-        """The world that `plain` wrote down.
+        """The world that `plain` wrote down, or a person.
+
+        A quaternion that was rounded is scaled to length 1; one that need not be stays to the bit.
 
         Raises:
             BadWorld: It is no list of bodies.
         """
         if not isinstance(bodies, Iterable) or isinstance(bodies, str | Mapping):
-            raise BadWorld(f"{shown(bodies)} is no list of bodies")
+            raise BadWorld(f"{_shown(bodies)} is no list of bodies")
         found = []
         for number, body in enumerate(bodies, 1):
             try:
@@ -214,10 +223,10 @@ def _plain(body: Body) -> dict[str, Any]:
 
 def _parsed(plain: Any) -> Body:
     if not isinstance(plain, Mapping):
-        raise BadWorld(f"{shown(plain)} is no object with a name, a form and a position")
+        raise BadWorld(f"{_shown(plain)} is no object with a name and a form")
     name = plain.get("name", "")
     if not isinstance(name, str) or not name:
-        what = f"It is called {shown(name)}" if name else "It has no name"
+        what = f"It is called {_shown(name)}" if name else "It has no name"
         raise BadWorld(f"{what}; give it a name")
     keys = [each.name for each in fields(Body) if each.name != "shape"]
     _check_keys(name, plain, [*keys, *_SHAPES])
@@ -228,7 +237,9 @@ def _parsed(plain: Any) -> Body:
     rest = {key: _tupled(plain[key]) for key in keys if key in plain}
     touches = rest.pop("touches", ())
     if not isinstance(touches, tuple) or not all(map(_word, touches)):
-        raise BadWorld(f"The touches of {name} is {shown(touches)}; give a list of names")
+        raise BadWorld(f"The touches of {name} is {_shown(touches)}; give a list of names")
+    if "rotation" in rest and _is_unit(rest["rotation"], _ROUNDED):
+        rest["rotation"] = _scaled(rest["rotation"])
     return Body(shape=_form(name, forms[0], plain[forms[0]]), touches=frozenset(touches), **rest)
 
 
@@ -236,7 +247,7 @@ def _form(name: str, kind: str, plain: Any) -> Shape:
     shape, parts = _SHAPES[kind], fields(_SHAPES[kind])
     wanted = [part.name for part in parts]
     if not isinstance(plain, Mapping):
-        what = f"The {kind} of {name} is {shown(plain)}"
+        what = f"The {kind} of {name} is {_shown(plain)}"
         raise BadWorld(f"{what}; give an object with its {' and '.join(wanted)}")
     _check_keys(f"the {kind} of {name}", plain, wanted)
     for part in parts:
@@ -250,11 +261,35 @@ def _check_keys(whose: str, plain: Mapping[str, Any], known: Sequence[str]) -> N
         if key not in known:
             near = get_close_matches(str(key), [each for each in known if each not in plain], n=1)
             there = ", ".join(known) + (f"; did you mean {near[0]}?" if near else "")
-            raise BadWorld(f"{shown(key)} is no key of {whose}; there are {there}")
+            raise BadWorld(f"{_shown(key)} is no key of {whose}; there are {there}")
 
 
 def _tupled(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
+
+
+def _is_unit(rotation: Any, off: float) -> bool:
+    """Whether it is four numbers whose length is nearly 1."""
+    return _reals(rotation, 4) and abs(math.hypot(*rotation) - 1.0) < off
+
+
+def _scaled(rotation: Quaternion) -> Quaternion:
+    if _is_unit(rotation, _UNIT):
+        return rotation
+    length = math.hypot(*rotation)
+    x, y, z, w = (part / length for part in rotation)
+    return x, y, z, w
+
+
+def _shown(value: object) -> str:
+    """Somebody's value as JSON, which it was written in, and short."""
+    try:
+        text = json.dumps(value, ensure_ascii=False)
+        if not text.isprintable():
+            text = json.dumps(value)
+    except (TypeError, ValueError, RecursionError):  # none of JSON, or a number of many digits
+        return shown(value)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 def _word(value: object) -> bool:

@@ -1,0 +1,78 @@
+"""What `armtree plan` is asked wrongly, or with a wrong robot: told before anything is planned."""
+
+import re
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from executive.codes import look_up
+from executive.commands.cli import cli
+from hardware import load_robot
+from skills.motion.errors import ModelUnusable
+
+
+def plan(*arguments: str) -> Result:
+    return CliRunner().invoke(cli, ["plan", *arguments])
+
+
+def test_a_urdf_that_cannot_be_planned_with_is_a_wrong_file(tmp_path: Path) -> None:
+    shipped = load_robot()
+    robot = tmp_path / "robot.toml"
+    robot.write_text(shipped.path.read_text())
+    first = r"(<collision>.*?<geometry>)<.*?/>"
+    urdf = re.sub(first, r"\1<capsule/>", shipped.urdf.read_text(), count=1, flags=re.DOTALL)
+    (tmp_path / shipped.urdf.name).write_text(urdf)
+    result = plan("right", "--robot", str(robot))
+    assert isinstance(result.exception, ModelUnusable)
+    assert "has a capsule" in str(result.exception)
+    assert look_up(result.exception.code).exit == 3
+
+
+@pytest.mark.parametrize(
+    ("goal", "why"),
+    [
+        (
+            ("right", "--start", "joint_4=-0.5", "--via", "joint_4=-0.2"),
+            "--via: joint_4 is of the gripper, and what moves is the arm; leave it out, or give "
+            "--group gripper",
+        ),
+        (
+            ("right", "--group", "gripper"),
+            "joint_1 is of the arm, and what moves is the gripper; leave it out, or "
+            "give --group arm",
+        ),
+        (("joint_1 = 0.5",), "'joint_1 = 0.5' has blanks in it; write joint_1=0.5"),
+        (("joint_1 += 0.5",), "'joint_1 += 0.5' has blanks in it; write joint_1+=0.5"),
+        (("joint_1", "=", "0.5"), "'=' names no joint; write it in one word, such as joint_1=0.5"),
+        (("=1",), "'=1' names no joint; write it in one word, such as joint_1=0.5"),
+        (("right", "--via", "+=1"), "--via: '+=1' names no joint"),
+        (("1", "2"), "'1' is the number of a task, and goes alone; plan one task at a time, or"),
+        (("right", "--via", "joint_1=9"), "--via: joint_1 = 9.0 rad is outside its limits"),
+        (("right", "--via", "9 9 9"), "--via: The tool cannot reach (9.0000, 9.0000, 9.0000) m"),
+        (("right", "--start", "9 9 9"), "--start: The tool cannot reach (9.0000, 9.0000, 9.0000)"),
+        (("right", "--start", "joint_9=1"), "--start: joint_9 is no joint that can be set"),
+    ],
+)
+def test_what_is_asked_wrongly_is_named_with_its_option(goal: tuple[str, ...], why: str) -> None:
+    result = plan(*goal)
+    assert str(result.exception).startswith(why)
+    assert look_up(getattr(result.exception, "code", "")).exit in (4, 5)
+
+
+@pytest.mark.parametrize(
+    ("output", "why"),
+    [
+        (".", "is a folder; name a file in it, such as"),
+        ("nowhere/plan.png", "there is no folder"),
+        ("file/plan.png", "there is no folder"),
+    ],
+)
+def test_where_nothing_can_be_drawn_is_told_before_planning(
+    tmp_path: Path, output: str, why: str
+) -> None:
+    (tmp_path / "file").write_text("")
+    result = plan("right", "-o", str(tmp_path / output))
+    assert result.exit_code == 2
+    assert why in result.output
+    assert "Goal " not in result.output
