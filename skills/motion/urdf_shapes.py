@@ -1,14 +1,11 @@
 """The shapes of links as the URDF has them: pinocchio leaves out, unasked, what it cannot read."""
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
 from .errors import ModelUnusable, shown
-from .measures import FARTHEST, is_number
-
-_LEAST = math.ulp(0.0)  # a link without a thickness is a mistake, as nothing solid is flat [m]
+from .measures import FARTHEST, LEAST, is_number
 
 _Fits = Callable[[float], bool]
 
@@ -70,7 +67,7 @@ def _is_place(number: float) -> bool:
 
 
 def _is_size(number: float) -> bool:
-    return is_number(number, _LEAST, FARTHEST)
+    return is_number(number, LEAST, FARTHEST)
 
 
 def _is_length(text: str | None) -> bool:

@@ -8,9 +8,8 @@ from difflib import get_close_matches
 from typing import Any
 
 from .errors import BadWorld, shown
-from .measures import FARTHEST
+from .measures import FARTHEST, LEAST
 
-_LEAST = math.ulp(0.0)  # of a size [m]
 _ROUNDED = 1e-2  # of the length of a quaternion that was written with three digits or more
 _UNIT = 1e-6
 _LONGEST = 60  # of a value in a message
@@ -113,7 +112,7 @@ class Body:
             if part.type is str:
                 if not _word(value):
                     raise BadWorld(f"The {part.name} {what} {_shown(value)}; give that of a file")
-            elif not _reals(value if vector else (value,), 3 if vector else 1, _LEAST):
+            elif not _reals(value if vector else (value,), 3 if vector else 1, LEAST):
                 form = "x, y, z, each" if vector else "a number"
                 form += f" above 0, up to {FARTHEST:g}"
                 raise BadWorld(f"The {part.name} {what} {_shown(value)}; give {form}")
