@@ -75,7 +75,9 @@ def grown(count: int, folder: Path) -> Iterator[Growth]:
         yield growth
 
 
-def rows(runs: Sequence[dict[str, Score]], quick: bool, folder: Path) -> Iterator[Row]:
+def rows(
+    runs: Sequence[dict[str, Score]], quick: bool, folder: Path, overhead: Row
+) -> Iterator[Row]:
     """The figures that the project holds itself to; arms are written into a folder."""
     last, robot = runs[-1], load_robot()
     own = list(last.values())
@@ -99,7 +101,7 @@ def rows(runs: Sequence[dict[str, Score]], quick: bool, folder: Path) -> Iterato
     yield Row("onward_colliding", "", [on.colliding])
     yield Row("onward_excess", "1", [max(on.over)])
     yield Row("seven_axis_success", "1", [len(last["seven"].spent) / last["seven"].asked])
-    yield Row("worker_overhead_ms", "ms", overheads(robot, 100 if quick else 500))
+    yield overhead
     late, canceled, again = deadlines(robot, 10 if quick else 50, folder)
     yield Row("past_deadline_ms", "ms", late)
     yield Row("cancel_ms", "ms", canceled)
@@ -165,6 +167,9 @@ def main() -> None:
     found = {name: installed(name, given.environments, sys.stdout.write) for name in wanted}
     peers = {name: venv for name, venv in found.items() if venv}
     problems = [*fixed(12), *random(30 if given.quick else 300)]
+    # First, while as little is in memory as where a task runs.
+    count = 100 if given.quick else 500
+    overhead = Row("worker_overhead_ms", "ms", overheads(load_robot(), count))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         scores = list(table(problems, peers, folder))
@@ -174,7 +179,7 @@ def main() -> None:
             again = {problem.name: ours(problem) for problem in problems if problem.name != "seven"}
             runs.append({**runs[0], **again})
         draw(scores, growing, given.plot)
-        figures = list(rows(runs, given.quick, folder))
+        figures = list(rows(runs, given.quick, folder, overhead))
     figures += [Row(f"{g.what}_10x", "1", [g.spent[-1] / g.spent[0]]) for g in growing]
     show(figures, given.json)
     sys.stdout.write(f"{given.plot}\n")
