@@ -135,11 +135,14 @@ def test_a_worker_that_answers_twice(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What it says of the first question is no answer to the second."""
-    twice = answered(PlanTimeout(1.0)) * 2
-    program(tmp_path / "twice", SAYS.replace("recv(1)", "recv(65536)"), monkeypatch, answer=twice)
+    again = "parent.recv(65536)\n    parent.sendall({answer!r})\n    parent.recv(1)"
+    says = SAYS.replace("parent.recv(1)", again)
+    program(tmp_path / "twice", says, monkeypatch, answer=answered(PlanTimeout(1.0)))
     worker = WorkerProcess(robot)
-    answers = [worker.ask(PICK), worker.ask(PICK)]
-    assert isinstance(answers[-1], WorkerDied)
+    assert isinstance(worker.ask(PICK), PlanTimeout)
+    died = worker.ask(PICK)
+    assert isinstance(died, WorkerDied)
+    assert died.why == "it answered request 1 instead of 2"
     assert not worker.alive
     worker.close()
 
