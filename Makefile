@@ -45,7 +45,7 @@ mutation: $(TOOLS)
 
 # Needs avr-gcc; the committed .hex is what Debian 12's makes.
 firmware:
-	hardware/firmware/build
+	hardware/drivers/arduino/firmware/build
 
 $(PIP):
 	@$(PYTHON) -c 'import sys; sys.exit("armtree needs Python 3.11 or later" if sys.version_info < (3, 11) else 0)'

@@ -1,8 +1,30 @@
 """The arm as it is: description, wire format, link, lifecycle, guard and streamer."""
 
-from .arm import Arm
+from .arm.arm import Arm
+from .arm.events import (
+    ArmEvent,
+    BoardReturned,
+    BytesReceived,
+    CommandSent,
+    Faulted,
+    FrameSent,
+    Observer,
+    StateChanged,
+)
+from .arm.interfaces import states
+from .arm.lifecycle import State
+from .arm.schedule import Schedule, Setpoint, compile_schedule, played
+from .arm.streamer import Playback, PlaybackState
 from .clock import Clock, RealClock, Signal, SimulatedClock
-from .description import load_robot
+from .description.joints import Joint, Mimic
+from .description.robot import CollisionRules, Robot, Serial, Tool
+from .description.robot_file import load_robot
+from .drivers.arduino.frames import Codec, Frame, WireField, check_position
+from .drivers.arduino.serial_servo import VIRTUAL, virtual_board
+from .drivers.arduino.virtual.arduino import VirtualArduino, VirtualLink
+from .drivers.arduino.virtual.board import Board, BoardState
+from .drivers.arduino.virtual.link import BoardLink
+from .drivers.firmware import FIRMWARES, Firmware
 from .errors import (
     ActivationStopped,
     BadPosition,
@@ -31,31 +53,9 @@ from .errors import (
     WriteRefused,
     WrongFirmware,
 )
-from .events import (
-    ArmEvent,
-    BoardReturned,
-    BytesReceived,
-    CommandSent,
-    Faulted,
-    FrameSent,
-    Observer,
-    StateChanged,
-)
-from .frames import Codec, Frame, WireField, check_position
-from .interfaces import states
-from .joints import Joint, Mimic
-from .lifecycle import State
-from .link import Link
-from .ports import Check, SerialPort, check_port, serial_ports
-from .profiles import FIRMWARES, Firmware
-from .robot import CollisionRules, Robot, Serial, Tool
-from .schedule import Schedule, Setpoint, compile_schedule, played
-from .serial_link import SerialLink
-from .serial_servo import VIRTUAL, virtual_board
-from .streamer import Playback, PlaybackState
-from .virtual.arduino import VirtualArduino, VirtualLink
-from .virtual.board import Board, BoardState
-from .virtual.link import BoardLink
+from .link.link import Link
+from .link.ports import Check, SerialPort, check_port, serial_ports
+from .link.serial_link import SerialLink
 
 __all__ = [
     "FIRMWARES",

@@ -34,7 +34,7 @@ Every error carries a stable `code`, and its message says what to do next.
 from collections.abc import Sequence
 from pathlib import Path
 
-from .joints import Joint
+from .description.joints import Joint
 
 
 class HardwareError(Exception):

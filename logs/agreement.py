@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from hardware.description.kinematics import Links
+
 from .compaction import RECOVERED
 from .conversions import Stamp
 from .errors import RecordingError, RecordingTruncated
-from .kinematics import Links
 from .reader import Message, read
 from .recording import Recording
 from .records import Description, LogLine, Plan, Received, Record, Transition

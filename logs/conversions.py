@@ -7,7 +7,8 @@ from uuid import UUID
 
 import numpy as np
 
-from .kinematics import Links, Place
+from hardware.description.kinematics import Links, Place
+
 from .records import Description, Feedback, LogLine, Plan, Received, Record, Sent, Transition
 from .ros_types import RosTypes
 

@@ -8,9 +8,10 @@ from io import BufferedWriter
 from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 
+from hardware.description.kinematics import Links
+
 from .checks import END, MAGIC, UNFINISHED, checked
 from .conversions import Stamp
-from .kinematics import Links
 from .records import Attachment, Description, Item, Note, Record
 from .ros_types import ros_types
 from .tail import Tail

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hardware import CollisionRules, Joint, Robot, WireField, load_robot
 from skills.motion.contacts import Contacts
+from tests.support.paths import DATA
 
-DATA = Path(__file__).parent / "data"
 ARMS = ("six_axes", "seven_axes", "endless")
 _PAIR = """name = "arm"
 urdf = "arm.urdf"

@@ -14,11 +14,11 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from hardware.dialogue import Dialogue
-from hardware.door import Door
-from hardware.driver import Driver
-from hardware.events import Observer
-from hardware.interfaces import Claim
+from hardware.arm.events import Observer
+from hardware.arm.interfaces import Claim
+from hardware.arm.write_guard import Door
+from hardware.drivers.arduino.acknowledgements import Dialogue
+from hardware.drivers.driver import Driver
 
 ROBOT = load_robot()
 HOME = (0.0, 0.0, 0.0, 0.0)

@@ -2,9 +2,8 @@
 
 import shutil
 import subprocess
-from pathlib import Path
 
-PEERS = Path(__file__).parent / "peers"
+from tests.support.paths import PEERS
 
 
 def without_node(package: str) -> str:

@@ -22,21 +22,21 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from tests.support.paths import EXAMPLES, ROBOT_FILE, ROOT
 from tests.typed import typed
 
-HARDWARE = Path(__file__).parents[1] / "hardware"
-EXAMPLES = Path(__file__).parents[1] / "trees" / "examples"
+ROBOT = ROBOT_FILE.parent
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Path:
     """The shipped robot, quick: a second is enough for its board to boot, and it moves faster."""
-    text = (HARDWARE / "arduinobot.toml").read_text()
+    text = (ROBOT / "arduinobot.toml").read_text()
     text = text.replace("boot_wait_s = 2.0", "boot_wait_s = 1.05")
     text = text.replace("acceleration = 0.5", "acceleration = 4.0")
     text = text.replace("velocity = 1.0", "velocity = 1.5")
-    shutil.copy(HARDWARE / "arduinobot.urdf", tmp_path)
+    shutil.copy(ROBOT / "arduinobot.urdf", tmp_path)
     path = tmp_path / "quick.toml"
     path.write_text(text)
     return path
@@ -342,7 +342,7 @@ def test_doctor_looks_and_opens_nothing(tmp_path: Path, listener: Listener) -> N
 def test_the_tour_of_the_readme_works_as_typed(
     tmp_path: Path, robot: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = (HARDWARE.parent / "README.md").read_text()
+    text = (ROOT / "README.md").read_text()
     tour = text[text.index("## Five minutes") : text.index("## A real arm")]
     commands, wave = re.findall(r"```(?:sh|yaml)\n(.*?)```", tour, re.DOTALL)
     lines = re.findall(r"^armtree (.*?)(?: +#.*)?$", commands, re.MULTILINE)

@@ -7,7 +7,6 @@ from textwrap import indent
 import pytest
 
 import logs
-import trees
 from executive.building.arguments import BadArguments
 from executive.building.plugins import load_skills
 from executive.building.port_types import known_skills
@@ -16,9 +15,7 @@ from executive.replay.proof import prove
 from executive.replay.proof_words import in_words
 from hardware import SimulatedClock
 from tests.conftest import Rig, RigMaker
-
-EXAMPLES = Path(trees.__file__).parent / "examples"
-
+from tests.support.paths import EXAMPLES
 
 Near = Callable[[float, float], None]
 

@@ -2,7 +2,6 @@
 
 import importlib
 import pkgutil
-from pathlib import Path
 
 import executive
 import hardware
@@ -10,8 +9,7 @@ import logs
 import skills
 import trees
 from executive.codes import CODES, INTERNAL, code_table, look_up
-
-ROOT = Path(__file__).parents[1]
+from tests.support.paths import ROOT
 
 
 def every_error() -> set[type[Exception]]:

@@ -17,6 +17,7 @@ from executive import Client
 from executive.commands.log_handler import LogHandler
 from logs import LogLine, Recording
 from tests.serving import TASKS, Served, Typed
+from tests.support.paths import ROBOT_FILE
 from tests.test_logs_compaction import run_journal
 
 pytest_plugins = ["tests.server_fixtures"]
@@ -34,8 +35,8 @@ class Shell:
         self.tasks.mkdir()
         for name, text in TASKS.items():
             (self.tasks / name).write_text(text)
-        text = (Path(__file__).parents[1] / "hardware" / "arduinobot.toml").read_text()
-        urdf = Path(__file__).parents[1] / "hardware" / "arduinobot.urdf"
+        text = ROBOT_FILE.read_text()
+        urdf = ROBOT_FILE.with_suffix(".urdf")
         text = text.replace('"arduinobot.urdf"', json.dumps(str(urdf)))
         self.robot = folder / "quick.toml"
         self.robot.write_text(re.sub(r"boot_wait_s = .*", "boot_wait_s = 1.0", text))

@@ -207,7 +207,7 @@ def test_a_motion_that_cannot_begin_for_a_fault_ends_with_that_fault(server: Rig
             arm.link.unplug()
             assert failed.wait(5)
 
-    telling, log = Telling(logging.ERROR), logging.getLogger("hardware.arm")
+    telling, log = Telling(logging.ERROR), logging.getLogger("hardware.arm.arm")
     log.addHandler(telling)
     arm.on_record = fail
     try:

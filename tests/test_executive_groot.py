@@ -7,14 +7,13 @@ from pathlib import Path
 
 import pytest
 
-import trees
 from executive.building.check import outline_of
 from executive.building.groot import as_groot
 from executive.building.plugins import load_skills
 from hardware import Robot
+from tests.support.paths import EXAMPLES
 from trees import Library
 
-EXAMPLES = Path(trees.__file__).parent / "examples"
 LOADER = Path(sys.prefix) / ".behaviortree"
 FOR_US = {"name", "_description"}  # attributes that are no ports
 

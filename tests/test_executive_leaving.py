@@ -3,7 +3,7 @@
 import pytest
 
 from executive.goal import GoalState
-from hardware.connection import Connection
+from hardware.arm.connection import Connection
 from tests.conftest import RigMaker
 from tests.server_acts import at_frame, run
 

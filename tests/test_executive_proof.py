@@ -17,6 +17,7 @@ from logs import Recording
 from logs.ros_types import ros_types
 from tests.alterations import Change, altered, each, lacking, moved, replace, retold
 from tests.conftest import Rig, RigMaker
+from tests.support.paths import DATA
 from tests.test_executive_executive import reach
 
 
@@ -386,7 +387,7 @@ def test_a_plan_that_was_canceled_tells_its_world(rig: RigMaker, tmp_path: Path)
 
 def test_the_mesh_of_a_body_is_in_the_recording(rig: RigMaker, tmp_path: Path) -> None:
     mesh = tmp_path / "beam.stl"
-    mesh.write_bytes((Path(__file__).parent / "data" / "beam.stl").read_bytes())
+    mesh.write_bytes((DATA / "beam.stl").read_bytes())
     made = around(rig, tmp_path)
     task = tmp_path / "tasks" / "7_around.yaml"
     post = f"    - AddMesh: {{body: beam, file: {mesh}, position: [0.25, 0.25, 0]}}\n    - AddBox:"

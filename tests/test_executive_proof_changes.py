@@ -15,9 +15,10 @@ from logs.ros_types import ros_types
 from tests.alterations import Change, altered, each, records_of, retold, rewritten
 from tests.conftest import RigMaker
 from tests.single_changes import single_changes
+from tests.support.paths import EXAMPLES
 from tests.test_executive_proof import field, picked, verdicts
 
-EXAMPLE = Path(__file__).parents[1] / "trees" / "examples" / "recordings" / "7_measure.mcap"
+EXAMPLE = EXAMPLES / "recordings" / "7_measure.mcap"
 
 # What follows from nothing else in a recording: that it was changed is told by its digests alone.
 BY_DIGEST_ALONE = """\

@@ -7,10 +7,8 @@ from pathlib import Path
 
 import pytest
 
-import trees
 from executive.rehearsal import Rehearsal
-
-EXAMPLES = Path(trees.__file__).parent / "examples"
+from tests.support.paths import EXAMPLES
 
 
 def test_a_task_and_its_functions() -> None:

@@ -26,13 +26,12 @@ from logs.table import export
 from logs.timeline import timeline
 from tests.alterations import altered, lacking, replace, retold
 from tests.conftest import RigMaker
+from tests.support.paths import ROOT
 from tests.test_end_to_end import events, sent_frames, start
 from tests.test_end_to_end import robot as quick
 from tests.typed import typed as finish
 
 __all__ = ["quick"]
-
-ROOT = Path(__file__).parents[1]
 
 
 def test_verify_holds_and_says_what_it_compared(tmp_path: Path, picked: Path) -> None:

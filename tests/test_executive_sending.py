@@ -13,6 +13,7 @@ from executive.commands.sending import NotReplayable, _setpoints
 from hardware import load_robot
 from tests.alterations import Change, altered, retold
 from tests.conftest import RigMaker
+from tests.support.paths import EXAMPLES
 from tests.test_end_to_end import events, sent_frames, start
 from tests.test_end_to_end import robot as quick
 from tests.typed import typed
@@ -20,7 +21,7 @@ from tests.typed import typed
 __all__ = ["quick"]
 
 ROBOT = load_robot().path
-WAVE = Path(__file__).parents[1] / "trees" / "examples" / "recordings" / "3_wave.mcap"
+WAVE = EXAMPLES / "recordings" / "3_wave.mcap"
 
 
 def test_the_same_frames_are_sent_again_as_a_run_of_its_own(

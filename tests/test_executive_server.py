@@ -17,6 +17,7 @@ from hardware import NotActive, PortMissing, State, TransitionRefused
 from skills import PlanGripper
 from tests.conftest import RigMaker
 from tests.server_acts import at_frame, history, run
+from tests.support.paths import EXAMPLES
 
 # The plain way
 
@@ -45,9 +46,8 @@ def test_an_arm_that_is_not_active_does_nothing(server: RigMaker) -> None:
 
 
 def test_parameters_as_texts(server: RigMaker) -> None:
-    import trees
 
-    arm = server(tasks=Path(trees.__file__).parent / "examples")
+    arm = server(tasks=EXAMPLES)
     sent = arm.executive.send(3, {"swing": "5 deg", "times": "1"})
     assert arm.executive.result(sent.identity).success
     assert "b095" in {frame[:4] for frame in arm.frames}
@@ -121,7 +121,7 @@ def test_a_fault_ends_the_goal_that_it_hit_and_no_other(server: RigMaker, tmp_pa
             second.append(arm.executive.send(10).identity)
             arm.rest(1.0)
 
-    telling, log = Telling(logging.ERROR), logging.getLogger("hardware.arm")
+    telling, log = Telling(logging.ERROR), logging.getLogger("hardware.arm.arm")
     log.addHandler(telling)
     try:
         at_frame(arm, 10, arm.link.unplug)

@@ -15,10 +15,11 @@ from urllib.parse import urlencode
 import pytest
 
 from tests.serving import Serve, Served
+from tests.support.paths import PEERS
 
 pytest_plugins = ["tests.server_fixtures"]
 
-PAGE = Path(__file__).parent / "peers" / "page.html"
+PAGE = PEERS / "page.html"
 CHROMIUM = shutil.which("chromium")
 
 

@@ -15,9 +15,10 @@ from executive.commands.sweeps import POSES, scenes_of
 from logs.figure import Scene
 from logs.sweep import Sweep
 from tests.conftest import RigMaker
+from tests.support.paths import DATA
 from tests.test_logs_run import RUNS, record
 
-BEAM = Path(__file__).parent / "data" / "beam.stl"
+BEAM = DATA / "beam.stl"
 TASK = """
 task: 7
 name: carry

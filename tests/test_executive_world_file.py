@@ -13,8 +13,9 @@ from executive.codes import look_up
 from executive.commands.cli import cli
 from executive.commands.world_file import BadWorldFile, read_world
 from skills.motion import Body, Box, Shape, Sphere
+from tests.support.paths import ROOT
 
-README = Path(__file__).parents[1] / "README.md"
+README = ROOT / "README.md"
 POST = '{"name": "post", "box": {"size": [0.03, 0.03, 0.2]}}'
 
 

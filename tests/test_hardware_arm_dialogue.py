@@ -9,7 +9,6 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 
@@ -38,8 +37,9 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from hardware.dialogue import ANSWER
+from hardware.drivers.arduino.acknowledgements import ANSWER
 from tests.hardware_rigs import HOME, PICK, motion
+from tests.support.paths import ROOT
 
 OURS = FIRMWARES["armtree"]
 ROBOT = dataclasses.replace(load_robot(), firmware=OURS)
@@ -326,7 +326,7 @@ def test_a_host_that_stood_still_is_no_lost_frame() -> None:
         [sys.executable, "-c", STALLED],
         stdout=subprocess.PIPE,
         text=True,
-        cwd=Path(__file__).parents[1],
+        cwd=ROOT,
     ) as process:
         _, status = os.waitpid(process.pid, os.WUNTRACED)
         assert os.WIFSTOPPED(status)

@@ -7,7 +7,6 @@ import sys
 import threading
 import weakref
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -24,9 +23,10 @@ from hardware import (
     StateChanged,
     TransitionRefused,
 )
-from hardware.connection import Connection
-from hardware.door import Door
+from hardware.arm.connection import Connection
+from hardware.arm.write_guard import Door
 from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
+from tests.support.paths import ROOT
 
 
 @pytest.fixture
@@ -354,7 +354,7 @@ rig.arm._observe = lambda event: print(event.label, event.goal.value, flush=True
         capture_output=True,
         text=True,
         check=False,
-        cwd=Path(__file__).parents[1],
+        cwd=ROOT,
     )
     assert (done.stderr, done.returncode) == ("", 0)
     assert done.stdout.splitlines()[-1] == "transition_success finalized"

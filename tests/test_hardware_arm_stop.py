@@ -21,8 +21,8 @@ from hardware import (
     StateChanged,
     TransitionRefused,
 )
-from hardware.connection import Connection
-from hardware.streamer import Streamer
+from hardware.arm.connection import Connection
+from hardware.arm.streamer import Streamer
 from tests.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing
 
 

@@ -13,6 +13,7 @@ import pytest
 from hardware import FIRMWARES, Board, RealClock, SerialLink
 from tests.avr import rig
 from tests.avr.rig import BAUD, BOOT, TASKS, AvrArduino, AvrBoard, Built, MakeBoard, at, frame
+from tests.support.paths import ROBOT_FILE
 
 pytest_plugins = ["tests.avr.fixtures"]
 pytestmark = pytest.mark.skipif(bool(rig.missing()), reason=rig.missing())
@@ -199,7 +200,7 @@ def _line(link: SerialLink) -> bytes:
 @pytest.mark.parametrize("firmware", FIRMWARES)
 def test_a_task_on_avr_code(built: Built, firmware: str, tmp_path: Path) -> None:
     """The executive, its planner and its streamer, down to the pulses."""
-    source = Path(__file__).parents[1] / "hardware"
+    source = ROBOT_FILE.parent
     text = (source / "arduinobot.toml").read_text()
     text = text.replace("boot_wait_s = 2.0", "boot_wait_s = 1.05")
     text = text.replace('firmware = "stock"', f'firmware = "{firmware}"')

@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from hardware import ArmEvent, BytesReceived, RealClock, load_robot
-from hardware.connection import Connection
+from hardware.arm.connection import Connection
 
 
 class Line:
@@ -53,7 +53,7 @@ class Watch:
 @pytest.fixture
 def line(monkeypatch: pytest.MonkeyPatch) -> Line:
     """Those who close a connection wait for nobody."""
-    monkeypatch.setattr("hardware.connection.PATIENCE", 0.01)
+    monkeypatch.setattr("hardware.arm.connection.PATIENCE", 0.01)
     return Line()
 
 

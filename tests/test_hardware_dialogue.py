@@ -8,15 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware import (
-    FIRMWARES,
-    BoardReset,
-    Codec,
-    FrameLost,
-    WrongFirmware,
-    load_robot,
-)
-from hardware.dialogue import ANSWER, Dialogue
+from hardware import FIRMWARES, BoardReset, Codec, FrameLost, WrongFirmware, load_robot
+from hardware.drivers.arduino.acknowledgements import ANSWER, Dialogue
 
 OURS = FIRMWARES["armtree"]
 OTHER = dataclasses.replace(OURS, name="other", banner=b"other 1 ")

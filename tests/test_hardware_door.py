@@ -18,9 +18,9 @@ from hardware import (
     StaleGeneration,
     TooFast,
 )
-from hardware.dialogue import ANSWER
-from hardware.frames import Frame
-from hardware.serial_servo import SerialServo
+from hardware.drivers.arduino.acknowledgements import ANSWER
+from hardware.drivers.arduino.frames import Frame
+from hardware.drivers.arduino.serial_servo import SerialServo
 from tests.hardware_door_rig import HOME, Rig, degrees
 
 

@@ -188,7 +188,7 @@ def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object
 def test_nobody_waits_for_ever_for_a_write_that_does_not_return(
     act: Callable[[Rig], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hardware.door._WAIT", 0.002)
+    monkeypatch.setattr("hardware.arm.write_guard._WAIT", 0.002)
     rig, entered, leave = Rig(), threading.Event(), threading.Event()
 
     def meanwhile() -> None:

@@ -15,7 +15,7 @@ from hardware import (
     SimulatedClock,
     load_robot,
 )
-from hardware.serial_servo import SerialServo
+from hardware.drivers.arduino.serial_servo import SerialServo
 from tests.hardware_rigs import motion
 
 DRIVER = '''

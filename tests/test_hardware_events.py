@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from hardware import ArmEvent, CommandSent
-from hardware.events import Outbox
+from hardware.arm.events import Outbox
 
 FIRST, SECOND, THIRD = (CommandSent(time, b"") for time in (1.0, 2.0, 3.0))
 

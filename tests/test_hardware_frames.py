@@ -5,7 +5,6 @@ import dataclasses
 import math
 from collections.abc import Callable
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware import BadPosition, Codec, Frame, Joint, WireField, check_position, load_robot
+from tests.support.paths import DATA
 
 ROBOT = load_robot()
 CODEC = Codec(ROBOT.actuated)
@@ -23,7 +23,7 @@ WITHIN = st.tuples(*(st.floats(joint.lower, joint.upper) for joint in ROBOT.actu
 
 
 def golden() -> list[tuple[tuple[float, ...], str]]:
-    with (Path(__file__).parent / "data" / "golden_frames.csv").open(newline="") as file:
+    with (DATA / "golden_frames.csv").open(newline="") as file:
         rows = list(csv.reader(file))[1:]
     return [(tuple(map(float, row[:4])), row[4]) for row in rows]
 

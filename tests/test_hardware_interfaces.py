@@ -3,7 +3,7 @@
 import pytest
 
 from hardware import InterfaceClaimed, InterfaceUnknown, StaleGeneration, load_robot
-from hardware.interfaces import Claim, Claims, command_interfaces, states
+from hardware.arm.interfaces import Claim, Claims, command_interfaces, states
 
 STALE = "^the arm was stopped or moved since this motion was decided on$"
 STOPPED = "^this motion was stopped; nothing more is sent for it$"

@@ -3,12 +3,12 @@
 import itertools
 import re
 import threading
-from pathlib import Path
 
 import pytest
 
 from hardware import HardwareError, State, TransitionRefused
-from hardware.lifecycle import EDGES, OUTCOMES, REQUESTS, Callback, Lifecycle, Result
+from hardware.arm.lifecycle import EDGES, OUTCOMES, REQUESTS, Callback, Lifecycle, Result
+from tests.support.paths import ROOT
 
 # rcl's 25 edges as its C source orders them, and `raise_error`, from the design article.
 RCL = """
@@ -287,5 +287,5 @@ def drawing() -> str:
 
 
 def test_the_drawing_in_the_architecture_is_this_table() -> None:
-    text = (Path(__file__).parents[1] / "ARCHITECTURE.md").read_text()
+    text = (ROOT / "ARCHITECTURE.md").read_text()
     assert drawing() in text, f"paste this into ARCHITECTURE.md:\n{drawing()}"

@@ -22,8 +22,8 @@ from hardware import (
     VirtualArduino,
     load_robot,
 )
-from hardware import ports as ports_module
-from hardware.lookout import Lookout
+from hardware.arm.reconnect import Lookout
+from hardware.link import ports as ports_module
 from tests.hardware_rigs import settled_for
 
 ROBOT = load_robot()
@@ -131,6 +131,6 @@ def test_a_missing_port_is_told_the_lasting_names(
     by_id: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = [ports_module.SerialPort("/dev/ttyACM1", "Uno", "2341:0043", str(by_id))]
-    monkeypatch.setattr("hardware.serial_link.serial_ports", lambda: found)
+    monkeypatch.setattr("hardware.link.serial_link.serial_ports", lambda: found)
     with pytest.raises(PortMissing, match=f"present: /dev/ttyACM1 = {by_id}"):
         SerialLink("/dev/ttyACM0", 115200).open()

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware import FIRMWARES, Board
-from hardware.frames import Frame
-from hardware.pace import Pace, unread_bytes
+from hardware.drivers.arduino.frames import Frame
+from hardware.drivers.arduino.pacing import Pace, unread_bytes
 
 BAUD = 115200
 LETTERS = "bsegtw"

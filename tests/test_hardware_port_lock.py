@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from hardware import LinkError, PortBusy
-from hardware import port_lock as module
-from hardware.port_lock import PortLock
+from hardware.link import port_lock as module
+from hardware.link.port_lock import PortLock
 from tests.hardware_rigs import open_files
 
 

@@ -20,7 +20,7 @@ import serial
 from serial import serialposix
 
 from hardware import LinkError, PortBusy, PortDenied, PortLost, PortMissing, PortStalled, SerialLink
-from hardware.port_lock import PortLock
+from hardware.link.port_lock import PortLock
 from tests.hardware_rigs import Pty
 
 FRAME = b"b090,s090,e090,g000,"

@@ -22,7 +22,7 @@ from hardware import (
     load_robot,
     played,
 )
-from hardware.schedule import Sampler
+from hardware.arm.schedule import Sampler
 
 STOCK = load_robot()
 OURS = dataclasses.replace(STOCK, firmware=FIRMWARES["armtree"])

@@ -14,17 +14,10 @@ from pathlib import Path
 import pytest
 import serial
 
-from hardware import (
-    LinkError,
-    PortBusy,
-    PortDenied,
-    PortLost,
-    PortMissing,
-    PortStalled,
-    SerialLink,
-)
-from hardware.port_lock import PortLock
+from hardware import LinkError, PortBusy, PortDenied, PortLost, PortMissing, PortStalled, SerialLink
+from hardware.link.port_lock import PortLock
 from tests.hardware_rigs import Pty, open_files
+from tests.support.paths import ROOT
 
 BAUD = 115200
 FRAME = b"b090,s090,e090,g000,"
@@ -126,7 +119,7 @@ def test_the_lock_of_a_killed_owner_is_free(line: Pty) -> None:
         [sys.executable, "-c", program, line.port],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        cwd=Path(__file__).parents[1],
+        cwd=ROOT,
     ) as other:
         assert other.stdout
         assert other.stdout.readline() == b"open\n"
@@ -153,7 +146,7 @@ def test_the_lock_is_given_up_when_opening_is_interrupted(
 
     link = SerialLink(line.port, BAUD)
     with monkeypatch.context() as patch:
-        patch.setattr("hardware.serial_link.serial.Serial", interrupt)
+        patch.setattr("hardware.link.serial_link.serial.Serial", interrupt)
         with pytest.raises(KeyboardInterrupt):
             link.open()
     link.close()

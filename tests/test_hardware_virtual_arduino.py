@@ -30,6 +30,7 @@ from hardware import (
     VirtualLink,
 )
 from tests.hardware_rigs import ROBOT, open_files
+from tests.support.paths import ROOT
 
 BAUD = 115200
 STATUS = 131  # length of our firmware's answer to a question [bytes]
@@ -187,7 +188,7 @@ print(link.arduino.pid)
         [sys.executable, "-c", program],
         capture_output=True,
         text=True,
-        cwd=Path(__file__).parents[1],
+        cwd=ROOT,
         check=True,
     )
     assert done.stderr == ""
@@ -212,7 +213,7 @@ sys.stdin.read()
         [sys.executable, "-c", program],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        cwd=Path(__file__).parents[1],
+        cwd=ROOT,
     ) as owner:
         assert owner.stdout
         pid = int(owner.stdout.readline())

@@ -16,6 +16,7 @@ import logs.compactor
 from logs import Recorder, RecordingIncomplete, read
 from logs.compactor import Compactor
 from logs.recovery import being_written, complete
+from tests.support.paths import ROOT
 from tests.test_logs_recorder import sent
 from tests.test_logs_run import EPOCH_NS, fail
 
@@ -103,7 +104,7 @@ recorder.close(compactor)
 
 
 def test_where_who_asked_was_killed_it_is_finished_and_nobody_else_takes_it(tmp_path: Path) -> None:
-    path, root = tmp_path / "run.mcap", Path(logs.__file__).parents[1]
+    path, root = tmp_path / "run.mcap", ROOT
     command = [sys.executable, "-c", ASKER, str(path)]
     with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE) as asker:
         assert asker.stdout

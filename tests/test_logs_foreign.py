@@ -16,6 +16,7 @@ from ruamel.yaml import YAML
 import logs
 from logs import Description, LogLine, Record, Sent
 from tests.javascript import PEERS, without_node
+from tests.support.paths import EXAMPLES, ROBOT_FILE
 from tests.test_logs_compaction import run_journal
 from tests.test_logs_run import RUNS, lifecycle, record
 
@@ -34,8 +35,8 @@ BAG = {
     "custom_data",
     "ros_distro",
 }
-EXAMPLES = Path(__file__).parents[1] / "trees" / "examples" / "recordings"
-URDF = (Path(__file__).parents[1] / "hardware" / "arduinobot.urdf").read_text()
+EXAMPLES = EXAMPLES / "recordings"
+URDF = (ROBOT_FILE.with_suffix(".urdf")).read_text()
 
 
 def between_runs() -> list[Record]:

@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 
 from hardware import Robot
+from hardware.description.kinematics import Links, Quaternion
 from logs import Description, Recorder, Sent, read
-from logs.kinematics import Links, Quaternion
 from tests.test_logs_run import EPOCH_NS, fail
 
 

@@ -33,6 +33,7 @@ from logs import (
 )
 from logs.journal import Journal
 from logs.recovery import complete
+from tests.support.paths import ROOT
 from tests.test_logs_run import EPOCH_NS, fail, node
 
 UTC_NS = 1_795_257_115_123_456_789
@@ -354,7 +355,7 @@ while True:
 def test_kill_9_loses_nothing_that_was_written(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     command = [sys.executable, "-c", CHILD, str(path)]
-    root = Path(logs.__file__).parents[1]
+    root = ROOT
     with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE) as child:
         assert child.stdout is not None
         for _ in range(300):

@@ -21,6 +21,7 @@ from logs.folder import recording_path
 from logs.keeping import Rule, pin, pinned, prune
 from logs.recovery import complete
 from logs.tail import Tail
+from tests.support.paths import ROOT
 from tests.test_logs_compaction import run_journal
 from tests.test_logs_recorder import sent
 from tests.test_logs_run import EPOCH_NS, RUNS, fail, record
@@ -253,7 +254,7 @@ def test_what_is_being_written_is_left_alone(tmp_path: Path) -> None:
         assert recorder.caught_up(5.0)
         code = f"import logs, pathlib; print(*logs.recover_all(pathlib.Path({str(tmp_path)!r})))"
         command = [sys.executable, "-c", code]
-        root = Path(logs.__file__).parents[1]
+        root = ROOT
         done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
         assert done.stdout.strip() == ""
         with pytest.raises(RecordingInUse, match="being written by another armtree"):

@@ -14,8 +14,8 @@ import skills  # noqa: F401  registers the skills
 from executive.codes import CODES, INTERRUPTED_EXIT, USAGE_EXIT
 from executive.commands.cli import cli
 from executive.events import EVENTS, UNITS
+from tests.support.paths import ROBOT_FILE, ROOT
 
-ROOT = Path(__file__).parents[1]
 ROOMS = ("executive", "skills", "hardware", "trees", "logs")
 PUBLIC = (*ROOMS, "skills.motion")
 
@@ -99,7 +99,7 @@ def test_the_readme_lists_every_event_and_its_fields() -> None:
 
 def test_the_robot_page_lists_every_key() -> None:
     page = (ROOT / "hardware" / "README.md").read_text()
-    text = (ROOT / "hardware" / "arduinobot.toml").read_text()
+    text = ROBOT_FILE.read_text()
     keys = set(re.findall(r"^(\w+) =", text, re.MULTILINE)) | {"letter", "sign", "reversed"}
     assert {key for key in keys if not re.search(rf"`[^`]*\b{key}\b[^`]*`", page)} == set()
 

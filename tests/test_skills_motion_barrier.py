@@ -8,17 +8,7 @@ import numpy as np
 import pytest
 
 from hardware import CollisionRules, Robot, load_robot
-from skills.motion import (
-    Barred,
-    Body,
-    Box,
-    MotionError,
-    NoPath,
-    PlanTimeout,
-    Query,
-    World,
-    barrier,
-)
+from skills.motion import Barred, Body, Box, MotionError, NoPath, PlanTimeout, Query, World, barrier
 from skills.motion.planner import Planner
 from tests.arms import foreign, pair_file
 

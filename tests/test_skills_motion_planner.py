@@ -33,6 +33,7 @@ from skills.motion import (
 )
 from skills.motion import search as search_module
 from skills.motion.planner import Planner
+from tests.support.paths import ROOT
 
 HOME, PICK, REST = (0.0, 0.0, 0.0), (-1.4, -0.6, -0.07), (-1.57, 0.0, -0.9)
 UNDER_THE_TABLE = (0.0, -1.5, -0.5)
@@ -278,7 +279,7 @@ def test_same_query_same_bytes_in_another_process(planner: Planner, tmp_path: Pa
     assert digest(planner.plan(SEARCHED)) == here
     assert digest(planner.plan(dataclasses.replace(SEARCHED, seed=2))) != here
     (tmp_path / "tests_planner.py").write_text(Path(__file__).read_text())
-    root = str(Path(__file__).parents[1])
+    root = str(ROOT)
     there = subprocess.run(
         [sys.executable, "-c", ELSEWHERE],
         env={"PYTHONPATH": f"{tmp_path}:{root}", "PYTHONHASHSEED": "7"},

@@ -38,6 +38,7 @@ from skills.motion import (
     WorkerDied,
     World,
 )
+from tests.support.paths import ROOT
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
 BENT = dataclasses.replace(PICK, via=((-0.7, 0.2, 0.0),))
@@ -348,7 +349,7 @@ os._exit(0)
 
 
 def test_workers_go_when_the_parent_does() -> None:
-    root = str(Path(__file__).parents[1])
+    root = str(ROOT)
     with subprocess.Popen(
         [sys.executable, "-c", ORPHAN], cwd=root, stdout=subprocess.PIPE, text=True
     ) as parent:
@@ -370,6 +371,6 @@ def _wait_for_end(watch: int) -> None:
 def test_the_parent_loads_no_planning_library() -> None:
     heavy = {"pinocchio", "coal", "ompl", "toppra", "scipy", "matplotlib"}
     code = f"import sys, skills.motion; print(sorted({heavy} & set(sys.modules)))"
-    root = str(Path(__file__).parents[1])
+    root = str(ROOT)
     out = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, check=True)
     assert out.stdout == b"[]\n"

@@ -16,6 +16,7 @@ from hardware import Robot, load_robot
 from skills.motion import Plan, PlanTimeout, Query, Reached, Verify, WorkerDied
 from skills.motion.planner import Planner
 from skills.motion.process import WorkerProcess
+from tests.support.paths import ROOT
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
 
@@ -69,7 +70,7 @@ print(CubicSpline([0, 1, 2], [0, 1, 4])(1.0))
 
 def test_toppra_is_loaded_at_need_and_only_what_is_needed_of_it() -> None:
     """By a worker before its first goal. All of it would take twice as long as all else."""
-    root = str(Path(__file__).parents[1])
+    root = str(ROOT)
     out = subprocess.run([sys.executable, "-c", LOADS], cwd=root, capture_output=True, check=True)
     assert out.stdout.decode() == "[]\n['toppra']\n1.0\n"
 

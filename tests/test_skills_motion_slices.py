@@ -9,15 +9,7 @@ import pinocchio as pin
 import pytest
 
 from hardware import RealClock, Robot
-from skills.motion import (
-    Body,
-    Box,
-    MotionError,
-    PlanTimeout,
-    Query,
-    ToolQuery,
-    World,
-)
+from skills.motion import Body, Box, MotionError, PlanTimeout, Query, ToolQuery, World
 from skills.motion.batch import HULLS
 from skills.motion.contacts import Contacts
 from skills.motion.model import Model

@@ -2,26 +2,10 @@
 
 from .document import REFUSED, Located, StandIn, nested, read_text
 from .errors import DuplicateTask, FileError, Mistake, Place, TreeError, UnknownTask
-from .grammar import (
-    UNTYPED,
-    VERSION,
-    PosesFile,
-    SubtreeFile,
-    TaskFile,
-    parse_value,
-)
+from .grammar import UNTYPED, VERSION, PosesFile, SubtreeFile, TaskFile, parse_value
 from .library import Library, poses_of
 from .node_parser import MAX_NUMBER, Mistakes
-from .nodes import (
-    KINDS,
-    ControlNode,
-    Key,
-    Kind,
-    SkillNode,
-    SubtreeNode,
-    TreeNode,
-    Value,
-)
+from .nodes import KINDS, ControlNode, Key, Kind, SkillNode, SubtreeNode, TreeNode, Value
 from .values import (
     ANY,
     LIST,

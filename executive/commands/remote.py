@@ -13,7 +13,9 @@ import click
 import logs
 from executive.building.arguments import read_arguments
 from executive.causes import cause_of
-from executive.client import Client, ClientError, Refused, Status
+from executive.client.asks import Status
+from executive.client.errors import ClientError, Refused
+from executive.client.sync import Client
 from executive.codes import CLOSING
 from executive.events import as_goal
 from executive.executive import Event

@@ -172,7 +172,7 @@ def send(
     server: str | None,
 ) -> None:
     """Have a server run task N. Prints the goal's id, or with --wait what `run` prints."""
-    from executive.client import Client
+    from executive.client.sync import Client
 
     from .remote import errors_told, send_and_wait, texts
 
@@ -197,7 +197,7 @@ def send(
 @server_option
 def cancel(goal_id: str, stamp_ns: int | None, as_json: bool, server: str | None) -> None:
     """Cancel a goal of a server, by its id; without one stop the arm and cancel all."""
-    from executive.client import Client
+    from executive.client.sync import Client
 
     from .remote import CANCEL_WORDS, errors_told
 
@@ -218,7 +218,7 @@ def cancel(goal_id: str, stamp_ns: int | None, as_json: bool, server: str | None
 @server_option
 def status(as_json: bool, server: str | None) -> None:
     """Say what a server, its arm and its goals are at."""
-    from executive.client import Client
+    from executive.client.sync import Client
 
     from .remote import errors_told, status_json, status_lines
 
@@ -232,7 +232,7 @@ def status(as_json: bool, server: str | None) -> None:
 @server_option
 def watch(as_json: bool, server: str | None) -> None:
     """Show whatever a server does, until Ctrl-C; goals go on."""
-    from executive.client import Client
+    from executive.client.sync import Client
 
     from .remote import errors_told
     from .remote import watch as look_on
@@ -251,7 +251,7 @@ def watch(as_json: bool, server: str | None) -> None:
 @server_option
 def arm(transition: str, pose: str | None, as_json: bool, server: str | None) -> None:
     """Take a server's arm through its lifecycle; activate opens the port, which moves the arm."""
-    from executive.client import Client
+    from executive.client.sync import Client
 
     from .remote import errors_told
 
@@ -261,7 +261,8 @@ def arm(transition: str, pose: str | None, as_json: bool, server: str | None) ->
 
 
 def _change(verb: str, goal_id: str, as_json: bool, server: str | None) -> None:
-    from executive.client import Client, Refused
+    from executive.client.errors import Refused
+    from executive.client.sync import Client
     from executive.events import as_goal
 
     from .remote import errors_told
@@ -308,7 +309,7 @@ def step(goal_id: str, as_json: bool, server: str | None) -> None:
 @server_option
 def break_at(node: str | None, off: bool, as_json: bool, server: str | None) -> None:
     """Have goals of a server pause before NODE, such as pick/Execute; without NODE list all."""
-    from executive.client import Client
+    from executive.client.sync import Client
 
     from .remote import errors_told
 
@@ -326,7 +327,7 @@ def break_at(node: str | None, off: bool, as_json: bool, server: str | None) -> 
 @server_option
 def answer(words: tuple[str, ...], as_json: bool, server: str | None) -> None:
     """Answer what a server's task asks; without ID the only question, without WORDS list all."""
-    from executive.client import Client
+    from executive.client.sync import Client
 
     from .remote import errors_told, reply
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from hardware import BoardState, RealClock
+from tests.support.paths import FIRMWARE
 
 HERE = Path(__file__).parent
-FIRMWARE = HERE.parents[1] / "hardware" / "firmware"
 SIMAVR = Path("/usr/include/simavr")
 AVR_GCC = "5.4.0"  # which the committed .hex is from
 PATIENCE = 10.0  # longer than anything here takes [s]

@@ -112,7 +112,7 @@ def kills(count: int) -> tuple[int, int]:
 def _killed_run(folder: Path, after: float) -> int:
     """Runs a task, kills it so long after its first frame [s], and says how many frames came."""
     robot = folder / "quick.toml"
-    shipped = Path(__file__).parents[2] / "hardware"
+    shipped = Path(__file__).parents[2] / "hardware" / "robots" / "arduinobot"
     text = (shipped / "arduinobot.toml").read_text()
     robot.write_text(text.replace("boot_wait_s = 2.0", "boot_wait_s = 1.05"))
     (folder / "arduinobot.urdf").write_bytes((shipped / "arduinobot.urdf").read_bytes())

@@ -1,0 +1,167 @@
+"""The hardware lifecycle: ROS 2's managed-node table, as data, over `transitions`.
+
+The edges are those of rcl (`rcl_lifecycle/src/default_state_machine.c`) and one more, from the
+design article on managed nodes: an error raised while active.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from enum import Enum
+
+from transitions import Machine
+
+from hardware.errors import HardwareError, TransitionRefused
+
+logger = logging.getLogger(__name__)
+
+
+class State(Enum):
+    """Primary states, then transition states; the values are what logs and pages show."""
+
+    UNCONFIGURED = "unconfigured"
+    INACTIVE = "inactive"
+    ACTIVE = "active"
+    FINALIZED = "finalized"
+    CONFIGURING = "configuring"
+    CLEANINGUP = "cleaningup"
+    ACTIVATING = "activating"
+    DEACTIVATING = "deactivating"
+    SHUTTINGDOWN = "shuttingdown"
+    ERRORPROCESSING = "errorprocessing"
+
+
+class Result(Enum):
+    """What a transition's callback answers; the values name the edges out of its state."""
+
+    SUCCESS = "transition_success"
+    FAILURE = "transition_failure"
+    ERROR = "transition_error"
+
+
+_PRIMARY = (State.UNCONFIGURED, State.INACTIVE, State.ACTIVE, State.FINALIZED)
+_S = State
+
+REQUESTS = (
+    ("configure", _S.UNCONFIGURED, _S.CONFIGURING),
+    ("activate", _S.INACTIVE, _S.ACTIVATING),
+    ("deactivate", _S.ACTIVE, _S.DEACTIVATING),
+    ("cleanup", _S.INACTIVE, _S.CLEANINGUP),
+    ("shutdown", _S.UNCONFIGURED, _S.SHUTTINGDOWN),
+    ("shutdown", _S.INACTIVE, _S.SHUTTINGDOWN),
+    ("shutdown", _S.ACTIVE, _S.SHUTTINGDOWN),
+    ("raise_error", _S.ACTIVE, _S.ERRORPROCESSING),  # not in rcl
+)
+
+# state: where SUCCESS, FAILURE and ERROR lead
+OUTCOMES = {
+    _S.CONFIGURING: (_S.INACTIVE, _S.UNCONFIGURED, _S.ERRORPROCESSING),
+    _S.ACTIVATING: (_S.ACTIVE, _S.INACTIVE, _S.ERRORPROCESSING),
+    _S.DEACTIVATING: (_S.INACTIVE, _S.ACTIVE, _S.ERRORPROCESSING),
+    _S.CLEANINGUP: (_S.UNCONFIGURED, _S.INACTIVE, _S.ERRORPROCESSING),
+    _S.SHUTTINGDOWN: (_S.FINALIZED, _S.FINALIZED, _S.ERRORPROCESSING),
+    _S.ERRORPROCESSING: (_S.UNCONFIGURED, _S.FINALIZED, _S.FINALIZED),
+}
+
+EDGES = REQUESTS + tuple(
+    (result.value, state, goal)
+    for state, goals in OUTCOMES.items()
+    for result, goal in zip(Result, goals, strict=True)
+)
+
+Callback = Callable[[], Result]
+Watcher = Callable[[str, State, State], None]
+
+
+class Lifecycle:
+    """A managed component. One transition at a time; a second caller is refused, not kept waiting.
+
+    Callbacks run while the machine stands in the transition state, outside its own callbacks: an
+    exception there would leave the state changed. One that raises, or answers anything but a
+    result, counts as ERROR; what is no `Exception`, such as Ctrl-C, is then raised on.
+
+    Args:
+        callbacks: What to do in each transition state; a state without one succeeds at once.
+        watch: Called after every edge with its label and both states.
+    """
+
+    def __init__(self, callbacks: dict[State, Callback], watch: Watcher) -> None:
+        self._callbacks, self._watch = callbacks, watch
+        self._changing = threading.Lock()
+        self._machine = Machine(states=State, initial=State.UNCONFIGURED, auto_transitions=False)
+        for label, start, goal in EDGES:
+            self._machine.add_transition(label, start, goal)
+
+    @property
+    def state(self) -> State:
+        """Where the component stands."""
+        state: State = self._machine.state
+        return state
+
+    @property
+    def changing(self) -> bool:
+        """Whether a transition is under way."""
+        return self._changing.locked()
+
+    def request(self, label: str) -> State:
+        """Run a transition to its end.
+
+        Args:
+            label: configure, activate, deactivate, cleanup, shutdown or raise_error.
+
+        Returns:
+            The primary state it ended in.
+
+        Raises:
+            TransitionRefused: Not legal now, or another transition is under way.
+        """
+        if self.state in _PRIMARY:
+            self._check(label)  # what is illegal must not be in the way of an error
+        if not self._changing.acquire(blocking=False):
+            raise TransitionRefused(f"cannot {label} now: {self.state.value} is under way")
+        try:
+            self._check(label)
+            self._run(label)
+            return self.state
+        finally:
+            self._changing.release()
+
+    def legal(self) -> list[str]:
+        """The requests that the present state allows."""
+        return [label for label, start, _ in REQUESTS if start is self.state]
+
+    def _check(self, label: str) -> None:
+        legal = self.legal()
+        if label not in legal:
+            there = (
+                f"; legal: {', '.join(legal)}"
+                if legal
+                else ", which is for good; start armtree again"
+            )
+            raise TransitionRefused(f"cannot {label} while {self.state.value}{there}")
+
+    def _run(self, label: str) -> None:
+        """Take an edge, and those that the callbacks answer, to a primary state."""
+        try:
+            self._fire(label)
+            while self.state not in _PRIMARY:
+                self._fire(self._call().value)
+        except BaseException:  # such as Ctrl-C, which must leave nothing half-way
+            if self.state not in _PRIMARY:
+                self._run(Result.ERROR.value)
+            raise
+
+    def _call(self) -> Result:
+        callback = self._callbacks.get(self.state, lambda: Result.SUCCESS)
+        try:
+            return Result(callback())
+        except HardwareError as error:
+            logger.error("%s failed: %s", self.state.value, error)
+        except Exception:
+            logger.exception("%s failed", self.state.value)
+        return Result.ERROR
+
+    def _fire(self, label: str) -> None:
+        start = self.state
+        self._machine.trigger(label)
+        self._watch(label, start, self.state)

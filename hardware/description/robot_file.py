@@ -1,0 +1,184 @@
+"""Reading a robot description: one TOML file and the URDF it names."""
+
+from pathlib import Path
+
+from hardware.drivers.driver import Driver, load_driver
+from hardware.drivers.firmware import NO_FIRMWARE, Firmware
+from hardware.drivers.null_driver import NoBoard
+
+from .joints import Joint
+from .robot import CollisionRules, Robot, Serial, Tool
+from .toml_table import TomlTable
+from .urdf import Urdf, UrdfJoint, read_urdf
+
+_ROUNDING = 1.0 + 1e-9  # of a follower's velocity, times its limit
+
+
+def load_robot(path: Path | None = None) -> Robot:
+    """The robot described in a file; the shipped Arduinobot where none is given.
+
+    Raises:
+        DescriptionError: The file or its URDF is wrong; names file, line, key and valid choices.
+    """
+    if path is None:
+        path = Path(__file__).parents[1] / "robots" / "arduinobot" / "arduinobot.toml"
+    root = TomlTable.read(path)
+    urdf_path = path.parent / root.text("urdf")
+    urdf = read_urdf(root, urdf_path)
+    driver = load_driver(root) if "driver" in root or "serial" in root else NoBoard(path)
+    joints = _joints(root, urdf, driver)
+    groups = _groups(root, joints)
+    serial, firmware = _board(root, driver)
+    robot = Robot(
+        name=root.text("name"),
+        path=path,
+        urdf=urdf_path,
+        joints=joints,
+        groups=groups,
+        serial=serial,
+        driver=driver,
+        firmware=firmware,
+        collision=_collision(root.table("collision"), urdf.links),
+        tool=_tool(root.table("tool"), urdf.links) if "tool" in root else None,
+        links=urdf.links,
+        brake=root.number("brake_s", least=0) if "brake_s" in root else 0.0,
+    )
+    root.done()
+    driver.check(root, robot.actuated, robot.firmware)
+    if firmware is not NO_FIRMWARE:
+        _check_line(root.table("serial"), robot)
+    return robot
+
+
+def _board(root: TomlTable, driver: Driver | NoBoard) -> tuple[Serial, Firmware]:
+    """The line to the board, and what runs on it."""
+    if isinstance(driver, NoBoard):
+        return Serial(port="", baud=0, boot_wait=0.0), NO_FIRMWARE
+    table = root.table("serial")
+    return _serial(table), driver.firmwares[table.choice("firmware", driver.firmwares)]
+
+
+def _check_line(serial: TomlTable, robot: Robot) -> None:
+    firmware, wait, baud = robot.firmware, robot.serial.boot_wait, robot.serial.baud
+    if firmware.baud not in (0, baud):
+        serial.fail("baud", f"{baud} is not {firmware.baud}, at which {firmware.name} speaks")
+    if firmware.banner and not robot.serial.resets:
+        says = f"{firmware.name} says where the arm stands after a reset only"
+        serial.fail("reset_on_open", f"false is not allowed: {says}")
+    if wait < firmware.boot_time:
+        needs = f"{firmware.name} needs {firmware.boot_time:g} s from reset to its first byte"
+        serial.fail("boot_wait_s", f"{wait:g} s is too short: {needs}")
+
+
+def _joints(root: TomlTable, urdf: Urdf, driver: Driver) -> tuple[Joint, ...]:
+    """The joints of the robot file in its order, then the mimics of the URDF."""
+    table = root.table("joints")
+    for name in table:
+        if name not in urdf.joints:
+            table.fail(name, f"the URDF has no such joint; it has {', '.join(urdf.joints)}")
+        if urdf.joints[name].mimic:
+            table.fail(name, "follows another joint in the URDF and has no servo of its own")
+    own = {name: _joint(name, table.table(name), urdf.joints[name], driver) for name in table}
+    mimics = []
+    for name, described in urdf.joints.items():
+        if described.mimic and described.mimic.leader in own:
+            leader = described.mimic.leader
+            mimics.append(_mimic_joint(name, table.table(leader), described, own[leader]))
+        elif described.mimic:
+            why = f"the URDF's {name} follows {described.mimic.leader}"
+            root.fail("joints", f"{why}; let it follow one of those described: {', '.join(own)}")
+        elif name not in own:
+            root.fail("joints", f"the URDF's joint {name} is not described")
+    return (*own.values(), *mimics)
+
+
+def _joint(name: str, table: TomlTable, urdf: UrdfJoint, driver: Driver) -> Joint:
+    joint = Joint(
+        name=name,
+        lower=urdf.lower,
+        upper=urdf.upper,
+        velocity=table.number("velocity", above=0),
+        acceleration=table.number("acceleration", above=0),
+        boot=table.number("boot"),
+        mimic=None,
+        wire=driver.wire(table, urdf.lower, urdf.upper),
+        unit=urdf.unit,
+    )
+    if not joint.lower <= joint.boot <= joint.upper:
+        table.fail("boot", f"{joint.boot:g} is outside [{joint.lower:g}, {joint.upper:g}]")
+    if joint.velocity > urdf.velocity:
+        most = f"the URDF's limit, {urdf.velocity:g} {urdf.unit}/s"
+        table.fail("velocity", f"{joint.velocity:g} {urdf.unit}/s is more than {most}")
+    table.done()
+    return joint
+
+
+def _mimic_joint(name: str, table: TomlTable, urdf: UrdfJoint, leader: Joint) -> Joint:
+    assert urdf.mimic is not None
+    scale = abs(urdf.mimic.multiplier)
+    velocity = leader.velocity * scale
+    if velocity > urdf.velocity * _ROUNDING:
+        drives = f"{leader.velocity:g} {leader.unit}/s has {name} follow at {velocity:g}"
+        most = f"the URDF's limit, {urdf.velocity:g} {urdf.unit}/s"
+        table.fail("velocity", f"{drives} {urdf.unit}/s, more than {most}")
+    return Joint(
+        name=name,
+        lower=urdf.lower,
+        upper=urdf.upper,
+        velocity=velocity,
+        acceleration=leader.acceleration * scale,
+        boot=urdf.mimic.value(leader.boot),
+        mimic=urdf.mimic,
+        wire=None,
+        unit=urdf.unit,
+    )
+
+
+def _groups(root: TomlTable, joints: tuple[Joint, ...]) -> dict[str, tuple[str, ...]]:
+    """The two groups that tasks name; an arm without a gripper leaves that one out."""
+    table, names = root.table("groups"), [joint.name for joint in joints]
+    groups = {
+        "arm": table.names("arm", names),
+        "gripper": table.names("gripper", names, default=[]),
+    }
+    table.done()
+    members = [name for group in groups.values() for name in group]
+    for name in names:
+        if members.count(name) != 1:
+            root.fail("groups", f"joint {name} is in {members.count(name)} groups, not in one")
+    return groups
+
+
+def _serial(table: TomlTable) -> Serial:
+    table.text("firmware")
+    serial = Serial(
+        port=table.text("port", default=""),
+        baud=table.integer("baud"),
+        boot_wait=table.number("boot_wait_s", least=0),
+        resets=table.boolean("reset_on_open") if "reset_on_open" in table else True,
+    )
+    table.done()
+    return serial
+
+
+def _collision(table: TomlTable, links: tuple[str, ...]) -> CollisionRules:
+    rules = CollisionRules(
+        margin=table.number("margin_m", least=0),
+        allowed=table.pairs("allowed", links),
+        floor=table.number("floor_m") if "floor_m" in table else None,
+        floor_ignores=frozenset(table.names("floor_ignores", links)),
+    )
+    table.done()
+    return rules
+
+
+def _tool(table: TomlTable, links: tuple[str, ...]) -> Tool:
+    tool = Tool(
+        link=table.choice("link", links),
+        offset=table.vector("offset_m", default=(0.0, 0.0, 0.0)),
+        axis=table.vector("axis", default=(0.0, 0.0, 1.0)),
+    )
+    if not any(tool.axis):
+        table.fail("axis", "is zero; give a vector with a length")
+    table.done()
+    return tool

@@ -1,0 +1,1 @@
+"""One folder per kind of board, behind one interface."""

@@ -1,0 +1,1 @@
+"""The virtual Arduino: one pure model, behind a pseudo-terminal or in-process."""

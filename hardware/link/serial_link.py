@@ -1,0 +1,144 @@
+"""A real serial port, through pyserial."""
+
+import contextlib
+import errno
+import os
+import select
+import termios
+import threading
+
+import serial
+
+from hardware.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing, PortStalled
+
+from .port_lock import PortLock
+from .ports import group_of, serial_ports
+
+# A 20-byte frame takes 2 ms on the wire; a board that takes none for this long is stuck.
+WRITE_TIMEOUT = 0.2
+
+# pyserial raises SerialException (an OSError), plain OSError, or termios.error, which is neither.
+_LOST = (OSError, termios.error)
+
+
+class SerialLink:
+    """A serial port, opened exclusively.
+
+    Args:
+        port: Device name.
+        baud: [bit/s].
+    """
+
+    def __init__(self, port: str, baud: int) -> None:
+        self.port = port
+        self._baud = baud
+        self._lock = PortLock(port)
+        self._serial: serial.Serial | None = None
+        self._reading, self._writing = threading.Lock(), threading.Lock()
+
+    def open(self) -> None:
+        """Take our lock and open the port.
+
+        Raises:
+            LinkError: It cannot be had; says which port and the way out.
+        """
+        self._lock.acquire()
+        try:
+            self._serial = serial.Serial(self.port, self._baud, exclusive=True)
+        except (*_LOST, ValueError) as error:
+            self._lock.release()
+            raise _open_error(self.port, error) from error
+
+    def write(self, data: bytes) -> None:
+        """Send bytes.
+
+        Raises:
+            PortLost: It went away.
+            PortStalled: The other end takes no more; the bytes may or may not arrive.
+        """
+        text = data.decode("ascii", "replace")
+        why = f"Something went wrong while sending the message {text} to the port {self.port}"
+        try:
+            with self._writing:
+                _send(self._opened().fileno(), data)
+        except TimeoutError as error:
+            raise PortStalled(self.port, why) from error
+        except _LOST as error:
+            raise PortLost(self.port, why) from error
+
+    def read(self) -> bytes:
+        """Wait for bytes; empty once the link is closed.
+
+        Raises:
+            PortLost: It went away.
+        """
+        with self._reading:
+            port = self._serial
+            if port is None:
+                return b""
+            try:
+                first: bytes = port.read(1)
+                return first + port.read(port.in_waiting) if first else b""
+            except _LOST as error:
+                raise PortLost(self.port, "Something went wrong while listening") from error
+
+    def close(self, discard: bool = False) -> None:
+        """Close the port and give up the lock; a waiting `read` returns.
+
+        Args:
+            discard: Whether to drop what the kernel still holds. Else the kernel sees to it that
+                it goes out, and the close of a stuck port may wait for that, up to 30 s.
+
+        Raises:
+            PortLost: Closing failed; the port is given up all the same.
+        """
+        port, self._serial = self._serial, None
+        try:
+            if port is not None:
+                port.cancel_read()
+                with self._reading, self._writing:  # pyserial breaks when it is closed under them
+                    if discard:
+                        _discard(port)
+                    port.close()
+        except _LOST as error:
+            raise PortLost(self.port, "Something went wrong while closing") from error
+        finally:
+            self._lock.release()
+
+    def _opened(self) -> serial.Serial:
+        if self._serial is None:
+            raise OSError(errno.EBADF, "the port is not open")
+        return self._serial
+
+
+def _send(handle: int, data: bytes) -> None:
+    """Write all; pyserial's own `write` looks at the time after it, so a busy machine fails it."""
+    takes = select.poll()
+    takes.register(handle, select.POLLOUT)
+    left = memoryview(data)
+    while left:
+        if not takes.poll(1000 * WRITE_TIMEOUT):
+            raise TimeoutError
+        with contextlib.suppress(BlockingIOError):
+            left = left[os.write(handle, left) :]
+
+
+def _discard(port: serial.Serial) -> None:
+    with contextlib.suppress(*_LOST):  # on a port that is gone nothing is left to leave
+        port.reset_output_buffer()
+
+
+def _open_error(port: str, error: Exception) -> LinkError:
+    number = getattr(error, "errno", None)
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        return PortMissing(port, _present())
+    if number in (errno.EACCES, errno.EPERM):
+        return PortDenied(port, group_of(port))
+    if number in (errno.EAGAIN, errno.EBUSY):
+        return PortBusy(port, "another program")
+    why = f"{port} cannot be opened as a serial port ({error}); present: "
+    return LinkError(port, why + (", ".join(_present()) or "none"))
+
+
+def _present() -> list[str]:
+    return [" = ".join(filter(None, (port.device, port.by_id))) for port in serial_ports()]
