@@ -19,6 +19,7 @@ from tests.avr.rig import (
     status,
 )
 from tests.hardware_damage import CORRUPTIONS, Corruptions, pieces
+from tests.support.paths import FIRMWARE
 
 pytest_plugins = ["tests.avr.fixtures"]
 pytestmark = pytest.mark.skipif(bool(rig.missing()), reason=rig.missing())
@@ -28,7 +29,7 @@ def test_the_committed_hex_is_what_the_source_gives(built: Built) -> None:
     if rig.avr_gcc_version() != rig.AVR_GCC:
         pytest.skip(f"avr-gcc {rig.avr_gcc_version()}, and the .hex is from {rig.AVR_GCC}")
     rebuilt = built.programs["armtree"].image.read_bytes()
-    assert (rig.FIRMWARE / "armtree.hex").read_bytes() == rebuilt
+    assert (FIRMWARE / "armtree.hex").read_bytes() == rebuilt
 
 
 def test_every_angle_has_its_pulse_width_on_every_pin(board: MakeBoard) -> None:
@@ -149,7 +150,7 @@ def test_the_lines_are_as_long_as_the_code_says(board: MakeBoard) -> None:
     banner = ours.run(1.1).said
     ours.feed(b"bA01;")
     lines = {"BANNER": banner, "ACK": ours.feed(frame(BOOT)).said, "STATUS": ours.feed(b"?").said}
-    code = (rig.FIRMWARE / "armtree.c").read_text()
+    code = (FIRMWARE / "armtree.c").read_text()
     for name, line in lines.items():
         assert f"#define {name}_LENGTH {len(line)}" in code
 

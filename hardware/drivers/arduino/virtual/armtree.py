@@ -1,6 +1,6 @@
-"""Our firmware, as a program of the modelled board: what `hardware/drivers/arduino/firmware/armtree.c` does.
+"""Our firmware, as a program of the modelled board: what `armtree.c` does.
 
-The protocol, with every line and counter, is in `hardware/drivers/arduino/firmware/README.md`.
+The protocol, with every line and counter, is in `firmware/README.md`.
 """
 
 import binascii
