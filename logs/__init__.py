@@ -3,7 +3,6 @@
 Importing this room is cheap: MCAP, rosbags, NumPy and matplotlib are loaded by what needs them.
 """
 
-from .compaction import compact
 from .errors import (
     DiskFull,
     LogError,
@@ -16,11 +15,10 @@ from .errors import (
     RecordingTruncated,
 )
 from .folder import check_space, recording_path
-from .plot import plot
-from .reader import Message, read
-from .recorder import Recorder
-from .recording import Recording
-from .records import (
+from .reading.reader import Message, read
+from .reading.recording import Recording
+from .reading.recovery import left, recover, recover_all
+from .records.records import (
     Attachment,
     Description,
     Feedback,
@@ -37,9 +35,11 @@ from .records import (
     Sent,
     Transition,
 )
-from .recovery import left, recover, recover_all
-from .summary import Summary
-from .table import table
+from .views.plot import plot
+from .views.table import table
+from .writing.compaction import compact
+from .writing.recorder import Recorder
+from .writing.summary import Summary
 
 __all__ = [
     "Attachment",

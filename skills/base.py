@@ -13,7 +13,11 @@ from hardware import Arm, Clock, HardwareError, Robot, Schedule
 from .causes import as_one, causes_of
 from .errors import SkillBroken, SkillError
 from .merged import Merged
-from .motion import EMPTY, Body, MotionError, Plan, Pool, Query, World
+from .motion.errors import MotionError
+from .motion.plan import Plan
+from .motion.pool import Pool
+from .motion.query import Query
+from .motion.world import EMPTY, Body, World
 from .operator import NoOperator, Operator
 
 logger = logging.getLogger(__name__)

@@ -6,7 +6,7 @@ from typing import TypeVar
 from hardware import HardwareError
 
 from .errors import OutOfBounds, SkillError
-from .motion import MotionError
+from .motion.errors import MotionError
 
 Ours = SkillError | MotionError | HardwareError
 Cause = TypeVar("Cause", bound=Exception)

@@ -11,7 +11,9 @@ from hardware import Playback, PlaybackState, Schedule, compile_schedule
 from .base import Scheduled, Skill
 from .errors import Interrupted, StartMoved
 from .merged import Merged, as_played
-from .motion import MotionError, Plan, Rest
+from .motion.errors import MotionError
+from .motion.plan import Plan
+from .motion.query import Rest
 from .pending import Pending
 
 

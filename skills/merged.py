@@ -6,7 +6,9 @@ import numpy as np
 
 from hardware import Robot, Schedule, played
 
-from .motion import Plan, Rest, Verify, World
+from .motion.plan import Plan
+from .motion.query import Rest, Verify
+from .motion.world import World
 
 # The frames are checked as they will be played. Decoded whole degrees, turned one servo after the
 # other, stray up to 15 mm from the plan at the fingertip (measured), so that this margin is smaller

@@ -3,7 +3,7 @@
 from py_trees.common import Status
 
 from .base import Context, Skill
-from .motion import Request, Result
+from .motion.process import Request, Result
 
 
 class Pending:

@@ -13,17 +13,16 @@ from .base import Planned
 from .bounds import check_whole, wrong_targets, wrong_whole
 from .errors import refuse
 from .merged import Merged, as_played
-from .motion import (
+from .motion.errors import (
     GoalInCollision,
     MotionCollides,
     MotionError,
-    Plan,
     PlanCanceled,
-    Query,
-    Result,
     StartInCollision,
-    Verify,
 )
+from .motion.plan import Plan
+from .motion.process import Result
+from .motion.query import Query, Verify
 from .pending import Asking
 from .positions import Positions
 

@@ -11,7 +11,9 @@ from hardware import Robot
 
 from .bounds import check_whole, hint, lacking, no_link
 from .errors import BadTarget, SkillError, refuse
-from .motion import MotionError, Reached, Result, ToolQuery
+from .motion.errors import MotionError
+from .motion.process import Result
+from .motion.query import Reached, ToolQuery
 from .pending import Asking
 from .ports import Port
 from .positions import Positions, three

@@ -13,7 +13,10 @@ from hardware import Robot
 from .base import Skill
 from .bounds import check_link
 from .errors import BadBody, refuse
-from .motion import Body, Box, Carry, Cylinder, Mesh, MotionError, Result, Shape, Sphere, quaternion
+from .motion.errors import MotionError
+from .motion.process import Result
+from .motion.query import Carry
+from .motion.world import Body, Box, Cylinder, Mesh, Shape, Sphere, quaternion
 from .pending import Asking
 from .ports import Port
 from .positions import three

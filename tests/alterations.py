@@ -9,8 +9,8 @@ from typing import Any
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from logs.compaction import DIGESTS, _Copy
-from logs.ros_types import ros_types
+from logs.records.ros_types import ros_types
+from logs.writing.compaction import DIGESTS, _Copy
 
 Change = Callable[[Any], None]
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from mcap.opcode import Opcode
 
 import logs
-from logs.salvage import Salvage
+from logs.reading.tolerant_reader import Salvage
 
 Content = tuple[str, int, bytes]  # of a message: topic, time, data
 

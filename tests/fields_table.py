@@ -9,8 +9,8 @@ from inspect import cleandoc
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from logs.conversions import Timing, sent_timing
-from logs.topics import TOPICS, Topic
+from logs.records.conversions import Timing, sent_timing
+from logs.records.topics import TOPICS, Topic
 
 _JSON = "std_msgs/msg/String"
 _URDF = "/robot_description"

@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 from typing import Any, Self
 
-from .javascript import PEERS
+from tests.support.paths import PEERS
 
 _SETTINGS = {"validate": True, "completion": True, "schemaStore": {"enable": False}}
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from executive.recording.recordings import is_servers
 from hardware import Clock, RealClock
-from logs.recovery import being_written
+from logs.reading.recovery import being_written
 
 
 def rest(clock: Clock, seconds: float) -> None:

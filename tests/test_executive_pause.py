@@ -15,8 +15,8 @@ from executive.goals import Policy
 from executive.replay.proof import prove
 from executive.replay.proof_words import in_words
 from hardware import Robot, SimulatedClock
-from logs.story import story
-from logs.timeline import timeline
+from logs.views.narrative import story
+from logs.views.timeline import timeline
 from skills.motion import Pool
 from tests.conftest import Rig, RigMaker
 

@@ -14,7 +14,7 @@ import logs
 from executive.replay.proof import Proof, prove, prove_all
 from executive.replay.proof_words import in_words
 from logs import Recording
-from logs.ros_types import ros_types
+from logs.records.ros_types import ros_types
 from tests.alterations import Change, altered, each, lacking, moved, replace, retold
 from tests.conftest import Rig, RigMaker
 from tests.support.paths import DATA

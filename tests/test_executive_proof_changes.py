@@ -10,8 +10,8 @@ import pytest
 import logs
 from executive.replay.proof import prove
 from executive.replay.proof_words import in_words
-from logs.digests import changed as changed_in
-from logs.ros_types import ros_types
+from logs.records.ros_types import ros_types
+from logs.writing.digests import changed as changed_in
 from tests.alterations import Change, altered, each, records_of, retold, rewritten
 from tests.conftest import RigMaker
 from tests.single_changes import single_changes

@@ -9,7 +9,7 @@ import logs
 from executive.replay.proof import prove
 from executive.replay.proof_words import in_words
 from logs import Recording
-from logs.salvage import Salvage
+from logs.reading.tolerant_reader import Salvage
 from tests.conftest import Rig, RigMaker
 
 

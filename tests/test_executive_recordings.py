@@ -18,12 +18,12 @@ from executive.goals import Policy
 from executive.recording import recordings
 from executive.replay.proof import prove
 from executive.replay.proof_words import in_words
-from logs.compactor import compactor
-from logs.figure import _outcome
-from logs.journal import Journal
-from logs.recovery import being_written, complete
-from logs.story import overview, story
-from logs.timeline import timeline
+from logs.reading.recovery import being_written, complete
+from logs.views.narrative import overview, story
+from logs.views.run_figure import _outcome
+from logs.views.timeline import timeline
+from logs.writing.compactor import compactor
+from logs.writing.journal import Journal
 from tests.conftest import RigMaker
 from tests.server_acts import run
 from tests.test_logs_run import fail
@@ -33,8 +33,8 @@ from tests.typed import typed
 def test_another_process_finishes_them(
     server: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("logs.recorder.rewrite", fail)
-    monkeypatch.setattr("logs.compactor.rewrite", fail)
+    monkeypatch.setattr("logs.writing.recorder.rewrite", fail)
+    monkeypatch.setattr("logs.writing.compactor.rewrite", fail)
     arm = server()
     ran = [Path(run(arm, 1).recording) for _ in range(3)]
     arm.executive.close()
@@ -62,7 +62,7 @@ class SlowBegin:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, error: Exception | None = None) -> None:
         self._error, self._clock = error, threading.Event()
         self._real: Any = Journal
-        monkeypatch.setattr("logs.journal.Journal", self)
+        monkeypatch.setattr("logs.writing.journal.Journal", self)
 
     def __call__(self, *given: Any) -> Journal:
         self._clock.wait(0.2)  # nobody ends it

@@ -18,12 +18,12 @@ from executive.commands.watching import Player
 from executive.recording.recorded_link import RecordedLink, RecordingBehind
 from executive.replay.proof import prove
 from hardware import SimulatedClock
-from logs.compaction import locked
-from logs.comparison import compare
-from logs.ros_types import ros_types
-from logs.story import overview, story
-from logs.table import export
-from logs.timeline import timeline
+from logs.records.ros_types import ros_types
+from logs.views.comparison import compare
+from logs.views.narrative import overview, story
+from logs.views.table import export
+from logs.views.timeline import timeline
+from logs.writing.compaction import locked
 from tests.alterations import altered, lacking, replace, retold
 from tests.conftest import RigMaker
 from tests.support.paths import ROOT

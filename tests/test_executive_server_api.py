@@ -12,7 +12,7 @@ from executive.goals import Acceptance, Policy
 from executive.server import api
 from executive.server.operations import OPERATIONS
 from hardware import State
-from logs import recorder
+from logs.writing import recorder
 from tests.serving import Serve, Served
 
 pytest_plugins = ["tests.server_fixtures"]

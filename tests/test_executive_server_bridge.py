@@ -18,9 +18,10 @@ from websockets.sync.client import ClientConnection, connect
 from executive import goals
 from executive.server import bridge, connections, turns
 from executive.server import rosbridge as ros
-from tests.javascript import PEERS, without_node
+from tests.javascript import without_node
 from tests.serving import Serve, Served
 from tests.strangers import UPGRADE, raw
+from tests.support.paths import PEERS
 
 pytest_plugins = ["tests.server_fixtures"]
 

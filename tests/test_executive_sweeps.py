@@ -12,8 +12,8 @@ from PIL import Image
 import logs
 from executive.commands.cli import cli
 from executive.commands.sweeps import POSES, scenes_of
-from logs.figure import Scene
-from logs.sweep import Sweep
+from logs.views.motion_figure import Sweep
+from logs.views.run_figure import Scene
 from tests.conftest import RigMaker
 from tests.support.paths import DATA
 from tests.test_logs_run import RUNS, record
@@ -71,7 +71,7 @@ def height(picture: Path) -> int:
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures of fewer dots take less time."""
-    monkeypatch.setattr("logs.figure._DPI", 50)
+    monkeypatch.setattr("logs.views.run_figure._DPI", 50)
 
 
 def plotted(recording: Path) -> Any:

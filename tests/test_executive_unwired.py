@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from executive.codes import look_up
 from executive.commands.cli import cli
 from hardware import NoDriver
-from tests.arms import DATA
+from tests.support.paths import DATA
 
 ARM = str(DATA / "seven_axes.toml")
 TASK = """

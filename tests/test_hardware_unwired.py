@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from hardware import Arm, DescriptionError, NoDriver, RealClock, compile_schedule, load_robot
-from tests.arms import ARMS, DATA, foreign
+from tests.arms import ARMS, foreign
+from tests.support.paths import DATA
 
 
 @pytest.mark.parametrize("name", ARMS)

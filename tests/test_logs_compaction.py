@@ -11,8 +11,8 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from logs import Attachment, RecordingError, RecordingTruncated, compact, read
-from logs.compaction import DIGESTS, RECOVERED
-from logs.journal import Journal
+from logs.writing.compaction import DIGESTS, RECOVERED
+from logs.writing.journal import Journal
 from tests.test_logs_run import EPOCH_NS, RUNS, record
 
 MAGIC = 8

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 import logs
-import logs.compactor
+import logs.writing.compactor
 from logs import Recorder, RecordingIncomplete, read
-from logs.compactor import Compactor
-from logs.recovery import being_written, complete
+from logs.reading.recovery import being_written, complete
+from logs.writing.compactor import Compactor
 from tests.support.paths import ROOT
 from tests.test_logs_recorder import sent
 from tests.test_logs_run import EPOCH_NS, fail
@@ -38,7 +38,7 @@ def recorded(path: Path) -> Recorder:
 def test_it_is_made_by_another_process(
     tmp_path: Path, compactor: Compactor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(logs.compactor, "rewrite", fail)
+    monkeypatch.setattr(logs.writing.compactor, "rewrite", fail)
     summary = recorded(tmp_path / "run.mcap").close(compactor)
     assert (summary.path, summary.messages, summary.whole) == (tmp_path / "run.mcap", 900, True)
     assert complete(summary.path, every_byte=True)

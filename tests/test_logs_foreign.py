@@ -15,8 +15,8 @@ from ruamel.yaml import YAML
 
 import logs
 from logs import Description, LogLine, Record, Sent
-from tests.javascript import PEERS, without_node
-from tests.support.paths import EXAMPLES, ROBOT_FILE
+from tests.javascript import without_node
+from tests.support.paths import EXAMPLES, PEERS, ROBOT_FILE
 from tests.test_logs_compaction import run_journal
 from tests.test_logs_run import RUNS, lifecycle, record
 

@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from logs.jobs import Jobs
+from logs.writing.jobs import Jobs
 
 PATIENCE = 20.0
 

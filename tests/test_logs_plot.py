@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from logs import NodeStatus, Plan, RecordingError, Sent, plot
-from logs.timeline import Timeline, timeline
+from logs.views.timeline import Timeline, timeline
 from tests.test_logs_run import ARM, GRIPPER, RUNS, frame, node, plan, record
 
 RUNNING, SUCCESS = (0x56, 0xB4, 0xE9), (0x00, 0x9E, 0x73)

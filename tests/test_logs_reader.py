@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from logs import RecordingError, RecordingTruncated, Result, Sent, read, table
-from logs.salvage import Salvage
-from logs.story import overview
+from logs.reading.tolerant_reader import Salvage
+from logs.views.narrative import overview
 from tests.test_logs_run import RUNS, record
 
 DUE = (0.0, 1.0, None)

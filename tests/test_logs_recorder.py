@@ -16,7 +16,7 @@ from queue import Queue
 
 import pytest
 
-import logs.recorder
+import logs.writing.recorder
 from logs import (
     DiskFull,
     LogError,
@@ -31,8 +31,8 @@ from logs import (
     recover,
     recover_all,
 )
-from logs.journal import Journal
-from logs.recovery import complete
+from logs.reading.recovery import complete
+from logs.writing.journal import Journal
 from tests.support.paths import ROOT
 from tests.test_logs_run import EPOCH_NS, fail, node
 
@@ -154,7 +154,7 @@ class Disk:
         self.synced: Queue[int] = Queue()
         self._real, self._refuses = os.fsync, refuses
         monkeypatch.setattr(os, "fsync", self)
-        monkeypatch.setattr(logs.recorder, "FSYNC_S", 0.001)
+        monkeypatch.setattr(logs.writing.recorder, "FSYNC_S", 0.001)
 
     def __call__(self, handle: int) -> None:
         self.synced.put(os.fstat(handle).st_ino)
@@ -199,8 +199,8 @@ def test_a_slow_disk_is_told_once_and_holds_nothing_up(
         sync(handle)
 
     monkeypatch.setattr(os, "fsync", slow)
-    monkeypatch.setattr(logs.recorder, "time", clock)
-    monkeypatch.setattr(logs.recorder, "FSYNC_S", 0.0)
+    monkeypatch.setattr(logs.writing.recorder, "time", clock)
+    monkeypatch.setattr(logs.writing.recorder, "FSYNC_S", 0.0)
     recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, fail)
     for number in range(2):
         recorder.put(sent(number))
@@ -305,7 +305,7 @@ def test_where_no_recording_can_be_made_the_way_out_is_named(
     def refuse(path: Path) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("logs.recorder.rewrite", refuse)
+    monkeypatch.setattr("logs.writing.recorder.rewrite", refuse)
     recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, fail)
     recorder.put(sent(1))
     with pytest.raises(RecordingIncomplete, match=r"0 records lost .*`armtree log recover`"):

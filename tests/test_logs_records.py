@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import logs
 from logs import NodeStatus, Record, Sent
-from logs.journal import Journal
+from logs.writing.journal import Journal
 from tests.test_logs_run import EPOCH_NS, order, rebuilt
 
 TIMES = st.floats(0, 1e6)

@@ -16,11 +16,11 @@ from mcap.writer import Writer
 
 import logs
 from logs import DiskFull, Recorder, RecordingInUse, compact, recover, recover_all
-from logs.compaction import RECOVERED, locked, part_of
 from logs.folder import recording_path
-from logs.keeping import Rule, pin, pinned, prune
-from logs.recovery import complete
-from logs.tail import Tail
+from logs.reading.recovery import complete
+from logs.writing.compaction import RECOVERED, locked, part_of
+from logs.writing.retention import Rule, pin, pinned, prune
+from logs.writing.tail import Tail
 from tests.support.paths import ROOT
 from tests.test_logs_compaction import run_journal
 from tests.test_logs_recorder import sent

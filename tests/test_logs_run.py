@@ -28,7 +28,7 @@ from logs import (
     Summary,
     Transition,
 )
-from logs.story import story
+from logs.views.narrative import story
 
 EPOCH_NS = 1_795_000_000_000_000_000
 GOAL_ID = "0123456789abcdef0123456789abcdef"

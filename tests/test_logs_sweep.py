@@ -7,7 +7,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from logs.sweep import Sweep, draw_sweep
+from logs.views.motion_figure import Sweep, draw_sweep
 
 SQUARE = [(x, y, z) for x in (0.0, 0.1) for y in (0.0, 0.1) for z in (0.0, 0.3)]
 HIGH = [(x, y, z + 0.2) for x, y, z in SQUARE]

@@ -11,9 +11,9 @@ from rosbags.rosbag2.metadata import parse_qos
 
 import logs
 from logs import Goal, Plan, Record, Transition
-from logs.conversions import Stamp, transition_event
-from logs.ros_types import ros_types
-from logs.topics import TOPICS, offered_qos
+from logs.records.conversions import Stamp, transition_event
+from logs.records.ros_types import ros_types
+from logs.records.topics import TOPICS, offered_qos
 from tests.fields_table import table
 from tests.support.paths import ROOT
 from tests.test_logs_run import ARM, plan
@@ -92,7 +92,7 @@ def test_lifecycle_has_the_numbers_of_ros(
 
 
 def test_the_room_says_what_is_public() -> None:
-    modules = {path.stem for path in Path(logs.__file__).parent.glob("*.py")}
+    modules = {path.stem for path in Path(logs.__file__).parent.iterdir()}
     public = {name for name in vars(logs) if not name.startswith("_")}
     assert set(logs.__all__) <= public
     assert public - set(logs.__all__) <= modules
@@ -123,6 +123,6 @@ def test_the_page_has_every_field_of_the_json() -> None:
 
 @pytest.mark.parametrize("name", ["SerialFrame", "TaskFeedback"])
 def test_our_messages_are_documented_in_every_recording(name: str) -> None:
-    text = (Path(logs.__file__).parent / f"{name}.msg").read_text()
+    text = (Path(logs.__file__).parent / "records" / f"{name}.msg").read_text()
     assert ros_types().schema(f"arduinobot_msgs/msg/{name}").startswith(text)
     assert all("#" in line for line in text.splitlines() if line)

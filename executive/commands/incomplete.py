@@ -14,7 +14,7 @@ def incomplete(*recordings: Path) -> int:
         RecordingError: One of them cannot be read.
     """
     from logs import Recording
-    from logs.recovery import lacking
+    from logs.reading.recovery import lacking
 
     told = [words for recording in recordings if (words := lacking(Recording(recording)))]
     for words in told:

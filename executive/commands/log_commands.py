@@ -15,8 +15,8 @@ from .options import AT_LEAST_0, DRAWING, PATH
 if TYPE_CHECKING:
     from collections import Counter
 
-    from logs.figure import Scene
-    from logs.story import Overview
+    from logs.views.narrative import Overview
+    from logs.views.run_figure import Scene
 
 _FOLDER = click.argument(
     "folder",
@@ -38,8 +38,8 @@ def log() -> None:
 def ls(folder: Path) -> None:
     """List the recordings of a folder."""
     from logs import LogError
-    from logs.keeping import pinned
-    from logs.story import overview
+    from logs.views.narrative import overview
+    from logs.writing.retention import pinned
 
     paths = _recordings_in(folder)
     width = max((len(path.name) for path in paths), default=0) + 2
@@ -70,7 +70,7 @@ def _recordings_in(folder: Path) -> list[Path]:
 @_FILE
 def info(recording: Path) -> None:
     """Sum a recording up."""
-    from logs.story import overview
+    from logs.views.narrative import overview
 
     found = overview(recording)
     for name, value in _facts(found):
@@ -79,7 +79,7 @@ def info(recording: Path) -> None:
 
 
 def _facts(found: "Overview") -> list[tuple[str, str]]:
-    from logs.compaction import RECOVERED
+    from logs.writing.compaction import RECOVERED
 
     end = "complete" if found.complete else "cut off or damaged: armtree log recover"
     end = "being written" if found.written else end
@@ -121,7 +121,7 @@ def _median(counted: "Counter[float]") -> float:
 @click.option("--all", "everything", is_flag=True, help="Every frame and received byte too.")
 def show(recording: Path, everything: bool) -> None:
     """Tell a run as a story, in seconds since its goal."""
-    from logs.story import story
+    from logs.views.narrative import story
 
     for time, words in story(recording, everything):
         click.echo(f"{time:+10.3f}  {words}")
@@ -133,7 +133,7 @@ def show(recording: Path, everything: bool) -> None:
 @click.option("-o", "--output", type=PATH, default=Path(), help="Folder for the CSV files.")
 def export(recording: Path, output: Path) -> None:
     """Write commanded joints and frames to CSV."""
-    from logs.table import export as write
+    from logs.views.table import export as write
 
     for path in write(recording, output):
         click.echo(path)
@@ -146,14 +146,14 @@ def export(recording: Path, output: Path) -> None:
 @click.option("-o", "--output", type=DRAWING, help="PNG, SVG or PDF of joints over each other.")
 def diff(one: Path, other: Path, output: Path | None) -> None:
     """Compare two runs; exit status 12 where their frames differ."""
-    from logs.comparison import compare
+    from logs.views.comparison import compare
 
     both = compare(one, other)
     click.echo(both.first or f"all {len(both.runs[0].frames)} frames are the same")
     for joint, (distance, time) in both.joints.items():
         click.echo(f"{joint:<12}{distance:.4f} rad apart at most, at {time:.3f} s")
     if output:
-        from logs.overlay import draw_over
+        from logs.views.overlay_figure import draw_over
 
         draw_over(both, output)
         click.echo(output)
@@ -168,7 +168,7 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
 )
 def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
     """Draw recordings to files."""
-    from logs.plot import plot as draw
+    from logs.views.plot import plot as draw
 
     if output and len(recordings) > 1:
         raise click.UsageError("--output goes with one recording")
@@ -219,7 +219,7 @@ def recover(recordings: tuple[Path, ...]) -> None:
 @click.option("--off", is_flag=True, help="Let it go again.")
 def pin(recordings: tuple[Path, ...], off: bool) -> None:
     """Keep recordings for good: prune leaves what is write-protected."""
-    from logs.keeping import pin as keep
+    from logs.writing.retention import pin as keep
 
     def kept(recording: Path) -> int:
         keep(recording, not off)
@@ -236,8 +236,8 @@ def pin(recordings: tuple[Path, ...], off: bool) -> None:
 def prune(folder: Path, days: float | None, mb: float | None) -> None:
     """Delete old recordings, never a pinned or an unfinished one."""
     from hardware import RealClock
-    from logs.keeping import Rule
-    from logs.keeping import prune as make_room
+    from logs.writing.retention import Rule
+    from logs.writing.retention import prune as make_room
 
     if days is None and mb is None:
         raise click.UsageError("give --days, --mb or both")

@@ -106,7 +106,7 @@ def _around(world: World, left_out: Sequence[str]) -> Iterator[str]:
 
 
 def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
-    from logs.plan_figure import PlanPicture, draw_plan  # matplotlib takes half a second
+    from logs.views.plan_figure import PlanPicture, draw_plan  # matplotlib takes half a second
 
     from .sweeps import POSES, sweep_of
 

@@ -94,7 +94,7 @@ def serve(
     """Take goals from other programs, until Ctrl-C. The arm is inactive at first."""
     from executive.goals import Policy
     from executive.server.server import Place
-    from logs.keeping import Rule
+    from logs.writing.retention import Rule
 
     from .serving import ServeOptions
     from .serving import serve as run

@@ -19,7 +19,7 @@ from executive.server.access import PORT
 from executive.server.server import Place, Server
 from hardware import HardwareError, RealClock, TransitionRefused, load_robot
 from logs import LogError
-from logs.keeping import Rule
+from logs.writing.retention import Rule
 from skills.motion import Pool
 
 from .interrupts import Interrupts

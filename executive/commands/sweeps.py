@@ -11,9 +11,9 @@ from executive.recording.evidence import robot_of
 from executive.recording.meshes import world_of
 from hardware import Robot
 from logs import Goal, Plan, Recording, Sent
-from logs.figure import Scene
-from logs.story import bodies_in_words
-from logs.sweep import Sweep
+from logs.views.motion_figure import Sweep
+from logs.views.narrative import bodies_in_words
+from logs.views.run_figure import Scene
 from skills.motion import World
 from skills.motion.model import Model
 from skills.motion.outline import outlines

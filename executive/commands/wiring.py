@@ -16,7 +16,7 @@ from executive.goal import GoalState, GoalStatus, Outcome
 from executive.in_turn import InTurn
 from executive.pose import standing
 from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
-from logs.keeping import Rule, prune
+from logs.writing.retention import Rule, prune
 from skills.motion import Pool
 from trees import Library, Located, TreeError
 

@@ -13,7 +13,7 @@ from executive.building.builder import Tree
 from executive.goal import Goal, GoalState, GoalStatus
 from executive.results import record_of
 from hardware import ArmEvent, Clock, Robot, State
-from logs.compactor import Compactor, compactor
+from logs.writing.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
 
 from .evidence import robot_note

@@ -30,9 +30,9 @@ from logs import (
     Schedule,
     Sent,
 )
-from logs.agreement import disagreement
-from logs.compaction import RECOVERED
-from logs.recovery import being_written
+from logs.reading.consistency import disagreement
+from logs.reading.recovery import being_written
+from logs.writing.compaction import RECOVERED
 from skills.motion import ModelUnusable
 from skills.motion.planner import Planner
 

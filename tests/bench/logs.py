@@ -33,7 +33,7 @@ from mcap.writer import Writer
 import logs
 from executive.replay.proof import prove_all
 from hardware import RealClock, load_robot
-from logs.journal import Journal
+from logs.writing.journal import Journal
 from tests.bench.table import Row, arguments, show
 from tests.damages import FOOTER_BYTES, Damage, failure, take
 

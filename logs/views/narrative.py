@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from .conversions import LATE
-from .recording import Recording
-from .records import (
+from logs.reading.recording import Recording
+from logs.reading.recovery import being_written
+from logs.records.conversions import LATE
+from logs.records.records import (
     Feedback,
     Goal,
     LogLine,
@@ -21,8 +22,7 @@ from .records import (
     Told,
     Transition,
 )
-from .recovery import being_written
-from .summary import waited
+from logs.writing.summary import waited
 
 
 @dataclass(frozen=True, slots=True)

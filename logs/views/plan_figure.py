@@ -8,8 +8,8 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .picture import save
-from .sweep import Sweep, draw_sweep
+from .image import save
+from .motion_figure import Sweep, draw_sweep
 
 _LINES = ("#0072B2", "#E69F00", "#CC79A7", "#000000", "#009E73", "#D55E00", "#56B4E9")
 _LIMIT = "#999999"

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from .checks import MAGIC
-from .errors import RecordingError
+from logs.errors import RecordingError
+from logs.writing.checksums import MAGIC
 
 _FEWEST_DEGREES = 10.0
 

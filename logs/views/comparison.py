@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 
-from .recording import Recording
-from .records import Sent
+from logs.reading.recording import Recording
+from logs.records.records import Sent
 
 
 @dataclass(frozen=True, slots=True)

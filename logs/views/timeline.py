@@ -5,9 +5,9 @@ from itertools import dropwhile
 from pathlib import Path
 from typing import Any
 
-from .errors import RecordingTruncated
-from .reader import Message, read
-from .recording import fields_of
+from logs.errors import RecordingTruncated
+from logs.reading.reader import Message, read
+from logs.reading.recording import fields_of
 
 _PLAN = "/plan/"
 _INVALID = "INVALID"

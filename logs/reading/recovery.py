@@ -5,12 +5,13 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from .checks import MAGIC, is_journal
-from .compaction import locked, part_of, rewrite
-from .errors import LogError, RecordingInUse, RecordingTruncated
+from logs.errors import LogError, RecordingInUse, RecordingTruncated
+from logs.writing.checksums import MAGIC, is_journal
+from logs.writing.compaction import locked, part_of, rewrite
+from logs.writing.summary import Summary
+
 from .recording import Recording
-from .salvage import Salvage
-from .summary import Summary
+from .tolerant_reader import Salvage
 
 _HEAD = 64  # the profile and the name of the library begin before that [bytes]
 _LIBRARY = b"armtree"  # begins that name in files of ours

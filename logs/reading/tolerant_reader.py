@@ -5,8 +5,8 @@ from pathlib import Path
 from stat import S_ISREG
 from typing import Any, BinaryIO
 
-from .checks import MAGIC, is_journal, sound
-from .errors import RecordingError
+from logs.errors import RecordingError
+from logs.writing.checksums import MAGIC, is_journal, sound
 
 
 class Salvage:
@@ -47,7 +47,7 @@ class Salvage:
         Raises:
             OSError: The disk fails.
         """
-        from .sense import Sense, summary_is_whole
+        from .validation import Sense, summary_is_whole
 
         with self.path.open("rb") as stream:
             end = sound(stream) if is_journal(stream) else None

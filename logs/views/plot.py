@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .figure import Scene
+    from .run_figure import Scene
 
 
 def plot(recording: Path, output: Path, scenes: "Sequence[Scene]" = ()) -> None:
@@ -22,7 +22,7 @@ def plot(recording: Path, output: Path, scenes: "Sequence[Scene]" = ()) -> None:
         RecordingError: The recording cannot be read.
         OSError: The file cannot be written.
     """
-    from .figure import draw  # here, for matplotlib takes half a second to import
+    from .run_figure import draw  # here, for matplotlib takes half a second to import
     from .timeline import timeline
 
     draw(timeline(recording), output, scenes)

@@ -9,13 +9,13 @@ from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 
 from hardware.description.kinematics import Links
+from logs.records.conversions import Stamp
+from logs.records.records import Attachment, Description, Item, Note, Record
+from logs.records.ros_types import ros_types
+from logs.records.topics import ROSBAG2, TOPICS, Topic, offered_qos, topics_of
 
-from .checks import END, MAGIC, UNFINISHED, checked
-from .conversions import Stamp
-from .records import Attachment, Description, Item, Note, Record
-from .ros_types import ros_types
+from .checksums import END, MAGIC, UNFINISHED, checked
 from .tail import Tail
-from .topics import ROSBAG2, TOPICS, Topic, offered_qos, topics_of
 
 _SEQUENCE_BITS = 0xFFFFFFFF
 

@@ -8,10 +8,11 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from logs.errors import LogError
+from logs.reading.recovery import complete, is_ours
+from logs.reading.tolerant_reader import Salvage
+
 from .compaction import locked
-from .errors import LogError
-from .recovery import complete, is_ours
-from .salvage import Salvage
 
 _DAY = 86400.0  # [s]
 _WRITE = 0o222  # of a file's mode, whoever may

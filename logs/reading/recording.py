@@ -6,10 +6,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from .compaction import RECOVERED
-from .errors import RecordingError
-from .reader import Message, content
-from .records import (
+from logs.errors import RecordingError
+from logs.records.fields import misshapen
+from logs.records.records import (
     Feedback,
     Goal,
     LogLine,
@@ -22,8 +21,10 @@ from .records import (
     Told,
     Transition,
 )
-from .salvage import Salvage
-from .shapes import misshapen
+from logs.writing.compaction import RECOVERED
+
+from .reader import Message, content
+from .tolerant_reader import Salvage
 
 # What is recorded whole, as JSON.
 _WHOLE: dict[str, type[Any]] = {
@@ -102,7 +103,7 @@ class Recording:
 
         A file that was not finished, or by an older armtree, does not say how it was.
         """
-        from .digests import changed
+        from logs.writing.digests import changed
 
         return changed(self.path)
 

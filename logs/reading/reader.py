@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import RecordingError, RecordingTruncated
-from .salvage import Salvage
+from logs.errors import RecordingError, RecordingTruncated
+
+from .tolerant_reader import Salvage
 
 if TYPE_CHECKING:
     from mcap.records import Attachment, Channel, Metadata
@@ -40,7 +41,7 @@ class Message:
         Raises:
             RecordingError: The bytes do not fit the type.
         """
-        from .ros_types import ros_types
+        from logs.records.ros_types import ros_types
 
         try:
             return ros_types().decode(self.type, self.cdr)

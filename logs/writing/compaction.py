@@ -9,9 +9,10 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .checks import UNFINISHED
-from .errors import RecordingError, RecordingInUse
-from .salvage import Salvage
+from logs.errors import RecordingError, RecordingInUse
+from logs.reading.tolerant_reader import Salvage
+
+from .checksums import UNFINISHED
 from .summary import Summary
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from .comparison import Comparison
-from .picture import save, widen
+from .image import save, widen
 
 _LOOKS = (("#0072B2", "-", 2.2), ("#D55E00", "--", 1.1))
 

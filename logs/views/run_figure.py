@@ -12,9 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from .picture import save, widen
-from .summary import waited
-from .sweep import Sweep, draw_sweep
+from logs.writing.summary import waited
+
+from .image import save, widen
+from .motion_figure import Sweep, draw_sweep
 from .timeline import Row, Timeline, Trace
 
 # Okabe and Ito's colours: told apart by colour-blind readers, and in grey print.

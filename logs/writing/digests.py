@@ -9,8 +9,9 @@ from typing import Any
 
 from mcap import records as mcap
 
+from logs.reading.tolerant_reader import Salvage
+
 from .compaction import DIGESTS
-from .salvage import Salvage
 
 _BYTES = 8
 _TIMES = Struct("<QQQQ")

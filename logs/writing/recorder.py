@@ -12,10 +12,17 @@ from io import BufferedWriter
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from logs.errors import (
+    DiskFull,
+    LogError,
+    RecordingExists,
+    RecordingIncomplete,
+    RecordingNotCreated,
+)
+from logs.records.records import Item, Sent
+
 from .compaction import rewrite
-from .errors import DiskFull, LogError, RecordingExists, RecordingIncomplete, RecordingNotCreated
 from .jobs import Jobs
-from .records import Item, Sent
 from .summary import Summary
 from .tail import FULL
 

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 
 from hardware.description.kinematics import Links
+from logs.errors import RecordingError, RecordingTruncated
+from logs.records.conversions import Stamp
+from logs.records.records import Description, LogLine, Plan, Received, Record, Transition
+from logs.records.ros_types import ros_types
+from logs.records.topics import TOPICS, topics_of
+from logs.writing.compaction import RECOVERED
 
-from .compaction import RECOVERED
-from .conversions import Stamp
-from .errors import RecordingError, RecordingTruncated
 from .reader import Message, read
 from .recording import Recording
-from .records import Description, LogLine, Plan, Received, Record, Transition
-from .ros_types import ros_types
-from .topics import TOPICS, topics_of
 
 _ROWS = {topic.name: (topic.record, row) for row, topic in enumerate(TOPICS)}
 _OPINION = "/diagnostics"  # what is worth a word there may change, and the words

@@ -9,10 +9,10 @@ from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import RecordingError, RecordingTruncated
-from .reader import Message, read
-from .recording import Recording
-from .records import Sent
+from logs.errors import RecordingError, RecordingTruncated
+from logs.reading.reader import Message, read
+from logs.reading.recording import Recording
+from logs.records.records import Sent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,7 +40,7 @@ def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
     """
     import numpy as np
 
-    from .topics import TOPICS
+    from logs.records.topics import TOPICS
 
     rows, seen = [], set()
     try:

@@ -1,0 +1,1 @@
+"""Reading recordings, validating them and recovering damaged ones."""

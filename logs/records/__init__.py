@@ -1,0 +1,1 @@
+"""What is recorded, and as which message on which topic."""

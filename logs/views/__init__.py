@@ -1,0 +1,1 @@
+"""Plots, tables, narratives and comparisons of recordings."""

@@ -1,0 +1,1 @@
+"""Writing recordings: recorder, journal, compaction and retention."""
