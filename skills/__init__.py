@@ -1,10 +1,7 @@
 """What the arm can do: the leaves that task files name."""
 
-from .ask import Ask
 from .base import Context, Planned, Scene, Scheduled, Skill, SkillEvent
-from .bounds import CheckBounds, check_targets
 from .causes import as_one, causes_of
-from .check_hardware import CheckHardware
 from .errors import (
     BadBody,
     BadQuestion,
@@ -21,20 +18,23 @@ from .errors import (
     Unanswered,
     refuse,
 )
-from .execute import Execute
 from .function import Cancel, condition, skill
-from .keys import Compare, Set
+from .leaves.ask import Ask
+from .leaves.check_bounds import CheckBounds, check_targets
+from .leaves.check_hardware import CheckHardware
+from .leaves.execute import Execute
+from .leaves.keys import Compare, Set
+from .leaves.plan_group import PlanArm, PlanGripper
+from .leaves.reach_point import ReachPoint
+from .leaves.say import Fail, Say
+from .leaves.scene import AddBox, AddCylinder, AddMesh, AddSphere, Attach, Detach, RemoveBody
+from .leaves.set_start import SetStart
+from .leaves.succeed import Succeed
+from .leaves.targets import Shift, Target
+from .leaves.wait import Wait
 from .operator import NoOperator, Operator, Question
-from .plan_group import PlanArm, PlanGripper
 from .ports import Port
 from .positions import Positions, three
-from .reach_point import ReachPoint
-from .say import Fail, Say
-from .scene import AddBox, AddCylinder, AddMesh, AddSphere, Attach, Detach, RemoveBody
-from .start import SetStart
-from .succeed import Succeed
-from .targets import Shift, Target
-from .wait import Wait
 
 __all__ = [
     "AddBox",

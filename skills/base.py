@@ -15,8 +15,8 @@ from .errors import SkillBroken, SkillError
 from .merged import Merged
 from .motion.errors import MotionError
 from .motion.plan import Plan
-from .motion.pool import Pool
 from .motion.query import Query
+from .motion.workers.pool import Pool
 from .motion.world import EMPTY, Body, World
 from .operator import NoOperator, Operator
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hardware import CollisionRules, Joint, Robot, WireField, load_robot
-from skills.motion.contacts import Contacts
+from skills.motion.collision.checker import Contacts
 from tests.support.paths import DATA
 
 ARMS = ("six_axes", "seven_axes", "endless")

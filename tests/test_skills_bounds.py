@@ -17,7 +17,7 @@ from skills import (
     causes_of,
     check_targets,
 )
-from skills.bounds import by_group, check_link, check_whole
+from skills.leaves.check_bounds import by_group, check_link, check_whole
 from tests.arms import foreign
 from tests.conftest import Bench
 

@@ -17,11 +17,11 @@ from skills.motion import (
     Unreachable,
     World,
 )
-from skills.motion.blend import NEARNESS
-from skills.motion.contacts import Contacts
-from skills.motion.model import Model
+from skills.motion.collision.checker import Contacts
+from skills.motion.kinematics.inverse import _Arm
+from skills.motion.kinematics.model import Model
+from skills.motion.path.blend import NEARNESS
 from skills.motion.planner import Planner
-from skills.motion.tool import _Arm
 from tests.arms import ARMS, foreign, free_poses
 
 POST = World((Body("post", Box((0.1, 0.1, 1.2)), (0.4, 0.0, 0.4)),))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hardware import CollisionRules, Robot, load_robot
-from skills.motion import Barred, Body, Box, MotionError, NoPath, PlanTimeout, Query, World, barrier
+from skills.motion import Barred, Body, Box, MotionError, NoPath, PlanTimeout, Query, World
+from skills.motion.path import barrier
 from skills.motion.planner import Planner
 from tests.arms import foreign, pair_file
 
@@ -115,8 +116,8 @@ def test_what_is_barred_no_search_ever_finds(
         except Barred:
             barred.append(True)
 
-    monkeypatch.setattr("skills.motion.path.check_passable", noted)
-    monkeypatch.setattr("skills.motion.search._ITERATIONS", 300)
+    monkeypatch.setattr("skills.motion.path.path.check_passable", noted)
+    monkeypatch.setattr("skills.motion.path.search._ITERATIONS", 300)
     for start, goal in random.uniform(lower, upper, (120, 2, 6)).tolist():
         barred.clear()
         try:

@@ -7,13 +7,13 @@ import pytest
 
 from hardware import SimulatedClock, load_robot
 from skills.motion import Body, Box, MotionError, Plan, PlanTimeout, Query, World
-from skills.motion.bend import bent
-from skills.motion.contacts import Contacts
+from skills.motion.collision.checker import Contacts
+from skills.motion.collision.endpoints import bounds, columns
 from skills.motion.deadline import Deadline
-from skills.motion.ends import bounds, columns
-from skills.motion.model import Model
+from skills.motion.kinematics.model import Model
+from skills.motion.path.bend import bent
+from skills.motion.path.space import Space
 from skills.motion.planner import Planner
-from skills.motion.space import Space
 
 ROBOT = load_robot()
 POST = World((Body("post", Box((0.03, 0.03, 0.3)), (0.115, 0.115, 0.15)),))

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from hardware import load_robot
 from skills.motion import Body, Box, Mesh, Query, Shape, Sphere, StartInCollision, World
-from skills.motion.contacts import Contacts
-from skills.motion.model import Model
+from skills.motion.collision.checker import Contacts
+from skills.motion.kinematics.model import Model
 from skills.motion.planner import Planner
 from tests.test_skills_motion_inside import AWAY, STAND, cube
 

@@ -10,8 +10,8 @@ import pytest
 
 from hardware import Robot, load_robot
 from skills.motion import EMPTY, Body, Box, MotionError, Plan, Query, World
-from skills.motion.explain import limits_met
 from skills.motion.planner import Planner
+from skills.motion.timing.explain import limits_met
 from tests.arms import ARMS, foreign, free_poses
 
 POST = World((Body("post", Box((0.03, 0.03, 0.2)), (0.115, 0.115, 0.1)),))

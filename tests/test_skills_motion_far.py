@@ -11,9 +11,9 @@ import pytest
 
 from hardware import Joint, Mimic, Robot, load_robot
 from skills.motion import Body, ModelUnusable, PlanTimeout, Query, Sphere, World
-from skills.motion.explain import limits_met
+from skills.motion.path.space import _coarse_to_fine
 from skills.motion.planner import Planner
-from skills.motion.space import _coarse_to_fine
+from skills.motion.timing.explain import limits_met
 from tests.arms import foreign
 
 HOME, PICK = (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07)

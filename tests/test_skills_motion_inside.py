@@ -23,8 +23,8 @@ from skills.motion import (
     Verify,
     World,
 )
+from skills.motion.collision.solid import Solid
 from skills.motion.planner import Planner
-from skills.motion.solid import Solid
 from tests.arms import foreign
 
 ROBOT = load_robot()

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from hardware import Robot, load_robot
 from skills.motion import Plan, Query
-from skills.motion.contacts import Contacts
-from skills.motion.model import Model
+from skills.motion.collision.checker import Contacts
+from skills.motion.kinematics.model import Model
 from skills.motion.planner import Planner
 
 Array = NDArray[np.float64]

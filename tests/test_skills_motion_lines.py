@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hardware import Robot, load_robot
 from skills.motion import Body, MotionError, Plan, Query, Sphere, World
-from skills.motion.ends import columns, short_way, turning
+from skills.motion.collision.endpoints import columns, short_way, turning
 from skills.motion.planner import Planner
 from tests.arms import ARMS, foreign, free_poses
 from tests.real_arms import FILES, real

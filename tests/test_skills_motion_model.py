@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from hardware import Mimic, Robot, load_robot
 from skills.motion import BadWorld, Body, ModelUnusable, NotFinite, Sphere, World
-from skills.motion.contacts import Contacts
-from skills.motion.model import Model
+from skills.motion.collision.checker import Contacts
+from skills.motion.collision.shapes import corners
+from skills.motion.kinematics.lever_arms import level
+from skills.motion.kinematics.model import Model
 from skills.motion.planner import Planner
-from skills.motion.reach import level
-from skills.motion.shapes import corners
 from tests.arms import pair_file
 
 Array = NDArray[np.float64]

@@ -31,7 +31,7 @@ from skills.motion import (
     StartOutOfBounds,
     Verify,
 )
-from skills.motion import search as search_module
+from skills.motion.path import search as search_module
 from skills.motion.planner import Planner
 from tests.support.paths import ROOT
 
@@ -150,7 +150,7 @@ def test_a_bend_does_not_depend_on_the_seed(planner: Planner) -> None:
 
 def test_what_cannot_be_timed_is_not_all(planner: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
     """The solver fails on the bend: a way is searched for; on that too: it stops at each corner."""
-    monkeypatch.setattr("skills.motion.toppra_timing.fastest", lambda *_: None)
+    monkeypatch.setattr("skills.motion.timing.toppra_timing.fastest", lambda *_: None)
     plan = planner.plan(DETOUR)
     assert {"bend", "search", "blend"} <= plan.milliseconds.keys()
     assert len(plan.curve.stops) == len(plan.waypoints) - 2 > 0

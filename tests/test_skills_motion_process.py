@@ -15,7 +15,7 @@ import pytest
 from hardware import Robot, load_robot
 from skills.motion import Plan, PlanTimeout, Query, Reached, Verify, WorkerDied
 from skills.motion.planner import Planner
-from skills.motion.process import WorkerProcess
+from skills.motion.workers.process import WorkerProcess
 from tests.support.paths import ROOT
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))

@@ -21,10 +21,10 @@ from skills.motion import (
     ToolQuery,
     World,
 )
-from skills.motion.contacts import Contacts
-from skills.motion.model import Model
+from skills.motion.collision.checker import Contacts
+from skills.motion.kinematics.inverse import _Arm
+from skills.motion.kinematics.model import Model
 from skills.motion.planner import Planner
-from skills.motion.tool import _Arm
 from tests.arms import free_poses
 from tests.real_arms import FILES, real
 

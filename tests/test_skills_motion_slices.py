@@ -10,9 +10,9 @@ import pytest
 
 from hardware import RealClock, Robot
 from skills.motion import Body, Box, MotionError, PlanTimeout, Query, ToolQuery, World
-from skills.motion.batch import HULLS
-from skills.motion.contacts import Contacts
-from skills.motion.model import Model
+from skills.motion.collision.batch import HULLS
+from skills.motion.collision.checker import Contacts
+from skills.motion.kinematics.model import Model
 from skills.motion.planner import Planner
 from tests.arms import free_poses
 from tests.real_arms import real

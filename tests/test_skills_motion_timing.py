@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from skills.motion.arrays import norms
-from skills.motion.curve import Curve
-from skills.motion.profile import Profile
-from skills.motion.timing import straight, timed
-from skills.motion.toppra_timing import fastest
+from skills.motion.path.curve import Curve
+from skills.motion.timing.profile import Profile
+from skills.motion.timing.timing import straight, timed
+from skills.motion.timing.toppra_timing import fastest
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import pytest
 
 from hardware import RealClock, Robot, load_robot
 from skills.motion import Body, Box, NotFinite, Query, ToolQuery, Unreachable, World
-from skills.motion.contacts import Contacts
-from skills.motion.model import Model
+from skills.motion.collision.checker import Contacts
+from skills.motion.kinematics.model import Model
 from skills.motion.planner import Planner
 from tests.arms import foreign
 

@@ -7,7 +7,7 @@ import pytest
 
 from hardware import Robot, load_robot
 from skills.motion import ModelUnusable
-from skills.motion.links import Links
+from skills.motion.kinematics.robot_model import Links
 from tests.arms import pair_file
 
 BOX = '<geometry><box size="0.1 0.1 0.1"/></geometry>'

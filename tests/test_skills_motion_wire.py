@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skills.motion.wire import Garbled, packed, receive
+from skills.motion.workers.wire import Garbled, packed, receive
 
 
 @pytest.fixture

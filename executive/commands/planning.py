@@ -8,8 +8,8 @@ import numpy as np
 from hardware import RealClock, Robot
 from skills.motion import EMPTY, BadWorld, Plan, World
 from skills.motion.deadline import Stopwatch
-from skills.motion.explain import limits_met, straight_duration
 from skills.motion.planner import Planner
+from skills.motion.timing.explain import limits_met, straight_duration
 
 from .plan_goal import Goal
 from .world_file import check_world, read_world

@@ -15,8 +15,8 @@ from logs.views.motion_figure import Sweep
 from logs.views.narrative import bodies_in_words
 from logs.views.run_figure import Scene
 from skills.motion import World
-from skills.motion.model import Model
-from skills.motion.outline import outlines
+from skills.motion.kinematics.model import Model
+from skills.motion.kinematics.outline import outlines
 
 POSES = 14  # of a motion
 _MOST_POSES = 4 * POSES

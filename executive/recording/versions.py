@@ -11,7 +11,12 @@ import hardware
 import skills.motion
 
 _PLANNING = ("numpy", "ompl", "pin", "coal", "toppra")
-_SCHEDULING = ("frames.py", "pace.py", "profiles.py", "schedule.py")
+_SCHEDULING = (
+    "arm/schedule.py",
+    "drivers/firmware.py",
+    "drivers/arduino/frames.py",
+    "drivers/arduino/pacing.py",
+)
 
 
 @cache
@@ -20,7 +25,7 @@ def versions() -> dict[str, str]:
 
     Two armtrees with equal entries give equal plans and frames for equal queries.
     """
-    ours = {"armtree": _version("armtree"), "planner": _digest(_folder(skills.motion), "*.py")}
+    ours = {"armtree": _version("armtree"), "planner": _digest(_folder(skills.motion), "**/*.py")}
     folder = _folder(hardware)
     ours["frames"] = _digest(folder, *_SCHEDULING)
     libraries = {name: _version(name) for name in _PLANNING}

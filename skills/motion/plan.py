@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arrays import Joined, joined, parted, readonly
-from .curve import Curve
-from .profile import Profile
+from .path.curve import Curve
+from .timing.profile import Profile
 
 Array = NDArray[np.float64]
 

@@ -11,27 +11,27 @@ from numpy.typing import NDArray
 from hardware import Clock, RealClock, Robot
 
 from .arrays import readonly
-from .bodies import files
-from .carry import carried
-from .contacts import Contacts
-from .curve import Curve
+from .collision.bodies import files
+from .collision.carry import carried
+from .collision.checker import Contacts
+from .collision.endpoints import Ends, bounds, finite, turning
+from .collision.verify import check_motion
 from .deadline import Deadline, Stopwatch
-from .ends import Ends, bounds, finite, turning
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError, shown
-from .links import Links
+from .kinematics.inverse import reached
+from .kinematics.model import Model
+from .kinematics.robot_model import Links
 from .measures import FARTHEST, is_number
-from .model import Model
-from .path import ways
+from .path.curve import Curve
+from .path.path import ways
+from .path.search import Search
+from .path.space import Space, evenly
 from .plan import Plan
-from .process import Answer, Request
-from .profile import Profile
 from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
-from .rest import check_rest, rest_of
-from .search import Search
-from .space import Space, evenly
-from .timing import timed
-from .tool import reached
-from .verify import check_motion
+from .timing.profile import Profile
+from .timing.remaining import check_rest, rest_of
+from .timing.timing import timed
+from .workers.process import Answer, Request
 from .world import EMPTY, Body, World
 
 Array = NDArray[np.float64]

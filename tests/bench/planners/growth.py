@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, NoPath, PlanTimeout, Query, World
-from skills.motion.contacts import Contacts
-from skills.motion.model import Model
+from skills.motion.collision.checker import Contacts
+from skills.motion.kinematics.model import Model
 from skills.motion.planner import Planner
 from tests.arms import robot_of
 from tests.bench.planners.problems import POST

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from hardware import RealClock, Robot
 from skills.motion import GoalInCollision, Plan, PlanTimeout, Pool, Query
-from skills.motion.contacts import Contacts
-from skills.motion.model import Model
+from skills.motion.collision.checker import Contacts
+from skills.motion.kinematics.model import Model
 from tests.arms import free_poses
 from tests.bench.planners.pools import ask
 from tests.bench.planners.problems import POSTS

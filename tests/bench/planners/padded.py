@@ -17,9 +17,9 @@ import pinocchio as pin
 
 from hardware import Robot
 from skills.motion import Body, Box, Cylinder, Sphere, World
-from skills.motion.bodies import placed
-from skills.motion.model import FLOOR, Model
-from skills.motion.shapes import packages
+from skills.motion.collision.bodies import placed
+from skills.motion.collision.shapes import packages
+from skills.motion.kinematics.model import FLOOR, Model
 
 
 @dataclass(frozen=True)

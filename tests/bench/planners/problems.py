@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from hardware import Robot, load_robot
 from skills.motion import EMPTY, Body, Box, Query, World
-from skills.motion.contacts import Contacts
-from skills.motion.model import Model
+from skills.motion.collision.checker import Contacts
+from skills.motion.kinematics.model import Model
 from tests.arms import foreign, robot_of
 from tests.bench.planners.judge import Judge
 from tests.bench.planners.padded import padded

@@ -14,10 +14,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from skills.motion import MotionError, Plan
-from skills.motion.curve import Curve
-from skills.motion.model import Model
+from skills.motion.kinematics.model import Model
+from skills.motion.path.curve import Curve
 from skills.motion.planner import Planner
-from skills.motion.timing import timed
+from skills.motion.timing.timing import timed
 from tests.bench.planners.judge import TICK, Judge, excess, ticks
 from tests.bench.planners.padded import padded
 from tests.bench.planners.problems import Problem

@@ -1,0 +1,24 @@
+"""Whether the arm is ready."""
+
+from py_trees.common import Status
+from py_trees.ports import PortInformation
+
+from hardware import State
+from skills.base import Skill
+from skills.errors import ConditionFails
+
+
+class CheckHardware(Skill):
+    """Succeed if the arm is active, else fail."""
+
+    condition = True
+
+    INPUT_PORTS: dict[str, PortInformation] = {}
+    OUTPUT_PORTS: dict[str, PortInformation] = {}
+
+    def on_start(self) -> Status:
+        """Look at the lifecycle."""
+        state = self.context.arm.state
+        if state is not State.ACTIVE:
+            raise ConditionFails(f"the arm is {state.name.lower()}, not active")
+        return Status.SUCCESS

@@ -1,0 +1,69 @@
+"""Keys of the blackboard: writing one, comparing one."""
+
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from py_trees.common import Status
+from py_trees.ports import PortInformation
+
+from skills.base import Skill
+from skills.errors import ConditionFails
+from skills.ports import Port
+
+_RELATIONS: Mapping[str, Callable[[Any, Any], bool]] = {
+    "==": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+
+_ORDER = ("<", "<=", ">", ">=")
+_NO_ORDER = "texts have no order; numbers have one, and numbers with a known unit such as 200 ms"
+
+
+class Set(Skill):
+    """Write a value under a key."""
+
+    may_fail = False
+
+    INPUT_PORTS = {"value": Port(object, description="what to write")}
+    OUTPUT_PORTS = {"key": Port(object, description="where", like="value")}
+
+    def on_start(self) -> Status:
+        """Write it."""
+        self._set_output("key", self.get_input("value"))
+        return Status.SUCCESS
+
+
+class Compare(Skill):
+    """Succeed if a comparison is true, else fail."""
+
+    condition = True
+    pure = True
+
+    INPUT_PORTS = {
+        "left": Port(object, description="a value"),
+        "is": Port(str, description="how they compare", choices=tuple(_RELATIONS)),
+        "right": Port(object, description="another of the same type", like="left"),
+    }
+    OUTPUT_PORTS: dict[str, PortInformation] = {}
+
+    @classmethod
+    def mistyped(cls, inputs: Mapping[str, Any], types: Mapping[str, str]) -> str:
+        """Refuse an order of texts."""
+        text = "text" in (types.get("left"), types.get("right"))
+        return _NO_ORDER if text and inputs.get("is") in _ORDER else ""
+
+    def on_start(self) -> Status:
+        """Compare."""
+        left, relation = self.get_input("left"), self.get_input("is")
+        right = self.get_input("right")
+        texts = [isinstance(each, str) for each in (left, right)]
+        if any(texts) and (relation in _ORDER or not all(texts)):
+            raise TypeError(f"{left!r} {relation} {right!r}: a text only equals a text")
+        if not _RELATIONS[relation](left, right):
+            raise ConditionFails(f"{left} {relation} {right} is not so")
+        return Status.SUCCESS

@@ -1,0 +1,26 @@
+"""Where a motion begins."""
+
+from py_trees.common import Status
+from py_trees.ports import PortInformation
+
+from skills.base import Skill
+from skills.positions import Positions
+
+
+class SetStart(Skill):
+    """Take the commanded position as the start; the servos tell no other."""
+
+    INPUT_PORTS: dict[str, PortInformation] = {}
+    OUTPUT_PORTS = {
+        "start": PortInformation(
+            Positions, description="commanded position of every actuated joint [rad]"
+        )
+    }
+
+    def on_start(self) -> Status:
+        """Read the arm."""
+        names = [joint.name for joint in self.context.robot.actuated]
+        start = Positions(zip(names, self.context.arm.commanded, strict=True))
+        self._set_output("start", start)
+        self.feedback_message = ", ".join(f"{name} {q:.3f}" for name, q in start.items())
+        return Status.SUCCESS

@@ -1,0 +1,1 @@
+"""Collision checking: configurations, motions and bodies."""

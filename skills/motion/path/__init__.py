@@ -1,0 +1,1 @@
+"""Collision-free paths: straight, bent or searched."""

@@ -1,0 +1,1 @@
+"""Time-optimal timing of a path within velocity and acceleration limits."""

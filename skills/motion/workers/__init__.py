@@ -1,0 +1,1 @@
+"""Planner processes and the messages to and from them."""
