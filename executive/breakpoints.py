@@ -4,9 +4,9 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from skills import Skill
+from trees.compile.builder import Tree
+from trees.compile.paths import paths
 
-from .building.builder import Tree
-from .building.paths import paths
 from .mailbox import Mailbox
 
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from hardware import Robot
 from trees import FileError, Library, TreeError, UnknownTask, meant, read_text
+from trees.analysis.check import check_task, outline_of
+from trees.compile.paths import paths
 
-from .building.check import check_task, outline_of
-from .building.paths import paths
 from .errors import NoSuchNode
 
 KEPT = 16  # states of the folders; the oldest are forgotten
@@ -95,7 +95,7 @@ class LiveLibrary(Library):
     def __init__(self, folder: Path | None, robot: Robot) -> None:
         super().__init__(folder)
         self._robot, self._lock = robot, threading.Lock()
-        self._folders = [self.shipped, *filter(None, (self.folder,))]
+        self._folders = [*self.shipped, *filter(None, (self.folder,))]
         self._looks = deque([_Look(self._folders, None)], KEPT)  # the newest first
         self._rows: tuple[_Look, list[dict[str, Any]]] | None = None
 
@@ -183,7 +183,7 @@ def _listed(library: Library, number: int) -> dict[str, Any]:
         "name": task.name,
         "description": task.description,
         "parameters": {name: declared.type for name, declared in task.parameters.items()},
-        "source": "shipped" if path.parent == library.shipped else str(path),
+        "source": "shipped" if path.parent in library.shipped else str(path),
     }
 
 

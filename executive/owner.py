@@ -12,10 +12,10 @@ from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, Located, TaskFile, TreeError, UnknownTask
+from trees.compile.arguments import BadArguments, located
+from trees.compile.builder import Tree, build
 
 from .breakpoints import Breakpoints
-from .building.arguments import BadArguments, located
-from .building.builder import Tree, build
 from .causes import cause_of
 from .codes import OK
 from .errors import GoalError, OwnerHeld

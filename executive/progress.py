@@ -6,9 +6,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from skills import Skill
-
-from .building.builder import Tree
-from .building.control import Repeat, Retry
+from trees.compile.builder import Tree
+from trees.nodes.control import Repeat, Retry
 
 
 class Reached(NamedTuple):

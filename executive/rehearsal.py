@@ -16,10 +16,10 @@ from hardware import BoardLink, SimulatedClock, load_robot, virtual_board
 from skills import Question
 from skills.motion import Pool
 from trees import Library
+from trees.compile.arguments import read_arguments
+from trees.compile.plugins import load_skills
+from trees.compile.port_types import known_skills
 
-from .building.arguments import read_arguments
-from .building.plugins import load_skills
-from .building.port_types import known_skills
 from .executive import Event, Executive
 from .goal import GoalStatus, Outcome, QuestionStatus
 from .in_turn import InTurn

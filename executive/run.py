@@ -9,9 +9,9 @@ from py_trees.common import Status
 from hardware import Arm, CancelTimeout, Clock
 from logs import Feedback, NodeStatus, Record
 from skills import Skill, SkillBroken
+from trees.compile.builder import Tree
+from trees.compile.paths import paths
 
-from .building.builder import Tree
-from .building.paths import paths
 from .goal import Goal
 from .progress import Progress
 

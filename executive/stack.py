@@ -5,7 +5,7 @@ from threading import Thread
 
 from py_trees.behaviour import Behaviour
 
-from .building.paths import paths
+from trees.compile.paths import paths
 
 
 def node_at_work(thread: Thread, root: Behaviour) -> str:

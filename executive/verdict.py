@@ -7,9 +7,9 @@ from py_trees.common import Status
 
 from hardware import ActivationStopped
 from skills import TaskFailed
+from trees.compile.builder import Tree
+from trees.compile.paths import paths
 
-from .building.builder import Tree
-from .building.paths import paths
 from .causes import CANCELED_CAUSE, cause_of
 from .goal import Cause, GoalState
 

@@ -11,7 +11,6 @@ from hypothesis import HealthCheck, settings
 from py_trees.blackboard import Blackboard
 
 import logs
-from executive.building.arguments import read_arguments
 from executive.executive import Event, Executive
 from executive.goal import GoalStatus, Outcome, QuestionStatus
 from executive.in_turn import InTurn
@@ -20,6 +19,7 @@ from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_
 from skills import Context, Skill, SkillEvent
 from skills.motion import Plan, Pool, Query, Request, Result
 from trees import Library
+from trees.compile.arguments import read_arguments
 
 # Under nohup a hang-up is ignored, in the background of a script Ctrl-C is, by whatever the tests
 # start, too; some tests want them to count.

@@ -7,15 +7,15 @@ from textwrap import indent
 import pytest
 
 import logs
-from executive.building.arguments import BadArguments
-from executive.building.plugins import load_skills
-from executive.building.port_types import known_skills
-from executive.building.resolved import RESOLVED
 from executive.replay.proof import prove
 from executive.replay.proof_words import in_words
 from hardware import SimulatedClock
 from tests.conftest import Rig, RigMaker
 from tests.support.paths import EXAMPLES
+from trees.compile.arguments import BadArguments
+from trees.compile.plugins import load_skills
+from trees.compile.port_types import known_skills
+from trees.compile.resolved import RESOLVED
 
 Near = Callable[[float, float], None]
 

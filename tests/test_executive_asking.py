@@ -9,10 +9,10 @@ import pytest
 from click.testing import CliRunner
 from py_trees.common import Status
 
-from executive.building.check import check
 from executive.commands.cli import cli
 from hardware import Robot
 from skills import BadTarget, Skill
+from trees.analysis.check import check
 
 HEAD = "task: {}\nname: {}\ndescription: d\ntree:\n  sequence:\n    - {}\n"
 

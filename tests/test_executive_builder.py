@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from py_trees.blackboard import Blackboard
 from py_trees.composites import Sequence
 
-from executive.building.assembly import MAX_NODES
-from executive.building.builder import Tree, build
-from executive.building.join import Join
-from executive.building.resolved import RESOLVED
 from hardware import Arm, Robot, SimulatedClock
 from skills import BadTarget, CheckBounds, Context, Execute, OutOfBounds, SkillError
 from skills.motion import Pool
 from trees import FileError, Library
+from trees.compile.assembly import MAX_NODES
+from trees.compile.builder import Tree, build
+from trees.compile.resolved import RESOLVED
+from trees.nodes.parallel import Join
 
 HEAD = "task: 3\nname: x\ndescription: y\ntree:\n  sequence:\n"
 SUB = "subtree: {name}\ndescription: y\nports: [{ports}]\ntree: {tree}\n"

@@ -5,14 +5,11 @@ from pathlib import Path
 
 import pytest
 
-import trees
-from executive.building.check import check
-from executive.building.plugins import load_skills
 from hardware import Robot
+from tests.support.paths import EXAMPLES, TASKS
 from trees import Library
-
-SHIPPED = Path(trees.__file__).parent
-EXAMPLES = SHIPPED / "examples"
+from trees.analysis.check import check
+from trees.compile.plugins import load_skills
 
 HEAD = "task: 3\nname: x\ndescription: y\n"
 MOVE = "{subtree: move_joints, with: {joints: upright}}"
@@ -273,7 +270,7 @@ def test_files_that_are_no_tasks(robot: Robot, tmp_path: Path, name: str) -> Non
 def test_a_users_task_takes_the_place_of_a_shipped_one_only_when_it_says_so(
     robot: Robot, tmp_path: Path
 ) -> None:
-    text = (SHIPPED / "1_pick.yaml").read_text()
+    text = (TASKS / "arduinobot" / "1_pick.yaml").read_text()
     path = tmp_path / "1_pick.yaml"
     path.write_text(text)
     (mistake,) = check(robot, tmp_path).mistakes
@@ -294,12 +291,14 @@ def test_a_pose_of_ones_own(robot: Robot, tmp_path: Path) -> None:
 
 
 # A letter, a number or an indent of a shipped file changed: refused, or provably the same task.
-@pytest.mark.parametrize("name", ["1_pick.yaml", "reach.yaml", "examples/3_wave.yaml"])
+@pytest.mark.parametrize(
+    "name", ["tasks/arduinobot/1_pick.yaml", "tasks/reach.yaml", "examples/3_wave.yaml"]
+)
 def test_every_changed_letter_of_a_key_is_refused(robot: Robot, tmp_path: Path, name: str) -> None:
-    source = SHIPPED / name
+    source = EXAMPLES.parent / name
     path = tmp_path / source.name
     text = source.read_text()
-    if source.parent == SHIPPED:
+    if source.parent != EXAMPLES:
         text += "replaces: " + path.stem.rpartition("_")[2] + "\n"
     path.write_text(text)
     assert check(robot, None, [path]).mistakes == []
@@ -319,7 +318,7 @@ def test_every_changed_letter_of_a_key_is_refused(robot: Robot, tmp_path: Path, 
 
 
 def test_a_copy_of_all_that_ships_next_to_it_is_refused(robot: Robot, tmp_path: Path) -> None:
-    for path in SHIPPED.glob("*.yaml"):
+    for path in TASKS.glob("**/*.yaml"):
         shutil.copy(path, tmp_path)
     assert check(robot, tmp_path).mistakes
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from executive.building.check import check
 from hardware import Robot
 from tests.test_executive_check import HEAD, found, tree
 from trees import Library
+from trees.analysis.check import check
 
 UNKNOWN = [
     ("integer", "{repeat: Succeed, times: $a}"),

@@ -14,12 +14,12 @@ import pytest
 from py_trees.common import Status
 from py_trees.ports import PortInformation
 
-from executive.building.check import check
 from hardware import Robot
 from skills import Skill, SkillError, refuse
 from tests.test_executive_builder import WRONG as LINES
 from tests.test_executive_check import WRONG
 from tests.test_executive_check_files import ONCE
+from trees.analysis.check import check
 
 PAIRS = int(os.environ.get("ARMTREE_PAIRS", "60"))  # of each sort
 HEAD = "task: {}\nname: x\ndescription: y\n"

@@ -4,7 +4,10 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.building.control import (
+from hardware import Robot, SimulatedClock
+from skills import Context
+from tests.conftest import Bench
+from trees.nodes.control import (
     LEAST_ROUND,
     Guard,
     ReactiveSelector,
@@ -14,10 +17,7 @@ from executive.building.control import (
     Timeout,
     WaitFor,
 )
-from executive.building.join import Race
-from hardware import Robot, SimulatedClock
-from skills import Context
-from tests.conftest import Bench
+from trees.nodes.parallel import Race
 
 S, F, R, INVALID = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALID
 

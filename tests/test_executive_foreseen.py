@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from executive.building.check import check
 from executive.commands.cli import cli
 from hardware import Robot
 from skills import BadTarget
 from trees import FileError
+from trees.analysis.check import check
 
 HEAD = "task: 7\nname: x\ndescription: y\ntree:\n  sequence:\n"
 POST = "AddBox: {body: post, size: [3 cm, 3 cm, 3 cm], position: [0.12, 0.04, 0.07]}"

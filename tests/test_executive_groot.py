@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from executive.building.check import outline_of
-from executive.building.groot import as_groot
-from executive.building.plugins import load_skills
 from hardware import Robot
 from tests.support.paths import EXAMPLES
 from trees import Library
+from trees.analysis.check import outline_of
+from trees.compile.plugins import load_skills
+from trees.export.groot import as_groot
 
 LOADER = Path(sys.prefix) / ".behaviortree"
 FOR_US = {"name", "_description"}  # attributes that are no ports

@@ -6,7 +6,7 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.building.join import Join
+from trees.nodes.parallel import Join
 
 S, F, R, INVALID = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALID
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from executive.building.plugins import load_skills
-from executive.building.port_types import known_skills
+from trees.compile.plugins import load_skills
+from trees.compile.port_types import known_skills
 
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 PROJECT = """\

@@ -7,10 +7,10 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 from py_trees.composites import Sequence
 
-from executive.building.paths import paths
 from executive.mailbox import Mailbox
 from executive.run import CANCEL_DEADLINE
 from hardware import RealClock, SimulatedClock
+from trees.compile.paths import paths
 
 
 @pytest.fixture

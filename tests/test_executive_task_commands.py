@@ -8,14 +8,12 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-import trees
-from executive.building.port_types import known_skills
 from executive.commands.cli import cli
+from tests.support.paths import EXAMPLES, TASKS
 from tests.test_logs_run import RUNS, record
 from trees import KINDS, FileError
+from trees.compile.port_types import known_skills
 
-SHIPPED = Path(trees.__file__).parent
-EXAMPLES = SHIPPED / "examples"
 OWN = ["--trees", str(EXAMPLES), "--skills", str(EXAMPLES / "skills")]
 
 
@@ -24,7 +22,7 @@ def armtree(*arguments: str) -> Result:
 
 
 @pytest.mark.parametrize(
-    ("folder", "options"), [(SHIPPED, []), (EXAMPLES, OWN)], ids=["shipped", "examples"]
+    ("folder", "options"), [(TASKS, []), (EXAMPLES, OWN)], ids=["shipped", "examples"]
 )
 def test_the_shipped_schema_is_current(folder: Path, options: list[str]) -> None:
     made = json.loads(armtree("schema", *options).output)
@@ -45,9 +43,11 @@ def _forms(schema: dict[str, dict[str, dict[str, list[dict[str, object]]]]]) -> 
 
 
 def test_every_shipped_file_names_its_schema() -> None:
-    for path in (*SHIPPED.glob("*.yaml"), *EXAMPLES.glob("*.yaml")):
+    for path in (*TASKS.glob("**/*.yaml"), *EXAMPLES.glob("*.yaml")):
         first = path.read_text().partition("\n")[0]
-        assert first == "# yaml-language-server: $schema=task.schema.json"
+        named = first.removeprefix("# yaml-language-server: $schema=")
+        assert named.endswith("task.schema.json")
+        assert (path.parent / named).exists()
 
 
 def test_skills_lists_those_of_ones_own() -> None:
@@ -211,7 +211,7 @@ def test_what_groot_is_given(number: int) -> None:
 
 
 def test_the_page_explains_every_kind_of_node() -> None:
-    page = (SHIPPED / "README.md").read_text()
+    page = (TASKS.parent / "README.md").read_text()
     for name, kind in KINDS.items():
         row = next(line for line in page.splitlines() if line.startswith(f"| `{name}: "))
         assert all(f"`{option}" in row for option in kind.options)

@@ -8,7 +8,6 @@ from py_trees.common import Status
 from py_trees.composites import Sequence
 from py_trees.decorators import FailureIsSuccess
 
-from executive.building.builder import Tree
 from executive.causes import cause_of
 from executive.goal import GoalState
 from executive.verdict import judge
@@ -16,6 +15,7 @@ from hardware import ActivationStopped, BadPosition, NotActive, PortNotGiven
 from skills import OutOfBounds
 from skills.motion import MotionCollides, PlanCanceled, PlanTimeout
 from skills.motion.errors import NotFinite, StartInCollision, StartOutOfBounds
+from trees.compile.builder import Tree
 
 
 class Failed(Behaviour):

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trees import FileError, Mistake, Place
-from trees.document import MAX_BYTES, MAX_DEPTH, MAX_MISTAKES, read_document, read_text
+from trees.reading.document import MAX_BYTES, MAX_DEPTH, MAX_MISTAKES, read_document, read_text
 
 FILE = Path("x.yaml")
 

@@ -6,12 +6,10 @@ from pathlib import Path
 
 import pytest
 
-import trees
+from tests.support.paths import EXAMPLES, TASKS
 
 from .javascript import without_node
 from .language_server import LanguageServer
-
-SHIPPED = Path(trees.__file__).parent
 
 MISTAKEN = """\
 # yaml-language-server: $schema=task.schema.json
@@ -51,15 +49,15 @@ def server() -> Iterator[LanguageServer]:
         yield server
 
 
-@pytest.mark.parametrize("folder", [SHIPPED, SHIPPED / "examples"], ids=["shipped", "examples"])
+@pytest.mark.parametrize("folder", [TASKS, EXAMPLES], ids=["shipped", "examples"])
 def test_nothing_is_underlined_in_what_ships(server: LanguageServer, folder: Path) -> None:
-    files = sorted(folder.glob("*.yaml"))
+    files = sorted(folder.glob("**/*.yaml"))
     assert len(files) > 5
     assert {path.name: server.underlined(path) for path in files} == {p.name: [] for p in files}
 
 
 def test_mistakes_are_underlined(server: LanguageServer, tmp_path: Path) -> None:
-    shutil.copy(SHIPPED / "task.schema.json", tmp_path)
+    shutil.copy(TASKS / "task.schema.json", tmp_path)
     (tmp_path / "3_wave.yaml").write_text(MISTAKEN)
     lines = {line for line, _ in server.underlined(tmp_path / "3_wave.yaml")}
     assert {4, 7, 8, 10} <= lines
@@ -67,7 +65,7 @@ def test_mistakes_are_underlined(server: LanguageServer, tmp_path: Path) -> None
 
 
 def test_what_may_come_is_offered(server: LanguageServer, tmp_path: Path) -> None:
-    shutil.copy(SHIPPED / "task.schema.json", tmp_path)
+    shutil.copy(TASKS / "task.schema.json", tmp_path)
     path = tmp_path / "4_wave.yaml"
     path.write_text(BEGUN.format(nothing=""))
     server.underlined(path)

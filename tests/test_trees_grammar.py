@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from trees import ControlNode, FileError, Key, Library, Located, Mistake, SkillNode, SubtreeNode
-from trees.grammar import draft_subtree, parse_task
+from trees.reading.grammar import draft_subtree, parse_task
 
 FILE = Path("3_x.yaml")
 SHIPPED = [Library().task(number).text for number in Library().numbers()]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import trees
+from tests.support.paths import TASKS
 from trees import DuplicateTask, FileError, Library, Place, UnknownTask
 
 TASK = "task: {number}\nname: x\ndescription: y\ntree: Succeed\n"
@@ -31,9 +31,9 @@ def test_a_folder_on_top(tmp_path: Path) -> None:
 
 
 def test_the_shipped_folder_counts_once(tmp_path: Path) -> None:
-    shipped = Path(trees.__file__).parent
-    (tmp_path / "link").symlink_to(shipped)
-    assert Library(shipped).numbers() == Library(tmp_path / "link").numbers() == [0, 1, 2]
+    (tmp_path / "link").symlink_to(TASKS)
+    for shipped in (TASKS, TASKS / "arduinobot", tmp_path / "link"):
+        assert Library(shipped).numbers() == [0, 1, 2]
 
 
 def test_an_unknown_number() -> None:

@@ -11,18 +11,16 @@ from pathlib import Path
 
 import pytest
 
-import trees
-from executive.building.builder import build
-from executive.building.check import check
-from executive.building.plugins import load_skills
-from executive.building.resolved import RESOLVED
+from tests.support.paths import EXAMPLES, TASKS
 from tests.test_executive_builder import Shop, shop  # noqa: F401  a fixture
 from trees import Library
-from trees.document import read_document
+from trees.analysis.check import check
+from trees.compile.builder import build
+from trees.compile.plugins import load_skills
+from trees.compile.resolved import RESOLVED
+from trees.reading.document import read_document
 
-SHIPPED = Path(trees.__file__).parent
-EXAMPLES = SHIPPED / "examples"
-FILES = sorted([*SHIPPED.glob("*.yaml"), *EXAMPLES.glob("*.yaml")])
+FILES = sorted([*TASKS.glob("**/*.yaml"), *EXAMPLES.glob("*.yaml")])
 EACH = int(os.environ.get("ARMTREE_SLIPS", "6"))  # changes per file
 SIGNS = "abz019 -:{}[],$#\t'\"&*!|>%@.\n"
 PLACE_OF = "\nreplaces: "  # what makes a copy take the place of a shipped file

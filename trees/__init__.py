@@ -1,12 +1,12 @@
 """The tasks that ship, their grammar, and the reading of task files."""
 
-from .document import REFUSED, Located, StandIn, nested, read_text
 from .errors import DuplicateTask, FileError, Mistake, Place, TreeError, UnknownTask
-from .grammar import UNTYPED, VERSION, PosesFile, SubtreeFile, TaskFile, parse_value
-from .library import Library, poses_of
-from .node_parser import MAX_NUMBER, Mistakes
-from .nodes import KINDS, ControlNode, Key, Kind, SkillNode, SubtreeNode, TreeNode, Value
-from .values import (
+from .reading.document import REFUSED, Located, StandIn, nested, read_text
+from .reading.grammar import UNTYPED, VERSION, PosesFile, SubtreeFile, TaskFile, parse_value
+from .reading.library import Library, poses_of
+from .reading.node_parser import MAX_NUMBER, Mistakes
+from .reading.specs import KINDS, ControlNode, Key, Kind, SkillNode, SubtreeNode, TreeNode, Value
+from .reading.values import (
     ANY,
     LIST,
     TYPES,

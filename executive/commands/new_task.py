@@ -3,8 +3,8 @@
 import re
 from pathlib import Path
 
-from executive.building.schema import NAME, schema_text
 from trees import FileError, Library, Mistake, Place
+from trees.export.schema import NAME, schema_text
 
 _TEXT = """\
 # yaml-language-server: $schema={schema}

@@ -108,7 +108,7 @@ trees_option = click.option(
 
 def _load(_context: click.Context, _option: click.Parameter, folder: Path | None) -> Path | None:
     """Load the skills before anything asks for them; a broken file is told of."""
-    from executive.building.plugins import load_skills
+    from trees.compile.plugins import load_skills
 
     if folder is not None and not folder.is_dir():
         raise click.BadParameter(f"{folder}: there is no such folder for skills")

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
-from executive.building.check import motions_of
-from executive.building.port_types import declarations
 from hardware import Robot
 from skills import BadTarget, Positions, ReachPoint, Shift, SkillError, check_targets, three
 from skills.motion import MotionError, Query, Reached, ToolQuery, World
 from skills.motion.planner import Planner
 from trees import UNITS, Declaration, FileError, Library, Place, fit, parse_value
+from trees.analysis.check import motions_of
+from trees.compile.port_types import declarations
 
 _PORTS = declarations(ReachPoint)
 

@@ -11,7 +11,6 @@ from contextlib import contextmanager, nullcontext
 import click
 
 import logs
-from executive.building.arguments import read_arguments
 from executive.causes import cause_of
 from executive.client.asks import Status
 from executive.client.errors import ClientError, Refused
@@ -23,6 +22,7 @@ from executive.goal import GoalState, GoalStatus, Outcome, QuestionStatus
 from executive.goals import CancelCode
 from hardware import RealClock
 from trees import TreeError
+from trees.compile.arguments import read_arguments
 
 from .interrupts import Interrupts
 from .view import View

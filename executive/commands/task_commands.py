@@ -40,7 +40,7 @@ def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
             "task": number,
             "name": task.name,
             "description": task.description,
-            "source": "shipped" if task.path.parent == library.shipped else str(task.path),
+            "source": "shipped" if task.path.parent in library.shipped else str(task.path),
             "parameters": {name: _declared(p) for name, p in task.parameters.items()},
             "last_outcome": outcomes.get(number, ""),
         }
@@ -88,9 +88,9 @@ def check(
     source = click.get_current_context().get_parameter_source("trees")
     if files and source is click.core.ParameterSource.COMMANDLINE:
         raise click.UsageError("--trees goes without FILE, which is checked with its own folder")
-    from executive.building.check import check as find
     from hardware import load_robot
     from trees import FileError
+    from trees.analysis.check import check as find
 
     findings = find(load_robot(robot), trees, files)
     for note in findings.notes:
@@ -130,8 +130,8 @@ def _findings(findings: Any) -> dict[str, Any]:
 @click.option("-o", "--output", type=PATH, help="File to write; default: standard output.")
 def schema(trees: Path | None, skills: Path | None, output: Path | None) -> None:
     """Print the JSON Schema of task files, for editors; it knows your skills and subtrees too."""
-    from executive.building.schema import schema_text
     from trees import Library
+    from trees.export.schema import schema_text
 
     text = schema_text(Library(trees))
     if output:
@@ -146,7 +146,7 @@ def schema(trees: Path | None, skills: Path | None, output: Path | None) -> None
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per skill.")
 def skills(skills: Path | None, as_json: bool) -> None:
     """List the skills there are, with their ports."""
-    from executive.building.port_types import declarations, known_skills
+    from trees.compile.port_types import declarations, known_skills
 
     for name, kind in sorted(known_skills().items()):
         ports = declarations(kind)
@@ -195,11 +195,11 @@ def show(
     output: Path | None,
 ) -> None:
     """Show the tree of a task; of a RECORDING, coloured by what happened, with times."""
-    from executive.building.check import outline_of
-    from executive.building.drawings import DRAWINGS
-    from executive.building.groot import as_groot
     from hardware import load_robot
     from trees import Library
+    from trees.analysis.check import outline_of
+    from trees.export.drawings import DRAWINGS
+    from trees.export.groot import as_groot
 
     if task.isdecimal():
         number = int(task)

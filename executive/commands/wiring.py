@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 
 import logs
-from executive.building.arguments import read_arguments
 from executive.causes import cause_of
 from executive.executive import Event, Executive
 from executive.goal import GoalState, GoalStatus, Outcome
@@ -19,6 +18,7 @@ from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
 from logs.writing.retention import Rule, prune
 from skills.motion import Pool
 from trees import Library, Located, TreeError
+from trees.compile.arguments import read_arguments
 
 from .interrupts import Interrupts
 from .log_handler import LogHandler

@@ -9,12 +9,12 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import logs
-from executive.building.builder import Tree
 from executive.goal import Goal, GoalState, GoalStatus
 from executive.results import record_of
 from hardware import ArmEvent, Clock, Robot, State
 from logs.writing.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
+from trees.compile.builder import Tree
 
 from .evidence import robot_note
 from .meshes import kept

@@ -5,12 +5,12 @@ from collections.abc import Collection, Iterator, Sequence
 from itertools import chain
 from typing import Any
 
-from executive.building.resolved import RESOLVED
 from executive.recording.evidence import changed_since
 from executive.recording.versions import versions
 from hardware import Robot
 from logs import Goal, Plan, Record, Recording
 from trees import KINDS
+from trees.compile.resolved import RESOLVED
 
 # Entries of `versions` that decide about plans.
 PLANNING = ("planner", "numpy", "ompl", "pin", "coal", "toppra", "python", "machine", "system")

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
-from executive.building.resolved import RESOLVED
 from executive.codes import DIFFERS
 from executive.recording.evidence import robot_of
 from hardware import HardwareError, Robot
@@ -35,6 +34,7 @@ from logs.reading.recovery import being_written
 from logs.writing.compaction import RECOVERED
 from skills.motion import ModelUnusable
 from skills.motion.planner import Planner
+from trees.compile.resolved import RESOLVED
 
 from .difference import frames_difference, joints_difference, plans_difference
 from .difference_result import result_difference

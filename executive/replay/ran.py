@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from executive.building.outline import Entry
 from logs import Goal, NodeStatus, Recording, RecordingError
+from trees.export.outline import Entry
 
 _HALTED = "HALTED"  # INVALID after RUNNING
 

@@ -17,8 +17,6 @@ from typing import Any
 # Python puts a script's folder first, where this file would pass for the room of its name.
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
-from executive.building.assembly import Assembly
-from executive.building.builder import build
 from executive.goal import Goal
 from executive.mailbox import Mailbox
 from executive.run import Run
@@ -27,6 +25,8 @@ from skills import Context
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
 from trees import Library
+from trees.compile.assembly import Assembly
+from trees.compile.builder import build
 
 FILES = 10_000
 NODES = 1000

@@ -1,0 +1,1 @@
+"""Checks before a run: reachability, data flow and predicted motion."""

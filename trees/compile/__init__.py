@@ -1,0 +1,1 @@
+"""Task files and skills to a py_trees tree."""

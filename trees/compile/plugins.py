@@ -1,0 +1,121 @@
+"""Skills of one's own: Python files of a folder that was named, and installed packages."""
+
+import importlib.util
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import NoReturn
+
+from py_trees.ports import get_ports_registry, register_ports_class
+
+import skills  # noqa: F401  whose names are taken
+from trees.reading.specs import KINDS
+
+RESERVED = (*KINDS, "subtree", "task", "name", "with")  # what stands beside a skill's name
+GROUP = "armtree.skills"
+
+_loaded: dict[str, str] = {}  # what is wrong with every plugin that was loaded; empty for nothing
+
+
+def load_skills(folder: Path | None) -> list[str]:
+    """Load what there is, each once in a process. A broken one is told of, and costs only itself.
+
+    Args:
+        folder: Whose Python files are loaded; None for only installed packages.
+
+    Returns:
+        What is broken, and why.
+    """
+    wrong = [_load_package(entry) for entry in entry_points(group=GROUP)]
+    if folder is not None:
+        if not folder.is_dir():
+            return [*filter(None, wrong), f"{folder}: there is no such folder for skills"]
+        files = sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
+        wrong += [_load_file(path) for path in files]
+    return [reason for reason in wrong if reason]
+
+
+def is_broken(module: str) -> bool:
+    """Whether a module is a plugin that could not be loaded whole."""
+    return bool(_loaded.get(module))
+
+
+def _load_package(entry: EntryPoint) -> str:
+    module = entry.module
+    if module not in _loaded:
+        _loaded[module] = _guarded(module, f"{entry.name} ({entry.value})", entry.load)
+    return _loaded[module]
+
+
+def _load_file(path: Path) -> str:
+    module = f"armtree_skills.{path.resolve().as_posix().replace('.', '_')}"
+    if module not in _loaded:
+        spec = importlib.util.spec_from_file_location(module, path)
+        assert spec
+        assert spec.loader
+        made = importlib.util.module_from_spec(spec)
+        sys.modules[module] = made  # as import does, so that annotations can be resolved
+        loader = spec.loader
+        _loaded[module] = _guarded(module, str(path), lambda: loader.exec_module(made))
+    return _loaded[module]
+
+
+def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
+    """Load something; why it is broken, if it is."""
+    before, pressed = get_ports_registry(), list[int]()
+    try:
+        # What a command prints on stdout is read by programs.
+        with warnings.catch_warnings(), _ctrl_c(pressed), redirect_stdout(sys.stderr):
+            warnings.simplefilter("ignore")  # a name that is taken is told of below
+            load()
+    except BaseException as error:  # somebody else's code: whatever it raises
+        if pressed:
+            raise
+        return f"{source}{_line(error, source)}: {type(error).__name__}: {error}"
+    after = get_ports_registry()
+    taken = [name for name, kind in after.items() if before.get(name, kind) is not kind]
+    if reserved := [name for name in after if name not in before and name in RESERVED]:
+        return f"{source}: {', '.join(reserved)}: the grammar has that name already; rename it"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name in taken:
+            register_ports_class(name, before[name])
+    if taken:
+        return f"{source}: {', '.join(taken)}: there is a skill of that name already; rename it"
+    return ""
+
+
+@contextmanager
+def _ctrl_c(pressed: list[int]) -> Iterator[None]:
+    """Note a Ctrl-C, so that it is told from a KeyboardInterrupt that somebody's code raises."""
+
+    def press(number: int, frame: object) -> NoReturn:
+        pressed.append(number)
+        raise KeyboardInterrupt
+
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    signal.signal(signal.SIGINT, press)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _line(error: BaseException, source: str) -> str:
+    """Where in the file it was raised, as `:line`; empty where that is not known."""
+    if isinstance(error, SyntaxError) and error.lineno:
+        return f":{error.lineno}"
+    trace, line = error.__traceback__, 0
+    while trace:
+        if trace.tb_frame.f_code.co_filename == source:
+            line = trace.tb_lineno
+        trace = trace.tb_next
+    return f":{line}" if line else ""

@@ -1,0 +1,92 @@
+"""What a task file may write at a skill's port: the skill's declaration in the grammar's words."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, get_args, get_origin
+
+from py_trees.ports import PortInformation, get_ports_registry
+
+from skills import Port, Positions, Skill
+from trees.reading.document import Located
+from trees.reading.specs import Value
+from trees.reading.values import ANY, LIST, Declaration, measured
+
+from .plugins import is_broken
+
+_TYPES: dict[Any, str] = {
+    int: "integer",
+    bool: "boolean",
+    str: "text",
+    Positions: "positions",
+    object: ANY,
+}
+_UNITS = {"": "number", "rad": "angle", "s": "duration", "m": "length"}
+
+
+def known_skills() -> dict[str, type[Skill]]:
+    """The skills there are, by name."""
+    registry = get_ports_registry().items()
+    return {
+        name: kind
+        for name, kind in registry
+        if issubclass(kind, Skill) and not is_broken(kind.__module__)
+    }
+
+
+def declaration(port: PortInformation, output: bool = False) -> Declaration:
+    """A port as the grammar declares it."""
+    unit = port.unit if isinstance(port, Port) else ""
+    plain = Declaration(
+        _type(port.data_type, unit),
+        default=port.default_value,
+        optional=not port.required,
+        output=output,
+        description=port.description,
+    )
+    if not isinstance(port, Port):
+        return plain
+    return replace(plain, least=port.least, most=port.most, choices=port.choices, count=port.count)
+
+
+def _type(kind: Any, unit: str) -> str:
+    if get_origin(kind) is list:
+        return LIST + _type(get_args(kind)[0], unit)
+    if kind is float:
+        return _UNITS[unit]
+    return _TYPES.get(kind) or str(getattr(kind, "__name__", "value"))
+
+
+def declarations(kind: type[Skill]) -> dict[str, Declaration]:
+    """All ports of a skill, inputs first."""
+    inputs = {name: declaration(port) for name, port in kind.input_ports().items()}
+    outputs = {name: declaration(port, True) for name, port in kind.output_ports().items()}
+    return inputs | outputs
+
+
+def wanted_at(
+    kind: type[Skill], port: str, value: Value | None, types: Mapping[str, str]
+) -> Declaration:
+    """What an input port wants, given the types of the ports before it.
+
+    Where ports hold the same type, a number with a unit is no text: texts would compare by letter.
+    """
+    info = kind.input_ports()[port]
+    wanted, ports = declaration(info), (kind.input_ports() | kind.output_ports()).values()
+    like = types.get(info.like) if isinstance(info, Port) else None
+    typed = like or any(isinstance(each, Port) and each.like == port for each in ports)
+    unit = measured(value) if typed and isinstance(value, Located) else ""
+    if unit and like in (None, "", ANY, "number", "integer"):  # a bare number measures anything
+        like = unit
+    return Declaration(like, wanted.default, wanted.optional) if like else wanted
+
+
+def port_value(fitted: Any) -> Any:
+    """A value that fits a declaration, as skills take it."""
+    if isinstance(fitted, list):
+        return [port_value(item) for item in fitted]
+    return Positions(fitted) if isinstance(fitted, dict) else fitted
+
+
+def type_of(value: object) -> str:
+    """The type of a value at a port that takes several."""
+    return {bool: "boolean", float: "number", str: "text"}.get(type(value), ANY)

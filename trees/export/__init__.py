@@ -1,0 +1,1 @@
+"""Trees as pictures, Groot2 files and JSON Schema."""

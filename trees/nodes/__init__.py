@@ -1,0 +1,1 @@
+"""The control nodes: sequences, fallbacks, parallels, loops and decorators."""

@@ -1,0 +1,1 @@
+"""YAML files to checked task files; every mistake with its line."""

@@ -1,0 +1,401 @@
+"""The grammar of files: a text in, a checked task, subtree or set of poses out.
+
+What a skill's name or port means is not known here; the builder above checks that.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+from trees.errors import FileError, Mistake
+
+from .document import Located, draft_document, names_within, nested
+from .node_parser import Mistakes, NodeParser
+from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
+from .values import LIST, TYPES, Declaration, choices, fit, respelt
+
+VERSION = 1  # of the grammar
+
+Read = TypeVar("Read")
+
+_TASK_KEYS = ("task", "name", "description", "parameters", "replaces", "grammar", "tree")
+_SUBTREE_KEYS = ("subtree", "description", "ports", "replaces", "grammar", "tree")
+_POSES_KEYS = ("poses", "replaces", "grammar")
+_OPTIONAL = ("parameters", "replaces", "grammar")
+_DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
+
+
+@dataclass(frozen=True, slots=True)
+class TaskFile:
+    """A numbered task.
+
+    Attributes:
+        path: Its file.
+        text: The file as it was read.
+        number: Task number.
+        name: One word.
+        description: What it does.
+        parameters: What may be given when it is called; a default is a Located.
+        replaces: Name of the shipped task that it takes the place of; empty for none.
+        tree: What to do.
+    """
+
+    path: Path
+    text: str
+    number: int
+    name: str
+    description: str
+    parameters: Mapping[str, Declaration]
+    replaces: str
+    tree: TreeNode
+
+
+@dataclass(frozen=True, slots=True)
+class SubtreeFile:
+    """A tree that tasks share.
+
+    Attributes:
+        path: Its file.
+        text: The file as it was read.
+        name: One word.
+        description: What it does.
+        ports: What it is given; a port without a type takes what its uses take.
+        replaces: Its own name where it takes the place of a shipped one; else empty.
+        tree: What to do.
+    """
+
+    path: Path
+    text: str
+    name: str
+    description: str
+    ports: Mapping[str, Declaration]
+    replaces: str
+    tree: TreeNode
+
+
+@dataclass(frozen=True, slots=True)
+class PosesFile:
+    """Poses by name.
+
+    Attributes:
+        path: The file.
+        text: The file as it was read.
+        poses: Joint values [rad] by joint name, by the name of the pose; one that is wrong is
+            REFUSED, of a pose that is wrong as a whole there are none.
+        labels: Where each name stands.
+        replaces: Which of them take the place of shipped ones.
+    """
+
+    path: Path
+    text: str
+    poses: Mapping[str, Mapping[str, float]]
+    labels: Mapping[str, Located]
+    replaces: tuple[str, ...]
+
+
+UNTYPED = ""  # the type of a port that takes what its uses take
+
+
+def parse_task(path: Path, text: str) -> TaskFile:
+    """Check a task file.
+
+    Raises:
+        FileError: With every mistake in it.
+    """
+    return _strict(*draft_task(path, text))
+
+
+def draft_task(path: Path, text: str) -> tuple[TaskFile, list[Mistake]]:
+    """Read a task file as far as it can be read, with every mistake in it.
+
+    Raises:
+        FileError: It is not YAML.
+    """
+    parser = _Parser(path, text, _TASK_KEYS)
+    task = TaskFile(
+        path=path,
+        text=text,
+        number=parser.number("task"),
+        name=parser.name("name"),
+        description=parser.line("description"),
+        parameters=parser.declared("parameters", ()),
+        replaces=parser.name("replaces", needed=False),
+        tree=parser.tree("tree"),
+    )
+    parser.used("parameters", task.tree)
+    return task, parser.mistakes.found
+
+
+def parse_head(path: Path, text: str) -> TaskFile:
+    """Check a task file without its tree, which takes a fraction of the time.
+
+    Raises:
+        FileError: With every mistake in what was read.
+    """
+    head, _, tree = text.partition("\ntree:")
+    follows = re.search(r"^[^\s#]", tree, re.MULTILINE) or not tree
+    if follows or re.search(r"^\s*\{", head, re.MULTILINE):  # or the tree is within braces
+        return parse_task(path, text)
+    parser = _Parser(path, head, _TASK_KEYS)
+    task = TaskFile(
+        path=path,
+        text=head,
+        number=parser.number("task"),
+        name=parser.name("name"),
+        description=parser.line("description"),
+        parameters=parser.declared("parameters", ()),
+        replaces=parser.name("replaces", needed=False),
+        tree=SkillNode(parser.root.place, "", {}),
+    )
+    return _strict(task, parser.mistakes.found)
+
+
+def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
+    """Read a subtree file as far as it can be read, with every mistake in it.
+
+    Raises:
+        FileError: It is not YAML.
+    """
+    parser = _Parser(path, text, _SUBTREE_KEYS)
+    subtree = SubtreeFile(
+        path=path,
+        text=text,
+        name=parser.name("subtree"),
+        description=parser.line("description"),
+        ports=parser.declared("ports", ("output",), needed=True),
+        replaces=parser.name("replaces", needed=False),
+        tree=parser.tree("tree"),
+    )
+    parser.used("ports", subtree.tree)
+    return subtree, parser.mistakes.found
+
+
+@lru_cache(maxsize=16)  # every task asks for all of them
+def draft_poses(path: Path, text: str) -> tuple[PosesFile, tuple[Mistake, ...]]:
+    """Read a file of poses as far as it can be read, with every mistake in it.
+
+    Raises:
+        FileError: It is not YAML.
+    """
+    parser = _Parser(path, text, _POSES_KEYS)
+    given = parser.get("poses")
+    labels = nested(given) if given else {}
+    wanted, wrong = Declaration("positions"), parser.mistakes.add
+    if given and not isinstance(given.value, dict):
+        wrong(given.place, f"poses: {given} is not a mapping of names to joint values")
+    poses = {name: fit(value, wanted, {}, wrong) or {} for name, value in labels.items()}
+    for name, value in labels.items():
+        parser.nodes.name(Located(value.label, name, value.label), "a pose")
+    replaced = parser.get("replaces", needed=False)
+    names = replaced.value if replaced and isinstance(replaced.value, list) else []
+    if replaced and not names:
+        wrong(replaced.place, f"replaces: {replaced} is not a list of names of poses")
+    replaces = tuple(parser.nodes.name(item, "replaces") for item in names)
+    return PosesFile(path, text, poses, labels, replaces), tuple(parser.mistakes.found)
+
+
+def parse_value(text: str, source: str) -> Located:
+    """Read a value that stands outside any file, such as on the command line.
+
+    Args:
+        text: What to read.
+        source: Named in errors.
+
+    Raises:
+        FileError: It is not YAML.
+    """
+    root, mistakes = draft_document(Path(source), text)
+    return _strict(root, mistakes)
+
+
+def _strict(read: Read, mistakes: list[Mistake]) -> Read:
+    if mistakes:
+        raise FileError(mistakes)
+    return read
+
+
+class _Parser:
+    """Reads the keys of a file and collects the mistakes."""
+
+    def __init__(self, path: Path, text: str, keys: tuple[str, ...]) -> None:
+        self.root, known = draft_document(path, text)
+        self.mistakes = Mistakes(known)
+        self.nodes = NodeParser(self.mistakes)
+        self._wrong = self.mistakes.add
+        self._values = nested(self.root)
+        if not self._values:
+            needed = ", ".join(key for key in keys if key not in _OPTIONAL)
+            self._wrong(self.root.place, f"expected the keys {needed}")
+        self._values = self._respelt(self._values, keys)
+        version = self.get("grammar", needed=False)
+        if version and (type(version.value) is not int or version.value != VERSION):
+            here = f"this armtree reads grammar {VERSION}"
+            self._wrong(version.place, f"grammar: {version} is another one; {here}")
+
+    def get(self, key: str, needed: bool = True) -> Located | None:
+        value = self._values.get(key)
+        if value is None and needed and self._values:
+            self._wrong(replace(self.root.place, way=key), f"the key {key} is missing")
+        return value
+
+    def _respelt(
+        self, values: Mapping[str, Located], known: tuple[str, ...]
+    ) -> Mapping[str, Located]:
+        """The keys as they were probably meant; tells those that are not known."""
+        for key, value in values.items():
+            if key not in known:
+                there = choices(key, known, values)
+                self._wrong(value.label, f"unknown key {key}; there are {there}")
+        likely = respelt(values, known)
+        return {likely.get(key, key): value for key, value in values.items()}
+
+    def number(self, key: str) -> int:
+        value = self.get(key)
+        return self.nodes.number(value, key) if value else 0
+
+    def name(self, key: str, needed: bool = True) -> str:
+        value = self.get(key, needed)
+        return self.nodes.name(value, key) if value else ""
+
+    def line(self, key: str) -> str:
+        value = self.get(key)
+        return self.nodes.line(value, key) if value else ""
+
+    def tree(self, key: str) -> TreeNode:
+        value = self.get(key)
+        return self.nodes.node(value) if value else SkillNode(self.root.place, "", {})
+
+    def declared(
+        self, key: str, more: tuple[str, ...], needed: bool = False
+    ) -> dict[str, Declaration]:
+        """Parameters or ports, by name."""
+        value = self.get(key, needed)
+        if value is None:
+            return {}
+        if isinstance(value.value, list) and needed:
+            return {name: Declaration(UNTYPED) for name in self._names(value, key)}
+        if not isinstance(value.value, dict):
+            what = "a mapping of names to types" + (", or a list of names" if needed else "")
+            self._wrong(value.place, f"{key}: {value} is not {what}")
+            return {}
+        declared = {}
+        for name, item in value.value.items():
+            self.nodes.name(Located(item.label, name, item.label), key)
+            declared[name] = self._declaration(item, f"{key}: {name}", (*_DECLARED_KEYS, *more))
+        return declared
+
+    def used(self, key: str, tree: TreeNode) -> None:
+        """See to it that every declared name is used."""
+        names, value = {*_keys(tree), *self.nodes.spare}, self._values.get(key)
+        if value is None or tree == SkillNode(tree.place, "", {}):
+            return
+        items = value.value if isinstance(value.value, list) and key == "ports" else []
+        places = {item.value: item.place for item in items}
+        places |= {name: item.label for name, item in nested(value).items()}
+        for name, place in places.items():
+            if name not in names and self.nodes.is_name(name):
+                self._wrong(place, f"{key}: nothing in the tree uses ${name}")
+
+    def _names(self, value: Located, key: str) -> list[str]:
+        names: list[str] = []
+        for item in value.value if isinstance(value.value, list) else []:
+            name = self.nodes.name(item, key)
+            if name in names:
+                self._wrong(item.place, f"{key}: {name} is given twice")
+            names += [name] if name else []
+        return names
+
+    def _declaration(self, value: Located, what: str, known: tuple[str, ...]) -> Declaration:
+        if isinstance(value.value, str):
+            return Declaration(self._type(value, what, "output" in known))
+        keys = self._respelt(nested(value), known)
+        kind, output = UNTYPED, self._flag(keys.get("output"))
+        if "type" in keys:
+            kind = self._type(keys["type"], what, "output" in known)
+        else:
+            self._wrong(value.place, f"{what} needs a type: {', '.join(TYPES)}")
+        if "default" in keys and output:
+            self._wrong(keys["default"].label, f"{what} is written, and takes no default")
+        least, most = self._bound(kind, keys.get("min")), self._bound(kind, keys.get("max"))
+        if least is not None and most is not None and most < least:
+            self._wrong(keys["max"].place, f"{what}: max is less than min")
+        return Declaration(
+            UNTYPED if output is None else kind,
+            default=self._default(keys.get("default"), what),
+            least=least,
+            most=most,
+            choices=self._choices(kind, keys.get("choices")),
+            output=output is True,
+            description=self.nodes.line(keys["description"], what) if "description" in keys else "",
+        )
+
+    def _type(self, value: Located, what: str, opaque: bool) -> str:
+        """A type; a port may also have one that only skills know, such as Plan."""
+        kind = value.value
+        if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
+            return kind
+        self._wrong(value.place, f"{what}: no type {kind}; there are {choices(str(kind), TYPES)}")
+        return UNTYPED
+
+    def _default(self, value: Located | None, what: str) -> Located | None:
+        wired = value and self.nodes.wired(value)
+        if isinstance(wired, Key):
+            hint = "a text that begins with a $ is written with two"
+            self._wrong(wired.place, f"{what}: a default is written out, not {value}; {hint}")
+            return None
+        return wired
+
+    def _bound(self, kind: str, value: Located | None) -> Any:
+        if value is None:
+            return None
+        inner = kind.removeprefix(LIST)
+        if inner in ("text", "boolean", "positions"):
+            self._wrong(value.label, f"a {inner} has no min and no max")
+            return None
+        return fit(value, Declaration(inner), {}, self._wrong) if kind else None
+
+    def _choices(self, kind: str, value: Located | None) -> tuple[str, ...]:
+        if value is None:
+            return ()
+        items = value.value if isinstance(value.value, list) else []
+        if kind and (
+            kind.removeprefix(LIST) != "text"
+            or not items
+            or any(not isinstance(item.value, str) for item in items)
+        ):
+            self._wrong(value.label, "choices are a list of texts, for the type text")
+        for number, item in enumerate(items):
+            if item.value in [other.value for other in items[:number]]:
+                self._wrong(item.place, f"choices: {item} is given twice")
+        return tuple(str(item.value) for item in items)
+
+    def _flag(self, value: Located | None) -> bool | None:
+        """True or false; None where it is neither."""
+        if value is None or isinstance(value.value, bool):
+            return value is not None and value.value is True
+        self._wrong(value.place, f"{value} is not true or false")
+        return None
+
+
+def _keys(node: TreeNode) -> Iterator[str]:
+    """The names of all values that a tree takes by name."""
+    match node:
+        case ControlNode():
+            for child in node.children:
+                yield from _keys(child)
+            values = node.options
+        case SkillNode():
+            values = node.ports
+        case SubtreeNode():
+            values = node.values
+    for value in values.values():
+        yield from (value.name,) if isinstance(value, Key) else _keys_within(value)
+
+
+def _keys_within(value: Located) -> Iterator[str]:
+    """The names within a mapping or a list; a text by itself that begins with a $ is one."""
+    if not isinstance(value.value, str):
+        yield from names_within(value)

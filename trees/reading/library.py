@@ -1,0 +1,354 @@
+"""Finding task files: those that ship, and a user's own folder on top.
+
+A task's file is named by its number and name, `1_pick.yaml`, so that one of many is found without
+reading the others; `poses.yaml` holds poses, any other `.yaml` file a subtree named like the file.
+"""
+
+import os
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from importlib import resources
+from pathlib import Path
+
+from trees.errors import DuplicateTask, FileError, Mistake, Place, UnknownTask
+
+from .document import read_text
+from .grammar import (
+    PosesFile,
+    SubtreeFile,
+    TaskFile,
+    draft_poses,
+    draft_subtree,
+    draft_task,
+    parse_head,
+    parse_task,
+)
+from .values import choices
+
+_TASK = re.compile(r"([0-9]+)_.+\.yaml")
+_SUBTREE = re.compile(r"(?!poses)[A-Za-z].*\.yaml")
+_ALMOST_TASK = re.compile(r"[0-9].*\.ya?ml")
+_POSES = "poses.yaml"
+
+
+class Library:
+    """The tasks there are. A file is read when it is asked for, so a change shows at once.
+
+    Args:
+        folder: A user's own task files; None for only those that ship.
+        read: Reads a file's text.
+
+    Attributes:
+        shipped: Folders of the files that ship.
+        folder: The user's, or None.
+        read: What reads a file.
+        mistakes: Files that are named wrongly, or claim what another one has already. They cost
+            only what they claim.
+        notes: Files that are not read, though they are YAML, too.
+
+    Raises:
+        FileError: The folder is not there or cannot be read.
+    """
+
+    def __init__(self, folder: Path | None = None, read: Callable[[Path], str] = read_text) -> None:
+        self.read = read
+        tasks = Path(str(resources.files("trees"))) / "tasks"
+        self.shipped = (tasks, tasks / "arduinobot")
+        if folder is not None:
+            if not folder.is_dir():
+                raise _no_folder(folder, "there is no such folder")
+            if any(map(folder.samefile, self.shipped)):
+                folder = None
+        self.folder = folder
+        self._tasks: dict[int, Path] = {}
+        self._subtrees: dict[str, Path] = {}
+        self._poses: list[Path] = []
+        self._claimed: dict[int | str, FileError] = {}  # by two files
+        self._replaced: dict[Path, Path] = {}  # the shipped file, by the user's in its place
+        self.mistakes: list[Mistake] = []
+        self.notes: list[Mistake] = []
+        for each in filter(None, (*self.shipped, folder)):
+            for name in _files(each):
+                try:
+                    self._add(each, name)
+                except FileError as error:
+                    self.mistakes += error.mistakes
+
+    def _add(self, folder: Path, name: str) -> None:
+        if name.startswith(".") or not name.lower().endswith((".yaml", ".yml")):
+            return
+        path = folder / name
+        if not name.endswith(".yaml") and not _ALMOST_TASK.fullmatch(name):
+            self._leave(path)
+        elif named := _TASK.fullmatch(name):
+            self._add_task(int(named[1]), path)
+        elif _ALMOST_TASK.fullmatch(name):
+            place = _top(path, self._text(path), "task")
+            wrong = "a task's file is named like 3_wave.yaml; rename this one"
+            raise FileError([Mistake(place, wrong)])
+        elif name == _POSES:
+            self._poses.append(path)
+        else:
+            self._add_subtree(path.stem, path)
+
+    def _leave(self, path: Path) -> None:
+        """Leave a file alone that is named like those of others."""
+        text = self._text(path)
+        head = re.search(r"^(task|subtree|poses):", text, re.MULTILINE)
+        message = "is not read: the name of a file of tasks ends in .yaml"
+        told = Mistake(_top(path, text, head[1] if head else ""), message)
+        (self.mistakes if head else self.notes).append(told)
+
+    def _add_task(self, number: int, path: Path) -> None:
+        there = self._tasks.setdefault(number, path)
+        if there is path:
+            return
+        stem = there.stem.partition("_")[2] if there.parent in self.shipped else ""
+        if not self._replaces(number, path, stem, _task_replaces):
+            place = _top(path, self._text(path), "task")
+            self._claimed[number] = DuplicateTask(number, there, place, stem)
+            raise self._claimed[number]
+        self._tasks[number], self._replaced[path] = path, there
+
+    def _add_subtree(self, name: str, path: Path) -> None:
+        there = self._subtrees.setdefault(name, path)
+        if there is path:
+            return
+        if not self._replaces(name, path, name, _subtree_replaces):
+            message = (
+                f"subtree {name} is in {there} already; rename this one, or write into it "
+                f"replaces: {name}"
+            )
+            place = _top(path, self._text(path), "subtree")
+            self._claimed[name] = FileError([Mistake(place, message)])
+            raise self._claimed[name]
+        self._subtrees[name], self._replaced[path] = path, there
+
+    def _replaces(
+        self, claimed: int | str, path: Path, stem: str, says: Callable[[Path, str], str]
+    ) -> bool:
+        """Whether a user's file says that it takes the place of a shipped one."""
+        try:
+            return bool(stem) and says(path, self.read(path)) == stem
+        except FileError as error:
+            self._claimed[claimed] = error
+            raise
+
+    def _text(self, path: Path) -> str:
+        """What is in a file, as far as that can be shown."""
+        try:
+            return self.read(path)
+        except FileError:
+            return ""
+
+    def for_task(self, number: int) -> "tuple[Library, str]":
+        """What to read a task from, as one piece, and what its user is to know of that.
+
+        This library and nothing, but a kind of it may choose.
+        """
+        return self, ""
+
+    def numbers(self) -> list[int]:
+        """The task numbers there are, ascending."""
+        return sorted(self._tasks)
+
+    def subtrees(self) -> list[str]:
+        """The names of the subtrees there are, in order."""
+        return sorted(self._subtrees)
+
+    def subtree_path(self, name: str) -> Path:
+        """The file of a subtree that there is."""
+        return self._subtrees[name]
+
+    @property
+    def pose_files(self) -> tuple[Path, ...]:
+        """The files of poses, the user's last."""
+        return tuple(self._poses)
+
+    def path(self, number: int) -> Path:
+        """The file of a task.
+
+        Raises:
+            UnknownTask: No file has that number.
+            FileError: Two files have, or one that is named wrongly may have been meant.
+        """
+        if number in self._claimed:
+            raise self._claimed[number]
+        if number not in self._tasks:
+            called = re.compile(rf"0*{number}(?![0-9])")
+            if meant := [m for m in self.mistakes if called.match(m.place.path.name)]:
+                raise FileError(meant)
+            raise UnknownTask(number, self.numbers())
+        return self._tasks[number]
+
+    def task(self, number: int) -> TaskFile:
+        """Read a task.
+
+        Raises:
+            UnknownTask: No file has that number.
+            FileError: The file is wrong.
+        """
+        path = self.path(number)
+        return _as_named(parse_task(path, self.read(path)), number)
+
+    def head(self, number: int) -> TaskFile:
+        """Read a task without its tree, for lists.
+
+        Raises:
+            UnknownTask: No file has that number.
+            FileError: The file is wrong before its tree.
+        """
+        path = self.path(number)
+        return _as_named(parse_head(path, self.read(path)), number)
+
+    def draft(self, number: int) -> tuple[TaskFile, list[Mistake]]:
+        """Read a task as far as it can be read, with every mistake in it.
+
+        Raises:
+            UnknownTask: No file has that number.
+            FileError: The file is not YAML.
+        """
+        path = self.path(number)
+        task, mistakes = draft_task(path, self.read(path))
+        told = {mistake.place.way for mistake in mistakes}
+        named = (
+            [] if "" in told else [m for m in _misnaming(task, number) if m.place.way not in told]
+        )
+        return task, [*mistakes, *named, *self._replacing(task, f"task {number}", _TASK)]
+
+    def subtree(self, name: str, asked: Place) -> tuple[SubtreeFile, list[Mistake]]:
+        """Read a subtree as far as it can be read, with every mistake in it.
+
+        Args:
+            name: Which.
+            asked: Where it is asked for.
+
+        Raises:
+            FileError: There is none of that name, or its file is not YAML.
+        """
+        if name not in self._subtrees:
+            there = choices(name, self._subtrees)
+            raise FileError([Mistake(asked, f"no subtree {name}; there are {there}")])
+        if name in self._claimed:
+            raise self._claimed[name]
+        path = self._subtrees[name]
+        subtree, mistakes = draft_subtree(path, self.read(path))
+        if subtree.name not in ("", name):  # else it is told already
+            message = f"the file is named {path.name} but says subtree {subtree.name}"
+            mistakes.append(Mistake(_top(path, subtree.text, "subtree"), message))
+        return subtree, [*mistakes, *self._replacing(subtree, f"subtree {name}", _SUBTREE)]
+
+    def _replacing(
+        self, file: TaskFile | SubtreeFile, what: str, names: re.Pattern[str]
+    ) -> Iterator[Mistake]:
+        """What is wrong where a file says that it takes the place of one that is not there."""
+        if file.replaces and file.path not in self._replaced:
+            stems = [
+                Path(name).stem
+                for folder in self.shipped
+                for name in _files(folder)
+                if names.fullmatch(name)
+            ]
+            message = f"replaces: no {what} ships; there are {choices(file.replaces, stems)}"
+            yield Mistake(_top(file.path, file.text, "replaces"), message)
+
+    def poses(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, str]]:
+        """Read the poses.
+
+        Returns:
+            Joint values [rad] by the name of the pose; and the texts of the files, by name.
+
+        Raises:
+            FileError: A file is wrong, or has a pose that ships too and does not say so.
+        """
+        files, mistakes = self.draft_poses()
+        if mistakes:
+            raise FileError(mistakes)
+        return poses_of(files), {self._shown(file): file.text for file in files}
+
+    def draft_poses(self) -> tuple[tuple[PosesFile, ...], list[Mistake]]:
+        """Read the poses as far as they can be read, with every mistake in their files.
+
+        Raises:
+            FileError: A file is not YAML.
+        """
+        files, mistakes = list[PosesFile](), list[Mistake]()
+        for path in self._poses:
+            file, wrong = draft_poses(path, self.read(path))
+            mistakes += [*wrong, *_replaced_poses(file, poses_of(files))]
+            files.append(file)
+        return tuple(files), mistakes
+
+    def _shown(self, file: PosesFile) -> str:
+        """What a recording calls a file of poses."""
+        first = file.path == self._poses[0]
+        return file.path.name if first else f"{file.path.parent.name}_{_POSES}"
+
+
+def poses_of(files: Iterable[PosesFile]) -> dict[str, Mapping[str, float]]:
+    """Joint values [rad] by the name of the pose, those of the last file on top."""
+    return {name: pose for file in files for name, pose in file.poses.items()}
+
+
+def _replaced_poses(file: PosesFile, shipped: Mapping[str, object]) -> list[Mistake]:
+    """What is wrong with the poses that take the place of shipped ones."""
+    mistakes = [
+        Mistake(file.labels[name].label, f"pose {name} ships; to replace it, add it to replaces")
+        for name in file.poses
+        if name in shipped and name not in file.replaces
+    ]
+    place = _top(file.path, file.text, "replaces")
+    mistakes += [
+        Mistake(place, f"replaces: no pose {name} ships; there are {choices(name, shipped)}")
+        for name in file.replaces
+        if name and name not in shipped
+    ]
+    mistakes += [
+        Mistake(place, f"replaces: here is no pose {name}; there are {choices(name, file.poses)}")
+        for name in file.replaces
+        if name in shipped and name not in file.poses
+    ]
+    return mistakes
+
+
+def _misnaming(task: TaskFile, number: int) -> list[Mistake]:
+    """What a file says otherwise than its own name does."""
+    _, _, name = task.path.stem.partition("_")
+    wrong = {}
+    if task.number != number:
+        wrong["task"] = f"the file is named for task {number} but says task {task.number}"
+    if task.name != name:
+        wrong["name"] = f"the file is named {task.path.name} but says name {task.name}"
+    return [Mistake(_top(task.path, task.text, key), why) for key, why in wrong.items()]
+
+
+def _as_named(task: TaskFile, number: int) -> TaskFile:
+    if wrong := _misnaming(task, number):
+        raise FileError(wrong)
+    return task
+
+
+def _top(path: Path, text: str, key: str) -> Place:
+    """Where a file says what it is."""
+    lines = text.splitlines()
+    line = next((n for n, each in enumerate(lines, 1) if each.startswith(f"{key}:")), 1)
+    return Place(path, line, 1, key, lines)
+
+
+def _task_replaces(path: Path, text: str) -> str:
+    return draft_task(path, text)[0].replaces
+
+
+def _subtree_replaces(path: Path, text: str) -> str:
+    return draft_subtree(path, text)[0].replaces
+
+
+def _files(folder: Path) -> list[str]:
+    try:
+        return sorted(os.listdir(folder))
+    except OSError as error:
+        raise _no_folder(folder, f"this folder cannot be read: {error.strerror}") from error
+
+
+def _no_folder(path: Path, message: str) -> FileError:
+    return FileError([Mistake(Place(path, 0, 0), message)])

@@ -1,0 +1,257 @@
+"""Nodes: a located value in, the node it says out."""
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import TypeGuard
+
+from trees.errors import Mistake, Place
+
+from .document import Located, names_within, nested
+from .specs import KINDS, ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
+from .values import choices, meant, respelt
+
+MAX_NUMBER = 2**31 - 1
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
+_HEADS = (*KINDS, *_FILES)
+_BESIDE = (
+    *("with", "name"),
+    *(key for kind in KINDS.values() for key in (*kind.options, kind.condition)),
+)
+
+
+class Mistakes:
+    """Collects what is wrong.
+
+    Args:
+        known: What is known to be wrong already; the same place is not told twice. A mapping and
+            its first key begin at the same place, and differ in their ways.
+    """
+
+    def __init__(self, known: Iterable[Mistake] = ()) -> None:
+        self.found = list(known)
+        self._told = {_where(mistake.place) for mistake in self.found}
+
+    def add(self, place: Place, message: str) -> None:
+        """Note a mistake."""
+        if _where(place) not in self._told:
+            self.found.append(Mistake(place, message))
+
+    def add_also(self, place: Place, message: str) -> None:
+        """Note a mistake of a node, whatever is told of what begins at the same place."""
+        self.found.append(Mistake(place, message))
+
+    def add_last(self, place: Place, message: str) -> None:
+        """Note a mistake after which nothing more can be said of that place."""
+        self.add(place, message)
+        self._told.add(_where(place))
+
+    def take(self, mistakes: Iterable[Mistake]) -> None:
+        """Note what was found elsewhere; the same places are not told twice."""
+        taken = list(mistakes)
+        for mistake in taken:
+            self.add(mistake.place, mistake.message)
+        self._told |= {_where(mistake.place) for mistake in taken}
+
+
+class NodeParser:
+    """Reads nodes and names. What is misspelt is told, and read on as what was probably meant.
+
+    Args:
+        mistakes: Where to tell what is wrong.
+
+    Attributes:
+        spare: Names with a $ that stand where nothing reads them.
+    """
+
+    def __init__(self, mistakes: Mistakes) -> None:
+        self._wrong = mistakes.add
+        self.spare: set[str] = set()
+
+    def node(self, value: Located) -> TreeNode:
+        """The node that a value says."""
+        if isinstance(value.value, str):
+            return SkillNode(value.place, self.name(value, "a node"), {})
+        keys = nested(value)
+        heads = [key for key in keys if key in _HEADS]
+        rest = [key for key in keys if key != "name"]
+        if len(heads) == 1:
+            return self._headed(value.place, heads[0], keys)
+        if not heads and len(rest) == 1:
+            return self._skill(value.place, rest[0], keys)
+        self._wrong(value.place, _no_node(value, tuple(keys)))
+        likely = {} if heads else respelt(rest, _HEADS)
+        if len(likely) == 1:
+            (head,) = likely.values()
+            return self._headed(value.place, head, _respell(keys, likely))
+        return self._broken(value, keys)
+
+    def _headed(self, place: Place, head: str, keys: Mapping[str, Located]) -> TreeNode:
+        made = self._file if head in _FILES else self._control
+        return made(place, head, keys)
+
+    def _broken(self, value: Located, keys: Mapping[str, Located]) -> TreeNode:
+        """What is no node, with the nodes in it that can be made out."""
+        items = value.value if isinstance(value.value, list) else ()
+        below: list[TreeNode] = [self._unknown(value), *self._items(items)]
+        for key, item in keys.items():
+            if key in KINDS:
+                below += self._children(key, item)
+            elif key in _FILES:
+                own = {key, "with"} if len(_FILES.keys() & keys.keys()) == 1 else {key}
+                mine = {name: each for name, each in keys.items() if name in own}
+                below.append(self._file(value.place, key, mine))
+            elif key not in _BESIDE and isinstance(item.value, dict):
+                below.append(self._skill(value.place, key, {key: item}))
+        return ControlNode(value.place, "", tuple(below)) if below[1:] else below[0]
+
+    def _unknown(self, value: Located) -> SkillNode:
+        """A leaf of which nothing is known but the keys that stand in it."""
+        keys = {name: Key(value.place, name, value.label) for name in names_within(value)}
+        return SkillNode(value.place, "", keys)
+
+    def is_name(self, value: object) -> TypeGuard[str]:
+        """Whether something is a name."""
+        return isinstance(value, str) and _NAME.fullmatch(value) is not None
+
+    def name(self, value: Located, what: str) -> str:
+        """A name; empty where it is none."""
+        if self.is_name(value.value):
+            return value.value
+        rule = "a letter, then letters, digits, _ or -"
+        self._wrong(value.place, f"{what}: {value} is not a name ({rule})")
+        return ""
+
+    def number(self, value: Located, what: str) -> int:
+        """A task number; 0 where it is none."""
+        if is_number(value.value):
+            return value.value
+        self._wrong(value.place, f"{what}: {value} is no number from 0 to {MAX_NUMBER}")
+        return 0
+
+    def line(self, value: Located, what: str) -> str:
+        """A text as one line; empty where it is none."""
+        if isinstance(value.value, str) and value.value.strip():
+            return " ".join(value.value.split())
+        self._wrong(value.place, f"{what}: {value} is not a text")
+        return ""
+
+    def wired(self, value: Located) -> Value:
+        """A value that is written out, or `$name`."""
+        if not isinstance(value.value, str) or not value.value.startswith("$"):
+            return value
+        if value.value.startswith("$$"):
+            return Located(value.place, value.value[1:], value.label)
+        name = Located(value.place, value.value[1:], value.label)
+        return Key(value.place, self.name(name, "what follows $"), value.label)
+
+    def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> TreeNode:
+        inner = keys[skill]
+        if isinstance(inner.value, list):
+            lists = [kind for kind in KINDS if KINDS[kind].many]
+            there = choices(skill, lists)
+            self._wrong(inner.label, f"only {there} hold a list of nodes, not {skill}")
+            kind = respelt((skill,), lists).get(skill, "")
+            return ControlNode(place, kind, self._items(inner.value))
+        ports = self._wiring(inner, f"the ports of {skill}")
+        shown = self._shown(keys)
+        return self._unknown(inner) if ports is None else SkillNode(place, skill, ports, shown)
+
+    def _control(self, place: Place, kind: str, keys: Mapping[str, Located]) -> ControlNode:
+        known = KINDS[kind]
+        beside = (*known.options, *filter(None, (known.condition,)), "name")
+        keys = self._beside(kind, keys, beside)
+        children = self._children(kind, keys[kind])
+        if known.condition:
+            children += self._condition(place, kind, known.condition, keys)
+        options = {key: self.wired(keys[key]) for key in known.options if key in keys}
+        for option, declared in known.options.items():
+            if declared.needed and option not in keys:
+                self._wrong(place, f"{kind} needs {option}: {declared.description}")
+        return ControlNode(place, kind, children, options, self._shown(keys))
+
+    def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
+        if not KINDS[kind].many:
+            return (self.node(inner),)
+        if not isinstance(inner.value, list) or not inner.value:
+            self._wrong(inner.place, f"{kind} needs a list of nodes, not {inner}")
+            keys = nested(inner)
+            one = len(keys.keys() & {*_HEADS} or keys.keys() - {"name"}) == 1
+            return (self.node(inner) if one else self._broken(inner, keys),)
+        return self._items(inner.value)
+
+    def _items(self, items: Iterable[Located]) -> tuple[TreeNode, ...]:
+        return tuple(self.node(item) for item in items)
+
+    def _condition(
+        self, place: Place, kind: str, key: str, keys: Mapping[str, Located]
+    ) -> tuple[TreeNode, ...]:
+        if key in keys:
+            return (self.node(keys[key]),)
+        self._wrong(place, f"{kind} needs {key}: the condition")
+        return ()
+
+    def _file(self, place: Place, head: str, keys: Mapping[str, Located]) -> SubtreeNode:
+        keys = self._beside(head, keys, _FILES[head])
+        source: str | int
+        if head == "task":
+            number = self.number(keys[head], head)
+            source = number if is_number(keys[head].value) else ""
+        else:
+            source = self.name(keys[head], head)
+        values = self._wiring(keys["with"], "with") if "with" in keys else {}
+        shown = self._shown(keys)
+        if values is None:
+            return SubtreeNode(place, "", self._unknown(keys["with"]).ports, shown)
+        return SubtreeNode(place, source, values, shown)
+
+    def _beside(
+        self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]
+    ) -> Mapping[str, Located]:
+        """The keys of a node as they were probably meant; tells those that are not known."""
+        beside = [key for key in keys if key != head]
+        for key in beside:
+            if key not in known:
+                there = choices(key, known, beside)
+                self._wrong(keys[key].label, f"unknown key {key}; beside {head} there are {there}")
+                self.spare |= {*names_within(keys[key])}
+        return _respell(keys, respelt(beside, known))
+
+    def _shown(self, keys: Mapping[str, Located]) -> str:
+        if "name" not in keys:
+            return ""
+        name = self.line(keys["name"], "name")
+        if "/" in name or len(name) > 60:
+            self._wrong(keys["name"].place, f"name: {name!r} has a / or more than 60 characters")
+        return name
+
+    def _wiring(self, value: Located, what: str) -> dict[str, Value] | None:
+        """What ports are wired to; None where that is wrong as a whole."""
+        if not isinstance(value.value, dict):
+            named = value.value is not None and not isinstance(value.value, list)
+            form = f"; say which, as in {{port: {value}}}" if named else ""
+            self._wrong(value.place, f"{what} must be a mapping, not {value}{form}")
+            return None
+        return {port: self.wired(item) for port, item in value.value.items()}
+
+
+def _where(place: Place) -> tuple[Place, str]:
+    return place, place.way
+
+
+def is_number(value: object) -> TypeGuard[int]:
+    """Whether something may be the number of a task."""
+    return type(value) is int and 0 <= value <= MAX_NUMBER
+
+
+def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str, Located]:
+    return {likely.get(key, key): item for key, item in keys.items()}
+
+
+def _no_node(value: Located, keys: tuple[str, ...]) -> str:
+    if not keys:
+        return f"a node is one of {', '.join(_HEADS)}, or a skill's name, not {value}"
+    near = "".join(meant(key, _HEADS) for key in keys if key not in _HEADS)
+    said = f"here are {', '.join(keys)}{near}"
+    return f"a node has one key of {', '.join(_HEADS)}, or a skill's name; {said}"

@@ -1,0 +1,260 @@
+"""What values may be: types, units and bounds, and the reading of a value that is written out."""
+
+import math
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import Any
+
+from trees.errors import Place
+
+from .document import REFUSED, Located, StandIn
+
+# What the types with a unit are measured in; the first of each is what a bare number means.
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "angle": {"rad": 1.0, "deg": math.pi / 180},
+    "duration": {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0},
+    "length": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+}
+LIST = "list of "  # before any of the plain types
+_PLAIN = ("number", "integer", "boolean", "text", *UNITS, "positions")
+TYPES = (*_PLAIN, *(LIST + kind for kind in _PLAIN))
+ANY = "any"
+
+_QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?) ?([A-Za-z]\S*)")
+_WORDS = {
+    "number": "a number",
+    "integer": "a whole number",
+    "boolean": "true or false",
+    "text": "a text",
+    "positions": "a mapping from joint names to angles, or a pose",
+    ANY: "a number, a text, or true or false",
+}
+
+_PYTHON: Mapping[str, tuple[type, ...]] = {
+    "integer": (int,),
+    "boolean": (bool,),
+    "text": (str,),
+    ANY: (float, bool, str),
+}
+
+Wrong = Callable[[Place, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """What a parameter, a port or an option may be.
+
+    Attributes:
+        type: One of TYPES, ANY, or the name of a type that cannot be written out.
+        default: Taken where none is given; None where one must be, unless it is optional.
+        optional: Whether it may be left out although there is no default.
+        least: Smallest value, in the type's first unit.
+        most: Largest value.
+        choices: The only values there are; empty for all.
+        count: How many items a list has; 0 for any number.
+        output: Whether it is a key that is written, not a value that is read.
+        description: One line.
+    """
+
+    type: str
+    default: Any = None
+    optional: bool = False
+    least: float | None = None
+    most: float | None = None
+    choices: tuple[str, ...] = ()
+    count: int = 0
+    output: bool = False
+    description: str = ""
+
+    @property
+    def needed(self) -> bool:
+        """Whether it must be given."""
+        return self.default is None and not self.optional
+
+    @property
+    def unit(self) -> str:
+        """What a bare number means; empty for types without a unit."""
+        kind = self.type.removeprefix(LIST)
+        return next(iter(UNITS.get("angle" if kind == "positions" else kind, {})), "")
+
+    def __str__(self) -> str:
+        return words(self.type)
+
+
+def words(kind: str) -> str:
+    """A type in words."""
+    if kind.startswith(LIST):
+        return f"a list, each item {words(kind.removeprefix(LIST))}"
+    if kind in UNITS:
+        units = list(UNITS[kind])
+        article = "an" if kind == "angle" else "a"
+        return f"{article} {kind} in {', '.join(units[:-1])} or {units[-1]}"
+    return _WORDS.get(kind) or f"a {kind}"
+
+
+def measured(value: Located) -> str:
+    """Which type a number with a unit is of; empty where it has none that is known."""
+    plain = value.value
+    found = _QUANTITY.fullmatch(plain) if isinstance(plain, str) else None
+    return next((kind for kind, units in UNITS.items() if found and found[2] in units), "")
+
+
+def fit(
+    value: Located, wanted: Declaration, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
+) -> Any:
+    """The value that a text means where something is wanted.
+
+    Args:
+        value: As it is written.
+        wanted: What it must be.
+        poses: Joint values [rad] by the name of the pose.
+        wrong: Told what is wrong with it.
+
+    Returns:
+        A float in the type's first unit, an int, a bool, a str, a dict of floats, or a list of any
+        of these; None where it is wrong. What is not known yet is its StandIn, and what is wrong
+        within a dict or a list is REFUSED.
+    """
+    if isinstance(value.value, StandIn):
+        return _stands(value, value.value, wanted.type, wrong)
+    if wanted.type.startswith(LIST):
+        return _items(value, wanted, poses, wrong)
+    if wanted.type == "positions":
+        return _positions(value, poses, wrong)
+    if wanted.type in ("number", *UNITS):
+        fitted = _number(value, wanted.type, wrong)
+    else:
+        fitted = _plain(value, wanted.type, wrong)
+    if fitted is not None and (reason := _beyond(fitted, wanted)):
+        wrong(value.place, f"{value} {reason}")
+        return None
+    return fitted
+
+
+def _items(
+    value: Located, wanted: Declaration, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
+) -> list[Any] | None:
+    if not isinstance(value.value, list):
+        wrong(value.place, f"{value} is not {words(wanted.type)}")
+        return None
+    if wanted.count and len(value.value) != wanted.count and value.value != wanted.default:
+        wrong(value.place, f"{value} has {len(value.value)} items, not {wanted.count}")
+        return None
+    each = replace(wanted, type=wanted.type.removeprefix(LIST))
+    fitted = [fit(item, each, poses, wrong) for item in value.value]
+    return [REFUSED if item is None else item for item in fitted]
+
+
+def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
+    plain = value.value
+    if kind == ANY and type(plain) is int:
+        return float(plain)
+    python = _PYTHON.get(kind)
+    # A truth value is a whole number to Python.
+    if python and isinstance(plain, python) and (kind != "integer" or type(plain) is int):
+        return plain
+    hint = "" if python else "; name a key that a skill writes, such as $key"
+    wrong(value.place, f"{value} is not {words(kind)}{hint}")
+    return None
+
+
+def _stands(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> StandIn | None:
+    if type_fits(stand_in.type, kind):
+        return stand_in
+    wrong(value.place, f"{stand_in} is {words(stand_in.type)}, not {words(kind)}")
+    return None
+
+
+def type_fits(given: str, wanted: str) -> bool:
+    """Whether a value of one type may stand where another is wanted.
+
+    A bare number measures anything, and anything measured is a number.
+    """
+    if given == wanted or "" in (given, wanted) or ANY in (given, wanted):
+        return True
+    if given.startswith(LIST) and wanted.startswith(LIST):
+        return type_fits(given.removeprefix(LIST), wanted.removeprefix(LIST))
+    if wanted == "number":
+        return given == "integer" or given in UNITS
+    return wanted in UNITS and given in ("number", "integer")
+
+
+def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> float | StandIn | None:
+    plain = value.value
+    if isinstance(plain, StandIn):
+        return _stands(value, plain, kind, wrong)
+    if type(plain) in (int, float):
+        number = float(plain)  # type: ignore[arg-type]
+    elif isinstance(plain, str) and kind in UNITS and (found := _QUANTITY.fullmatch(plain)):
+        if found[2] not in UNITS[kind]:
+            wrong(
+                value.place,
+                f"{value}: no unit {found[2]}; there are {choices(found[2], UNITS[kind])}",
+            )
+            return None
+        number = float(found[1]) * UNITS[kind][found[2]]
+    else:
+        wrong(value.place, f"{value} is not {words(kind)}")
+        return None
+    if finite and not math.isfinite(number):
+        wrong(value.place, f"{value} is not finite")
+        return None
+    return number
+
+
+def _positions(
+    value: Located, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
+) -> dict[str, float | StandIn] | None:
+    if isinstance(value.value, str):
+        if value.value in poses:
+            return dict(poses[value.value]) or None  # an empty one is wrong, and told already
+        wrong(value.place, f"no pose {value.value}; there are {choices(value.value, poses)}")
+        return None
+    if not isinstance(value.value, dict):
+        wrong(value.place, f"{value} is not {words('positions')}")
+        return None
+    if not value.value:
+        wrong(value.place, f"{value} names no joint")
+        return None
+    fitted = {
+        joint: _number(item, "angle", wrong, finite=False) for joint, item in value.value.items()
+    }
+    return {joint: REFUSED if number is None else number for joint, number in fitted.items()}
+
+
+def _beyond(fitted: Any, wanted: Declaration) -> str:
+    """Why a value is not allowed; empty where it is."""
+    unit = f" {wanted.unit}".rstrip()
+    if wanted.least is not None and fitted < wanted.least:
+        return f"is less than {wanted.least:g}{unit}"
+    if wanted.most is not None and fitted > wanted.most:
+        return f"is more than {wanted.most:g}{unit}"
+    if wanted.choices and fitted not in wanted.choices:
+        return f"is none of {choices(str(fitted), wanted.choices)}"
+    return ""
+
+
+def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
+    """What there is, and what was probably meant: none that is given already, if that may be."""
+    names = sorted(known)
+    left = [name for name in names if name not in given]
+    return (", ".join(names) or "none") + (meant(word, left) or meant(word, names))
+
+
+def meant(word: str, known: Sequence[str]) -> str:
+    """What was probably meant; empty where nothing is near."""
+    near = get_close_matches(word, known, n=1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def respelt(given: Collection[str], known: Collection[str]) -> dict[str, str]:
+    """The names that were probably meant by those that are not known, none of them twice."""
+    left = sorted(name for name in known if name not in given)
+    found: dict[str, str] = {}
+    for word in given if left else ():
+        if word not in known and (near := get_close_matches(word, left, n=1)):
+            found[word] = near[0]
+            left.remove(near[0])
+    return found
