@@ -6,10 +6,17 @@ Other programs talk to its server: `from executive import Client`.
 import typing
 
 if typing.TYPE_CHECKING:
-    from .client.aio import AsyncClient
-    from .client.asks import CancelResult, Status, Task
-    from .client.errors import ClientError, GoalFailed, Refused, ServerUnreachable
-    from .client.sync import Client
+    from .client import (
+        AsyncClient,
+        CancelResult,
+        Client,
+        ClientError,
+        GoalFailed,
+        Refused,
+        ServerUnreachable,
+        Status,
+        Task,
+    )
 
 __all__ = [
     "AsyncClient",

@@ -6,7 +6,7 @@ import sys
 def main() -> None:
     """Begin; Ctrl-C while the command line is being loaded ends as quietly as later."""
     try:
-        from .commands import cli
+        from .cli import main as cli
 
         cli.main()
     except KeyboardInterrupt:

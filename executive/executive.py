@@ -23,19 +23,19 @@ from skills import Context, NoOperator, Operator
 from skills.motion import Pool
 from trees import Library, Located
 
-from .causes import cause_of
 from .errors import NotExecuting, NotPaused, TooManyBreakpoints
-from .goal import Goal, GoalState, GoalStatus, Outcome
-from .goals import Acceptance, CancelAnswer, Goals, Policy
-from .mailbox import Mailbox
-from .owner import Owner
-from .pose import Standing
+from .goals.causes import cause_of
+from .goals.executor import Owner
+from .goals.goal import Goal, GoalState, GoalStatus, Outcome
+from .goals.history import earlier
+from .goals.mailbox import Mailbox
+from .goals.queue import Acceptance, CancelAnswer, Goals, Policy
+from .goals.snapshot import Snapshot
+from .goals.start_pose import Standing
+from .goals.subscribers import Event, Watchers
 from .recording.evidence import configuration_note
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
-from .restart import earlier
-from .snapshot import Snapshot
-from .watchers import Event, Watchers
 
 logger = logging.getLogger(__name__)
 

@@ -12,9 +12,9 @@ from py_trees.blackboard import Blackboard
 
 import logs
 from executive.executive import Event, Executive
-from executive.goal import GoalStatus, Outcome, QuestionStatus
-from executive.in_turn import InTurn
-from executive.rehearsal import SharedPool
+from executive.goals.goal import GoalStatus, Outcome, QuestionStatus
+from executive.task_sequence import InTurn
+from executive.testing import SharedPool
 from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board
 from skills import Context, Skill, SkillEvent
 from skills.motion import Plan, Pool, Query, Request, Result
@@ -295,7 +295,7 @@ def plans(robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool) -> tupl
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """`armtree plan` draws nothing, which takes it a second: for tests of its words."""
-    monkeypatch.setattr("executive.commands.planning._draw", lambda *_: None)
+    monkeypatch.setattr("executive.cli.plan._draw", lambda *_: None)
 
 
 @pytest.fixture

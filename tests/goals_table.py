@@ -1,7 +1,7 @@
 """Goals, and somebody who executes them when a test says so."""
 
-from executive.goal import Goal, GoalState, GoalStatus, Outcome
-from executive.goals import Acceptance, CancelCode, Goals, Policy
+from executive.goals.goal import Goal, GoalState, GoalStatus, Outcome
+from executive.goals.queue import Acceptance, CancelCode, Goals, Policy
 from hardware import SimulatedClock
 
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from websockets.sync.client import connect
 
 from executive.executive import Executive
+from executive.goals.questions import Questions
 from executive.live_library import LiveLibrary
-from executive.questions import Questions
 from executive.server.server import Place, Server
 from hardware import RealClock, Robot
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from executive.commands.cli import main
-from executive.goals import Policy
-from executive.rehearsal import SharedPool
+from executive.cli.main import main
+from executive.goals.queue import Policy
 from executive.server import access
+from executive.testing import SharedPool
 from hardware import RealClock, load_robot
 from skills.motion import Pool
 from tests.serving import Serve, Served, Typed

@@ -10,9 +10,9 @@ from typing import Any
 
 from executive import Client
 from executive.executive import Executive
-from executive.goals import Policy
+from executive.goals.questions import Questions
+from executive.goals.queue import Policy
 from executive.live_library import LiveLibrary
-from executive.questions import Questions
 from executive.server.server import Place, Server
 from hardware import BoardLink, RealClock, Robot, virtual_board
 from skills.motion import Pool

@@ -7,8 +7,8 @@ from textwrap import indent
 import pytest
 
 import logs
-from executive.replay.proof import prove
-from executive.replay.proof_words import in_words
+from executive.replay.verification import prove
+from executive.replay.verification_text import in_words
 from hardware import SimulatedClock
 from tests.conftest import Rig, RigMaker
 from tests.support.paths import EXAMPLES

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 from py_trees.common import Status
 
-from executive.commands.cli import cli
+from executive.cli.main import cli
 from hardware import Robot
 from skills import BadTarget, Skill
 from trees.analysis.check import check

@@ -7,8 +7,8 @@ import pytest
 from py_trees.common import Status
 
 import logs
-from executive.goal import GoalState
-from executive.goals import Policy
+from executive.goals.goal import GoalState
+from executive.goals.queue import Policy
 from hardware import Clock, RealClock, State
 from skills import Skill, skill
 from tests.conftest import RigMaker

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.goal import GoalState, Outcome
-from executive.goals import CancelCode, Policy
+from executive.goals.goal import GoalState, Outcome
+from executive.goals.queue import CancelCode, Policy
 from hardware import State
 from skills import PlanGripper, Skill
 from tests.conftest import Rig, RigMaker

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from executive.commands.cli import cli
+from executive.cli.main import cli
 from tests.test_logs_compaction import run_journal
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from executive import Client
-from executive.commands.log_handler import LogHandler
+from executive.cli.log_handler import LogHandler
 from logs import LogLine, Recording
 from tests.serving import TASKS, Served, Typed
 from tests.support.paths import ROBOT_FILE
@@ -359,7 +359,7 @@ def test_a_person_is_asked_for_the_pose_when_the_arm_is_activated(shell: Shell) 
 @pytest.mark.parametrize("words", [(), ("serve",), ("send",), ("status",), ("arm",)])
 def test_help_loads_nothing_heavy(words: tuple[str, ...]) -> None:
     program = (
-        "import sys; from executive.commands.cli import cli\n"
+        "import sys; from executive.cli.main import cli\n"
         f"cli.main([*{words!r}, '--help'], standalone_mode=False)\n"
         f"sys.exit(str(sorted(set({EVERYTHING_HEAVY!r}) & set(sys.modules))))"
     )

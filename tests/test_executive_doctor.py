@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from executive.commands.cli import cli
+from executive.cli.main import cli
 from hardware import SerialLink, load_robot
 from tests.hardware_rigs import Pty
 

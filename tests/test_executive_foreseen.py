@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from executive.commands.cli import cli
+from executive.cli.main import cli
 from hardware import Robot
 from skills import BadTarget
 from trees import FileError

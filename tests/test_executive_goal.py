@@ -7,8 +7,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from executive.goal import NEXT, Goal, GoalState, Outcome
-from executive.mailbox import Mailbox
+from executive.goals.goal import NEXT, Goal, GoalState, Outcome
+from executive.goals.mailbox import Mailbox
 from hardware import SimulatedClock
 
 TERMINAL = {GoalState.SUCCEEDED, GoalState.CANCELED, GoalState.ABORTED}

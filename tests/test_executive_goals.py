@@ -6,8 +6,8 @@ import threading
 import pytest
 
 from executive.errors import ResultTimeout, UnknownGoal
-from executive.goal import GoalState, Outcome
-from executive.goals import KEPT, WAITING, Acceptance, CancelCode, Policy
+from executive.goals.goal import GoalState, Outcome
+from executive.goals.queue import KEPT, WAITING, Acceptance, CancelCode, Policy
 from tests.goals_table import Table
 
 S, C = GoalState, CancelCode

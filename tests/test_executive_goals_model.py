@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from executive.errors import ResultTimeout
-from executive.goal import GoalState
-from executive.goals import CancelCode, Policy
+from executive.goals.goal import GoalState
+from executive.goals.queue import CancelCode, Policy
 from tests.goals_table import Table
 
 S, C = GoalState, CancelCode

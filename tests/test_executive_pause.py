@@ -10,10 +10,10 @@ import pytest
 import logs
 from executive.errors import NotExecuting, NotPaused, TooManyBreakpoints, UnknownGoal
 from executive.executive import BREAKPOINTS
-from executive.goal import GoalState
-from executive.goals import Policy
-from executive.replay.proof import prove
-from executive.replay.proof_words import in_words
+from executive.goals.goal import GoalState
+from executive.goals.queue import Policy
+from executive.replay.verification import prove
+from executive.replay.verification_text import in_words
 from hardware import Robot, SimulatedClock
 from logs.views.narrative import story
 from logs.views.timeline import timeline

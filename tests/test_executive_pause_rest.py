@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.commands.sending import Replay, _setpoints
-from executive.goal import GoalState
-from executive.replay.proof import prove
-from executive.replay.proof_words import in_words
+from executive.cli.sending import Replay, _setpoints
+from executive.goals.goal import GoalState
+from executive.replay.verification import prove
+from executive.replay.verification_text import in_words
 from hardware import compile_schedule
 from tests.conftest import Rig, RigMaker
 from tests.test_executive_pause import at_frame, pause_for, running, unpaused

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 import logs
-from executive.replay.proof import Proof, prove, prove_all
-from executive.replay.proof_words import in_words
+from executive.replay.verification import Proof, prove, prove_all
+from executive.replay.verification_text import in_words
 from logs import Recording
 from logs.records.ros_types import ros_types
 from tests.alterations import Change, altered, each, lacking, moved, replace, retold

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 import logs
-from executive.replay.proof import prove
-from executive.replay.proof_words import in_words
+from executive.replay.verification import prove
+from executive.replay.verification_text import in_words
 from logs.records.ros_types import ros_types
 from logs.writing.digests import changed as changed_in
 from tests.alterations import Change, altered, each, records_of, retold, rewritten

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.replay.proof import prove
-from executive.replay.proof_words import in_words
+from executive.replay.verification import prove
+from executive.replay.verification_text import in_words
 from logs import Recording
 from logs.reading.tolerant_reader import Salvage
 from tests.conftest import Rig, RigMaker

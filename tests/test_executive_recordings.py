@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 
 import logs
-from executive.commands.log_handler import LogHandler
-from executive.goal import GoalState
-from executive.goals import Policy
+from executive.cli.log_handler import LogHandler
+from executive.goals.goal import GoalState
+from executive.goals.queue import Policy
 from executive.recording import recordings
-from executive.replay.proof import prove
-from executive.replay.proof_words import in_words
+from executive.replay.verification import prove
+from executive.replay.verification_text import in_words
 from logs.reading.recovery import being_written, complete
 from logs.views.narrative import overview, story
 from logs.views.run_figure import _outcome
@@ -199,4 +199,5 @@ def test_the_log_line_that_begins_a_goal_is_in_its_recording(
     outcome = run(arm, 1)
     arm.executive.close()
     lines = [words for _, words in story(Path(outcome.recording), everything=False)]
-    assert any(line.startswith("log: executive.owner: Executing the goal") for line in lines)
+    executing = "log: executive.goals.executor: Executing the goal"
+    assert any(line.startswith(executing) for line in lines)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.rehearsal import Rehearsal
+from executive.testing import Rehearsal
 from tests.support.paths import EXAMPLES
 
 

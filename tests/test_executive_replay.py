@@ -13,10 +13,10 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import logs
-from executive.commands import watching
-from executive.commands.watching import Player
+from executive.cli import watching
+from executive.cli.watching import Player
 from executive.recording.recorded_link import RecordedLink, RecordingBehind
-from executive.replay.proof import prove
+from executive.replay.verification import prove
 from hardware import SimulatedClock
 from logs.records.ros_types import ros_types
 from logs.views.comparison import compare

@@ -8,10 +8,10 @@ import pytest
 from click.testing import CliRunner
 
 import logs
-from executive.commands.cli import cli
-from executive.goal import GoalState
-from executive.goals import Policy
-from executive.pose import PoseUnconfirmed, standing
+from executive.cli.main import cli
+from executive.goals.goal import GoalState
+from executive.goals.queue import Policy
+from executive.goals.start_pose import PoseUnconfirmed, standing
 from hardware import DescriptionError, Robot, State, load_robot
 from tests.conftest import Rig, RigMaker
 from tests.server_acts import at_frame

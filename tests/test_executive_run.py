@@ -7,8 +7,8 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 from py_trees.composites import Sequence
 
-from executive.mailbox import Mailbox
-from executive.run import CANCEL_DEADLINE
+from executive.goals.mailbox import Mailbox
+from executive.goals.run import CANCEL_DEADLINE
 from hardware import RealClock, SimulatedClock
 from trees.compile.paths import paths
 

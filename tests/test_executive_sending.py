@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from executive.commands.sending import NotReplayable, _setpoints
+from executive.cli.sending import NotReplayable, _setpoints
 from hardware import load_robot
 from tests.alterations import Change, altered, retold
 from tests.conftest import RigMaker

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.commands.log_handler import LogHandler
-from executive.commands.serving import prepare
+from executive.cli.log_handler import LogHandler
+from executive.cli.serving import prepare
 from executive.errors import ResultTimeout, UnknownGoal
-from executive.goal import GoalState, GoalStatus, Outcome
-from executive.goals import Acceptance, Policy
-from executive.replay.proof import prove
+from executive.goals.goal import GoalState, GoalStatus, Outcome
+from executive.goals.queue import Acceptance, Policy
+from executive.replay.verification import prove
 from hardware import NotActive, PortMissing, State, TransitionRefused
 from skills import PlanGripper
 from tests.conftest import RigMaker
@@ -292,7 +292,7 @@ def test_what_is_asked_for_wrongly_is_not_told_to_wait(
     told: list[str] = []
 
     def act() -> None:
-        monkeypatch.setattr("executive.goals.WAITING", 0)
+        monkeypatch.setattr("executive.goals.queue.WAITING", 0)
         told.extend(arm.executive.send(*each, strict=True).code for each in asked)
 
     at_frame(arm, 10, act)

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 import logs
-from executive.goal import GoalStatus
-from executive.goals import Acceptance, Policy
-from executive.server import api
-from executive.server.operations import OPERATIONS
+from executive.goals.goal import GoalStatus
+from executive.goals.queue import Acceptance, Policy
+from executive.server.http import answers as api
+from executive.server.http.operations import OPERATIONS
 from hardware import State
 from logs.writing import recorder
 from tests.serving import Serve, Served
@@ -91,7 +91,7 @@ def test_a_second_goal_is_refused_by_the_policy(serve: Serve) -> None:
 
 
 def test_whoever_floods_the_queue_is_told_so(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.goals.WAITING", 3)
+    monkeypatch.setattr("executive.goals.queue.WAITING", 3)
     served = serve(Policy.QUEUE)
     send(served, 10)
     answers = [served.ask("POST", "/api/goals", {"task": 11}) for _ in range(9)]

@@ -15,9 +15,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Frame, Opcode
 from websockets.sync.client import ClientConnection, connect
 
-from executive import goals
-from executive.server import bridge, connections, turns
-from executive.server import rosbridge as ros
+from executive.goals import queue as goals
+from executive.server.http import connections
+from executive.server.limits import fair_queue as turns
+from executive.server.rosbridge import bridge
+from executive.server.rosbridge import protocol as ros
 from tests.javascript import without_node
 from tests.serving import Serve, Served
 from tests.strangers import UPGRADE, raw

@@ -8,7 +8,10 @@ import pytest
 
 import logs
 from executive.executive import Event
-from executive.server import api, app, connections, hub, turns
+from executive.server import hub
+from executive.server.http import answers as api
+from executive.server.http import app, connections
+from executive.server.limits import fair_queue as turns
 from tests.serving import Serve
 from tests.strangers import GOAL, answer, head, raw, stops
 

@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 from websockets.frames import Close, Frame, Opcode
 
-from executive.client import asks
-from executive.server import access, app, connections
-from executive.server.operations import OPERATIONS
+from executive.client import requests as asks
+from executive.server import access
+from executive.server.http import app, connections
+from executive.server.http.operations import OPERATIONS
 from executive.server.server import AddressInUse, ServerError
 from tests.serving import Serve
 from tests.strangers import GOAL, UPGRADE, answer, head, raw, stops

@@ -7,7 +7,7 @@ from pathlib import Path
 import fastjsonschema
 
 import executive.server as server
-from executive.server.operations import OPERATIONS
+from executive.server.http.operations import OPERATIONS
 from tests.serving import Serve
 from tests.test_executive_server_bridge import GOAL, heard, say, websocket
 

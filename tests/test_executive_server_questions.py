@@ -8,7 +8,7 @@ import pytest
 
 from executive import Client
 from executive.client import OpenQuestion, Refused
-from executive.goal import QuestionStatus
+from executive.goals.goal import QuestionStatus
 from tests.serving import Serve, Served
 
 pytest_plugins = ["tests.server_fixtures"]

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.server import rosbridge as ros
+from executive.server.rosbridge import protocol as ros
 
 GOAL = {
     "op": "send_action_goal",

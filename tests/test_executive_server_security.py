@@ -3,8 +3,8 @@
 import pytest
 from starlette.datastructures import Headers
 
-from executive.server.bucket import Bucket
-from executive.server.errors import RequestError
+from executive.server.http.errors import RequestError
+from executive.server.limits.token_bucket import Bucket
 from executive.server.security import Rules, is_loopback, names
 from tests.serving import Serve
 

@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from executive import AsyncClient, Client, Refused, ServerUnreachable
-from executive.client import aio, asks, sync
+from executive.client import asynchronous as aio
+from executive.client import requests as asks
+from executive.client import synchronous as sync
 from executive.server import hub
 from tests.serving import Serve
 from tests.strangers import head, raw

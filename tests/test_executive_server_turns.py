@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from executive.server.turns import OWED, REST, Turns
+from executive.server.limits.fair_queue import OWED, REST, Turns
 
 
 class Loop:

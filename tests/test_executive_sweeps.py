@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from PIL import Image
 
 import logs
-from executive.commands.cli import cli
-from executive.commands.sweeps import POSES, scenes_of
+from executive.cli.main import cli
+from executive.planning.motion_drawing import POSES, scenes_of
 from logs.views.motion_figure import Sweep
 from logs.views.run_figure import Scene
 from tests.conftest import RigMaker

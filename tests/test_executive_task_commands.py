@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from executive.commands.cli import cli
+from executive.cli.main import cli
 from tests.support.paths import EXAMPLES, TASKS
 from tests.test_logs_run import RUNS, record
 from trees import KINDS, FileError

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import logs
-from executive.replay.proof import prove
+from executive.replay.verification import prove
 from tests.alterations import altered, replace
 from tests.conftest import RigMaker
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from executive.cli.main import cli
 from executive.codes import look_up
-from executive.commands.cli import cli
 from hardware import NoDriver
 from tests.support.paths import DATA
 

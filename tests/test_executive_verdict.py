@@ -8,9 +8,9 @@ from py_trees.common import Status
 from py_trees.composites import Sequence
 from py_trees.decorators import FailureIsSuccess
 
-from executive.causes import cause_of
-from executive.goal import GoalState
-from executive.verdict import judge
+from executive.goals.causes import cause_of
+from executive.goals.goal import GoalState
+from executive.goals.outcome import judge
 from hardware import ActivationStopped, BadPosition, NotActive, PortNotGiven
 from skills import OutOfBounds
 from skills.motion import MotionCollides, PlanCanceled, PlanTimeout

@@ -9,9 +9,9 @@ from typing import Any, get_args
 import pytest
 from click.testing import CliRunner, Result
 
+from executive.cli.main import cli
 from executive.codes import look_up
-from executive.commands.cli import cli
-from executive.commands.world_file import BadWorldFile, read_world
+from executive.planning.world_file import BadWorldFile, read_world
 from skills.motion import Body, Box, Shape, Sphere
 from tests.support.paths import ROOT
 

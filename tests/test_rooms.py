@@ -11,9 +11,9 @@ import pytest
 from py_trees.ports import get_ports_registry
 
 import skills  # noqa: F401  registers the skills
+from executive.cli.main import cli
 from executive.codes import CODES, INTERRUPTED_EXIT, USAGE_EXIT
-from executive.commands.cli import cli
-from executive.events import EVENTS, UNITS
+from executive.goals.events import EVENTS, UNITS
 from tests.support.paths import ROBOT_FILE, ROOT
 
 ROOMS = ("executive", "skills", "hardware", "trees", "logs")

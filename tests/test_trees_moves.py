@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from executive.rehearsal import Rehearsal
+from executive.testing import Rehearsal
 
 TASK = """
 task: 9

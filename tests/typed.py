@@ -8,7 +8,7 @@ from io import StringIO
 from pathlib import Path
 from unittest.mock import patch
 
-from executive.commands.cli import main
+from executive.cli.main import main
 
 
 def typed(folder: Path, *arguments: str) -> tuple[int, str, str]:

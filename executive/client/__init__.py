@@ -1,9 +1,9 @@
 """Talking to a server from Python: `with Client() as arm: arm.run(1)`, or with `await`."""
 
-from .aio import AsyncClient
-from .asks import CancelResult, OpenQuestion, Status, Task
+from .asynchronous import AsyncClient
 from .errors import ClientError, GoalFailed, Refused, ServerUnreachable
-from .sync import Client
+from .requests import CancelResult, OpenQuestion, Status, Task
+from .synchronous import Client
 
 __all__ = [
     "AsyncClient",

@@ -9,8 +9,8 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import logs
-from executive.goal import Goal, GoalState, GoalStatus
-from executive.results import record_of
+from executive.goals.goal import Goal, GoalState, GoalStatus
+from executive.goals.results import record_of
 from hardware import ArmEvent, Clock, Robot, State
 from logs.writing.compactor import Compactor, compactor
 from skills import Planned, SkillEvent

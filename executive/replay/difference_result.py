@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from executive.codes import CANCELED, OK
-from executive.goal import GoalState
+from executive.goals.goal import GoalState
 from logs import Goal, NodeStatus, Record, Result, Sent
 
 _SUCCESS = "SUCCESS"

@@ -7,9 +7,9 @@ from collections import deque
 from collections.abc import Callable
 
 import logs
-from executive.events import as_event, kind_of
 from executive.executive import Event
-from executive.goal import GoalStatus, QuestionStatus
+from executive.goals.events import as_event, kind_of
+from executive.goals.goal import GoalStatus, QuestionStatus
 
 HEARTBEAT = 15.0  # [s] of silence after which a watcher hears that the server is there
 MOST_WAITING = 4 * 1024 * 1024  # bytes of events that a watcher may be behind

@@ -8,7 +8,7 @@ from prometheus_client.registry import Collector
 
 import logs
 from executive.executive import Event, Snapshot
-from executive.goal import GoalStatus
+from executive.goals.goal import GoalStatus
 from hardware import State
 
 _LATE = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)  # [s]

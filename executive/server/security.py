@@ -10,7 +10,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import Message, Send
 
 from .access import HTTP_PORT
-from .errors import Forbidden, Unauthorized
+from .http.errors import Forbidden, Unauthorized
 
 SHOWS_TOKEN = "shows_token"  # of a request's state: whether its sender does
 

@@ -12,20 +12,20 @@ from typing import Any, Self
 import uvicorn
 
 from executive.executive import Executive
+from executive.goals.questions import Questions, nobody
 from executive.live_library import LiveLibrary
-from executive.questions import Questions, nobody
 from hardware import Clock, Robot
 
 from . import access
-from .api import Api
-from .app import App
-from .bridge import Bridge
-from .connections import HttpConnection, State, WebSocketConnection
+from .http.answers import Api
+from .http.app import App
+from .http.connections import HttpConnection, State, WebSocketConnection
+from .http.strict_json import MOST_BYTES
 from .hub import Hub
+from .limits.fair_queue import Turns
+from .limits.stops import Stops
+from .rosbridge.bridge import Bridge
 from .security import Rules, is_loopback, names
-from .stops import Stops
-from .strict_json import MOST_BYTES
-from .turns import Turns
 
 logger = logging.getLogger(__name__)
 

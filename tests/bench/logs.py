@@ -31,7 +31,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import logs
-from executive.replay.proof import prove_all
+from executive.replay.verification import prove_all
 from hardware import RealClock, load_robot
 from logs.writing.journal import Journal
 from tests.bench.table import Row, arguments, show

@@ -28,13 +28,13 @@ sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).pare
 
 from py_trees.common import Status
 
-import executive.owner
+import executive.goals.executor
 import logs
 from executive.executive import Event, Executive
-from executive.goal import GoalState
-from executive.goals import Policy
+from executive.goals.goal import GoalState
+from executive.goals.queue import Policy
+from executive.goals.run import Run
 from executive.live_library import LiveLibrary
-from executive.run import Run
 from hardware import (
     FIRMWARES,
     VIRTUAL,
@@ -256,7 +256,7 @@ def leftovers(cancels: int) -> tuple[int, int, int]:
     """
     clock, robot, rng = SimulatedClock(), load_robot(), random.Random(1)
     zombies = after_hold = stopped = 0
-    setattr(executive.owner, "Run", _NotedRun)  # noqa: B010, for the time being
+    setattr(executive.goals.executor, "Run", _NotedRun)  # noqa: B010, for the time being
     with tempfile.TemporaryDirectory() as folder, clock.working():
         link, sent = _TappedLink(virtual_board(robot), clock), list[logs.Sent]()
 
@@ -282,7 +282,7 @@ def leftovers(cancels: int) -> tuple[int, int, int]:
                 stopped += bool(holds)
                 _NotedRun.trees.clear()
                 sweep(Path(folder))
-    setattr(executive.owner, "Run", Run)  # noqa: B010
+    setattr(executive.goals.executor, "Run", Run)  # noqa: B010
     return zombies, after_hold, stopped
 
 

@@ -17,9 +17,9 @@ from typing import Any
 # Python puts a script's folder first, where this file would pass for the room of its name.
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
-from executive.goal import Goal
-from executive.mailbox import Mailbox
-from executive.run import Run
+from executive.goals.goal import Goal
+from executive.goals.mailbox import Mailbox
+from executive.goals.run import Run
 from hardware import Arm, RealClock, Robot, load_robot
 from skills import Context
 from skills.motion import Pool

@@ -1,0 +1,246 @@
+"""`armtree log`: recordings listed, told, exported, compared, drawn, recovered and kept."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from executive.codes import DIFFERS, look_up
+
+from .failures import with_each
+from .incomplete import incomplete
+from .options import AT_LEAST_0, DRAWING, PATH
+
+if TYPE_CHECKING:
+    from collections import Counter
+
+    from logs.views.narrative import Overview
+    from logs.views.run_figure import Scene
+
+_FOLDER = click.argument(
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    envvar="ARMTREE_RECORDINGS",
+    default=Path("recordings"),
+)
+_FILE = click.argument("recording", type=PATH)
+_FILES = click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
+
+
+@click.group()
+def log() -> None:
+    """Look at recordings, and keep them in order."""
+
+
+@log.command()
+@_FOLDER
+def ls(folder: Path) -> None:
+    """List the recordings of a folder."""
+    from logs import LogError
+    from logs.views.narrative import overview
+    from logs.writing.retention import pinned
+
+    paths = _recordings_in(folder)
+    width = max((len(path.name) for path in paths), default=0) + 2
+    for path in paths:
+        try:
+            found = overview(path)
+        except (LogError, OSError) as error:
+            click.echo(f"{path.name}  unreadable: {error}")
+            continue
+        end = "" if found.complete else "being written" if found.written else "UNFINISHED"
+        queued = f"{found.waited:.2f} s in the queue" if found.waited else ""
+        marks = ("pinned" if pinned(path) else "", end, queued)
+        task = f"{found.goal.task} {found.goal.name}" if found.goal else "-"
+        spent = f"{found.result.duration:.2f} s" if found.result else "-"
+        frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
+        row = f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{frames:<13}"
+        click.echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    paths = sorted(folder.glob("*.mcap"))
+    if not paths:
+        click.echo(f"{folder}: there are no recordings here", err=True)
+    return paths
+
+
+@log.command()
+@_FILE
+def info(recording: Path) -> None:
+    """Sum a recording up."""
+    from logs.views.narrative import overview
+
+    found = overview(recording)
+    for name, value in _facts(found):
+        click.echo(f"{name:<12}{value}")
+    sys.exit(0 if found.complete else look_up("log.truncated").exit)
+
+
+def _facts(found: "Overview") -> list[tuple[str, str]]:
+    from logs.writing.compaction import RECOVERED
+
+    end = "complete" if found.complete else "cut off or damaged: armtree log recover"
+    end = "being written" if found.written else end
+    facts = [("file", f"{found.path}, {found.bytes} bytes, {found.messages} messages, {end}")]
+    if torn := found.notes.get(RECOVERED, {}).get("torn_bytes"):
+        bytes_ = f" {torn} bytes of it were torn" if torn != "0" else ""
+        facts.append(("recovered", f"the file was cut off or damaged;{bytes_}".rstrip(";")))
+    if goal := found.goal:
+        facts.append(("goal", f"task {goal.task} {goal.name}, seed {goal.seed}"))
+    facts.append(("outcome", found.outcome))
+    if result := found.result:
+        facts.append(("cause", f"{result.code}: {result.message}"))
+        queued = f", {found.waited:.3f} s of it in the queue" if found.waited else ""
+        facts.append(("duration", f"{result.duration:.3f} s{queued}"))
+    facts.append(("frames", f"{found.frames}, {found.holds} of them holds"))
+    if late := found.late:
+        middle = _median(late)
+        facts.append(("lateness", f"{middle:.2f} ms median, {max(late):.2f} ms at most"))
+    for group, spent in found.planning.items():
+        facts.append(("planning", f"{group} {spent:.1f} ms"))
+    facts.append(("attached", ", ".join(found.files) or "nothing"))
+    for what, note in (("configured", "configuration"), ("versions", "versions")):
+        noted = found.notes.get(note, {})
+        facts.append((what, ", ".join(f"{name} {is_}" for name, is_ in noted.items()) or "-"))
+    return facts
+
+
+def _median(counted: "Counter[float]") -> float:
+    passed = 0
+    for value in sorted(counted):
+        passed += counted[value]
+        if 2 * passed >= counted.total():
+            break
+    return value
+
+
+@log.command()
+@_FILE
+@click.option("--all", "everything", is_flag=True, help="Every frame and received byte too.")
+def show(recording: Path, everything: bool) -> None:
+    """Tell a run as a story, in seconds since its goal."""
+    from logs.views.narrative import story
+
+    for time, words in story(recording, everything):
+        click.echo(f"{time:+10.3f}  {words}")
+    sys.exit(incomplete(recording))
+
+
+@log.command()
+@_FILE
+@click.option("-o", "--output", type=PATH, default=Path(), help="Folder for the CSV files.")
+def export(recording: Path, output: Path) -> None:
+    """Write commanded joints and frames to CSV."""
+    from logs.views.table import export as write
+
+    for path in write(recording, output):
+        click.echo(path)
+    sys.exit(incomplete(recording))
+
+
+@log.command()
+@click.argument("one", type=PATH)
+@click.argument("other", type=PATH)
+@click.option("-o", "--output", type=DRAWING, help="PNG, SVG or PDF of joints over each other.")
+def diff(one: Path, other: Path, output: Path | None) -> None:
+    """Compare two runs; exit status 12 where their frames differ."""
+    from logs.views.comparison import compare
+
+    both = compare(one, other)
+    click.echo(both.first or f"all {len(both.runs[0].frames)} frames are the same")
+    for joint, (distance, time) in both.joints.items():
+        click.echo(f"{joint:<12}{distance:.4f} rad apart at most, at {time:.3f} s")
+    if output:
+        from logs.views.overlay_figure import draw_over
+
+        draw_over(both, output)
+        click.echo(output)
+    partial = incomplete(one, other)
+    sys.exit(look_up(DIFFERS).exit if both.first else partial)
+
+
+@log.command()
+@_FILES
+@click.option(
+    "-o", "--output", type=DRAWING, help="PNG, SVG or PDF; default: a PNG beside the recording."
+)
+def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
+    """Draw recordings to files."""
+    from logs.views.plot import plot as draw
+
+    if output and len(recordings) > 1:
+        raise click.UsageError("--output goes with one recording")
+
+    def drawn(recording: Path) -> int:
+        status = incomplete(recording)
+        target = output or recording.with_suffix(".png")
+        scenes, why = _scenes(recording)
+        draw(recording, target, scenes)
+        if why:
+            click.echo(f"{recording}: the bodies around the arm are not drawn: {why}", err=True)
+        click.echo(target)
+        return status
+
+    sys.exit(with_each(recordings, drawn))
+
+
+def _scenes(recording: Path) -> "tuple[list[Scene], str]":
+    """The motions in space, or why they cannot be drawn."""
+    from executive.planning.motion_drawing import scenes_of
+    from hardware import DescriptionError
+    from logs import LogError
+    from skills.motion import BadWorld
+
+    try:
+        return scenes_of(recording), ""
+    except (LogError, DescriptionError, BadWorld, OSError) as error:
+        return [], str(error)
+
+
+@log.command()
+@_FILES
+def recover(recordings: tuple[Path, ...]) -> None:
+    """Make recordings whole that a crash cut off; exit status 10 where something was lost."""
+    from logs import recover as mend
+
+    def mended(recording: Path) -> int:
+        made = mend(recording)
+        click.echo(made.in_words() if made else f"{recording}: is complete, nothing to do")
+        return 0 if made is None or made.whole else look_up("log.incomplete").exit
+
+    sys.exit(with_each(recordings, mended))
+
+
+@log.command()
+@_FILES
+@click.option("--off", is_flag=True, help="Let it go again.")
+def pin(recordings: tuple[Path, ...], off: bool) -> None:
+    """Keep recordings for good: prune leaves what is write-protected."""
+    from logs.writing.retention import pin as keep
+
+    def kept(recording: Path) -> int:
+        keep(recording, not off)
+        click.echo(f"{recording}: {'not pinned' if off else 'pinned'}")
+        return 0
+
+    sys.exit(with_each(recordings, kept))
+
+
+@log.command()
+@_FOLDER
+@click.option("--days", type=AT_LEAST_0, help="Delete what is older.")
+@click.option("--mb", type=AT_LEAST_0, help="Delete the oldest beyond so many megabytes.")
+def prune(folder: Path, days: float | None, mb: float | None) -> None:
+    """Delete old recordings, never a pinned or an unfinished one."""
+    from hardware import RealClock
+    from logs.writing.retention import Rule
+    from logs.writing.retention import prune as make_room
+
+    if days is None and mb is None:
+        raise click.UsageError("give --days, --mb or both")
+    _recordings_in(folder)  # a name that was misspelt has none
+    clock = RealClock()
+    for path in make_room(folder, Rule(days, mb), clock.epoch_ns() / 1e9 + clock.now()):
+        click.echo(f"{path}: deleted")

@@ -1,0 +1,128 @@
+"""A recording shown as it was shown: in real time, faster, or moved through by keys."""
+
+import contextlib
+import os
+import re
+import select
+import sys
+import termios
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+
+from executive.goals.results import outcome_of
+from hardware import RealClock
+from logs import Record, Recording, Result
+
+from .view import View
+
+_STEP = 1.0  # [s] of the recording, for an arrow key
+_KEYS = "space pause, <- -> 1 s, up down speed, q quit"
+_MOVES = {"\x1b[D": -_STEP, "\x1b[C": _STEP}
+_SPEEDS = {"\x1b[A": 2.0, "\x1b[B": 0.5}
+_KEY = re.compile("\x1b[O\\[][A-D]|.", re.DOTALL)  # an arrow, in either of a terminal's two modes
+
+
+class Player:
+    """Shows the records of a file at their times.
+
+    Args:
+        recording: Whose.
+        view: Where.
+        speed: 2 for twice as fast.
+    """
+
+    def __init__(self, recording: Recording, view: View, speed: float) -> None:
+        self._recording, self._view, self.speed = recording, view, speed
+        first = next(recording.records(), None)
+        self._zero = first.time if first else 0.0
+        self._records = recording.records()
+        self._next = next(self._records, None)
+        self.at = 0.0
+
+    @property
+    def over(self) -> bool:
+        """Whether all has been shown."""
+        return self._next is None
+
+    @property
+    def due(self) -> float:
+        """How long until the next record at this speed [s]."""
+        assert self._next
+        return (self._next.time - self._zero - self.at) / self.speed
+
+    def show_until(self, at: float) -> None:
+        """Show what had happened by a time [s since the first record]; that may lie before now."""
+        if at < self.at:
+            self._records = self._recording.records()
+            self._next = next(self._records, None)
+        self.at = max(0.0, at)
+        while self._next and self._next.time - self._zero <= self.at:
+            self._show(self._next)
+            self._next = next(self._records, None)
+
+    def _show(self, record: Record) -> None:
+        self._view.watch(record)
+        if isinstance(record, Result):
+            self._view.report(outcome_of(record, str(self._recording.path)))
+
+
+def watch(path: Path, speed: float, at: float | None, view: View) -> None:
+    """Show a recording.
+
+    Args:
+        path: Which.
+        speed: 2 for twice as fast.
+        at: Show only what had happened by then [s since the first record].
+        view: Where.
+
+    Raises:
+        LogError: It cannot be read.
+    """
+    recording = Recording(path)
+    with view, _keys() as keys:
+        if keys is not None:
+            view.say(_KEYS)
+        player = Player(recording, view, speed)
+        if at is not None:
+            player.show_until(at)
+        else:
+            _play(player, keys)
+
+
+def _play(player: Player, keys: int | None) -> None:
+    clock, paused = RealClock(), False
+    while not player.over:
+        begun = clock.now()
+        pressed = _pressed(keys, None if paused else max(0.0, player.due))
+        passed = 0.0 if paused else (clock.now() - begun) * player.speed
+        for key in pressed:
+            if key == "q":
+                return
+            paused ^= key == " "
+            player.speed *= _SPEEDS.get(key, 1.0)
+            passed += _MOVES.get(key, 0.0)
+        player.show_until(player.at + passed)
+
+
+def _pressed(keys: int | None, seconds: float | None) -> list[str]:
+    """The keys pressed until now, or nothing once the time is up [s]."""
+    watched = [] if keys is None else [keys]
+    ready, _, _ = select.select(watched, [], [], seconds)
+    typed = os.read(keys, 4096).decode("ascii", "replace") if ready and keys is not None else ""
+    return [key.replace("O", "[") if len(key) > 1 else key for key in _KEY.findall(typed)]
+
+
+@contextlib.contextmanager
+def _keys() -> Iterator[int | None]:
+    """The keyboard, key by key; None where there is none."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        yield None
+        return
+    handle = sys.stdin.fileno()
+    before = termios.tcgetattr(handle)
+    tty.setcbreak(handle)
+    try:
+        yield handle
+    finally:
+        termios.tcsetattr(handle, termios.TCSADRAIN, before)

@@ -1,0 +1,299 @@
+"""What can be asked of a server, without the asking: both clients send these."""
+
+import dataclasses
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+from urllib.parse import urlsplit
+
+from executive.errors import ResultTimeout
+from executive.goals.causes import cause_of
+from executive.goals.events import to_goal, to_outcome
+from executive.goals.goal import Cause, GoalStatus, Outcome
+from executive.goals.queue import CancelCode
+from executive.server import access
+
+from .errors import Refused
+
+T = TypeVar("T")
+
+AT_A_TIME = 15.0  # [s] that an answer may wait for a goal's end; then it is asked for again
+NOT_YET = ResultTimeout.code
+
+_OUR_NAMES = ("127.0.0.1", "localhost", "::1")
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """What a server is at.
+
+    Attributes:
+        arm: State of the hardware, such as `active`.
+        fault: What took the arm out of active, until it is activated again; None for nothing.
+        port: Of the board.
+        commanded: Where the arm was last commanded to, by joint [rad]; None while not active.
+        goal: The goal under way.
+        percentage: How far it is [%]; None while that cannot be said.
+        phase: What is going on, such as `planning`.
+        node: Name of the tree's node at work.
+        attempt: Which one it is, from 1.
+        waiting: Identities of those that wait for their turn.
+        policy: What becomes of a second goal.
+        paused: Whether the goal under way stands still.
+        breakpoints: Paths of the nodes that are paused before.
+        uptime: Since the server's start [s].
+    """
+
+    arm: str
+    fault: Cause | None
+    port: str
+    commanded: Mapping[str, float] | None
+    goal: GoalStatus | None
+    percentage: int | None
+    phase: str
+    node: str
+    attempt: int
+    waiting: tuple[str, ...]
+    policy: str
+    paused: bool
+    breakpoints: tuple[str, ...]
+    uptime: float
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A task that a server has.
+
+    Attributes:
+        number: By which it is called.
+        name: Of it.
+        description: In a sentence.
+        source: `shipped`, or its file.
+        parameters: Their types by name.
+        wrong: What is wrong with its file; empty where nothing is.
+    """
+
+    number: int
+    name: str
+    description: str
+    source: str
+    parameters: Mapping[str, str]
+    wrong: str
+
+
+@dataclass(frozen=True, slots=True)
+class OpenQuestion:
+    """What a task asks.
+
+    Attributes:
+        question_id: 8 hexadecimal digits.
+        text: What is asked.
+        choices: The answers there are; empty where any words do.
+    """
+
+    question_id: str
+    text: str
+    choices: tuple[str, ...]
+
+    def __str__(self) -> str:
+        choices = f" [{'/'.join(self.choices)}]" if self.choices else ""
+        return f"{self.question_id}  {self.text}{choices}"
+
+
+@dataclass(frozen=True, slots=True)
+class CancelResult:
+    """The answer to a cancel.
+
+    Attributes:
+        code: As ROS 2 has it.
+        goals: Identities of those that are being canceled by it.
+    """
+
+    code: CancelCode
+    goals: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Ask(Generic[T]):
+    """A request.
+
+    Attributes:
+        method: Of HTTP.
+        path: Of the address.
+        read: Makes the answer of the JSON that comes.
+        body: What to send; None for nothing.
+        query: Parameters.
+        patience: How long the answer may take beyond the usual [s].
+    """
+
+    method: str
+    path: str
+    read: Callable[[Any], T]
+    body: Mapping[str, Any] | None = None
+    query: Mapping[str, Any] = field(default_factory=dict)
+    patience: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where a server is, and what it wants to see.
+
+    Attributes:
+        url: Of it.
+        headers: Of every request.
+    """
+
+    url: str
+    headers: Mapping[str, str]
+
+
+def address(url: str | None, token: str | None) -> Address:
+    """The server that is meant.
+
+    Args:
+        url: Of it; else ARMTREE_SERVER, else this machine's.
+        token: Of it; else ARMTREE_TOKEN, else what it wrote for this user.
+    """
+    port = os.environ.get("ARMTREE_TCP_PORT", access.PORT)
+    url = (url or os.environ.get("ARMTREE_SERVER") or f"http://127.0.0.1:{port}").rstrip("/")
+    token = token or os.environ.get("ARMTREE_TOKEN") or _own_token(url)
+    return Address(url, {"authorization": f"Bearer {token}"} if token else {})
+
+
+def _own_token(url: str) -> str:
+    """The token of a server of this user on this machine; empty where there is none."""
+    parts = urlsplit(url)
+    port = parts.port or (access.HTTP_PORT if parts.scheme == "http" else 0)
+    known = access.read(port) if parts.hostname in _OUR_NAMES else None
+    return known.token if known else ""
+
+
+def send(task: int, arguments: Mapping[str, Any], goal_id: str, deadman: bool) -> Ask[str]:
+    """Send a goal; the answer is its identity."""
+    body: dict[str, Any] = {"task": task, "arguments": dict(arguments), "deadman": deadman}
+    if goal_id:
+        body["goal_id"] = goal_id
+    return Ask("POST", "/api/goals", lambda told: str(told["goal_id"]), body)
+
+
+def waits(timeout: float | None) -> Iterator[float]:
+    """How long to wait for a result [s], at a time: so a server that is frozen is noticed."""
+    left = math.inf if timeout is None else timeout
+    while left > AT_A_TIME:
+        yield AT_A_TIME
+        left -= AT_A_TIME
+    yield left
+
+
+def result(goal_id: str, timeout: float) -> Ask[Outcome]:
+    """Wait for the outcome of a goal [s]."""
+    query = {"timeout": timeout}
+    return Ask("GET", f"/api/goals/{goal_id}/result", to_outcome, query=query, patience=timeout)
+
+
+def not_ended(goal_id: str, timeout: float | None) -> Refused:
+    """What a server says of a goal that has not ended in so long [s]."""
+    return Refused(dataclasses.asdict(cause_of(ResultTimeout(goal_id, timeout or 0.0))))
+
+
+def goal(goal_id: str) -> Ask[GoalStatus]:
+    """What a goal is at."""
+    return Ask("GET", f"/api/goals/{goal_id}", to_goal)
+
+
+def goals(after: tuple[GoalStatus, ...]) -> Ask[tuple[GoalStatus, ...]]:
+    """The page of goals that comes before those that are there already."""
+    query = {"before": after[0].stamp_ns} if after else {}
+    return Ask("GET", "/api/goals", lambda told: tuple(map(to_goal, told["goals"])), query=query)
+
+
+def cancel(goal_id: str, stamp_ns: int) -> Ask[CancelResult]:
+    """Cancel goals."""
+    body = {
+        **({"goal_id": goal_id} if goal_id else {}),
+        **({"stamp_ns": stamp_ns} if stamp_ns else {}),
+    }
+    return Ask("POST", "/api/cancel", _canceled, body)
+
+
+def stop() -> Ask[CancelResult]:
+    """Stop the arm."""
+    return Ask("POST", "/api/stop", _canceled, {})
+
+
+def change(goal_id: str, verb: str) -> Ask[GoalStatus]:
+    """Pause, resume or step a goal."""
+    return Ask("POST", f"/api/goals/{goal_id}/{verb}", to_goal, {})
+
+
+def break_at(node: str, on: bool) -> Ask[tuple[str, ...]]:
+    """Set or lift a breakpoint."""
+    body = {"node": node, "on": on}
+    return Ask("POST", "/api/breakpoints", lambda told: tuple(told["breakpoints"]), body)
+
+
+def questions() -> Ask[tuple[OpenQuestion, ...]]:
+    """What tasks ask now."""
+    return Ask("GET", "/api/questions", lambda told: tuple(map(_question, told["questions"])))
+
+
+def answer(question_id: str, words: str) -> Ask[str]:
+    """Answer a question."""
+    path = f"/api/questions/{question_id}/answer"
+    return Ask("POST", path, lambda told: str(told["answer"]), {"answer": words})
+
+
+def arm(transition: str, pose: str | None) -> Ask[str]:
+    """Take the arm through a transition; booting takes its time."""
+    body = {"pose": pose} if pose else {}
+    return Ask("POST", f"/api/arm/{transition}", lambda told: str(told["arm"]), body, patience=30.0)
+
+
+def status() -> Ask[Status]:
+    """What the server is at."""
+    return Ask("GET", "/api/status", _status)
+
+
+def tasks() -> Ask[tuple[Task, ...]]:
+    """The tasks there are."""
+    return Ask("GET", "/api/tasks", lambda told: tuple(map(_task, told["tasks"])))
+
+
+def _question(told: Any) -> OpenQuestion:
+    return OpenQuestion(told["question_id"], told["text"], tuple(told["choices"]))
+
+
+def _canceled(told: Any) -> CancelResult:
+    return CancelResult(CancelCode(told["return_code"]), tuple(told["goals"]))
+
+
+def _status(told: Any) -> Status:
+    return Status(
+        arm=told["arm"],
+        fault=told["fault"] and Cause(**told["fault"]),
+        port=told["port"],
+        commanded=told["commanded"],
+        goal=told["goal"] and to_goal(told["goal"]),
+        percentage=told["percentage"],
+        phase=told["phase"],
+        node=told["node"],
+        attempt=told["attempt"],
+        waiting=tuple(told["waiting"]),
+        policy=told["policy"],
+        paused=told["paused"],
+        breakpoints=tuple(told["breakpoints"]),
+        uptime=told["uptime_s"],
+    )
+
+
+def _task(told: Any) -> Task:
+    return Task(
+        told["task"],
+        told["name"],
+        told["description"],
+        told["source"],
+        told["parameters"],
+        told["wrong"],
+    )

@@ -1,0 +1,1 @@
+"""Goals: states, queue, executor thread, run loop and outcome."""

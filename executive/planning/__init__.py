@@ -1,0 +1,1 @@
+"""`armtree plan`: goals from text, world files and drawings."""

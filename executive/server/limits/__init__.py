@@ -1,0 +1,1 @@
+"""Fair use: queueing and rate limits."""

@@ -1,0 +1,1 @@
+"""rosbridge: goals and topics over a WebSocket."""

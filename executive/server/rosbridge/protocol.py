@@ -1,0 +1,331 @@
+"""The rosbridge protocol, as far as one action server needs it: messages in, texts out.
+
+Read from ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite. One JSON object per message;
+`id` names an interaction, is the client's own, and comes back in every answer to it.
+"""
+
+import base64
+import binascii
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from executive.server.http import strict_json
+
+ACTION = "/task_server"
+ACTION_TYPE = "arduinobot_msgs/action/ArduinobotTask"
+JOINT_STATES = "/joint_states"
+STATUS = f"{ACTION}/_action/status"
+CANCEL_SERVICE = f"{ACTION}/_action/cancel_goal"
+TOPICS = {JOINT_STATES: "sensor_msgs/msg/JointState", STATUS: "action_msgs/msg/GoalStatusArray"}
+
+_MOST_TASKS = 2**31 - 1
+_MOST_TEXT = 1024  # of an id or a name
+_QUOTED = 300  # characters of what was wrong, in an answer
+# Said by clients on the way, and nothing that an action server needs to know.
+_IDLE = {"advertise", "unadvertise", "publish", "set_level", "unadvertise_action", "auth"}
+
+
+class BadMessage(Exception):
+    """A message that cannot be understood or carried out; nothing was begun for it.
+
+    Args:
+        text: What is wrong.
+        identity: The `id` it had, if any.
+    """
+
+    def __init__(self, text: str, identity: str | None = None) -> None:
+        super().__init__(text if len(text) <= _QUOTED else f"{text[:_QUOTED]} …")
+        self.identity = identity
+
+
+class BadGoal(BadMessage):
+    """A goal that is no goal for this server; its sender waits for a result."""
+
+
+class BadCall(BadMessage):
+    """A call of a service that cannot be done; its sender waits for a response."""
+
+    def __init__(self, text: str, call: "CallService") -> None:
+        super().__init__(text, call.identity)
+        self.call = call
+
+
+@dataclass(frozen=True, slots=True)
+class SendGoal:
+    """Run a task; `feedback` is told only where asked for."""
+
+    identity: str
+    task: int
+    feedback: bool
+
+
+@dataclass(frozen=True, slots=True)
+class CancelGoal:
+    """Cancel a goal of this connection."""
+
+    identity: str
+
+
+@dataclass(frozen=True, slots=True)
+class CallService:
+    """Call a service; of those there is one, `CANCEL_SERVICE`."""
+
+    identity: str | None
+    service: str
+    arguments: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Subscribe:
+    """Tell one subscriber of a topic from now on, at most every so many seconds [s]."""
+
+    topic: str
+    throttle: float
+    identity: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Unsubscribe:
+    """Tell one subscriber of a topic no more; without identity, all that this client has."""
+
+    topic: str
+    identity: str | None = None
+
+
+Message = SendGoal | CancelGoal | CallService | Subscribe | Unsubscribe | None
+
+
+def parse(text: str | None) -> Message:
+    """Read a message; None for one that asks for nothing here.
+
+    Args:
+        text: The message; None for one of bytes.
+
+    Raises:
+        BadMessage: It cannot be understood.
+        BadGoal: The same, of a goal.
+    """
+    if text is None:
+        raise BadMessage("a message is JSON text; bytes are not understood")
+    try:
+        message = strict_json.parse(text)
+    except strict_json.NotJson as error:
+        raise _unread(text, f"no JSON: {error}") from error
+    if not isinstance(message, dict):
+        raise BadMessage("a message is a JSON object")
+    operation, identity = message.get("op"), message.get("id")
+    if identity is not None:
+        _text(message, "id")
+    if not isinstance(operation, str) or operation not in _IDLE | _READERS.keys():
+        raise BadMessage(f"op {operation!r} is not known here", identity)
+    return None if operation in _IDLE else _READERS[operation](message)
+
+
+def _unread(text: str, why: str) -> BadMessage:
+    """What strict JSON refuses, by the names that its sender waits for."""
+    with suppress(ValueError, RecursionError, AttributeError, BadMessage):
+        message = json.loads(text)
+        operation, identity = message.get("op"), _text(message, "id")
+        if operation == "send_action_goal":
+            return BadGoal(why, identity)
+        if operation == "call_service":
+            return BadCall(why, CallService(identity, _slashed(_text(message, "service")), {}))
+    return BadMessage(why)
+
+
+def _send_goal(message: dict[str, Any]) -> SendGoal:
+    identity = _text(message, "id") if "id" in message else ""
+    if _slashed(message.get("action")) != ACTION:
+        raise BadGoal(f"no action {message.get('action')!r}; there is {ACTION}", identity)
+    if not _same_type(message.get("action_type"), ACTION_TYPE):
+        raise BadGoal(
+            f"{ACTION} is of type {ACTION_TYPE}, not {message.get('action_type')!r}", identity
+        )
+    if message.get("compression", "none") != "none" or message.get("fragment_size") is not None:
+        raise BadGoal("neither compression nor fragments are known here", identity)
+    arguments = message.get("args")
+    if not isinstance(arguments, dict) or set(arguments) != {"task_number"}:
+        raise BadGoal("args of a goal are {task_number: N}", identity)
+    task, feedback = arguments["task_number"], message.get("feedback", False)
+    if type(task) is not int or not -_MOST_TASKS - 1 <= task <= _MOST_TASKS:
+        raise BadGoal(f"task_number {task!r} is no int32", identity)
+    if not isinstance(feedback, bool):
+        raise BadGoal(f"feedback is true or false, not {feedback!r}", identity)
+    return SendGoal(identity, task, feedback)
+
+
+def _cancel_goal(message: dict[str, Any]) -> CancelGoal:
+    identity = _text(message, "id")
+    if _slashed(message.get("action")) != ACTION:
+        raise BadMessage(f"no action {message.get('action')!r}; there is {ACTION}", identity)
+    return CancelGoal(identity)
+
+
+def _call_service(message: dict[str, Any]) -> CallService:
+    identity = message.get("id")
+    service, arguments = _slashed(_text(message, "service")), message.get("args") or {}
+    if not isinstance(arguments, dict):
+        raise BadCall("args of a service are an object", CallService(identity, service, {}))
+    return CallService(identity, service, arguments)
+
+
+def _subscribe(message: dict[str, Any]) -> Subscribe:
+    identity, topic = message.get("id"), _slashed(_text(message, "topic"))
+    if topic not in TOPICS:
+        raise BadMessage(f"no topic {topic}; there are {', '.join(TOPICS)}", identity)
+    kind = message.get("type")
+    if kind is not None and not _same_type(kind, TOPICS[topic]):
+        raise BadMessage(f"{topic} is of type {TOPICS[topic]}, not {kind!r}", identity)
+    throttle = message.get("throttle_rate", 0)
+    if type(throttle) not in (int, float) or not 0 <= throttle <= 3_600_000:
+        raise BadMessage(f"throttle_rate {throttle!r} is no time in ms", identity)
+    return Subscribe(topic, throttle / 1000.0, identity)
+
+
+def _unsubscribe(message: dict[str, Any]) -> Unsubscribe:
+    return Unsubscribe(_slashed(_text(message, "topic")), message.get("id"))
+
+
+_READERS: dict[str, Callable[[dict[str, Any]], Message]] = {
+    "send_action_goal": _send_goal,
+    "cancel_action_goal": _cancel_goal,
+    "call_service": _call_service,
+    "subscribe": _subscribe,
+    "unsubscribe": _unsubscribe,
+}
+
+
+def _text(message: Mapping[str, Any], key: str) -> str:
+    value = message.get(key)
+    if not isinstance(value, str) or not 0 < len(value) <= _MOST_TEXT:
+        raise BadMessage(f"{key} {value!r} is no text of 1 to {_MOST_TEXT} characters")
+    return value
+
+
+def _slashed(name: object) -> str:
+    """A name as the graph has it, with a slash before it."""
+    return f"/{name.removeprefix('/')}" if isinstance(name, str) else ""
+
+
+def _same_type(given: object, known: str) -> bool:
+    """Whether it is a type's name, `pkg/action/Name` or, as of old, `pkg/Name`."""
+    package, _, name = known.split("/")
+    return given in (known, f"{package}/{name}")
+
+
+def result(identity: str, status: int, success: bool) -> str:
+    """The end of a goal that was accepted: 4 SUCCEEDED, 5 CANCELED, 6 ABORTED."""
+    return _action("action_result", identity, values={"success": success}, status=status, done=True)
+
+
+def refusal(identity: str, why: str) -> str:
+    """The answer to a goal that was not accepted; clients take it as an error."""
+    return _action("action_result", identity, values=why, status=0, done=False)
+
+
+def feedback(identity: str, percentage: int) -> str:
+    """How far a goal is [%]; never to be sent after its result."""
+    return _dump(
+        op="action_feedback", id=identity, action=ACTION, values={"percentage": percentage}
+    )
+
+
+def published(topic: str, message: Mapping[str, Any]) -> str:
+    """A message on a topic."""
+    return _dump(op="publish", topic=topic, msg=message)
+
+
+def service_response(call: CallService, values: object, done: bool) -> str:
+    """The answer to a service call."""
+    named = {} if call.identity is None else {"id": call.identity}
+    return _dump(op="service_response", service=call.service, values=values, result=done, **named)
+
+
+def complaint(error: BadMessage) -> str:
+    """What is said of a message that cannot be understood."""
+    named = {} if error.identity is None else {"id": error.identity}
+    return _dump(op="status", level="error", msg=str(error), **named)
+
+
+def joint_state(utc_ns: int, positions: Mapping[str, float]) -> dict[str, Any]:
+    """A sensor_msgs/JointState of the commanded positions [rad] by joint."""
+    return {
+        "header": {"stamp": stamp(utc_ns), "frame_id": ""},
+        "name": list(positions),
+        "position": list(positions.values()),
+        "velocity": [],
+        "effort": [],
+    }
+
+
+def goal_status(identity: str, stamp_ns: int, status: int) -> str:
+    """An action_msgs/GoalStatus of a goal that was accepted then [ns]."""
+    return _dump(goal_info=_goal_info(identity, stamp_ns), status=status)
+
+
+def status_array(goals: Iterable[str]) -> str:
+    """An action_msgs/GoalStatusArray as published, of statuses by `goal_status`.
+
+    There may be a thousand, of which one has changed: only that one is put into JSON anew.
+    """
+    empty = published(STATUS, {"status_list": []})
+    return empty.replace("[]", f"[{','.join(goals)}]")
+
+
+def cancel_request(call: CallService) -> tuple[str, int]:
+    """Which goals a CancelGoal request means: an identity, empty for all, and a stamp [ns].
+
+    Raises:
+        BadCall: It is no such request.
+    """
+    arguments = call.arguments
+    try:
+        info = arguments.get("goal_info", {})
+        identity = _bytes(info.get("goal_id", {}).get("uuid", [0] * 16)).hex()
+        at = info.get("stamp", {})
+        seconds, nanoseconds = at.get("sec", 0), at.get("nanosec", 0)
+        if type(seconds) is not int or type(nanoseconds) is not int or len(identity) != 32:
+            raise ValueError(arguments)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise BadCall("args are no action_msgs/srv/CancelGoal request", call) from error
+    return identity if any(bytes.fromhex(identity)) else "", seconds * 10**9 + nanoseconds
+
+
+def cancel_response(code: int, goals: Sequence[tuple[str, int]]) -> dict[str, Any]:
+    """A CancelGoal response: its return code, and the goals that are canceling."""
+    return {"return_code": code, "goals_canceling": [_goal_info(*goal) for goal in goals]}
+
+
+def stamp(time_ns: int) -> dict[str, int]:
+    """A time as ROS writes it."""
+    return {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}
+
+
+def _goal_info(identity: str, stamp_ns: int) -> dict[str, Any]:
+    uuid = base64.b64encode(bytes.fromhex(identity)).decode()  # as rosbridge writes uint8[]
+    return {"goal_id": {"uuid": uuid}, "stamp": stamp(stamp_ns)}
+
+
+def _bytes(value: object) -> bytes:
+    """An uint8[], as base64 or as a list."""
+    if isinstance(value, str):
+        try:
+            return base64.b64decode(value, validate=True)
+        except binascii.Error as error:
+            raise ValueError(value) from error
+    if isinstance(value, list) and all(type(each) is int for each in value):
+        return bytes(value)
+    raise TypeError(value)
+
+
+def _action(operation: str, identity: str, *, values: object, status: int, done: bool) -> str:
+    return _dump(
+        op=operation, id=identity, action=ACTION, values=values, status=status, result=done
+    )
+
+
+def _dump(**fields: object) -> str:
+    return json.dumps(fields, allow_nan=False, separators=(",", ":"))

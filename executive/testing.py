@@ -1,0 +1,152 @@
+"""A test kit: tasks and skills on the virtual board, in simulated time, in a few lines of pytest.
+
+with Rehearsal(trees=Path("trees"), skills=Path("skills")) as rehearsal:
+    rehearsal.replace("door_closed", lambda: True)
+    assert rehearsal.run(3, swing="10 deg").success
+    assert rehearsal.said("Say") == ["done"]
+"""
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
+
+import logs
+from hardware import BoardLink, SimulatedClock, load_robot, virtual_board
+from skills import Question
+from skills.motion import Pool
+from trees import Library
+from trees.compile.arguments import read_arguments
+from trees.compile.plugins import load_skills
+from trees.compile.port_types import known_skills
+
+from .executive import Event, Executive
+from .goals.goal import GoalStatus, Outcome, QuestionStatus
+from .task_sequence import InTurn
+
+_TIMEOUT = 5.0  # of a planner [s]
+
+
+class SharedPool(Pool):
+    """Planners that many executives use in turn: they are started the first time only."""
+
+    _started = False
+
+    def start(self) -> None:
+        """Start, unless they are."""
+        if not self._started:
+            self._started = True
+            super().start()
+
+
+class _Script:
+    """An operator who answers by heart."""
+
+    def __init__(self, answers: list[str]) -> None:
+        self._answers = answers
+
+    def ask(self, question: Question) -> None:
+        """Answer it, if anything is left to say."""
+        if self._answers:
+            words = self._answers.pop(0)
+            assert question.answer(words), f"{words} is no answer to: {question}"
+
+    def withdraw(self, question: Question) -> None:
+        """Nothing to do."""
+
+
+class Rehearsal:
+    """An executive on the virtual board, whose clock jumps when everybody waits.
+
+    Args:
+        trees: Folder with task files; None for only those that ship.
+        skills: Folder with skills; None for only those there are.
+        robot: Robot file; None for the shipped robot.
+
+    Attributes:
+        answers: What the operator answers, one question after the other; then nobody does.
+        records: All that was recorded, in its order.
+        clock: The simulated clock.
+
+    Raises:
+        ValueError: A skill in the folder is broken.
+    """
+
+    def __init__(
+        self, trees: Path | None = None, skills: Path | None = None, robot: Path | None = None
+    ) -> None:
+        if broken := load_skills(skills):
+            raise ValueError("; ".join(broken))
+        self._robot = load_robot(robot)
+        self._library = Library(trees)
+        self._replaced: list[tuple[Any, Callable[..., Any]]] = []
+        self.clock = SimulatedClock()
+        self.records: list[logs.Record] = []
+        self.answers: list[str] = []
+
+    def __enter__(self) -> Self:
+        self._folder = tempfile.TemporaryDirectory()
+        self._pool = SharedPool(self._robot, 1, self.clock)
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        for kind, function in self._replaced:
+            kind.function = staticmethod(function)
+        with self.clock.working():
+            self._pool.close()
+        self._folder.cleanup()
+
+    def replace(self, name: str, function: Callable[..., Any]) -> None:
+        """Let another function stand in for a registered one, until the end.
+
+        Raises:
+            KeyError: No function is registered under that name.
+        """
+        kind: Any = known_skills().get(name)
+        if not hasattr(kind, "function"):
+            raise KeyError(f"{name} is no registered function")
+        self._replaced.append((kind, kind.function))
+        kind.function = staticmethod(function)
+
+    def run(self, task: int, **arguments: str) -> Outcome:
+        """Run a task, with its parameters as they would stand in a file. Takes hardly any time.
+
+        Raises:
+            FileError: A parameter cannot be read.
+        """
+        settings = [f"{name}={text}" for name, text in arguments.items()]
+        link = BoardLink(virtual_board(self._robot), self.clock)
+        with self.clock.working():
+            executive = Executive(
+                self._robot,
+                link,
+                self._library,
+                self._pool,
+                Path(self._folder.name),
+                self.clock,
+                1,
+                _TIMEOUT,
+                self._watch,
+                solo=True,
+                operator=_Script(self.answers),
+            )
+            given = read_arguments(settings, [task])
+            (outcome,) = InTurn(executive).run([task], lambda _: None, given)
+        return outcome
+
+    def _watch(self, event: Event) -> None:
+        if not isinstance(event, GoalStatus | QuestionStatus):
+            self.records.append(event)
+
+    def said(self, name: str) -> list[str]:
+        """What a node of that name said, each time it ended."""
+        nodes = [record for record in self.records if isinstance(record, logs.NodeStatus)]
+        done = ("SUCCESS", "FAILURE")
+        ended = [node for node in nodes if node.name == name and node.status in done]
+        return [node.message for node in ended]
+
+    @property
+    def frames(self) -> list[str]:
+        """The frames that were sent."""
+        sent = [record for record in self.records if isinstance(record, logs.Sent)]
+        return [record.data.decode() for record in sent]
