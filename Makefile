@@ -37,7 +37,7 @@ rooms: $(TOOLS)
 # The suite damages 10 000 frames; here it is ten times as many.
 damage: $(TOOLS)
 	ARMTREE_CORRUPTIONS=100000 $(VENV)/bin/pytest -k corruptions --durations=2 \
-		tests/test_hardware_avr_armtree.py tests/test_hardware_virtual_armtree.py
+		tests/hardware/drivers/arduino/firmware/test_avr_armtree.py tests/hardware/drivers/arduino/virtual/test_armtree.py
 
 # Two to ten minutes: does a test notice every small change to what guards the wire?
 mutation: $(TOOLS)

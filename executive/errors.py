@@ -8,7 +8,7 @@ GoalError
 ├── TooManyBreakpoints  there are as many as there may be
 ├── NoSuchNode          no task has a node of that path
 ├── GoalPreempted       another goal took its place
-├── OwnerHeld           the code of a skill holds the thread that would execute it
+├── ExecutorBlocked           the code of a skill holds the thread that would execute it
 └── ServerRestarted     its server ended before it did
 
 Every error carries a stable `code`, and its message says what to do next.
@@ -81,7 +81,7 @@ class GoalPreempted(GoalError):
         super().__init__(f"goal {identity} took its place; send it again if it is still wanted")
 
 
-class OwnerHeld(GoalError):
+class ExecutorBlocked(GoalError):
     """The code of a skill does not return, and holds the thread that would execute it.
 
     Args:

@@ -25,14 +25,14 @@ from trees import Library, Located
 
 from .errors import NotExecuting, NotPaused, TooManyBreakpoints
 from .goals.causes import cause_of
-from .goals.executor import Owner
+from .goals.executor import GoalExecutor
 from .goals.goal import Goal, GoalState, GoalStatus, Outcome
 from .goals.history import earlier
 from .goals.mailbox import Mailbox
 from .goals.queue import Acceptance, CancelAnswer, Goals, Policy
 from .goals.snapshot import Snapshot
-from .goals.start_pose import Standing
-from .goals.subscribers import Event, Watchers
+from .goals.start_pose import StartPose
+from .goals.subscribers import Event, EventSubscribers
 from .recording.evidence import configuration_note
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
@@ -86,10 +86,10 @@ class Executive:
     ) -> None:
         self._robot, self._clock, self._solo = robot, clock, solo
         self._port, self._began = link.port if link else "", clock.now()
-        self._watchers = Watchers()
+        self._watchers = EventSubscribers()
         self._watchers.add(watch)
         self._progress: logs.Feedback | None = None
-        self._standing = Standing(robot, self._port, recordings, pose)
+        self._standing = StartPose(robot, self._port, recordings, pose)
         self._folder, self._marked = recordings, set[str]()
         noted = configuration_note(self._port, seed, timeout, policy.value, solo)
         self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail, noted)
@@ -108,7 +108,7 @@ class Executive:
             wake_at=_nobody,
             operator=operator or NoOperator(),
         )
-        self._owner = Owner(
+        self._owner = GoalExecutor(
             self._goals, arm, library, pool, self._recordings, context, clock, self._marked, solo
         )
 

@@ -13,7 +13,7 @@ from .executive import Executive
 from .goals.goal import GoalState, Outcome
 
 
-class InTurn:
+class TaskSequence:
     """Runs tasks in turn, up to the first that is not done.
 
     Args:

@@ -1,6 +1,6 @@
 """A test kit: tasks and skills on the virtual board, in simulated time, in a few lines of pytest.
 
-with Rehearsal(trees=Path("trees"), skills=Path("skills")) as rehearsal:
+with SimulatedArm(trees=Path("trees"), skills=Path("skills")) as rehearsal:
     rehearsal.replace("door_closed", lambda: True)
     assert rehearsal.run(3, swing="10 deg").success
     assert rehearsal.said("Say") == ["done"]
@@ -22,7 +22,7 @@ from trees.compile.port_types import known_skills
 
 from .executive import Event, Executive
 from .goals.goal import GoalStatus, Outcome, QuestionStatus
-from .task_sequence import InTurn
+from .task_sequence import TaskSequence
 
 _TIMEOUT = 5.0  # of a planner [s]
 
@@ -55,7 +55,7 @@ class _Script:
         """Nothing to do."""
 
 
-class Rehearsal:
+class SimulatedArm:
     """An executive on the virtual board, whose clock jumps when everybody waits.
 
     Args:
@@ -131,7 +131,7 @@ class Rehearsal:
                 operator=_Script(self.answers),
             )
             given = read_arguments(settings, [task])
-            (outcome,) = InTurn(executive).run([task], lambda _: None, given)
+            (outcome,) = TaskSequence(executive).run([task], lambda _: None, given)
         return outcome
 
     def _watch(self, event: Event) -> None:

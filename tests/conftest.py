@@ -13,7 +13,7 @@ from py_trees.blackboard import Blackboard
 import logs
 from executive.executive import Event, Executive
 from executive.goals.goal import GoalStatus, Outcome, QuestionStatus
-from executive.task_sequence import InTurn
+from executive.task_sequence import TaskSequence
 from executive.testing import SharedPool
 from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board
 from skills import Context, Skill, SkillEvent
@@ -74,7 +74,7 @@ class Rig:
             solo=solo,
             **options,
         )
-        self._in_turn = InTurn(self.executive)
+        self._in_turn = TaskSequence(self.executive)
 
     def run(self, *numbers: int, settings: Sequence[str] = ()) -> list[Outcome]:
         """Run tasks in turn on this thread, with parameters as NAME=VALUE."""

@@ -13,7 +13,7 @@ from executive.executive import Event, Executive
 from executive.goals.causes import cause_of
 from executive.goals.goal import GoalState, GoalStatus, Outcome
 from executive.goals.start_pose import standing
-from executive.task_sequence import InTurn
+from executive.task_sequence import TaskSequence
 from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
 from logs.writing.retention import Rule, prune
 from skills.motion import Pool
@@ -139,7 +139,7 @@ def _drive(
     """Run on a thread of its own; this one waits for signals."""
     outcomes: list[Outcome] = []
     bugs: list[Exception] = []
-    in_turn = InTurn(executive)
+    in_turn = TaskSequence(executive)
     interrupts.on_cancel(in_turn.cancel)
 
     def drive() -> None:

@@ -8,7 +8,7 @@ from py_trees.behaviour import Behaviour
 from trees.compile.paths import paths
 
 
-def node_at_work(thread: Thread, root: Behaviour) -> str:
+def blocked_node(thread: Thread, root: Behaviour) -> str:
     """Path of the node whose code a thread is in; empty where it is in none."""
     known = {id(node): path for node, path in paths(root)}
     frame = sys._current_frames().get(thread.ident or 0)

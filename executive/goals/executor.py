@@ -9,7 +9,7 @@ from threading import Lock, Thread
 
 import logs
 from executive.codes import OK
-from executive.errors import GoalError, OwnerHeld
+from executive.errors import ExecutorBlocked, GoalError
 from executive.recording.recordings import Recordings
 from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError, NotActive, State
 from skills import Context, SkillError
@@ -18,7 +18,7 @@ from trees import Library, Located, TaskFile, TreeError, UnknownTask
 from trees.compile.arguments import BadArguments, located
 from trees.compile.builder import Tree, build
 
-from .blocked_node import node_at_work
+from .blocked_node import blocked_node
 from .breakpoints import Breakpoints
 from .causes import cause_of
 from .goal import Cause, Goal, GoalState, Outcome
@@ -55,7 +55,7 @@ class _Attempt:
     warning: str = ""
 
 
-class Owner:
+class GoalExecutor:
     """Executes goals, one after the other.
 
     Args:
@@ -257,7 +257,7 @@ class Owner:
             )
             self._give_up(goal, cause_of(late, node), late)
         elif self._judges(goal) and not self._goals.ends_in(goal, _JUDGED) and self._judges(goal):
-            self._give_up(goal, cause_of(OwnerHeld(goal.identity, goal.task, "")))
+            self._give_up(goal, cause_of(ExecutorBlocked(goal.identity, goal.task, "")))
 
     def _judges(self, goal: Goal) -> bool:
         return self._judged is goal
@@ -278,7 +278,7 @@ class Owner:
     def _node_at_work(self) -> str:
         """Path of the node whose code the owner is in; empty where it is in none."""
         thread, tree = self._thread, self._tree
-        return node_at_work(thread, tree.root) if thread and tree else ""
+        return blocked_node(thread, tree.root) if thread and tree else ""
 
     def _outcome(self, goal: Goal, state: GoalState, cause: Cause | None) -> Outcome:
         return Outcome(

@@ -14,7 +14,7 @@ from enum import Enum
 from itertools import islice
 
 from executive.codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, OK, QUEUE_FULL, look_up
-from executive.errors import GoalPreempted, OwnerHeld, ResultTimeout, UnknownGoal
+from executive.errors import ExecutorBlocked, GoalPreempted, ResultTimeout, UnknownGoal
 from hardware import Clock
 from trees import Located
 
@@ -382,9 +382,9 @@ class Goals:
             del self._goals[self._ended.popleft().identity]
 
 
-def _held(goal: Goal) -> OwnerHeld:
+def _held(goal: Goal) -> ExecutorBlocked:
     cause = goal.outcome and goal.outcome.cause
-    return OwnerHeld(goal.identity, goal.task, cause.node if cause else "")
+    return ExecutorBlocked(goal.identity, goal.task, cause.node if cause else "")
 
 
 def _refused(identity: str, cause: Cause) -> Acceptance:

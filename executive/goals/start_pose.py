@@ -71,7 +71,7 @@ def standing(
     return replace(robot, joints=tuple(joints))
 
 
-class Standing:
+class StartPose:
     """Where the arm stands, from one activation to the next.
 
     Args:

@@ -15,7 +15,7 @@ Event = logs.Record | GoalStatus | QuestionStatus
 Watcher = Callable[[Event], None]
 
 
-class Watchers:
+class EventSubscribers:
     """Hands every event to all who watch; any thread may tell, begin and leave."""
 
     def __init__(self) -> None:

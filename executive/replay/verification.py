@@ -62,7 +62,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
-class Proof:
+class Verification:
     """What a recording proves.
 
     Attributes:
@@ -85,7 +85,7 @@ class Proof:
         return not self.error and all(verdict.holds for verdict in self.verdicts)
 
 
-def prove(path: Path) -> Proof:
+def prove(path: Path) -> Verification:
     """Judge one recording. Plans in this process."""
     try:
         recording = Recording(path)
@@ -94,19 +94,19 @@ def prove(path: Path) -> Proof:
             raise RecordingInUse(path)
         verdicts = _verdicts(recording, story)
     except (LogError, HardwareError, ModelUnusable) as error:
-        return Proof(path, (), str(error), error.code, 0.0)
+        return Verification(path, (), str(error), error.code, 0.0)
     except OSError as error:
-        return Proof(path, (), str(error), RecordingError.code, 0.0)
+        return Verification(path, (), str(error), RecordingError.code, 0.0)
     motion = sum(record.duration for record in story if isinstance(record, Schedule))
     if not recording.complete:
         torn = RecordingTruncated(path, recording.messages)
-        return Proof(path, verdicts, str(torn), torn.code, motion)
+        return Verification(path, verdicts, str(torn), torn.code, motion)
     if part := recording.changed:
-        return Proof(path, verdicts, f"{part} was changed after the run", DIFFERS, motion)
-    return Proof(path, verdicts, "", "", motion)
+        return Verification(path, verdicts, f"{part} was changed after the run", DIFFERS, motion)
+    return Verification(path, verdicts, "", "", motion)
 
 
-def prove_all(paths: Sequence[Path], jobs: int) -> Iterator[Proof]:
+def prove_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
     """Judge recordings in processes of their own; the proofs come in the order of the paths."""
     # As the planners of a run: with one thread a sum is always added up in the same order.
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -117,7 +117,7 @@ def prove_all(paths: Sequence[Path], jobs: int) -> Iterator[Proof]:
         pool.shutdown(cancel_futures=True)
 
 
-def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterator[Proof]:
+def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterator[Verification]:
     """Begin, in processes that Ctrl-C never reaches: what is blocked stays so in a child."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

@@ -3,10 +3,10 @@
 import json
 from dataclasses import asdict
 
-from .verification import Proof
+from .verification import Verification
 
 
-def in_words(proof: Proof) -> str:
+def in_words(proof: Verification) -> str:
     """Lines for people."""
     lines = [str(proof.path)]
     for verdict in proof.verdicts:
@@ -19,6 +19,6 @@ def in_words(proof: Proof) -> str:
     return "\n".join(lines)
 
 
-def in_json(proof: Proof) -> str:
+def in_json(proof: Verification) -> str:
     """One object."""
     return json.dumps({**asdict(proof), "path": str(proof.path), "holds": proof.holds})

@@ -22,7 +22,7 @@ from .http.app import App
 from .http.connections import HttpConnection, State, WebSocketConnection
 from .http.strict_json import MOST_BYTES
 from .hub import Hub
-from .limits.fair_queue import Turns
+from .limits.fair_queue import FairQueue
 from .limits.stops import Stops
 from .rosbridge.bridge import Bridge
 from .security import Rules, is_loopback, names
@@ -71,7 +71,7 @@ class Place:
 class _Uvicorn(uvicorn.Server):
     """uvicorn without its ten looks a second at whether it is to end."""
 
-    def __init__(self, config: uvicorn.Config, turns: Turns) -> None:
+    def __init__(self, config: uvicorn.Config, turns: FairQueue) -> None:
         super().__init__(config)
         self.server_state = State(turns)
         self.ready, self._end = threading.Event(), asyncio.Event()
@@ -164,7 +164,7 @@ class Server:
         api = Api(self._executive, stops, self._library, self._hub, self._questions)
         bridge = Bridge(self._executive, stops, self._hub, self._robot, self._clock)
         app = App(api, self._rules(), self._clock, bridge.serve if self._place.rosbridge else None)
-        self._server = _Uvicorn(_config(app), Turns(self._loop))
+        self._server = _Uvicorn(_config(app), FairQueue(self._loop))
         self._thread = self._clock.spawn(self._run, "network")
         self._server.ready.wait()
 

@@ -25,10 +25,10 @@ from .connection import Connection
 from .events import ArmEvent, Faulted, Observer, StateChanged
 from .interfaces import states
 from .lifecycle import Lifecycle, Result, State
-from .reconnect import Lookout
+from .reconnect import ReconnectWatcher
 from .schedule import Schedule
 from .streamer import Playback, Streamer
-from .write_guard import Door
+from .write_guard import WriteGuard
 
 logger = logging.getLogger(__name__)
 
@@ -68,7 +68,7 @@ class Arm:
         self._refusal: HardwareError | None = None  # why the last request was not carried out
         self._failure: HardwareError | None = None  # the fault that ends this activation
         self._connection: Connection | None = None
-        self._lookout: Lookout | None = None
+        self._lookout: ReconnectWatcher | None = None
         self._lifecycle = Lifecycle(
             {
                 State.CONFIGURING: self._configure,
@@ -292,7 +292,7 @@ class Arm:
         connection = self._connection
         return connection.streamer if connection else None
 
-    def _open_door(self) -> Door:
+    def _open_door(self) -> WriteGuard:
         connection = self._connection
         if self.state is not State.ACTIVE or connection is None or connection.door is None:
             raise self._not_active()
@@ -321,7 +321,7 @@ class Arm:
         logger.info("Starting the arm on port %s: it %s", port, self.robot.on_open)
         self._connection = connection = self._connect(self._link)
         try:
-            self._lookout = Lookout(port, self._clock, self._tell)
+            self._lookout = ReconnectWatcher(port, self._clock, self._tell)
             connection.open()
             self._boot(connection)
         except Exception as error:  # a driver may raise what it likes

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
-from hardware.drivers.arduino.acknowledgements import Dialogue
+from hardware.drivers.arduino.acknowledgements import Acknowledgements
 from hardware.errors import BoardSilent, FrameLost, HardwareError, NotActive, PoseOutside
 from hardware.link.link import Link
 
 from .events import PATIENCE, BytesReceived, Observer
 from .streamer import Streamer
-from .write_guard import Door
+from .write_guard import WriteGuard
 
 logger = logging.getLogger(__name__)
 
@@ -50,8 +50,8 @@ class Connection:
         self._report, self._heard = fault, heard
         self._closed = False
         self._listener: threading.Thread | None = None
-        self.dialogue = Dialogue(robot)
-        self.door: Door | None = None
+        self.dialogue = Acknowledgements(robot)
+        self.door: WriteGuard | None = None
         self.streamer: Streamer | None = None
 
     def open(self) -> None:
@@ -74,7 +74,7 @@ class Connection:
         if robot.firmware.banner and not dialogue.holds:
             raise BoardSilent(self._link.port, robot.firmware.name, robot.serial.boot_wait)
         pose = self._boot_pose()
-        self.door = Door(
+        self.door = WriteGuard(
             robot, self._link, self._clock, self._active, self._observe, dialogue, pose
         )
         period = 1 / robot.firmware.rate

@@ -19,7 +19,7 @@ logger = logging.getLogger(__name__)
 _EVERY = 0.1
 
 
-class Lookout:
+class ReconnectWatcher:
     """Reports the return of the board on a port, known by the name that udev always gives it.
 
     Args:

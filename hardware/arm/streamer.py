@@ -7,12 +7,12 @@ from collections.abc import Callable
 from enum import Enum
 
 from hardware.clock import Clock
-from hardware.drivers.arduino.acknowledgements import Dialogue
+from hardware.drivers.arduino.acknowledgements import Acknowledgements
 from hardware.errors import HardwareError, NotActive, StaleGeneration, WriteRefused
 
 from .interfaces import Claim
 from .schedule import Schedule
-from .write_guard import Door
+from .write_guard import WriteGuard
 
 logger = logging.getLogger(__name__)
 
@@ -100,8 +100,8 @@ class Streamer:
 
     def __init__(
         self,
-        door: Door,
-        dialogue: Dialogue,
+        door: WriteGuard,
+        dialogue: Acknowledgements,
         clock: Clock,
         period: float,
         fault: Callable[[BaseException], None],

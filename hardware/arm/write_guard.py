@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
-from hardware.drivers.arduino.acknowledgements import Dialogue
+from hardware.drivers.arduino.acknowledgements import Acknowledgements
 from hardware.drivers.arduino.frames import Frame, check_position
 from hardware.drivers.arduino.pacing import Pace
 from hardware.errors import BadPosition, DriverFailed, LinkError, NotActive, PortStalled, TooFast
@@ -25,7 +25,7 @@ from .interfaces import Claim, Claims, command_interfaces
 _WAITS, _WAIT = 10, PATIENCE / 10  # how many, and how long one is [s]
 
 
-class Door:
+class WriteGuard:
     """Writes commanded positions to the board.
 
     Args:
@@ -48,7 +48,7 @@ class Door:
         clock: Clock,
         active: Callable[[], bool],
         observe: Observer,
-        dialogue: Dialogue,
+        dialogue: Acknowledgements,
         positions: tuple[float, ...],
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hardware.drivers.driver import Driver, WireFormat
 from hardware.drivers.firmware import Firmware
-from hardware.drivers.null_driver import NoBoard
+from hardware.drivers.null_driver import NullDriver
 from hardware.link.link import Link
 
 from .joints import Joint
@@ -102,7 +102,7 @@ class Robot:
     @property
     def wired(self) -> bool:
         """Whether its file names a driver, so that it can be moved."""
-        return not isinstance(self.driver, NoBoard)
+        return not isinstance(self.driver, NullDriver)
 
     @cached_property
     def wire_format(self) -> WireFormat:

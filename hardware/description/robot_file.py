@@ -4,7 +4,7 @@ from pathlib import Path
 
 from hardware.drivers.driver import Driver, load_driver
 from hardware.drivers.firmware import NO_FIRMWARE, Firmware
-from hardware.drivers.null_driver import NoBoard
+from hardware.drivers.null_driver import NullDriver
 
 from .joints import Joint
 from .robot import CollisionRules, Robot, Serial, Tool
@@ -25,7 +25,7 @@ def load_robot(path: Path | None = None) -> Robot:
     root = TomlTable.read(path)
     urdf_path = path.parent / root.text("urdf")
     urdf = read_urdf(root, urdf_path)
-    driver = load_driver(root) if "driver" in root or "serial" in root else NoBoard(path)
+    driver = load_driver(root) if "driver" in root or "serial" in root else NullDriver(path)
     joints = _joints(root, urdf, driver)
     groups = _groups(root, joints)
     serial, firmware = _board(root, driver)
@@ -50,9 +50,9 @@ def load_robot(path: Path | None = None) -> Robot:
     return robot
 
 
-def _board(root: TomlTable, driver: Driver | NoBoard) -> tuple[Serial, Firmware]:
+def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmware]:
     """The line to the board, and what runs on it."""
-    if isinstance(driver, NoBoard):
+    if isinstance(driver, NullDriver):
         return Serial(port="", baud=0, boot_wait=0.0), NO_FIRMWARE
     table = root.table("serial")
     return _serial(table), driver.firmwares[table.choice("firmware", driver.firmwares)]

@@ -13,7 +13,7 @@ from .firmware import NO_FIRMWARE, Firmware
 
 
 @dataclass(frozen=True)
-class NoBoard:
+class NullDriver:
     """A driver that refuses to drive.
 
     Attributes:

@@ -13,8 +13,8 @@ from hardware import Clock, RealClock, Robot
 from .arrays import readonly
 from .collision.bodies import files
 from .collision.carry import carried
-from .collision.checker import Contacts
-from .collision.endpoints import Ends, bounds, finite, turning
+from .collision.checker import CollisionChecker
+from .collision.endpoints import EndpointChecker, bounds, finite, turning
 from .collision.verify import check_motion
 from .deadline import Deadline, Stopwatch
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError, shown
@@ -216,7 +216,7 @@ class _Scene:
     def __init__(self, robot: Robot, world: World, links: Links) -> None:
         self.files = files(world)  # as they are before they are read
         self.model = Model(robot, world, links)
-        self.contacts = Contacts(self.model)
+        self.contacts = CollisionChecker(self.model)
 
 
 def _check(space: Space, plan: Plan) -> None:
@@ -255,7 +255,7 @@ class _Group:
     def __init__(self, robot: Robot, name: str) -> None:
         joints = robot.leaders(name)
         self.joints = tuple(joint.name for joint in joints)
-        self.ends = Ends(robot, name)
+        self.ends = EndpointChecker(robot, name)
         self.velocity = readonly([joint.velocity for joint in joints])
         self.acceleration = readonly([joint.acceleration for joint in joints])
         self.search = Search(*bounds(robot, name), turning(robot, name))

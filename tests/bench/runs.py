@@ -50,9 +50,9 @@ from hardware import (
 from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
-from tests.network_doors import in_a_flood, over_http, rosbridge_results, served
-from tests.recordings_finished import at_rest, finished, rest, sweep
-from tests.resources import descriptors_used, memory_used, threads_used
+from tests.support.network_ports import in_a_flood, over_http, rosbridge_results, served
+from tests.support.recordings_finished import at_rest, finished, rest, sweep
+from tests.support.resources import descriptors_used, memory_used, threads_used
 
 Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]
 

@@ -25,7 +25,7 @@ from skills import Context
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
 from trees import Library
-from trees.compile.assembly import Assembly
+from trees.compile.assembly import TreeCompiler
 from trees.compile.builder import build
 
 FILES = 10_000
@@ -110,7 +110,7 @@ class Bench:
     def check(self) -> None:
         """Read and check a thousand nodes."""
         library = Library(self.large)
-        assembly = Assembly(library, self.context)
+        assembly = TreeCompiler(library, self.context)
         assembly.task(*library.draft(10), "/bench", None)
         assert not assembly.mistakes.found
 

@@ -26,7 +26,7 @@ from skills.motion import (
     WorkerDied,
     World,
 )
-from trees.compile.assembly import Assembly
+from trees.compile.assembly import TreeCompiler
 from trees.compile.builder import mistakes_of, refusals
 from trees.compile.paths import paths
 from trees.compile.skill_hooks import Asking, Pose
@@ -151,13 +151,13 @@ def motions_of(
     return found.motions, [f"{nodes[node]}: {why}" for node, why in found.unknown.items()]
 
 
-def _check_refused(assembly: Assembly, robot: Robot) -> None:
+def _check_refused(assembly: TreeCompiler, robot: Robot) -> None:
     if refused := refusals(assembly, robot):
         raise FileError(refusal.mistake for refusal in refused)
 
 
-def _assembled(robot: Robot, library: Library, number: int) -> tuple[Assembly, Behaviour]:
-    assembly, draft = Assembly(library, _context(robot)), library.draft(number)
+def _assembled(robot: Robot, library: Library, number: int) -> tuple[TreeCompiler, Behaviour]:
+    assembly, draft = TreeCompiler(library, _context(robot)), library.draft(number)
     root = assembly.task(*draft, "/show", None)
     found = mistakes_of(assembly, draft, library, _context(robot))
     if found or assembly.asking.refused:
@@ -208,8 +208,8 @@ class _Asked:
     """
 
     poses: list[tuple[Place, Pose]] = field(default_factory=list)
-    trees: list[tuple[Behaviour, Assembly]] = field(default_factory=list)
-    tasks: list[tuple[Behaviour, Assembly]] = field(default_factory=list)
+    trees: list[tuple[Behaviour, TreeCompiler]] = field(default_factory=list)
+    tasks: list[tuple[Behaviour, TreeCompiler]] = field(default_factory=list)
 
 
 class _Checker:
@@ -233,7 +233,7 @@ class _Checker:
                 files, found = self._library.draft_poses()
                 found = [mistake for mistake in found if mistake.place.path == path]
                 return [*found, *self._reachable(next(f for f in files if f.path == path))]
-            assembly = Assembly(self._library, self._context)
+            assembly = TreeCompiler(self._library, self._context)
             if isinstance(name, int):
                 draft = self._library.draft(name)
                 root = assembly.task(*draft, "/check", None)

@@ -19,7 +19,7 @@ from trees.reading.node_parser import Mistakes
 
 
 @dataclass(frozen=True, slots=True)
-class Fate:
+class PossibleOutcomes:
     """What can become of a node.
 
     Attributes:
@@ -76,17 +76,17 @@ class _Judge:
         self._shortest, self._places, self._mistakes = shortest, places, mistakes
         self._doubtful = doubtful
 
-    def fate(self, node: Behaviour, ended: bool) -> Fate:
+    def fate(self, node: Behaviour, ended: bool) -> PossibleOutcomes:
         """What can become of a node; `ended` says whether something above may halt it."""
         if node in self._doubtful:
             ends = isinstance(node, Guard | Join | Timeout)  # perhaps what it holds
             for child in node.children:
                 self.fate(child, ended or ends)
-            return Fate()
+            return PossibleOutcomes()
         match node:
             case Skill():
                 least = self._shortest.get(node, 0.0)
-                return Fate(node.may_succeed, node.may_fail, least)
+                return PossibleOutcomes(node.may_succeed, node.may_fail, least)
             case Sequence():
                 return self._sequence(node, ended)
             case Selector():
@@ -98,25 +98,25 @@ class _Judge:
         (child,) = node.children
         return self._decorated(node, child, ended)
 
-    def _sequence(self, node: Sequence, ended: bool) -> Fate:
+    def _sequence(self, node: Sequence, ended: bool) -> PossibleOutcomes:
         fates = [self.fate(child, ended) for child in node.children]
         self._reached(node, [fate.succeeds for fate in fates], "succeeds")
-        return Fate(
+        return PossibleOutcomes(
             all(fate.succeeds for fate in fates),
             any(fate.fails for fate in fates),
             sum(fate.shortest for fate in fates),
         )
 
-    def _selector(self, node: Selector, ended: bool) -> Fate:
+    def _selector(self, node: Selector, ended: bool) -> PossibleOutcomes:
         fates = [self.fate(child, ended) for child in node.children]
         self._reached(node, [fate.fails for fate in fates], "fails")
-        return Fate(
+        return PossibleOutcomes(
             any(fate.succeeds for fate in fates),
             all(fate.fails for fate in fates),
             min(fate.shortest for fate in fates),
         )
 
-    def _parallel(self, node: Join, ended: bool) -> Fate:
+    def _parallel(self, node: Join, ended: bool) -> PossibleOutcomes:
         race = isinstance(node, Race)
         # Who may end a race is judged without it first, so that two endless nodes do not vouch
         # for each other.
@@ -126,31 +126,31 @@ class _Judge:
         if race:
             if not ended and not any(fate.succeeds for fate in fates):
                 self._wrong(node, "never ends: no node of it can succeed")
-            return Fate(
+            return PossibleOutcomes(
                 any(fate.succeeds for fate in fates),
                 all(fate.fails for fate in fates),
                 min(fate.shortest for fate in fates),
             )
-        return Fate(
+        return PossibleOutcomes(
             all(fate.succeeds for fate in fates),
             any(fate.fails for fate in fates),
             max(fate.shortest for fate in fates),
         )
 
-    def _guard(self, node: Guard, ended: bool) -> Fate:
+    def _guard(self, node: Guard, ended: bool) -> PossibleOutcomes:
         child, condition = node.children
         asked = self.fate(condition, False)
         fate = self.fate(child, ended or (asked.fails and not node.pause))
-        return Fate(fate.succeeds, fate.fails or not node.pause, fate.shortest)
+        return PossibleOutcomes(fate.succeeds, fate.fails or not node.pause, fate.shortest)
 
-    def _decorated(self, node: Behaviour, child: Behaviour, ended: bool) -> Fate:
+    def _decorated(self, node: Behaviour, child: Behaviour, ended: bool) -> PossibleOutcomes:
         fate = self.fate(child, ended or isinstance(node, Timeout))
         match node:
             case Timeout():
                 if fate.shortest >= node.after:
                     least = f"what it holds takes {fate.shortest:g} s at least"
                     self._wrong(node, f"always fails after {node.after:g} s; {least}")
-                return Fate(fate.succeeds, True, fate.shortest)
+                return PossibleOutcomes(fate.succeeds, True, fate.shortest)
             case Repeat():
                 return self._repeat(node, fate, ended)
             case Retry():
@@ -160,25 +160,25 @@ class _Judge:
             case WaitFor():
                 if not fate.succeeds:
                     self._wrong(node, "never ends: what it waits for never holds")
-                return Fate(fate.succeeds, False, fate.shortest)
+                return PossibleOutcomes(fate.succeeds, False, fate.shortest)
             case Inverter():
-                return Fate(fate.fails, fate.succeeds, 0.0)
+                return PossibleOutcomes(fate.fails, fate.succeeds, 0.0)
             case FailureIsSuccess():
-                return Fate(True, False, 0.0 if fate.fails else fate.shortest)
+                return PossibleOutcomes(True, False, 0.0 if fate.fails else fate.shortest)
         return fate
 
-    def _repeat(self, node: Repeat, fate: Fate, ended: bool) -> Fate:
+    def _repeat(self, node: Repeat, fate: PossibleOutcomes, ended: bool) -> PossibleOutcomes:
         if not fate.succeeds:
             self._wrong(node, "has nothing to repeat: what it holds never succeeds")
         if node.times is not None:
-            return Fate(fate.succeeds, fate.fails, fate.shortest * node.times)
+            return PossibleOutcomes(fate.succeeds, fate.fails, fate.shortest * node.times)
         if not fate.fails and not ended:
             self._wrong(
                 node,
                 "never ends: nothing in it can fail; say times, or put it into a timeout or into a "
                 "parallel with policy any",
             )
-        return Fate(False, fate.fails, 0.0)
+        return PossibleOutcomes(False, fate.fails, 0.0)
 
     def _reached(self, node: Behaviour, goes_on: list[bool], how: str) -> None:
         """See that what stands after a child can be reached."""

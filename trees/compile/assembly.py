@@ -31,7 +31,7 @@ MAX_NODES = 10_000
 MAX_SUBTREES = 8  # within each other
 
 
-class Assembly:
+class TreeCompiler:
     """Puts a tree together.
 
     Args:

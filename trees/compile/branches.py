@@ -30,7 +30,7 @@ from .scope import Scope
 _UNKNOWN: Mapping[str, Any] = {"times": 1, "attempts": 1, "after": math.inf}
 
 if TYPE_CHECKING:
-    from .assembly import Assembly
+    from .assembly import TreeCompiler
 
 
 class Branches:
@@ -41,7 +41,7 @@ class Branches:
         context: Whose clock.
     """
 
-    def __init__(self, assembly: "Assembly", context: Context) -> None:
+    def __init__(self, assembly: "TreeCompiler", context: Context) -> None:
         self._assembly, self._context = assembly, context
 
     def make(self, spec: ControlNode, scope: Scope, shown: str) -> Behaviour:

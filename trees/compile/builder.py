@@ -16,7 +16,7 @@ from trees.reading.grammar import TaskFile
 from trees.reading.library import Library
 
 from .arguments import FILE, as_text, wrong
-from .assembly import Assembly
+from .assembly import TreeCompiler
 from .leaf import Leaf
 from .paths import paths
 from .resolved import RESOLVED, resolved
@@ -78,7 +78,7 @@ def build(
         BadArguments: Only the arguments are wrong.
         SkillError: A skill refuses what the task spells out, such as a target out of bounds.
     """
-    assembly = Assembly(library, context)
+    assembly = TreeCompiler(library, context)
     if arguments:
         assembly.files[FILE] = as_text(arguments)
     root = assembly.task(*draft, f"/{namespace}", arguments or {})
@@ -95,7 +95,7 @@ def build(
 
 
 def mistakes_of(
-    assembly: Assembly,
+    assembly: TreeCompiler,
     draft: tuple[TaskFile, list[Mistake]],
     library: Library,
     context: Context,
@@ -121,12 +121,12 @@ def _hidden(
     if all(declared.needed for declared in task.parameters.values()):
         return []
     bare = {name: replace(each, default=None) for name, each in task.parameters.items()}
-    assembly = Assembly(library, context)
+    assembly = TreeCompiler(library, context)
     assembly.task(replace(task, parameters=bare), known, "/hidden", None)
     return assembly.mistakes.found
 
 
-def refusals(assembly: Assembly, robot: Robot) -> list[Refusal]:
+def refusals(assembly: TreeCompiler, robot: Robot) -> list[Refusal]:
     """What skills refuse of what a task spells out; they count as doubtful from now on."""
     for leaf in assembly.leaves:
         assembly.asking.judge(leaf, robot)

@@ -9,13 +9,13 @@ from py_trees.behaviour import Behaviour
 from skills import Skill
 from trees.reading.specs import KINDS
 
-from .assembly import Assembly
+from .assembly import TreeCompiler
 from .leaf import Leaf
 
 RESOLVED = "task.resolved.yaml"
 
 
-def resolved(root: Behaviour, assembly: Assembly, namespace: str) -> str:
+def resolved(root: Behaviour, assembly: TreeCompiler, namespace: str) -> str:
     """The tree of a task in the grammar's words, in the part of YAML that is JSON too.
 
     Args:

@@ -19,7 +19,7 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from executive.codes import INTERNAL
-from executive.server.limits.token_bucket import Bucket
+from executive.server.limits.token_bucket import TokenBucket
 from executive.server.security import SHOWS_TOKEN, Rules, hardened
 from hardware import Clock
 
@@ -60,8 +60,8 @@ class App:
     ) -> None:
         self._api, self._rules = api, rules
         # Strangers must not use up what is meant for those who know the token.
-        self._buckets = {known: Bucket(*each, clock.now) for known, each in LIMITS.items()}
-        self._said = Bucket(0.1, 3.0, clock.now)  # strangers must not fill the log
+        self._buckets = {known: TokenBucket(*each, clock.now) for known, each in LIMITS.items()}
+        self._said = TokenBucket(0.1, 3.0, clock.now)  # strangers must not fill the log
         self._streams = {True: 0, False: 0}  # of those who know the token, and of all others
         routes: list[Any] = [
             self._route(path) for path in dict.fromkeys(o.path for o in OPERATIONS)

@@ -16,7 +16,7 @@ from uvicorn.server import ServerState
 from websockets.frames import CloseCode
 from websockets.utils import apply_mask
 
-from executive.server.limits.fair_queue import PIECE, Turns
+from executive.server.limits.fair_queue import PIECE, FairQueue
 from executive.server.security import SHOWS_TOKEN
 
 from .errors import BadRequest, as_json
@@ -38,7 +38,7 @@ class State(ServerState):
         turns: Of what they bring in.
     """
 
-    def __init__(self, turns: Turns) -> None:
+    def __init__(self, turns: FairQueue) -> None:
         super().__init__()
         self.turns = turns
 

@@ -17,7 +17,7 @@ class Connection(Protocol):
         """Its turn has come."""
 
 
-class Turns:
+class FairQueue:
     """Lets in one piece after another, and rests after each in proportion to the work it was.
 
     So strangers may occupy the loop, and the interpreter, for a part of the time only, whatever

@@ -8,7 +8,7 @@ from executive.executive import Executive
 from executive.goals.queue import CancelAnswer
 from hardware import Clock
 
-from .token_bucket import Bucket
+from .token_bucket import TokenBucket
 
 logger = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ class Stops:
 
     def __init__(self, executive: Executive, clock: Clock) -> None:
         self._executive = executive
-        self._said = Bucket(0.1, 3.0, clock.now)  # strangers must not fill the log
+        self._said = TokenBucket(0.1, 3.0, clock.now)  # strangers must not fill the log
         self._thread = ThreadPoolExecutor(1, "stop")
 
     async def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelAnswer:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 
-class Bucket:
+class TokenBucket:
     """Lets so many through at once, and then so many a second.
 
     Args:

@@ -21,7 +21,7 @@ _LOOK = ANSWER / _LOOKS  # [s]
 _WRAP = 0x10000  # the board counts frames in 16 bits
 
 
-class Dialogue:
+class Acknowledgements:
     """What is known of a board since its port was opened. Threads may share it.
 
     Args:

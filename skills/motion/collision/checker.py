@@ -48,7 +48,7 @@ class Look(NamedTuple):
     pairs: frozenset[int]
 
 
-class Contacts:
+class CollisionChecker:
     """Working memory to check a model's configurations; for one thread.
 
     What is asked of many configurations is asked of the hulls first, and of the primitives only

@@ -21,7 +21,7 @@ from skills.motion.errors import (
 from skills.motion.measures import FARTHEST, is_number
 from skills.motion.query import Query
 
-from .checker import Contacts
+from .checker import CollisionChecker
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ _WIDEST = 1.0  # distance to be kept beyond the margin [m]
 _LARGEST = 2**64 - 2  # seed; OMPL is given one more, in 64 bits
 
 
-class Ends:
+class EndpointChecker:
     """Checks both ends of the queries of one group.
 
     Args:
@@ -52,7 +52,7 @@ class Ends:
             for joint in robot.joints
         ]
 
-    def check(self, contacts: Contacts, query: Query) -> tuple[Array, Array]:
+    def check(self, contacts: CollisionChecker, query: Query) -> tuple[Array, Array]:
         """All actuated joints at the start (A,), and the group's at start, via, goal (K, J).
 
         All of them in [rad]; to be passed in that order, joints without an end the short way each

@@ -11,7 +11,7 @@ from skills.motion.measures import FARTHEST, is_number
 from skills.motion.path.space import LEAST_STEP
 from skills.motion.query import Verify
 
-from .checker import Contacts
+from .checker import CollisionChecker
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,11 @@ _CHUNK = 500  # configurations between two looks at the deadline
 
 
 def check_motion(
-    contacts: Contacts, levers: Array, joints: Sequence[str], request: Verify, deadline: Deadline
+    contacts: CollisionChecker,
+    levers: Array,
+    joints: Sequence[str],
+    request: Verify,
+    deadline: Deadline,
 ) -> None:
     """Follow the rows of a request, less than its margin of travel at a time.
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from hardware import Robot, Tool
 from skills.motion.arrays import norms
 from skills.motion.collision.bodies import frame_of
-from skills.motion.collision.checker import Contacts
+from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.endpoints import (
     bounds,
     check_seed,
@@ -74,7 +74,7 @@ _QUICK, _PATIENT = _Effort(60, 1e-3), _Effort(200, 1e-5)
 
 
 def reached(
-    robot: Robot, model: Model, contacts: Contacts, query: ToolQuery, deadline: Deadline
+    robot: Robot, model: Model, contacts: CollisionChecker, query: ToolQuery, deadline: Deadline
 ) -> Reached:
     """The free answer soonest reached.
 

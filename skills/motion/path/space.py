@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.motion.collision.batch import BATCH
-from skills.motion.collision.checker import Contacts, Look
+from skills.motion.collision.checker import CollisionChecker, Look
 from skills.motion.deadline import Deadline
 
 from .curve import Curve
@@ -43,7 +43,7 @@ class Space:
         deadline: When the time is up.
     """
 
-    contacts: Contacts
+    contacts: CollisionChecker
     start: Array
     columns: NDArray[np.intp]
     levers: Array

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, NoPath, PlanTimeout, Query, World
-from skills.motion.collision.checker import Contacts
+from skills.motion.collision.checker import CollisionChecker
 from skills.motion.kinematics.model import Model
 from skills.motion.planner import Planner
-from tests.arms import robot_of
 from tests.bench.planners.problems import POST
+from tests.support.arms import robot_of
 
 Array = NDArray[np.float64]
 Case = Callable[[int], tuple[Robot, World, int]]
@@ -93,7 +93,7 @@ def _stations(robot: Robot, world: World) -> Iterator[Array]:
 
     All but the arm is at zero.
     """
-    contacts, draw = Contacts(Model(robot, world)), np.random.default_rng(3)
+    contacts, draw = CollisionChecker(Model(robot, world)), np.random.default_rng(3)
     moves = np.isin([j.name for j in robot.actuated], [j.name for j in robot.leaders("arm")])
     lower, upper = np.array([(joint.lower, joint.upper) for joint in robot.actuated]).T
     margin, last = robot.collision.margin, None

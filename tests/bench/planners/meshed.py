@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from hardware import RealClock, Robot
 from skills.motion import GoalInCollision, Plan, PlanTimeout, Pool, Query
-from skills.motion.collision.checker import Contacts
+from skills.motion.collision.checker import CollisionChecker
 from skills.motion.kinematics.model import Model
-from tests.arms import free_poses
 from tests.bench.planners.pools import ask
 from tests.bench.planners.problems import POSTS
-from tests.real_arms import FILES, real
+from tests.support.arms import free_poses
+from tests.support.real_arms import FILES, real
 
 _TIMEOUTS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # [s]
 
@@ -29,7 +29,7 @@ def arms(folder: Path) -> list[Robot]:
 
 def poison(robot: Robot, count: int) -> Iterator[float]:
     """To the error of each goal in which links touch each other or a post [ms]."""
-    contacts, random = Contacts(Model(robot, POSTS)), np.random.default_rng(1)
+    contacts, random = CollisionChecker(Model(robot, POSTS)), np.random.default_rng(1)
     start, leaders = free_poses(robot, 1, 1, contacts)[0], robot.leaders("arm")
     lower = [max(joint.lower, -np.pi) for joint in leaders]
     upper = [min(joint.upper, np.pi) for joint in leaders]
@@ -47,7 +47,7 @@ def poison(robot: Robot, count: int) -> Iterator[float]:
 
 def late(robot: Robot, count: int) -> Iterator[float]:
     """Past the deadline of each plan between posts that did not make it [ms]."""
-    poses = free_poses(robot, 20, 1, Contacts(Model(robot, POSTS)))
+    poses = free_poses(robot, 20, 1, CollisionChecker(Model(robot, POSTS)))
     size = len(robot.leaders("arm"))
     ends, timeouts = cycle(permutations(poses, 2)), cycle(_TIMEOUTS)
     with closing(_pool(robot, poses[0])) as pool:

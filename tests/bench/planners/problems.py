@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from hardware import Robot, load_robot
 from skills.motion import EMPTY, Body, Box, Query, World
-from skills.motion.collision.checker import Contacts
+from skills.motion.collision.checker import CollisionChecker
 from skills.motion.kinematics.model import Model
-from tests.arms import foreign, robot_of
 from tests.bench.planners.judge import Judge
 from tests.bench.planners.padded import padded
+from tests.support.arms import foreign, robot_of
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[2] / "data"
@@ -84,7 +84,7 @@ def _drawn(name: str, robot: Robot, world: World, count: int) -> Problem:
 
 
 def _free(robot: Robot, world: World) -> Iterator[tuple[float, ...]]:
-    contacts = Contacts(Model(robot, world))
+    contacts = CollisionChecker(Model(robot, world))
     judge = Judge(padded(robot, world))
     arm, draw = robot.leaders("arm"), np.random.default_rng(1)
     lower, upper = np.array([(joint.lower, joint.upper) for joint in arm]).T

@@ -1,0 +1,141 @@
+"""What a failure is called: the same in the terminal, in JSON, in the log and on the network."""
+
+import json
+import logging
+import threading
+
+import pytest
+
+import logs
+from executive import Client, ServerUnreachable
+from tests.support.serving import Served, Typed
+
+pytest_plugins = ["tests.support.server_fixtures"]
+
+FAR = """\
+task: 15
+name: far
+description: Further than the arm goes.
+tree:
+  subtree: reach
+  with: {arm: {joint_1: 9, joint_2: 0, joint_3: 0}, gripper: {joint_4: 0, joint_5: 0}}
+"""
+
+
+def test_a_failure_is_told_the_same_everywhere(
+    typed: tuple[Served, Typed], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    (served.tasks / "15_far.yaml").write_text(FAR)
+    goal = type_in("send", "15")[1].strip()
+    cause = served.ask("GET", f"/api/goals/{goal}/result")[1]["cause"]
+    assert [cause[key] for key in ("code", "node", "joint", "value", "limit", "hint")] == [
+        *("goal.out_of_bounds", "far/CheckBounds", "joint_1", 9.0),
+        *(pytest.approx(1.5707963), "choose a target within"),
+    ]
+    told = type_in("send", "15", "--wait", "--json")[1].splitlines()
+    assert json.loads(told[-1])["cause"] == cause
+    words = f"{cause['message']} [goal.out_of_bounds at far/CheckBounds]"
+    assert "joint_1 = 9.0 rad is outside its limits" in words
+    assert f": {words}\n  -> choose a target within\n" in type_in("send", "15", "--wait")[1]
+    logged = [record.message for record in caplog.records]
+    said = f"The goal for task 15 ({goal}) ended ABORTED: {words} -> choose a target within"
+    assert said in logged
+
+
+def test_the_help_names_no_range_without_an_end(typed: tuple[Served, Typed]) -> None:
+    words = " ".join(typed[1]("serve", "--help")[1].split())
+    assert "[default: 900.0; x>=-1]" in words
+    assert "None" not in words
+
+
+def test_what_is_refused_has_its_code(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    type_in("send", "10")
+    assert "[goal.busy]\n" in type_in("send", "11")[2]
+    assert (
+        "; legal: deactivate, shutdown, raise_error [hw.transition_refused]\n"
+        in type_in("arm", "cleanup")[2]
+    )
+
+
+def test_a_refused_goal_is_told_with_its_hint(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    cause = served.ask("POST", "/api/goals", {"task": 9999})[1]
+    assert (cause["code"], bool(cause["hint"])) == ("goal.unknown_task", True)
+    said = f"Error: {cause['message']} [goal.unknown_task]\n  -> {cause['hint']}\n"
+    for words in (("send", "9999"), ("send", "9999", "--wait")):
+        assert type_in(*words) == (4, "", said)
+    status, out, _ = type_in("send", "9999", "--wait", "--json")
+    told = json.loads(out.splitlines()[-1])
+    wanted = {"event": "result", "task": 9999, "state": "ABORTED", "success": False}
+    assert (status, told) == (4, told | wanted | {"code": cause["code"], "cause": cause})
+
+
+def test_an_error_is_told_in_json_too(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+
+    def told(*words: str) -> tuple[int, str, str]:
+        status, out, error = type_in(*words, "--json")
+        (event,) = map(json.loads, out.splitlines())
+        assert (event["event"], event["cause"]["message"]) == ("error", event["message"])
+        assert event["message"] in error
+        return status, event["code"], event["cause"]["code"]
+
+    assert told("send", "9999") == (4, *["goal.unknown_task"] * 2)
+    assert told("send", "11", "--wait", "--set", "x") == (4, *["goal.bad_arguments"] * 2)
+    served.stop()
+    for words in (("status",), ("watch",), ("cancel",), ("send", "1", "--wait")):
+        assert told(*words) == (13, *["server.unreachable"] * 2)
+
+
+@pytest.mark.parametrize("url", ["localhost:1", "127.0.0.1", "ftp://localhost"])
+def test_an_address_that_is_no_url_is_a_mistake_of_usage(
+    typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch, url: str
+) -> None:
+    _, type_in = typed
+    wanted = f"{url!r} is no URL of a server, which begins with http://\n"
+    assert wanted in type_in("status", "--server", url)[2]
+    monkeypatch.setenv("ARMTREE_SERVER", url)
+    status, _, error = type_in("status")
+    assert (status, "ARMTREE_SERVER" in error, wanted in error) == (2, True, True)
+    with pytest.raises(ServerUnreachable, match=r"[^.]\. Start one with armtree serve"):
+        Client(url).status()
+
+
+def test_the_ways_to_a_server_elsewhere_are_named(
+    typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, type_in = typed
+    monkeypatch.setenv("ARMTREE_TOKEN", "x")
+    assert "; give it as ARMTREE_TOKEN, " in type_in("send", "11")[2]
+    monkeypatch.setenv("ARMTREE_SERVER", "http://127.0.0.1:1")
+    assert "--server URL or ARMTREE_SERVER" in type_in("status")[2]
+
+
+def test_a_lost_port_is_named_until_the_arm_is_active_again(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    assert "Fault" not in type_in("status")[1]
+    served.executive.arm_to("activate")
+    lost = threading.Event()
+
+    def watch(event: object) -> None:
+        if isinstance(event, logs.Transition) and event.goal == "unconfigured":
+            lost.set()
+
+    served.executive.subscribe(watch)
+    served.link.unplug()
+    assert lost.wait(30)
+    fault = json.loads(type_in("status", "--json")[1])["fault"]
+    assert (fault["code"], "board is gone" in fault["message"]) == ("hw.port_lost", True)
+    said = f"Fault     {fault['message']} [hw.port_lost]\n          -> check the cable, then "
+    assert said in type_in("status")[1]
+    assert type_in("arm", "configure")[1] == "inactive\n"
+    assert said in type_in("status")[1]
+    assert type_in("arm", "activate")[1] == "active\n"
+    assert "Fault" not in type_in("status")[1]

@@ -1,0 +1,175 @@
+"""`armtree doctor`, as a person types it."""
+
+import os
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from executive.cli.main import cli
+from hardware import SerialLink, load_robot
+from tests.support.hardware_rigs import Pty
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """A copy of the shipped robot."""
+    shipped = load_robot().path
+    shutil.copy(shipped.with_suffix(".urdf"), tmp_path)
+    return Path(shutil.copy(shipped, tmp_path))
+
+
+def doctor(folder: Path, *arguments: str) -> Result:
+    return CliRunner().invoke(
+        cli, ["doctor", *arguments], env={"ARMTREE_RECORDINGS": str(folder / "recordings")}
+    )
+
+
+def lines(result: Result) -> dict[str, str]:
+    """What was said, by what it is about."""
+    return {line[4:16].strip(): line[16:] for line in result.output.splitlines()}
+
+
+def test_all_is_well(tmp_path: Path) -> None:
+    result = doctor(tmp_path)
+    assert result.exit_code == 0
+    assert list(lines(result))[:8] == [
+        "robot", "pose", "boot wait", "tasks", "planner", "recorder", "free disk", "port",
+    ]  # fmt: skip
+    assert result.output.splitlines()[-1] == "Next, type: armtree run 0"
+
+
+def test_it_ends_with_what_to_type_next_with_every_option_that_was_given(
+    tmp_path: Path, robot: Path
+) -> None:
+    given = ["--port", "virtual", "--robot", str(robot), "--trees", str(tmp_path)]
+    given += ["--recordings", str(tmp_path / "my runs")]
+    result = doctor(tmp_path, "--open", *given)
+    assert result.exit_code == 0
+    command = result.output.splitlines()[-1].removeprefix("Next, type: ")
+    assert shlex.split(command) == ["armtree", "run", "0", *given]
+
+
+def test_a_boot_pose_in_collision(tmp_path: Path, robot: Path) -> None:
+    text = robot.read_text()
+    for name, boot in (("[joints.joint_2]", "-1.5"), ("[joints.joint_3]", "-0.5")):
+        before, after = text.split(name)
+        text = before + name + after.replace("boot = 0.0", f"boot = {boot}", 1)
+    robot.write_text(text)
+    result = doctor(tmp_path, "--robot", str(robot))
+    assert lines(result)["planner"].startswith("in its boot pose, ")
+    assert "of the motion" not in result.output
+    assert "choose another boot pose in the robot file" in result.output
+
+
+def test_what_stands_in_the_environment_need_not_be_typed(tmp_path: Path, robot: Path) -> None:
+    environment = {"ARMTREE_ROBOT": str(robot), "ARMTREE_RECORDINGS": str(tmp_path / "x")}
+    result = CliRunner().invoke(cli, ["doctor"], env=environment)
+    assert result.output.splitlines()[-1] == "Next, type: armtree run 0"
+
+
+@pytest.mark.parametrize(
+    ("firmware", "pose", "opening"),
+    [
+        (
+            "stock",
+            "after a reset the board stands at b090,s090,e090,g000,",
+            "it resets the board, and the arm moves to its boot pose",
+        ),
+        (
+            "armtree",
+            "the board says where the arm stands, and a reset leaves it",
+            "it resets the board, and the arm stays where it is",
+        ),
+    ],
+)
+def test_it_opens_when_told_to_and_says_before_what_that_does(
+    tmp_path: Path, robot: Path, firmware: str, pose: str, opening: str
+) -> None:
+    text = robot.read_text().replace('firmware = "stock"', f'firmware = "{firmware}"')
+    robot.write_text(text)
+    assert "opening" not in lines(doctor(tmp_path, "--robot", str(robot)))
+    result = doctor(tmp_path, "--open", "--robot", str(robot))
+    assert result.exit_code == 0
+    said = lines(result)
+    assert said["pose"] == pose
+    assert said["boot wait"] == f"2 s after the port opens; {firmware} needs 1 s"
+    assert said["opening"] == opening
+    assert said["board"].startswith("booted; commanded to joint_1/position 0.000, ")
+    assert list(said).index("opening") < list(said).index("board")
+
+
+@pytest.mark.parametrize(
+    ("port", "status", "what", "remedy"),
+    [
+        ("/dev/ttyNOPE", 6, "/dev/ttyNOPE: No such file or directory", "plug the board in"),
+        ("/dev/null", 6, "/dev/null is no serial port", "give another --port"),
+        ("", 3, "none is named", "give --port PORT, or --port virtual"),
+    ],
+)
+def test_a_port_that_will_not_do(
+    tmp_path: Path, port: str, status: int, what: str, remedy: str
+) -> None:
+    result = doctor(tmp_path, "--port", port)
+    assert result.exit_code == status
+    assert f"NO  port        {what}\n                -> {remedy}" in result.output
+    assert result.output.splitlines()[-1] == "Mend what says NO."
+
+
+def test_a_board_that_opening_does_not_reset(tmp_path: Path, robot: Path) -> None:
+    """Only a person can say where its arm stands."""
+    line = Pty()
+    text = robot.read_text().replace("boot_wait_s = 2.0", "boot_wait_s = 1.0")
+    robot.write_text(
+        text.replace('firmware = "stock"', 'firmware = "stock"\nreset_on_open = false')
+    )
+    result = doctor(tmp_path, "--open", "--port", line.port, "--robot", str(robot))
+    line.vanish()
+    os.close(line.slave)
+    assert result.exit_code == 0
+    said = lines(result)
+    assert said["pose"] == "nothing resets the board: a run asks where the arm stands, with --pose"
+    assert said["opening"] == "the board goes on as it is, and the arm stays where it is"
+    assert said["board"] == "opened; where the arm stands only a person can say"
+
+
+def test_a_port_of_another_armtree(tmp_path: Path) -> None:
+    line = Pty()
+    link = SerialLink(line.port, 115200)
+    link.open()
+    result = doctor(tmp_path, "--port", line.port)
+    link.close()
+    line.vanish()
+    os.close(line.slave)
+    assert result.exit_code == 9  # as a run would end
+    assert f"NO  ours alone  the armtree with process id {os.getpid()} has it" in result.output
+
+
+def test_a_wrong_robot_file(tmp_path: Path, robot: Path) -> None:
+    robot.write_text(robot.read_text().replace('letter = "s"', 'letter = "ss"'))
+    result = doctor(tmp_path, "--robot", str(robot))
+    assert result.exit_code == 3  # as a run would end
+    assert f"NO  robot       {robot}:" in result.output
+    assert "Serial ports:" in result.output
+
+
+def test_recordings_that_cannot_be_written(tmp_path: Path) -> None:
+    result = doctor(tmp_path, "--recordings", "/proc/nowhere")
+    assert result.exit_code == 10
+    assert "NO  recorder    /proc/nowhere: " in result.output
+
+
+def test_a_board_that_does_not_start_is_told_with_the_way_out_once(
+    tmp_path: Path, robot: Path
+) -> None:
+    line = Pty()  # nobody is at the other end
+    text = robot.read_text().replace('firmware = "stock"', 'firmware = "armtree"')
+    robot.write_text(text.replace("boot_wait_s = 2.0", "boot_wait_s = 1.0"))
+    result = doctor(tmp_path, "--open", "--port", line.port, "--robot", str(robot))
+    line.vanish()
+    os.close(line.slave)
+    assert result.exit_code == 6
+    assert "NO  board       The board on port" in result.output
+    assert "see the message" not in result.output

@@ -1,0 +1,100 @@
+"""The frames of a recording sent once more, at their times or not at all."""
+
+import json
+import shutil
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executive.cli.sending import NotReplayable, _setpoints
+from hardware import load_robot
+from tests.conftest import RigMaker
+from tests.end_to_end.test_command_line import events, sent_frames, start
+from tests.end_to_end.test_command_line import robot as quick
+from tests.support.alterations import Change, altered, retold
+from tests.support.paths import EXAMPLES
+from tests.support.typed import typed
+
+__all__ = ["quick"]
+
+ROBOT = load_robot().path
+WAVE = EXAMPLES / "recordings" / "3_wave.mcap"
+
+
+def test_the_same_frames_are_sent_again_as_a_run_of_its_own(
+    tmp_path: Path, rig: RigMaker, quick: Path
+) -> None:
+    (first,) = rig().run(0)  # a short one
+    recording, again = Path(first.recording), tmp_path / "again"
+    where = ["--on", "virtual", "--robot", str(quick), "--recordings", str(again), "--json"]
+    status, out, err = typed(tmp_path, "replay", str(recording), *where)
+    assert (status, err) == (0, "")
+    made = Path(events(out)[-1]["recording"])
+    assert made.parent == again
+    assert len(sent_frames(made)) > 3
+    assert sent_frames(made) == sent_frames(recording)
+    assert typed(tmp_path, "replay", str(made), "--verify")[0] == 0
+    assert typed(tmp_path, "log", "diff", str(recording), str(made))[0] == 0
+
+
+def test_a_replay_is_stopped_as_any_run(tmp_path: Path, picked: Path, quick: Path) -> None:
+    arguments = ["replay", str(picked), "--on", "virtual", "--robot", str(quick)]
+    arguments += ["--recordings", str(tmp_path), "--json"]
+    with start(tmp_path, *arguments) as process:
+        assert process.stdout
+        told = []
+        for line in process.stdout:
+            told.append(json.loads(line))
+            moved = sum(event["event"] == "sent" for event in told)
+            if moved == 5 and told[-1]["event"] == "sent":
+                process.send_signal(signal.SIGINT)
+    assert process.returncode == 7
+    assert [event["hold"] for event in told if event["event"] == "sent"].count(True) == 1
+    assert typed(tmp_path, "replay", told[-1]["recording"], "--verify")[0] == 0
+
+
+def test_frames_that_mean_something_else_on_this_arm_are_refused(
+    tmp_path: Path, picked: Path, quick: Path
+) -> None:
+    quick.write_text(quick.read_text().replace("span_deg = 180", "span_deg = 200", 1))
+    arguments = ["replay", str(picked), "--on", "virtual", "--robot", str(quick), "--json"]
+    status, out, _ = typed(tmp_path, *arguments)
+    assert status == 4
+    assert "is another frame on this arm" in events(out)[-1]["message"]
+    assert not [event for event in events(out) if event["event"] == "sent"]
+
+
+def shortened(told: dict[str, Any]) -> None:
+    """A schedule of fewer frames."""
+    told.update({name: told[name][:9] for name in ("times", "frames", "delays_s")})
+
+
+def change(name: str, make: Callable[[Any], Any], number: int = 1) -> Change:
+    """Makes another value of a field of a schedule."""
+    return retold("/schedule", lambda told: told.update({name: make(told[name])}), number)
+
+
+def test_a_replay_goes_by_the_times_of_the_schedule(picked: Path) -> None:
+    times = [setpoint.time for setpoint in _setpoints(picked, ROBOT)]
+    assert len(times) == 31
+    hasty = altered(picked, retold("/serial/timing", lambda told: told.update(time=0.0), 9))
+    assert [setpoint.time for setpoint in _setpoints(hasty, ROBOT)] == times
+
+
+@pytest.mark.parametrize(
+    ("schedule", "words"),
+    [
+        (change("times", lambda t: [x / 20 for x in t]), r"turns joint_4 by .* limit is 1 rad/s"),
+        (change("times", lambda t: [*t[:9], t[8], *t[10:]]), "is not due after the frame before"),
+        (retold("/schedule", shortened), "more frames were recorded than were scheduled"),
+        (change("start", lambda q: q | {"joint_1": 0.5}, 2), "does not begin where the one before"),
+    ],
+)
+def test_what_would_hurt_the_arm_is_not_sent(tmp_path: Path, schedule: Change, words: str) -> None:
+    path = Path(shutil.copy(WAVE, tmp_path))
+    _setpoints(path, ROBOT)
+    with pytest.raises(NotReplayable, match=words):
+        _setpoints(altered(path, schedule), ROBOT)

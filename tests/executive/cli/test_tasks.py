@@ -1,0 +1,217 @@
+"""The commands around task files, as a person types them."""
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from executive.cli.main import cli
+from tests.logs.test_run import RUNS, record
+from tests.support.paths import EXAMPLES, TASKS
+from trees import KINDS, FileError
+from trees.compile.port_types import known_skills
+
+OWN = ["--trees", str(EXAMPLES), "--skills", str(EXAMPLES / "skills")]
+
+
+def armtree(*arguments: str) -> Result:
+    return CliRunner().invoke(cli, arguments)
+
+
+@pytest.mark.parametrize(
+    ("folder", "options"), [(TASKS, []), (EXAMPLES, OWN)], ids=["shipped", "examples"]
+)
+def test_the_shipped_schema_is_current(folder: Path, options: list[str]) -> None:
+    made = json.loads(armtree("schema", *options).output)
+    shipped = json.loads((folder / "task.schema.json").read_text())
+    if not options:  # tests may have registered more
+        made, shipped = _forms(made), _forms(shipped)
+        assert shipped.items() <= made.items(), "make it anew: armtree schema -o " + folder.name
+        return
+    assert _forms(shipped).items() <= _forms(made).items()
+
+
+def _forms(schema: dict[str, dict[str, dict[str, list[dict[str, object]]]]]) -> dict[str, str]:
+    """Every way to write a node, by what it begins with."""
+    forms = schema["definitions"]["node"]["anyOf"][1:]
+    return {
+        json.dumps(form.get("required")): json.dumps(form) for form in forms if "required" in form
+    }
+
+
+def test_every_shipped_file_names_its_schema() -> None:
+    for path in (*TASKS.glob("**/*.yaml"), *EXAMPLES.glob("*.yaml")):
+        first = path.read_text().partition("\n")[0]
+        named = first.removeprefix("# yaml-language-server: $schema=")
+        assert named.endswith("task.schema.json")
+        assert (path.parent / named).exists()
+
+
+def test_skills_lists_those_of_ones_own() -> None:
+    listed = armtree("skills", "--skills", str(EXAMPLES / "skills")).output
+    for name in ("nobody_near", "measure", "Nod", "Execute"):
+        assert re.search(rf"^{name}$", listed, re.MULTILINE)
+    rows = armtree("skills", "--json").output.splitlines()
+    assert {"skill", "description", "ports"} == set(json.loads(rows[0]))
+
+
+BROKEN = {
+    "syntax.py": "def (:\n",
+    "raises.py": "from skills import skill\n\n@skill\ndef halfway() -> None: ...\n\n1 / 0\n",
+    "exits.py": "raise SystemExit(5)\n",
+    "taken.py": "from skills import skill\n\n@skill\ndef Wait() -> None: ...\n",
+    "untyped.py": "from skills import skill\n\n@skill\ndef f(x): ...\n",
+}
+
+
+def test_a_broken_plugin_costs_only_itself(tmp_path: Path) -> None:
+    before = known_skills()
+    for name, text in BROKEN.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "whole.py").write_text(
+        "from skills import skill\n\n@skill\ndef whole() -> None: ...\n"
+    )
+    result = armtree("skills", "--skills", str(tmp_path))
+    assert result.exit_code == 0
+    told = [line for line in result.stderr.splitlines() if "left out" in line]
+    assert len(told) == len(BROKEN)
+    assert any("raises.py:6: ZeroDivisionError" in line for line in told)
+    assert any("taken.py: Wait: there is a skill of that name already" in line for line in told)
+    assert set(known_skills()) - set(before) == {"whole"}
+    assert known_skills()["Wait"] is before["Wait"]
+
+
+def test_defaults_are_listed_as_they_are_written(tmp_path: Path) -> None:
+    (tmp_path / "3_x.yaml").write_text(
+        "task: 3\nname: x\ndescription: y\nparameters:\n"
+        "  to: {type: positions, default: {joint_1: -10 deg}}\n"
+        "  pose: {type: text, default: right}\n"
+        "tree: {sequence: [{subtree: move_joints, with: {joints: $to}}, {Say: {text: $pose}}]}\n"
+    )
+    listed = armtree("tasks", "--trees", str(tmp_path)).output
+    assert "--set to=POSITIONS (default {joint_1: '-10 deg'})" in listed
+    assert "--set pose=TEXT (default right)" in listed
+
+
+def test_new_writes_a_task_that_is_right(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    assert armtree("new", "3", "wave", "--trees", str(folder)).exit_code == 0
+    assert armtree("check", "--trees", str(folder)).output.startswith("1")
+    listed = armtree("tasks", "--trees", str(folder), "--recordings", str(tmp_path)).output
+    assert "3  wave" in listed
+    assert "--set swing=ANGLE, 0.0174533..1.0472 rad (default 20 deg)" in listed
+    again = armtree("new", "3", "again", "--trees", str(folder))
+    assert isinstance(again.exception, FileError)
+    assert "task 3 is in" in str(again.exception)
+
+
+def test_check_as_json(tmp_path: Path) -> None:
+    path = tmp_path / "3_x.yaml"
+    path.write_text("task: 3\nname: x\ndescription: y\ntree: Sukseed\n")
+    result = armtree("check", str(path), "--json")
+    assert result.exit_code == 3
+    (mistake,) = json.loads(result.stdout)["mistakes"]
+    assert (mistake["line"], mistake["column"], mistake["path"]) == (4, 7, "tree")
+    plain = armtree("check", str(path))
+    assert plain.stderr.splitlines()[1:3] == ["    tree: Sukseed", "          ^ tree"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["check", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
+        (["show", "0", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
+        (["check", "3_x.yaml", "--trees", "."], "--trees goes without FILE"),
+    ],
+)
+def test_what_is_typed_wrongly(arguments: list[str], words: str) -> None:
+    result = armtree(*arguments)
+    assert result.exit_code == 2
+    assert words in result.stderr
+
+
+@pytest.mark.parametrize("form", ["text", "mermaid", "dot", "svg", "groot"])
+def test_show(form: str) -> None:
+    shown = armtree("show", "7", *OWN, "--format", form, "--ports").output
+    for name in ("measure", "Nod", "Compare", "go", "Execute"):
+        assert name in shown
+    if form in ("svg", "groot"):
+        ET.fromstring(shown)
+
+
+def test_show_a_run(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["canceled"])
+    told = armtree("show", str(path)).output.splitlines()
+    assert told[0].startswith("■ Reach  +0.640 s, 1.6")
+    assert "│  ├─ ✓ PlanArm  +0.640 s, 0.080 s  straight" in told
+    assert told[-1] == "└─ · Succeed"
+    assert any(line.startswith("├─ ■ Execute  +0.750 s, 1.5") for line in told)
+    assert "style=filled" in armtree("show", str(path), "--format", "dot").output
+    refused = armtree("show", str(path), "--ports")
+    assert "--ports and --format groot go with the number of a task" in refused.output
+
+
+def test_the_last_outcome_of_a_task_is_listed(tmp_path: Path) -> None:
+    record(tmp_path / "20261121T170228.553Z-1.mcap", RUNS["ok"])
+    record(tmp_path / "20261121T180228.553Z-1.mcap", RUNS["canceled"])
+    (tmp_path / "20261121T180228.553Z-2.mcap").write_bytes(b"\x89MCAP0\r\n")
+    listed = _tasks(tmp_path)
+    assert "last: CANCELED 2026-11-21 18:02 UTC" in listed
+    assert "last: unknown, 20261121T180228.553Z-2.mcap is not complete" in listed
+    rows = [json.loads(line) for line in _tasks(tmp_path, "--json").splitlines()]
+    assert {row["task"]: row["last_outcome"][:8] for row in rows} == {
+        0: "",
+        1: "CANCELED",
+        2: "unknown,",
+    }
+
+
+def _tasks(recordings: Path, *options: str) -> str:
+    return armtree("tasks", "--recordings", str(recordings), *options).output
+
+
+def test_groot_tells_keys_from_values(tmp_path: Path) -> None:
+    (tmp_path / "3_x.yaml").write_text(
+        "task: 3\nname: x\ndescription: d\ntree:\n  sequence:\n"
+        "    - SetStart: {start: $s}\n"
+        "    - Target: {start: $s, joints: {joint_1: -1.4, joint_2: 0.5}, goal: $g}\n"
+        "    - Say: {text: $$5}\n"
+        "    - retry: CheckHardware\n      attempts: 3\n      backoff: 2 s\n"
+        "    - wait_for: CheckHardware\n      every: 0.5\n"
+    )
+    shown = armtree("show", "3", "--trees", str(tmp_path), "--format", "groot").output
+    root = ET.fromstring(shown)
+    target, said = root.find(".//Target"), root.find(".//Say")
+    assert target is not None
+    assert said is not None
+    assert target.attrib["start"] == "{s}"
+    assert target.attrib["joints"] == "joint_1:-1.4;joint_2:0.5"
+    assert said.attrib["text"] == "$5"
+    told = [node.attrib["_description"] for node in root.iter("RetryUntilSuccessful")]
+    assert told == ["after 2 s, which doubles each time", "asked every 0.5 s"]
+
+
+@pytest.mark.parametrize("number", [0, 3, 4, 5, 6, 7, 8])
+def test_what_groot_is_given(number: int) -> None:
+    root = ET.fromstring(armtree("show", str(number), *OWN, "--format", "groot").output)
+    assert root.get("BTCPP_format") == "4"
+    tree, models = root.find("BehaviorTree"), root.find("TreeNodesModel")
+    assert tree is not None
+    assert models is not None
+    assert root.get("main_tree_to_execute") == tree.get("ID")
+    ports = {model.get("ID"): {port.get("name") for port in model} for model in models}
+    for node in tree.iter():
+        if node.tag in known_skills():
+            assert set(node.keys()) - {"name"} <= ports[node.tag]
+    assert tree.get("ID") not in ports
+
+
+def test_the_page_explains_every_kind_of_node() -> None:
+    page = (TASKS.parent / "README.md").read_text()
+    for name, kind in KINDS.items():
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{name}: "))
+        assert all(f"`{option}" in row for option in kind.options)

@@ -1,0 +1,316 @@
+"""The goals that are known: against the answers of a real action server, and against a model."""
+
+import math
+import threading
+
+import pytest
+
+from executive.errors import ResultTimeout, UnknownGoal
+from executive.goals.goal import GoalState, Outcome
+from executive.goals.queue import KEPT, WAITING, Acceptance, CancelCode, Policy
+from tests.support.goals_table import Table
+
+S, C = GoalState, CancelCode
+NOBODY = "0" * 32
+UNKNOWN = "f" * 32
+
+
+# What a real server (rclpy) answers, one after the other
+
+
+def test_a_short_goal() -> None:
+    table = Table()
+    answer = table.send("a" * 32)
+    assert answer.accepted
+    assert answer.stamp_ns == table.clock.epoch_ns()
+    table.begin()
+    table.end(S.SUCCEEDED)
+    assert table.goals.result("a" * 32, None).state.value == 4
+    assert table.history["a" * 32] == [1, 2, 4]
+
+
+def test_the_same_name_again_is_refused_also_after_the_end() -> None:
+    table = Table()
+    table.send("a" * 32)
+    assert refused_as_duplicate(table.send("a" * 32))
+    table.begin()
+    table.end(S.SUCCEEDED)
+    assert refused_as_duplicate(table.send("a" * 32))
+
+
+def refused_as_duplicate(answer: Acceptance) -> bool:
+    return (answer.accepted, answer.stamp_ns, answer.code) == (False, 0, "goal.duplicate")
+
+
+def test_a_result_of_nobody() -> None:
+    with pytest.raises(UnknownGoal):
+        Table().goals.result(UNKNOWN, None)
+    with pytest.raises(UnknownGoal):
+        Table().goals.on_result(UNKNOWN, print)
+
+
+def test_cancels_that_cancel_nothing() -> None:
+    table = Table()
+    assert table.cancel(UNKNOWN) == (C.UNKNOWN_GOAL_ID, [])
+    assert table.cancel() == (C.NONE, [])
+    assert table.cancel(NOBODY) == (C.NONE, [])
+    done = table.send().identity
+    table.begin()
+    table.end(S.SUCCEEDED)
+    assert table.cancel(done) == (C.GOAL_TERMINATED, [])
+    assert table.cancel() == (C.NONE, [])
+    assert table.cancel(UNKNOWN, 5) == (C.NONE, [])
+    assert [code.value for code in C] == [0, 1, 2, 3]
+
+
+def test_cancel_all() -> None:
+    table = Table()
+    one, other = table.send().identity, table.send().identity
+    table.begin()
+    assert table.cancel() == (C.NONE, [one, other])
+    table.end(S.CANCELED)
+    assert [table.goals.result(g, None).state.value for g in (one, other)] == [5, 5]
+    assert table.history == {one: [1, 2, 3, 5], other: [1, 3, 5]}
+
+
+def test_cancel_by_time_compares_the_stamp_that_was_answered() -> None:
+    table = Table()
+    a, b, c = (table.send() for _ in range(3))
+    table.begin()
+    assert table.cancel(stamp_ns=a.stamp_ns - 1) == (C.NONE, [])
+    assert table.cancel(stamp_ns=a.stamp_ns) == (C.NONE, [a.identity])
+    assert table.cancel(c.identity, a.stamp_ns) == (C.NONE, [c.identity])
+    table.end(S.CANCELED)
+    table.begin()
+    table.end(S.SUCCEEDED)
+    ends = [table.goals.result(goal.identity, None).state.value for goal in (a, b, c)]
+    assert ends == [5, 4, 5]
+
+
+def test_cancel_by_time_takes_the_one_of_that_time_too() -> None:
+    table = Table()
+    a, b, c = (table.send() for _ in range(3))
+    assert table.cancel(stamp_ns=b.stamp_ns) == (C.NONE, [a.identity, b.identity])
+    assert table.cancel(a.identity, c.stamp_ns) == (C.NONE, [c.identity])
+
+
+def test_cancel_twice() -> None:
+    table = Table()
+    goal = table.send().identity
+    table.begin()
+    assert table.cancel(goal) == (C.NONE, [goal])
+    assert table.cancel(goal) == (C.GOAL_TERMINATED, [])
+    assert table.cancel() == (C.NONE, [])
+    table.end(S.CANCELED)
+    assert table.goals.result(goal, None).state.value == 5
+
+
+@pytest.mark.parametrize("end", [S.SUCCEEDED, S.ABORTED, S.CANCELED])
+def test_a_goal_that_is_being_canceled_may_end_in_any_way(end: GoalState) -> None:
+    table = Table()
+    goal = table.send().identity
+    table.begin()
+    table.cancel()
+    table.end(end)
+    assert table.history[goal] == [1, 2, 3, end.value]
+
+
+def test_two_askers_before_the_end_and_one_after() -> None:
+    table = Table()
+    goal = table.send().identity
+    told: list[Outcome] = []
+    table.begin()
+
+    def ask() -> None:
+        told.append(table.goals.result(goal, None))
+
+    with table.clock.working():
+        askers = [table.clock.spawn(ask, "asker") for _ in range(2)]
+        table.goals.on_result(goal, told.append)
+        assert told == []
+        table.end(S.SUCCEEDED)
+        for asker in askers:
+            asker.join()
+    ask()
+    table.goals.on_result(goal, told.append)
+    assert [one.state.value for one in told] == [4] * 5
+
+
+def test_whoever_fails_to_be_told_keeps_it_from_nobody() -> None:
+    table = Table()
+    goal = table.send().identity
+    told: list[Outcome] = []
+    table.begin()
+    table.goals.on_result(goal, lambda _: 1 // 0)  # type: ignore[arg-type]
+    table.goals.on_result(goal, told.append)
+    table.end(S.SUCCEEDED)
+    assert len(told) == 1
+
+
+def test_the_all_zero_name_is_one_like_any_other() -> None:
+    assert Table().send(NOBODY).accepted
+
+
+def test_a_late_joiner_gets_all_goals() -> None:
+    table = Table()
+    sent = [table.send().identity for _ in range(9)]
+    for _ in range(5):
+        table.begin()
+        table.end(S.SUCCEEDED)
+    assert [status.identity for status in table.goals.all()] == sent
+    assert [status.state.value for status in table.goals.all()] == [4] * 5 + [1] * 4
+
+
+def test_results_are_forgotten_in_time() -> None:
+    table = Table(keep=10.0)
+    goal = table.send().identity
+    table.begin()
+    table.pass_time(60.0)  # only the end counts
+    table.end(S.SUCCEEDED)
+    for _ in range(3):
+        table.pass_time(3.0)
+        assert table.goals.result(goal, None).state is S.SUCCEEDED
+    table.pass_time(1.0)
+    with pytest.raises(UnknownGoal):
+        table.goals.result(goal, None)
+    assert table.cancel(goal)[0] is C.UNKNOWN_GOAL_ID
+    assert table.goals.all() == ()
+
+
+@pytest.mark.parametrize(("keep", "known"), [(0.0, 0), (math.inf, 1), (-1.0, 1)])
+def test_results_can_be_kept_for_ever_or_not_at_all(keep: float, known: int) -> None:
+    table = Table(keep=keep)
+    goal = table.send().identity
+    table.begin()
+    told: list[Outcome] = []
+    table.goals.on_result(goal, told.append)
+    table.end(S.SUCCEEDED)
+    table.pass_time(1e6)
+    assert len(told) == 1  # who has asked before is told in any case
+    assert len(table.goals.all()) == known
+
+
+def test_so_many_wait_and_one_more_is_told_so() -> None:
+    table = Table()
+    table.send()
+    table.begin()
+    waiting = [table.send().identity for _ in range(WAITING)]
+    refused = table.send()
+    assert (refused.accepted, refused.stamp_ns, refused.code) == (False, 0, "goal.queue_full")
+    assert f"{WAITING} goals wait" in refused.message
+    table.cancel(waiting[0])
+    assert table.send().accepted
+    assert not table.send().accepted
+
+
+def test_so_many_results_are_kept_and_then_the_newest() -> None:
+    table = Table(keep=math.inf)
+    ended = []
+    for _ in range(KEPT + 10):
+        ended.append(table.send().identity)
+        table.begin()
+        table.end(S.SUCCEEDED)
+    left = table.send().identity
+    assert [status.identity for status in table.goals.all()] == [*ended[10:], left]
+    with pytest.raises(UnknownGoal):
+        table.goals.result(ended[9], None)
+    assert table.goals.result(ended[10], None).success
+
+
+def test_the_newest_results_are_those_of_the_goals_that_ended_last() -> None:
+    table = Table(keep=math.inf)
+    long = table.send().identity
+    table.begin()
+    for _ in range(KEPT):
+        table.cancel(table.send().identity)
+    table.pass_time(1.0)
+    table.end(S.SUCCEEDED)
+    assert table.goals.result(long, None).success
+
+
+def test_where_no_result_is_kept_a_goal_that_waits_can_be_canceled() -> None:
+    table = Table(keep=0.0)
+    goal = table.send().identity
+    _, canceled, _ = table.goals.cancel("", 0)
+    assert [each.identity for each in canceled] == [goal]
+    assert table.goals.all() == ()
+
+
+def test_asking_ends_in_time() -> None:
+    table = Table()
+    goal = table.send().identity
+    with table.clock.working(), pytest.raises(ResultTimeout, match="within 2 s") as caught:
+        table.goals.result(goal, 2.0)
+    assert isinstance(caught.value, TimeoutError)
+    assert table.clock.now() == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("name", ["1", "A" * 32, "a" * 33, "g" * 32, "a" * 31 + "\n", " " * 32])
+def test_a_name_is_32_digits(name: str) -> None:
+    answer = Table().send(name)
+    assert (answer.accepted, answer.code) == (False, "goal.bad_id")
+
+
+# A second goal
+
+
+def test_a_second_goal_is_refused() -> None:
+    table = Table(Policy.REJECT)
+    first = table.send().identity
+    second = table.send()  # while the first waits to begin
+    assert (second.accepted, second.stamp_ns, second.code) == (False, 0, "goal.busy")
+    assert first in second.message
+    table.begin()
+    assert table.send().code == "goal.busy"
+    table.cancel()
+    assert table.send().code == "goal.busy"  # not before the arm stands
+    table.end(S.CANCELED)
+    assert table.send().accepted
+
+
+def test_a_second_goal_takes_the_place_of_those_before() -> None:
+    table = Table(Policy.PREEMPT)
+    first = table.send().identity
+    running = table.begin()
+    second, third = table.send().identity, table.send().identity
+    assert getattr(running.mailbox.fault, "code", "") == "goal.preempted"
+    assert table.goals.result(second, None).code == "goal.preempted"
+    assert table.history[second] == [1, 2, 6]
+    table.end(S.ABORTED)
+    assert table.begin().identity == third
+    assert table.history[first] == [1, 2, 6]
+
+
+def test_what_is_preempted_first_stays_so() -> None:
+    table = Table(Policy.PREEMPT)
+    table.send()
+    running = table.begin()
+    second = table.send().identity
+    table.send()
+    assert second in str(running.mailbox.fault)
+
+
+def test_no_goal_begins_before_the_stop_for_the_last_one_is_done() -> None:
+    table = Table()
+    table.send()
+    table.begin()
+    *_, running = table.goals.cancel("", 0)
+    assert running
+    ended = threading.Event()
+
+    def end() -> None:
+        table.end(S.CANCELED)
+        ended.set()
+
+    with table.clock.working():
+        thread = table.clock.spawn(end, "owner")
+        assert not ended.wait(0.05)
+        table.goals.stopped(running)
+        thread.join()
+
+
+def test_closed() -> None:
+    table = Table()
+    table.goals.close()
+    assert table.send().code == "server.closing"
+    assert table.goals.take() is None

@@ -1,0 +1,203 @@
+"""Recordings of a server's goals: finished behind its back, and never too many unfinished."""
+
+import errno
+import logging
+import os
+import shutil
+import signal
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import logs
+from executive.cli.log_handler import LogHandler
+from executive.goals.goal import GoalState
+from executive.goals.queue import Policy
+from executive.recording import recordings
+from executive.replay.verification import prove
+from executive.replay.verification_text import in_words
+from logs.reading.recovery import being_written, complete
+from logs.views.narrative import overview, story
+from logs.views.run_figure import _outcome
+from logs.views.timeline import timeline
+from logs.writing.compactor import compactor
+from logs.writing.journal import Journal
+from tests.conftest import RigMaker
+from tests.logs.test_run import fail
+from tests.support.server_acts import run
+from tests.support.typed import typed
+
+
+def test_another_process_finishes_them(
+    server: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("logs.writing.recorder.rewrite", fail)
+    monkeypatch.setattr("logs.writing.compactor.rewrite", fail)
+    arm = server()
+    ran = [Path(run(arm, 1).recording) for _ in range(3)]
+    arm.executive.close()
+    assert all(complete(path, every_byte=True) for path in ran)
+
+
+def test_a_servers_own_tells_of_goals_that_others_prove(server: RigMaker, tmp_path: Path) -> None:
+    arm = server()
+    assert run(arm, 1).success
+    arm.executive.close()
+    (own,) = (path for path in tmp_path.glob("*.mcap") if recordings.is_servers(path))
+    proof = prove(own)
+    assert proof.holds, in_words(proof)
+    told = [words for _, words in story(own, everything=False)]
+    assert "goal: task 1" in told
+    found = overview(own)
+    assert (found.goal, found.result, found.outcome) == (None, None, "-")
+    run_drawn = timeline(own)
+    assert (run_drawn.goal, run_drawn.result) == ({}, {})
+
+
+class SlowBegin:
+    """A journal that takes its time to begin, as the first one of a process does."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, error: Exception | None = None) -> None:
+        self._error, self._clock = error, threading.Event()
+        self._real: Any = Journal
+        monkeypatch.setattr("logs.writing.journal.Journal", self)
+
+    def __call__(self, *given: Any) -> Journal:
+        self._clock.wait(0.2)  # nobody ends it
+        if self._error:
+            raise self._error
+        made: Journal = self._real(*given)
+        return made
+
+
+@pytest.mark.parametrize("solo", [True, False])
+def test_what_a_run_is_to_do_is_recorded_before_the_board_boots(
+    rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, solo: bool
+) -> None:
+    SlowBegin(monkeypatch)
+    arm = rig(solo=solo)
+    real, kept = arm.link.open, tmp_path / "kept.mcap"
+
+    def boot() -> None:
+        (path,) = tmp_path.glob("*.mcap")
+        shutil.copy(path, kept)
+        real()
+
+    monkeypatch.setattr(arm.link, "open", boot)
+    if solo:
+        assert arm.run(1)[0].success
+        assert len(list(logs.Recording(kept).records(logs.Goal))) == 1
+    else:
+        with arm.clock.working():
+            arm.executive.start()
+            arm.executive.arm_to("configure")
+            arm.executive.arm_to("activate")
+            arm.executive.close()
+    found = logs.Recording(kept)
+    assert "versions" in found.notes
+    assert any(name.endswith(".urdf") for name in found.files)
+
+
+def test_what_cannot_be_recorded_does_not_boot_the_board(
+    rig: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    SlowBegin(monkeypatch, OSError(errno.EIO, os.strerror(errno.EIO)))
+    arm = rig()
+    (outcome,) = arm.run(1)
+    assert outcome.code == "log.incomplete"
+    assert arm.opened == 0
+
+
+@pytest.mark.parametrize("canceled", [True, False])
+def test_what_became_of_the_recording_is_told_however_the_goal_ended(
+    rig: RigMaker, tmp_path: Path, canceled: bool
+) -> None:
+    arm = rig()
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and len(arm.frames) == 5:
+            (path,) = tmp_path.glob("*.mcap")
+            path.unlink()
+            arm.cancel() if canceled else arm.executive._fail(OSError("odd"))
+
+    arm.on_record = watch
+    (outcome,) = arm.run(1)
+    assert outcome.state is (GoalState.CANCELED if canceled else GoalState.ABORTED)
+    assert not outcome.code.startswith("log.")
+    assert "was moved or deleted while it was written" in outcome.message
+    assert outcome.cause is None or "was moved or deleted" in outcome.cause.message
+
+
+def test_where_they_are_not_finished_goals_wait_in_the_end(
+    server: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recordings, "_UNFINISHED", 2)
+    arm = server(policy=Policy.QUEUE)
+    pid = compactor().pid
+    os.kill(pid, signal.SIGSTOP)
+    sent = [arm.executive.send(7).identity for _ in range(4)]  # 7 is no task
+    third = arm.executive.result(sent[2])
+    unfinished = [Path(arm.executive.result(goal).recording) for goal in sent[:3]]
+    assert all(map(being_written, unfinished))
+    assert arm.executive.snapshot().waiting == (sent[3],)
+    os.kill(pid, signal.SIGCONT)
+    assert arm.executive.result(sent[3]).code == third.code == "goal.unknown_task"
+    arm.executive.close()
+    assert all(complete(path, every_byte=True) for path in unfinished)
+
+
+def test_the_wait_for_its_turn_is_told_apart_from_the_run(server: RigMaker, tmp_path: Path) -> None:
+    arm = server(policy=Policy.QUEUE)
+    first, second = (arm.executive.send(task).identity for task in (1, 0))
+    one, two = map(arm.executive.result, (first, second))
+    arm.executive.close()
+    assert overview(Path(one.recording)).waited == 0.0
+    found = overview(Path(two.recording))
+    assert found.waited == pytest.approx(one.duration)
+    assert found.goal
+    assert found.result
+    ran = found.result.time - found.goal.time
+    assert found.waited + ran == pytest.approx(found.result.duration)
+    words = f"{found.waited:.2f} s in the queue"
+    assert words in typed(tmp_path, "log", "ls", str(tmp_path))[1]
+    assert f"{found.waited:.3f} s of it in" in typed(tmp_path, "log", "info", two.recording)[1]
+    drawn = _outcome(timeline(Path(two.recording)))
+    assert drawn == f"SUCCEEDED, {found.result.duration:.2f} s, {words.replace(' in', ' of it in')}"
+
+
+@pytest.mark.parametrize("solo", [True, False])
+def test_what_was_logged_before_a_recording_heads_it(
+    rig: RigMaker, tmp_path: Path, solo: bool
+) -> None:
+    arm = rig(solo=solo)
+    begun = arm.clock.now()
+    for words in ("one", "two"):
+        arm.executive.tell(logs.LogLine(begun, 30, "logs", words))
+    arm.rest(1.0)
+    if solo:
+        assert arm.run(0)[0].success
+    else:
+        arm.executive.start()
+        arm.executive.close()
+    (path,) = tmp_path.glob("*.mcap")
+    found = [line for line in logs.Recording(path).records() if isinstance(line, logs.LogLine)]
+    assert [line.message for line in found] == ["one", "two"]
+    assert [line.time for line in found] == pytest.approx([begun, begun])
+    assert prove(path).holds
+
+
+def test_the_log_line_that_begins_a_goal_is_in_its_recording(
+    server: RigMaker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    arm = server()
+    root = logging.getLogger()
+    handler = LogHandler(arm.executive.tell, arm.clock)
+    monkeypatch.setattr(root, "handlers", [*root.handlers, handler])
+    outcome = run(arm, 1)
+    arm.executive.close()
+    lines = [words for _, words in story(Path(outcome.recording), everything=False)]
+    executing = "log: executive.goals.executor: Executing the goal"
+    assert any(line.startswith(executing) for line in lines)

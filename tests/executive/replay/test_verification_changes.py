@@ -1,0 +1,203 @@
+"""A recording in which one thing was changed, with every checksum right, never passes."""
+
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import logs
+from executive.replay.verification import prove
+from executive.replay.verification_text import in_words
+from logs.records.ros_types import ros_types
+from logs.writing.digests import changed as changed_in
+from tests.conftest import RigMaker
+from tests.executive.replay.test_verification import field, picked, verdicts
+from tests.support.alterations import Change, altered, each, records_of, retold, rewritten
+from tests.support.paths import EXAMPLES
+from tests.support.single_changes import single_changes
+
+EXAMPLE = EXAMPLES / "recordings" / "7_measure.mcap"
+
+# What follows from nothing else in a recording: that it was changed is told by its digests alone.
+BY_DIGEST_ALONE = """\
+.* (publish_time|sequence)|/robot_description log_time|file .* (time|name)
+file .*\\.yaml (data|left out)|note (configuration|versions) .*
+/(lifecycle|rosout|tree|result) left out|/rosout \\.(name|msg)|/tree \\.data\\..*
+/goal \\.data\\.name|/progress \\.data\\.(phase|node|attempt)
+/plan/\\w+ \\.data\\.(milliseconds\\..*|message)|/plan/gripper \\.data\\.start\\.joint_[123]
+/schedule \\.data\\.(groups\\[-1\\] left out|together)
+/result \\.data\\.(message|duration|node|joint|value|limit|hint)"""
+
+
+def test_every_single_change_is_seen(tmp_path: Path) -> None:
+    path = Path(shutil.copy(EXAMPLE, tmp_path))
+    logs.compact(path)  # it is older than the digests
+    records, unseen, by_digest = records_of(path), [], BY_DIGEST_ALONE.replace("\n", "|")
+    for name, changed in single_changes(records):
+        if not changed_in(rewritten(path, changed, digests=True)):
+            unseen.append(name)
+        if prove(rewritten(path, changed)).holds and not re.fullmatch(by_digest, name):
+            unseen.append(f"{name}, without digests")
+    assert unseen == []
+
+
+def decoded(topic: str, type_: str, change: Change, number: int = 1) -> Change:
+    """Changes one message of a topic, as it is when it is decoded."""
+    types = ros_types()
+
+    def tell(record: Any) -> None:
+        message = types.decode(type_, record.data)
+        change(message)
+        record.data = types.encode(message)
+
+    return each([topic], tell, number)
+
+
+def flip_text(frame: Any) -> None:
+    frame.text = frame.text.replace("9", "8")
+
+
+def move_link(transforms: Any) -> None:
+    transforms.transforms[1].transform.translation.x += 0.01
+
+
+def bend(trajectory: Any) -> None:
+    point = trajectory.points[3]
+    point.positions = point.positions + 0.01
+
+
+def get_on(feedback: Any) -> None:
+    feedback.percentage += 1
+
+
+def nudge(state: Any) -> None:
+    state.position = state.position * [1 + 1e-9, 1, 1, 1]
+
+
+def rename(state: Any) -> None:
+    state.name[0] = "joint_9"
+
+
+@pytest.mark.parametrize(
+    ("change", "held", "words"),
+    [
+        (
+            decoded("/serial/tx", "arduinobot_msgs/msg/SerialFrame", flip_text, 3),
+            [False, True],
+            "message 3 on /serial/tx: text is 'b0",
+        ),
+        (
+            decoded("/tf", "tf2_msgs/msg/TFMessage", move_link),
+            [False, True],
+            "message 1 on /tf: transforms[1].transform.translation.x is ",
+        ),
+        (
+            decoded("/plan/arm/trajectory", "trajectory_msgs/msg/JointTrajectory", bend),
+            [True, False],
+            "message 1 on /plan/arm/trajectory: points[3].positions[0] is ",
+        ),
+        (
+            decoded("/feedback", "arduinobot_msgs/msg/TaskFeedback", get_on),
+            [False, True],
+            "message 1 on /feedback: percentage is 1, its record tells of 0",
+        ),
+        (
+            decoded("/joint_states", "sensor_msgs/msg/JointState", nudge, 5),
+            [False, True],
+            "frame 5: joint_1 at ",
+        ),
+        (
+            decoded("/joint_states", "sensor_msgs/msg/JointState", rename, 5),
+            [False, True],
+            "was sent for joint_9, joint_2",
+        ),
+        (retold("/result", field("state", to="CANCELED")), [False, True], "the result is CANCELED"),
+        (retold("/result", field("success", to=False)), [False, True], "success False and ok"),
+        (retold("/result", field("code", to="internal")), [False, True], "True and internal"),
+        (retold("/plan/arm", field("group", to="leg")), [False, False], "the group leg is recor"),
+        (retold("/plan/arm", field("start", to={})), [False, False], "a start of  is recorded"),
+        (retold("/progress", field("percentage", to=2**70)), [False, True], "can tell of that"),
+        (retold("/schedule", field("duration", to=1e8)), [False, False], "of which 3"),
+    ],
+)
+def test_what_contradicts_the_rest_is_named(
+    rig: RigMaker, change: Change, held: list[bool], words: str
+) -> None:
+    proof = prove(altered(picked(rig()), change))
+    assert verdicts(proof) == held, in_words(proof)
+    assert words in in_words(proof)
+
+
+def test_a_result_that_the_tree_did_not_come_to(rig: RigMaker) -> None:
+    def cancel(result: dict[str, Any]) -> None:
+        result.update(state="CANCELED", success=False, code="goal.canceled")
+
+    proof = prove(altered(picked(rig()), retold("/result", cancel)))
+    assert verdicts(proof) == [False, True]
+    assert "the result is CANCELED, the tree ended SUCCESS" in in_words(proof)
+
+
+@pytest.mark.parametrize(
+    ("topic", "places", "value"),
+    [
+        ("/plan/arm", ("times",), [0.0]),
+        ("/plan/arm", ("positions", 3), [0.0]),
+        ("/plan/arm", ("start",), []),
+        ("/plan/arm", ("duration",), "long"),
+        ("/schedule", ("samples", 3), [0.0]),
+        ("/schedule", ("frames",), []),
+        ("/serial/timing", ("time",), float("nan")),
+        ("/progress", ("goal_id",), "x"),
+        ("/result", ("frames",), None),
+    ],
+)
+def test_what_no_armtree_records_is_refused_in_words(
+    rig: RigMaker, topic: str, places: tuple[Any, ...], value: Any
+) -> None:
+    proof = prove(altered(picked(rig()), retold(topic, field(*places, to=value))))
+    assert not proof.holds
+    assert "makes no sense; another program recorded it" in in_words(proof)
+
+
+def test_a_figure_of_the_firmware_that_is_none(rig: RigMaker) -> None:
+    for old, new in (('"ring": 63', '"ring": "6"'), ('"ring": 63', '"ring" 63')):
+
+        def change(record: Any, old: str = old, new: str = new) -> None:
+            if type(record).__name__ == "Metadata" and record.name == "robot":
+                record.metadata["firmware"] = record.metadata["firmware"].replace(old, new)
+
+        proof = prove(altered(picked(rig()), change))
+        assert (verdicts(proof), proof.code) == ([], "log.unreadable")
+        assert "tells of a firmware that makes no sense" in proof.error
+
+
+def test_what_was_changed_after_the_run_is_named(rig: RigMaker, tmp_path: Path) -> None:
+    path = picked(rig())
+    assert prove(path).holds
+    log = retold("/plan/arm", field("milliseconds", "ends", to=0.1))
+    proof = prove(altered(path, log, digests=True))
+    assert verdicts(proof) == [True, True]
+    assert (proof.holds, proof.code) == (False, "replay.differs")
+    assert in_words(proof).endswith("  /plan/arm was changed after the run")
+    proof = prove(altered(path, retold("/plan/arm", field("seed", to=2)), digests=True))
+    assert proof.verdicts[1].source == "seed: the goal has 1, the arm was planned with 2"
+    proof = prove(altered(path, retold("/plan/arm", field("duration", to=9.0)), digests=True))
+    assert proof.verdicts[1].source == "the recording: /plan/arm was changed after the run"
+
+
+def test_what_an_older_armtree_did_not_record_is_not_missing(rig: RigMaker) -> None:
+    path = picked(rig())
+    records = records_of(path)
+    gone = {
+        r.id for r in records if type(r).__name__ == "Channel" and r.topic in ("/tf", "/rosout")
+    }
+    kept = [
+        r
+        for r in records
+        if type(r).__name__ not in ("Channel", "Message")
+        or (r.id if type(r).__name__ == "Channel" else r.channel_id) not in gone
+    ]
+    proof = prove(rewritten(path, kept))
+    assert proof.holds, in_words(proof)

@@ -1,0 +1,389 @@
+"""rosbridge clients written by others, for the original robot: unchanged, they work."""
+
+import base64
+import contextlib
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Collection
+from contextlib import AbstractContextManager, suppress
+from typing import Any
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.frames import Frame, Opcode
+from websockets.sync.client import ClientConnection, connect
+
+from executive.goals import queue as goals
+from executive.server.http import connections
+from executive.server.limits import fair_queue as turns
+from executive.server.rosbridge import bridge
+from executive.server.rosbridge import protocol as ros
+from tests.support.foreign_clients import UPGRADE, raw
+from tests.support.javascript import without_node
+from tests.support.paths import PEERS
+from tests.support.serving import Serve, Served
+
+pytest_plugins = ["tests.support.server_fixtures"]
+
+NODE = ["node", "with_roslib.mjs"]
+WITHOUT = without_node("roslib")
+CLIENTS = [
+    pytest.param([sys.executable, "with_roslibpy.py"], id="roslibpy"),
+    pytest.param(NODE, id="roslib.js", marks=pytest.mark.skipif(WITHOUT != "", reason=WITHOUT)),
+]
+
+
+@pytest.mark.parametrize("client", CLIENTS)
+def test_a_client_of_others(serve: Serve, client: list[str]) -> None:
+    served = serve(rosbridge=True)
+    command = [*client, str(served.server.port)]
+    ran = subprocess.run(
+        command, cwd=PEERS, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ran.returncode == 0, ran.stderr
+    told = json.loads(ran.stdout)
+    moved = told["moved"]
+    assert moved["end"] == {"kind": "result", "status": 4, "values": {"success": True}}
+    assert moved["feedback"] == sorted(set(moved["feedback"]))
+    assert moved["feedback"][0] == 0
+    assert moved["feedback"][-1] == 100
+    assert len(moved["feedback"]) > 10
+    assert told["busy"]["end"]["kind"] == "error"
+    assert "goal.busy" in told["busy"]["end"]["values"]
+    assert told["other"]["end"]["kind"] == "error"
+    for name, status in (("failed", 6), ("canceled", 5), ("stopped", 5)):
+        end = told[name]["end"]
+        if client is NODE:  # it calls everything but SUCCEEDED an error, and puts it in words
+            assert end["kind"] == "error"
+            assert '{"success":false}' in end["values"]
+        else:
+            assert end == {"kind": "result", "status": status, "values": {"success": False}}
+    assert told["many"] == [{"success": True}] * 50
+    joints = told["joints"]
+    assert joints["name"] == [joint.name for joint in served.robot.joints]
+    assert len(joints["position"]) == len(joints["name"])
+    assert joints["header"]["stamp"]["sec"] > 1_600_000_000
+    statuses = [each["status"] for each in told["status"]["status_list"]]
+    assert statuses == [4, 6, 5, 5] + [4] * 50
+    uuid = told["status"]["status_list"][0]["goal_info"]["goal_id"]["uuid"]
+    assert base64.b64decode(uuid).hex() == served.executive.goals()[0].identity
+
+
+def websocket(served: Served, **headers: str) -> AbstractContextManager[ClientConnection]:
+    url = f"ws://127.0.0.1:{served.server.port}/"
+    return connect(url, additional_headers=headers, compression=None, open_timeout=10)
+
+
+def say(connection: ClientConnection, **message: Any) -> None:
+    connection.send(json.dumps(message))
+
+
+def heard(connection: ClientConnection, operation: str) -> dict[str, Any]:
+    while True:
+        message: dict[str, Any] = json.loads(connection.recv(10))
+        if message["op"] == operation:
+            return message
+
+
+def statuses(connection: ClientConnection) -> list[int]:
+    """What the status topic says next."""
+    return [goal["status"] for goal in heard(connection, "publish")["msg"]["status_list"]]
+
+
+def told_until_complaint(connection: ClientConnection) -> list[list[int]]:
+    """All that the status topic says before the answer to nonsense comes."""
+    told: list[list[int]] = []
+    while (message := json.loads(connection.recv(10)))["op"] == "publish":
+        told.append([goal["status"] for goal in message["msg"]["status_list"]])
+    return told
+
+
+GOAL = {
+    "op": "send_action_goal",
+    "action": "/task_server",
+    "action_type": "arduinobot_msgs/action/ArduinobotTask",
+}
+
+
+def test_it_is_off_by_default(serve: Serve) -> None:
+    with pytest.raises(InvalidStatus), websocket(serve()):
+        pass
+
+
+def test_it_may_be_silent_for_longer_than_a_request_takes(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "HEAD_SECONDS", 0.1)
+    with websocket(serve(rosbridge=True)) as client:
+        with pytest.raises(TimeoutError):
+            client.recv(0.3)
+        say(client, **GOAL, id="a", args={"task_number": 11})
+        assert heard(client, "action_result")["values"] == {"success": True}
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1"])
+def test_a_foreign_page_is_refused(serve: Serve, origin: str) -> None:
+    served = serve(rosbridge=True, origins=("http://friend.example",))
+    with pytest.raises(InvalidStatus, match="403"), websocket(served, Origin=origin):
+        pass
+    for friend in ("http://friend.example", served.server.url):
+        with websocket(served, Origin=friend) as connection:
+            connection.send("?")
+            assert heard(connection, "status")
+
+
+def test_two_clients_may_call_their_goals_alike(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as one, websocket(served) as other:
+        for connection in (one, other):
+            say(connection, **GOAL, id="1", args={"task_number": 11})
+            result = heard(connection, "action_result")
+            assert (result["id"], result["values"]) == ("1", {"success": True})
+
+
+def test_one_may_not_while_the_first_runs(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        say(connection, **GOAL, id="1", args={"task_number": 10}, feedback=True)
+        heard(connection, "action_feedback")
+        say(connection, **GOAL, id="1", args={"task_number": 11})
+        assert "already" in heard(connection, "status")["msg"]  # no result: that is the first's
+        say(connection, op="cancel_action_goal", id="1", action="/task_server")
+        assert heard(connection, "action_result")["status"] == 5
+
+
+def test_no_feedback_unless_asked_for(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        say(connection, **GOAL, id="1", args={"task_number": 11})
+        assert json.loads(connection.recv(10))["op"] == "action_result"
+
+
+def test_a_goal_outlives_its_client(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        say(connection, **GOAL, id="1", args={"task_number": 10}, feedback=True)
+        heard(connection, "action_feedback")
+    (goal,) = served.executive.goals()
+    assert goal.state.name == "EXECUTING"
+
+
+def test_a_cancel_by_service_answers_as_ros_does(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        service = "/task_server/_action/cancel_goal"
+        say(connection, op="call_service", id="a", service=service, args={})
+        response = heard(connection, "service_response")
+        assert response["values"] == {"return_code": 0, "goals_canceling": []}
+        assert (response["id"], response["result"]) == ("a", True)
+        unknown = {"goal_info": {"goal_id": {"uuid": [1] * 16}}}
+        say(connection, op="call_service", id="b", service=service, args=unknown)
+        assert heard(connection, "service_response")["values"]["return_code"] == 2
+        say(connection, op="call_service", id="c", service="/rosapi/topics")
+        assert heard(connection, "service_response")["result"] is False
+        say(connection, op="call_service", id="d", service=service, args={"goal_info": 1})
+        response = heard(connection, "service_response")
+        assert (response["id"], response["result"]) == ("d", False)
+
+
+def test_the_status_topic_is_made_once_for_all_who_hear_it(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[int] = []
+    array = ros.status_array
+
+    def counted(goals: Collection[str]) -> str:
+        made.append(len(goals))
+        return array(goals)
+
+    monkeypatch.setattr(ros, "status_array", counted)
+    monkeypatch.setattr(goals, "KEPT", 2)
+    served = serve(rosbridge=True)
+    with contextlib.ExitStack() as stack:
+        clients = [stack.enter_context(websocket(served)) for _ in range(5)]
+        for client in clients:
+            say(client, op="subscribe", topic=ros.STATUS)
+            assert heard(client, "publish")["msg"] == {"status_list": []}
+        for number in range(4):
+            say(clients[0], **GOAL, id=str(number), args={"task_number": 11})
+            assert heard(clients[0], "action_result")["status"] == 4
+        for client in clients[1:]:
+            for _ in range(12):
+                last = heard(client, "publish")["msg"]["status_list"]
+            assert [each["status"] for each in last] == [4, 4]
+    assert len(made) <= 1 + 4 * 3
+    assert max(made) <= 3
+
+
+def test_every_status_is_told_also_where_several_come_at_once(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as first, websocket(served) as late:
+        say(first, op="subscribe", topic=ros.STATUS)
+        assert statuses(first) == []
+        ended = threading.Event()
+        served.server._loop.call_soon_threadsafe(ended.wait, 30.0)
+        try:
+            for _ in range(2):
+                assert served.executive.result(served.executive.send(11).identity).success
+        finally:
+            ended.set()
+        told = [statuses(first) for _ in range(6)]
+        assert told == [[1], [2], [4], [4, 1], [4, 2], [4, 4]]
+        say(late, op="subscribe", topic=ros.STATUS)
+        assert statuses(late) == [4, 4]
+
+
+def test_the_status_topic_tells_of_all_goals_that_are_known(serve: Serve) -> None:
+    served = serve(active=False, rosbridge=True)
+    for _ in range(160):
+        served.executive.result(served.executive.send(11).identity)
+    with websocket(served) as connection:
+        say(connection, op="subscribe", topic=ros.STATUS)
+        while (told := statuses(connection)) != [6] * 160:
+            assert len(told) <= 160
+
+
+def test_a_topic_is_throttled_but_its_last_message_comes(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        topic = "/task_server/_action/status"
+        say(connection, op="subscribe", topic=topic, throttle_rate=300)
+        assert heard(connection, "publish")["msg"] == {"status_list": []}
+        say(connection, **GOAL, id="1", args={"task_number": 11})
+        after = heard(connection, "publish")["msg"]["status_list"]
+        assert [each["status"] for each in after] == [4]  # 1 and 2 came too soon
+
+
+def test_subscribers_on_one_connection_do_not_mind_each_other(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+
+        def at_a_goal() -> list[list[int]]:
+            say(connection, op="nothing")
+            assert told_until_complaint(connection) == []  # what was asked before is done by now
+            assert served.executive.result(served.executive.send(11).identity).success
+            say(connection, op="nothing")
+            return told_until_complaint(connection)
+
+        for identity, throttle in (("a", 3_600_000), ("b", 0), ("c", 0)):
+            say(connection, op="subscribe", topic=ros.STATUS, id=identity, throttle_rate=throttle)
+            assert statuses(connection) == []
+        say(connection, op="unsubscribe", topic=ros.STATUS, id="c")
+        assert at_a_goal() == [[1], [2], [4]]
+        say(connection, op="unsubscribe", topic=ros.STATUS, id="unknown")
+        say(connection, op="unsubscribe", topic=ros.STATUS, id="b")
+        assert at_a_goal() == []  # a heard a moment ago
+        say(connection, op="subscribe", topic=ros.STATUS, id="b")
+        assert statuses(connection) == [4, 4]
+        say(connection, op="unsubscribe", topic=ros.STATUS)
+        assert at_a_goal() == []
+
+
+def test_subscribers_are_not_without_number(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bridge, "MOST_SUBSCRIBERS", 2)
+    with websocket(serve(rosbridge=True)) as connection:
+        for identity in "aba":
+            say(connection, op="subscribe", topic=ros.STATUS, id=identity)
+            assert statuses(connection) == []
+        say(connection, op="subscribe", topic=ros.STATUS, id="c")
+        assert heard(connection, "status")["id"] == "c"
+
+
+@pytest.mark.parametrize(
+    "text", ["{", "[]", '{"op": "png"}', '{"op": "subscribe", "op": 1}', b"\x00\xff"]
+)
+def test_nonsense_is_answered_and_the_connection_goes_on(serve: Serve, text: str | bytes) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        connection.send(text)
+        assert heard(connection, "status")["level"] == "error"
+        say(connection, **GOAL, id="1", args={"task_number": 11})
+        assert heard(connection, "action_result")["values"] == {"success": True}
+
+
+def test_what_is_too_long_ends_the_connection(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as connection:
+        connection.send("x" * 65_537)
+        with pytest.raises(ConnectionClosed):
+            connection.recv(10)
+
+
+def test_a_flood_of_messages_waits_its_turn_and_holds_up_nobody(serve: Serve) -> None:
+    served = serve(rosbridge=True)
+    large = json.dumps({"op": "publish", **{str(number): 1 for number in range(6000)}})
+    with websocket(served) as flooding, websocket(served) as other:
+        for _ in range(4):
+            flooding.send(large)
+        say(flooding, op="nothing", id="last")
+        for number in range(3):
+            say(other, **GOAL, id=str(number), args={"task_number": 11})
+            assert heard(other, "action_result")["values"] == {"success": True}
+        say(other, op="nothing", id="done")
+        assert heard(other, "status")["id"] == "done"
+        assert heard(flooding, "status")["id"] == "last"
+
+
+@pytest.mark.parametrize(
+    "cancel",
+    [
+        {"op": "cancel_action_goal", "action": "/task_server", "id": "a"},
+        {"op": "cancel_action_goal", "action": "/task_server", "id": "a" * 300},
+        {"op": "call_service", "service": "/task_server/_action/cancel_goal"},
+    ],
+    ids=["by name", "by a long name", "all"],
+)
+def test_a_cancel_waits_for_no_turn(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, cancel: dict[str, str]
+) -> None:
+    served = serve(rosbridge=True)
+    with websocket(served) as flooding, websocket(served) as client:
+        goal = {"id": cancel.get("id", "a"), "args": {"task_number": 10}, "feedback": True}
+        say(client, **GOAL, **goal)
+        heard(client, "action_feedback")
+        monkeypatch.setattr(turns, "REST", 1e9)
+        say(flooding, op="nothing")  # it is let in; that was enough for years
+        heard(flooding, "status")
+        for _ in range(100):
+            say(flooding, op="nothing")
+        say(client, **cancel)
+        assert heard(client, "action_result")["status"] == 5
+        served.stop()  # it would not hear for years, either, that they leave
+
+
+def test_who_reads_nothing_is_cut_off(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bridge, "MOST_UNSENT", 5)
+    served = serve(rosbridge=True)
+    with served.client() as client:
+        for _ in range(10):
+            client.run(11)
+        with websocket(served) as connection, suppress(ConnectionClosed):
+            for _ in range(900):  # each is answered with all there is to know of ten goals
+                say(connection, op="subscribe", topic="/task_server/_action/status")
+            while connection.recv(10):
+                pass
+        assert connection.close_reason == "too slow"
+        assert client.run(11).success
+
+
+def test_who_is_gone_before_it_is_sent_away_is_no_error(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(bridge, "MOST_UNSENT", 40)
+    monkeypatch.setattr(connections, "STALL_SECONDS", 0.5)
+    served = serve(rosbridge=True)
+    asks = ("GET / HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", *UPGRADE, "")
+    wish = {"op": "subscribe", "topic": "/task_server/_action/status"}
+    frame = Frame(Opcode.TEXT, json.dumps(wish).encode()).serialize(mask=True)
+    with served.client() as client:
+        for _ in range(100):
+            served.executive.result(served.executive.send(11).identity)
+        with raw(served, *asks) as connection, suppress(OSError):
+            assert b" 101 " in connection.recv(1000)
+            connection.sendall(frame * 900)  # none of the answers is read
+            while client.status() and served.server.connections > 1:
+                pass
+        assert client.run(11).success
+    assert not [each.message for each in caplog.records if each.exc_info]

@@ -1,0 +1,103 @@
+"""Pages of others in a real browser: one that may use the server can, a foreign one cannot."""
+
+import json
+import shutil
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from queue import Queue
+from typing import Any
+from urllib.parse import urlencode
+
+import pytest
+
+from tests.support.paths import PEERS
+from tests.support.serving import Serve, Served
+
+pytest_plugins = ["tests.support.server_fixtures"]
+
+PAGE = PEERS / "page.html"
+CHROMIUM = shutil.which("chromium")
+
+
+class Site(ThreadingHTTPServer):
+    """Where the page comes from, and where it tells what came of it."""
+
+    def __init__(self) -> None:
+        self.told: Queue[dict[str, Any]] = Queue()
+        super().__init__(("127.0.0.1", 0), _Handler)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Site
+
+    def do_GET(self) -> None:
+        self._answer(200 if self.path.startswith("/page?") else 404, PAGE.read_bytes())
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["content-length"]))
+        self._answer(200, b"")
+        self.server.told.put(json.loads(body))
+
+    def _answer(self, status: int, body: bytes) -> None:
+        self.send_response(status)
+        self.send_header("content-type", "text/html")
+        self.send_header("content-length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002, as it is called
+        """Say nothing."""
+
+
+@pytest.fixture
+def site() -> Iterator[Site]:
+    with Site() as made:
+        thread = threading.Thread(target=made.serve_forever)
+        thread.start()
+        yield made
+        made.shutdown()
+        thread.join()
+
+
+@contextmanager
+def browser(url: str, profile: Path) -> Iterator[None]:
+    assert CHROMIUM
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run"]
+    command += ["--disable-background-networking", f"--user-data-dir={profile}", url]
+    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as running:
+        yield
+        running.terminate()
+
+
+def opened(site: Site, served: Served, host: str, profile: Path) -> dict[str, Any]:
+    """What the page tells, opened by way of a name of its site."""
+    facts = urlencode({"server": served.server.url, "token": served.server.token})
+    with browser(f"http://{host}:{site.server_port}/page?{facts}", profile):
+        return site.told.get(timeout=50)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+def test_a_page_that_may_and_a_page_that_may_not(serve: Serve, site: Site, tmp_path: Path) -> None:
+    served = serve(rosbridge=True, origins=(f"http://localhost:{site.server_port}",))
+    told = opened(site, served, "localhost", tmp_path / "friend")
+    assert told["stream"] == "open"
+    assert told["status"]["json"]["arm"] == "active"
+    assert (told["stranger"]["status"], told["stranger"]["json"]["code"]) == (401, "request.token")
+    assert told["send"]["status"] == 201
+    assert told["result"]["json"]["state"] == "SUCCEEDED"
+    assert {"goal", "node", "status"} <= set(told["events"])
+    assert told["stop"]["json"] == {"return_code": 0, "goals": []}
+    assert told["socket"] == "open"
+
+    goal = served.executive.send(10).identity
+    told = opened(site, served, "127.0.0.1", tmp_path / "foreign")
+    refused = {"error": "TypeError"}
+    asked = ("status", "stranger", "send", "stop", "form")
+    assert [told[name] for name in asked] == [refused] * 5
+    assert (told["stream"], told["events"], told["socket"]) == ("refused", [], "refused")
+    assert [status.state.name for status in served.executive.goals()] == ["SUCCEEDED", "EXECUTING"]
+    assert served.executive.snapshot().goal.identity == goal  # type: ignore[union-attr]

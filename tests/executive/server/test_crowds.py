@@ -1,0 +1,186 @@
+"""Many at once: whoever they are, the stop is answered and the arm in motion notices nothing."""
+
+import contextlib
+import logging
+import threading
+
+import pytest
+
+import logs
+from executive.executive import Event
+from executive.server import hub
+from executive.server.http import answers as api
+from executive.server.http import app, connections
+from executive.server.limits import fair_queue as turns
+from tests.support.foreign_clients import GOAL, answer, head, raw, stops
+from tests.support.serving import Serve
+
+pytest_plugins = ["tests.support.server_fixtures"]
+
+
+def test_a_crowd_that_asks_for_nothing_makes_room(serve: Serve) -> None:
+    served = serve()
+    with contextlib.ExitStack() as stack:
+        crowd = [stack.enter_context(raw(served, "GET / HTTP/1.1")) for _ in range(150)]
+        crowd += [
+            stack.enter_context(raw(served, *head(served, "content-length: 9", "")))
+            for _ in range(150)
+        ]
+        assert stops(served)
+        goal = served.ask("POST", "/api/goals", {"task": 11})[1]["goal_id"]
+        assert served.ask("GET", f"/api/goals/{goal}/result")[1]["success"]
+        assert served.server.connections <= connections.MOST_CONNECTIONS
+
+
+def test_a_stop_waits_for_no_turn(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    served = serve()
+    goal = served.executive.send(10).identity
+    monkeypatch.setattr(turns, "REST", 1e9)
+    with contextlib.ExitStack() as stack:
+        ask = ("GET /api/health HTTP/1.1", *head(served, "")[1:])
+        for _ in range(150):  # one is let in; that was enough for years
+            stack.enter_context(raw(served, *ask))
+        assert served.ask("POST", "/api/stop", token=False) == (
+            200,
+            {"return_code": 0, "goals": [goal]},
+        )
+
+
+def test_strangers_who_are_idle_do_not_end_a_hold(serve: Serve) -> None:
+    served = serve()
+    with contextlib.ExitStack() as stack:
+        hold = f"POST /api/goals/{GOAL}/hold HTTP/1.1"
+        lines = (hold, *head(served, "transfer-encoding: chunked", "")[1:])
+        holding = stack.enter_context(raw(served, *lines))
+        body = {"task": 10, "goal_id": GOAL, "deadman": True}
+        holding.sendall(b"1\r\n \r\n")
+        assert served.ask("POST", "/api/goals", body)[0] == 201
+        for number in range(150):
+            stack.enter_context(raw(served))
+            if number % 10 == 0:
+                holding.sendall(b"1\r\n \r\n")
+        assert served.ask("GET", "/api/health")[0] == 200
+        holding.sendall(b"0\r\n\r\n")
+        assert b'"canceled":true' in answer(holding)
+        assert served.server.connections <= connections.MOST_CONNECTIONS
+
+
+def test_an_arm_in_motion_notices_nothing(serve: Serve) -> None:
+    served = serve()
+    ended = threading.Event()
+
+    def pester() -> None:
+        while not ended.is_set():
+            with contextlib.suppress(OSError), raw(served, "GET / HTTP/1.1", "x" * 1000):
+                served.ask("POST", "/api/goals", b"[" * 60_000)
+
+    pests = [threading.Thread(target=pester) for _ in range(2)]
+    sent: list[logs.Sent] = []
+
+    def watch(event: Event) -> None:
+        if isinstance(event, logs.Sent):
+            sent.append(event)
+
+    served.executive.subscribe(watch)
+    for pest in pests:
+        pest.start()
+    with served.client() as client:
+        outcome = client.run(1)
+    ended.set()
+    for pest in pests:
+        pest.join()
+    assert len(sent) == outcome.frames
+    assert all(frame.scheduled is not None for frame in sent)
+
+
+def test_a_stop_of_nothing_is_logged_but_does_not_fill_the_log(
+    serve: Serve, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    served = serve()
+    assert all(stops(served) for _ in range(20))
+    assert sum("no goal was under way" in each.message for each in caplog.records) == 3
+
+
+def test_too_many_requests_but_never_too_many_stops(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(app, "LIMITS", dict.fromkeys((True, False), (0.001, 3.0)))
+    served = serve()
+    for token in (False, True):  # strangers use up what is theirs, and no more
+        found = [served.ask("GET", "/api/health", token=token)[0] for _ in range(5)]
+        assert found == [200, 200, 200, 429, 429]
+    assert all(stops(served) for _ in range(20))
+
+
+def test_strangers_who_wait_leave_room_for_others(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(app, "MOST_STREAMS", 1)
+    served = serve()
+    goal = served.executive.send(10).identity
+    asked = f"GET /api/goals/{goal}/result HTTP/1.1"
+    with raw(served, asked, f"host: 127.0.0.1:{served.server.port}", "", "") as waiting:
+        while served.ask("GET", f"/api/goals/{goal}/result?timeout=0", token=False)[0] != 429:
+            pass
+        assert served.ask("GET", f"/api/goals/{goal}/result?timeout=0")[0] == 409
+        served.executive.cancel()
+        assert b"CANCELED" in answer(waiting)
+
+
+def test_strangers_who_watch_leave_room_for_others(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(api, "MOST_WATCHERS", 1)
+    served = serve()
+    watch = ("GET /api/events HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "")
+    with raw(served, *watch) as stranger, served.client() as client:
+        assert stranger.recv(15) == b"HTTP/1.1 200 OK"
+        while served.ask("GET", "/api/events", token=False)[0] != 429:
+            pass
+        with client.events("goal"):
+            assert served.ask("GET", "/api/events")[0] == 429
+
+
+def test_a_list_of_goals_has_an_end(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(api, "LISTED", 2)
+    served = serve()
+    with served.client() as client:
+        assert all(client.run(11).success for _ in range(5))
+        known = served.executive.goals()
+        identities = [goal.identity for goal in known]
+        assert [goal.identity for goal in client.goals()] == identities
+
+    def listed(query: str) -> list[str]:
+        status, told = served.ask("GET", f"/api/goals{query}")
+        return [goal["goal_id"] for goal in told["goals"]] if status == 200 else [told["code"]]
+
+    assert listed("") == identities[-2:]
+    assert listed(f"?before={known[-2].stamp_ns}") == identities[-4:-2]
+    assert listed(f"?before={known[-2].stamp_ns}&limit=1") == identities[-3:-2]
+    assert listed(f"?before={known[0].stamp_ns}") == []
+    assert listed("?limit=4") == identities[-4:]
+    for wrong in ("limit=0", "limit=151", "limit=1.5", "limit=x", "before=-1", f"before={10**30}"):
+        assert listed(f"?{wrong}") == ["request.malformed"]
+
+
+def test_a_watcher_who_reads_nothing_is_dropped(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hub, "MOST_WAITING", 100_000)
+    monkeypatch.setattr(connections, "STALL_SECONDS", 0.2)
+    monkeypatch.setattr(connections, "HEAD_SECONDS", 0.2)
+    monkeypatch.setattr(api, "MOST_WATCHERS", 2)
+    served = serve()
+    with (
+        served.client() as client,
+        client.events("log") as events,
+        raw(served, "GET /api/events HTTP/1.1", *head(served, "")[1:]) as deaf,
+    ):
+        assert deaf.recv(15) == b"HTTP/1.1 200 OK"
+        for number in range(200):
+            line = logs.LogLine(served.clock.now(), 20, "test", f"{number} {'x' * 10_000}")
+            served.executive.tell(line)
+            assert next(events).message.startswith(f"{number} ")  # type: ignore[union-attr]
+        assert b"".join(iter(lambda: deaf.recv(65_536), b"")).count(b"\n\n") < 200
+        assert client.run(11).success

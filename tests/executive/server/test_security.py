@@ -1,0 +1,121 @@
+"""Who may ask, and how often; judged without a socket where that is enough."""
+
+import pytest
+from starlette.datastructures import Headers
+
+from executive.server.http.errors import RequestError
+from executive.server.limits.token_bucket import TokenBucket
+from executive.server.security import Rules, is_loopback, names
+from tests.support.serving import Serve
+
+pytest_plugins = ["tests.support.server_fixtures"]
+
+RULES = Rules(
+    names(("127.0.0.1", "localhost", "::1"), 8765),
+    frozenset({"http://127.0.0.1:8765"}),
+    "the-token",
+    exposed=False,
+)
+
+
+def headers(*lines: tuple[str, str]) -> Headers:
+    return Headers(raw=[(name.encode(), value.encode("latin-1")) for name, value in lines])
+
+
+def refused(*lines: tuple[str, str]) -> str:
+    try:
+        RULES.check_source(headers(*lines))
+    except RequestError as error:
+        return error.code
+    return ""
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1:8765", "localhost:8765", "LOCALHOST:8765", "[::1]:8765"]
+)
+def test_our_own_names_pass(host: str) -> None:
+    assert refused(("host", host)) == ""
+    assert refused(("host", host), ("origin", "http://127.0.0.1:8765")) == ""
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["", "127.0.0.1", "127.0.0.1:8766", "evil.example:8765", "localhost.:8765", " localhost:8765",
+     "127.0.0.1:8765.evil.example", "user@127.0.0.1:8765", "127.1:8765", "0.0.0.0:8765"],
+)  # fmt: skip
+def test_another_host_is_refused(host: str) -> None:
+    assert refused(("host", host)) == "request.host"
+
+
+def test_http_s_own_port_goes_without_saying() -> None:
+    assert names(("localhost", "::1"), 80) == {"localhost", "localhost:80", "[::1]", "[::1]:80"}
+
+
+def test_a_name_with_a_port_stays_as_it_is() -> None:
+    given = ("Robot.Example:8443", "[::1]:8443", "[::1]")
+    assert names(given, 8765) == {"robot.example:8443", "[::1]:8443", "[::1]:8765"}
+
+
+def test_behind_a_proxy_host_is_the_name_that_was_given(serve: Serve) -> None:
+    served = serve(active=False, hosts=("Robot.Example", "robot.example:8443"))
+    port, status = served.server.port, "/api/status"
+    for host in ("robot.example", f"robot.example:{port}", "robot.example:8443"):
+        assert served.ask("GET", status, headers={"host": host})[0] == 200
+    for host in ("127.0.0.1", "robot.example:443", "evil.example"):
+        refused, told = served.ask("GET", status, headers={"host": host})
+        assert (refused, told["code"]) == (403, "request.host")
+    # Other servers may be on the same machine: their pages are not ours.
+    for page in ("http://robot.example", "https://robot.example"):
+        told = served.ask("GET", status, headers={"origin": page})[1]
+        assert told["code"] == "request.origin"
+
+
+def test_a_missing_or_doubled_host_is_refused() -> None:
+    assert refused() == "request.host"
+    assert refused(("host", "localhost:8765"), ("host", "localhost:8765")) == "request.host"
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["null", "http://evil.example", "http://127.0.0.1", "https://127.0.0.1:8765", "",
+     "http://127.0.0.1:8765/", "http://localhost:8765", "HTTP://127.0.0.1:8765"],
+)  # fmt: skip
+def test_another_origin_is_refused(origin: str) -> None:
+    assert refused(("host", "localhost:8765"), ("origin", origin)) == "request.origin"
+
+
+def test_two_origins_are_refused() -> None:
+    ours = ("origin", "http://127.0.0.1:8765")
+    assert refused(("host", "localhost:8765"), ours, ours) == "request.origin"
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["", "the-token", "Bearer", "Bearer ", "Bearer the-toke", "Bearer the-token2",
+     "Basic the-token", "Bearer thé-token"],
+)  # fmt: skip
+def test_a_wrong_token_is_refused(value: str) -> None:
+    with pytest.raises(RequestError, match="token") as caught:
+        RULES.check_token(headers(("authorization", value)))
+    assert caught.value.status == 401
+    assert "the-token" not in str(caught.value)
+
+
+def test_the_token_passes() -> None:
+    RULES.check_token(headers(("authorization", "Bearer the-token")))
+    RULES.check_token(headers(("authorization", "bearer the-token")))
+
+
+def test_what_is_loopback() -> None:
+    assert [is_loopback(a) for a in ("127.0.0.1", "127.8.8.8", "::1")] == [True] * 3
+    assert [is_loopback(a) for a in ("0.0.0.0", "::", "192.168.0.1")] == [False] * 3
+
+
+def test_a_bucket_lets_a_burst_pass_and_then_its_rate() -> None:
+    now = [0.0]
+    bucket = TokenBucket(rate=10.0, burst=3.0, now=lambda: now[0])
+    assert [bucket.take() for _ in range(4)] == [True, True, True, False]
+    now[0] = 0.1
+    assert [bucket.take() for _ in range(2)] == [True, False]
+    now[0] = 100.0
+    assert [bucket.take() for _ in range(4)] == [True, True, True, False]

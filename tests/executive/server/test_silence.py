@@ -1,0 +1,149 @@
+"""Silence on a connection: what is still there says so, and what is not is given up."""
+
+import asyncio
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from executive import AsyncClient, Client, Refused, ServerUnreachable
+from executive.client import asynchronous as aio
+from executive.client import requests as asks
+from executive.client import synchronous as sync
+from executive.server import hub
+from tests.support.foreign_clients import head, raw
+from tests.support.serving import Serve
+
+pytest_plugins = ["tests.support.server_fixtures"]
+
+
+@pytest.fixture
+def mute() -> Iterator[str]:
+    """A server that begins its streams, and then says nothing more; its URL."""
+    over = threading.Event()
+
+    def begin() -> None:
+        with suppress(OSError):  # it is shut down
+            while True:
+                connection, _ = listener.accept()
+                threads.append(threading.Thread(target=hold, args=(connection,)))
+                threads[-1].start()
+
+    def hold(connection: socket.socket) -> None:
+        with connection:
+            connection.recv(4096)
+            kind = b"content-type: text/event-stream"
+            connection.sendall(b"HTTP/1.1 200 OK\r\n" + kind + b"\r\n\r\n: armtree\n\n")
+            over.wait()
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threads = [threading.Thread(target=begin)]
+        threads[0].start()
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
+        over.set()
+        listener.shutdown(socket.SHUT_RDWR)
+        for thread in threads:
+            thread.join()
+
+
+def test_a_stream_on_which_nothing_happens_has_a_sign_of_life(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hub, "HEARTBEAT", 0.01)
+    served = serve()
+    with raw(served, "GET /api/events?events=log HTTP/1.1", *head(served, "")[1:]) as watching:
+        pieces = iter(lambda: watching.recv(4096), b"")
+        assert next(piece for piece in pieces if b": still here\n\n" in piece)
+    with served.client() as client, client.events("status") as events:
+        goal = client.send(11)
+        assert getattr(next(events), "identity", "") == goal  # no event is made of it
+
+
+def test_a_server_that_says_nothing_any_more_is_given_up(
+    mute: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sync, "SILENCE", 0.05)
+    monkeypatch.setattr(aio, "SILENCE", 0.05)
+    with (
+        Client(mute, "token") as client,
+        client.events() as events,
+        pytest.raises(ServerUnreachable, match=r"nothing came for 0\.05 s"),
+    ):
+        next(events)
+
+    async def watch() -> None:
+        async with AsyncClient(mute, "token") as client, client.events() as events:
+            with pytest.raises(ServerUnreachable, match=r"nothing came for 0\.05 s"):
+                await anext(events)
+
+    asyncio.run(watch())
+
+
+def test_a_server_that_does_not_answer_any_more_is_given_up_by_who_waits_for_a_goal(
+    mute: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(asks, "AT_A_TIME", 0.05)
+    monkeypatch.setattr(sync, "PATIENCE", 0.05)
+    monkeypatch.setattr(aio, "PATIENCE", 0.05)
+    with Client(mute, "token") as client:
+        with pytest.raises(ServerUnreachable, match="its answer takes too long"):
+            client.result("ab" * 16)
+        with client.hold("ab" * 16):
+            pass  # to let go needs no answer either
+
+    async def wait() -> None:
+        async with AsyncClient(mute, "token") as client:
+            with pytest.raises(ServerUnreachable, match="its answer takes too long"):
+                await client.result("ab" * 16)
+            async with client.hold("ab" * 16):
+                pass
+
+    asyncio.run(wait())
+
+
+def test_who_waits_for_a_goal_asks_again_and_again(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(asks, "AT_A_TIME", 0.01)
+    served = serve()
+    with served.client() as client:
+        goal = client.send(10)
+        with pytest.raises(Refused, match=r"has not ended within 0\.05 s") as refused:
+            client.result(goal, 0.05)
+        assert refused.value.code == "goal.result_timeout"
+        canceling = threading.Timer(0.05, client.cancel)
+        canceling.start()
+        assert client.result(goal).code == "goal.canceled"
+        canceling.join()
+
+    async def wait() -> None:
+        async with AsyncClient(served.server.url) as client:
+            goal = await client.send(10)
+            with pytest.raises(Refused, match=r"has not ended within 0\.05 s"):
+                await client.result(goal, 0.05)
+            waiting = asyncio.create_task(client.result(goal))
+            await client.cancel()
+            assert (await waiting).code == "goal.canceled"
+
+    asyncio.run(wait())
+
+
+def test_silence_is_longer_than_a_beat_that_is_late() -> None:
+    assert sync.SILENCE >= 3 * hub.HEARTBEAT
+
+
+def test_both_ends_ask_whether_the_other_machine_is_there(serve: Serve) -> None:
+    served = serve()
+    port = f":{served.server.port:04X}"
+
+    def asking() -> set[bool]:
+        """Whether it is the server's end, of the connections whose keep-alive timer runs."""
+        rows = [row.split() for row in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+        ends = [row for row in rows if row[3] == "01" and row[5].startswith("02:")]
+        return {row[1].endswith(port) for row in ends if port in row[1] + row[2]}
+
+    with served.client() as client, client.events("log"):
+        assert any(asking() == {True, False} for _ in range(1000))  # a byte may be on its way

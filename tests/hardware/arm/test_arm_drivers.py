@@ -1,0 +1,168 @@
+"""Drivers that are not ours: whatever they do, it is a fault and has an end. In simulated time."""
+
+import contextlib
+import dataclasses
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from hardware import (
+    Arm,
+    ArmEvent,
+    BoardLink,
+    DriverFailed,
+    Faulted,
+    NotActive,
+    PlaybackState,
+    PortLost,
+    PortStalled,
+    RealClock,
+    StaleGeneration,
+    State,
+    TransitionRefused,
+    virtual_board,
+)
+from tests.support.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    with Rig.alone() as rig:
+        yield rig
+
+
+class Foreign(BoardLink):
+    """A link whose author knows none of our errors."""
+
+    error: Exception
+    deaf: bool
+
+    def write(self, data: bytes) -> None:
+        try:
+            super().write(data)
+        except PortLost:
+            raise self.error from None
+
+    def read(self) -> bytes:
+        with self._changed:
+            while self.deaf and self._open:
+                self._changed.wait(None)
+        try:
+            return super().read()
+        except PortLost:
+            raise self.error from None
+
+
+@pytest.mark.parametrize("deaf", [True, False])
+@pytest.mark.parametrize("error", [OSError(5, "I/O"), ValueError("bad"), AssertionError()])
+def test_what_a_driver_raises_ends_the_motion_with_its_cause_named(
+    deaf: bool, error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether the thread that listens sees it, or the one that writes."""
+    monkeypatch.setattr("tests.support.hardware_rigs.BoardLink", Foreign)
+    with Rig.alone() as rig:
+        assert isinstance(rig.link, Foreign)
+        rig.link.error, rig.link.deaf = error, deaf
+        rig.start()
+        playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+        rig.wait(1.0)
+        rig.link.unplug()
+        settled(rig, State.UNCONFIGURED)
+        (fault,) = rig.faults
+        assert playback.state is PlaybackState.FAILED
+        assert fault is playback.error
+        assert isinstance(fault, DriverFailed)
+        assert (fault.code, fault.__cause__) == ("hw.driver", error)
+        assert f"The driver failed: {error!r}" in str(fault)
+
+
+@pytest.mark.parametrize("error", [NotActive("theirs"), StaleGeneration("theirs"), SystemExit(3)])
+def test_not_even_errors_of_ours_out_of_a_driver_leave_a_motion_without_end(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    rig.start()
+
+    def fail(data: bytes) -> None:
+        raise error
+
+    monkeypatch.setattr(rig.link, "write", fail)
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+    rig.wait(1.0)
+    settled(rig, State.UNCONFIGURED)
+    assert playback.state is PlaybackState.FAILED
+    assert isinstance(playback.error, DriverFailed)
+    assert playback.error.__cause__ is error
+
+
+@pytest.mark.parametrize("act", [Arm.stop, Arm.deactivate, Arm.shutdown])
+def test_a_hold_at_which_the_driver_fails_is_a_fault(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, act: Callable[[Arm], None]
+) -> None:
+    rig.start()
+    playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
+    rig.wait(1.0)
+
+    def fail(data: bytes) -> None:
+        raise OSError(5, "I/O")
+
+    monkeypatch.setattr(rig.link, "write", fail)
+    with contextlib.suppress(TransitionRefused):  # the fault was first
+        act(rig.arm)
+    assert [type(fault) for fault in rig.faults] == [DriverFailed]
+    assert isinstance(playback.error, DriverFailed)
+
+
+def test_a_driver_that_fails_to_open_leaves_the_arm_inactive(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
+        raise OSError(5, "I/O")
+
+    rig.arm.configure()
+    with monkeypatch.context() as patch:
+        patch.setattr(rig.link, "open", fail)
+        with pytest.raises(DriverFailed, match=r"The driver failed: OSError\(5, 'I/O'\)"):
+            rig.arm.activate()
+    assert rig.arm.state is State.INACTIVE
+    rig.arm.activate()
+
+
+class Stuck(BoardLink):
+    """A link whose write returns when the test says so, and then fails."""
+
+    def __init__(self) -> None:
+        super().__init__(virtual_board(ROBOT), RealClock())
+        self.stuck, self.leave = threading.Event(), threading.Event()
+
+    def write(self, data: bytes) -> None:
+        self.stuck.set()
+        self.leave.wait()
+        raise OSError(5, "I/O")
+
+
+@pytest.mark.parametrize("act", [Arm.stop, Arm.deactivate, Arm.shutdown])
+def test_a_write_that_does_not_return_keeps_nobody_for_ever_and_its_end_harms_no_next_motion(
+    monkeypatch: pytest.MonkeyPatch, act: Callable[[Arm], None]
+) -> None:
+    monkeypatch.setattr("hardware.arm.connection.PATIENCE", 0.02)
+    monkeypatch.setattr("hardware.arm.write_guard._WAIT", 0.002)
+    robot = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
+    link, events = Stuck(), list[ArmEvent]()
+    arm = Arm(robot, link, RealClock(), events.append)
+    arm.configure()
+    arm.activate()
+    playback = arm.play(motion(HOME, PICK, 4.0), nothing, "test", arm.generation)
+    assert link.stuck.wait(5)
+    with contextlib.suppress(TransitionRefused):  # the fault was first
+        act(arm)
+    assert isinstance(playback.error, PortStalled)
+    (stuck,) = [thread for thread in threading.enumerate() if thread.name == "streamer"]
+    if act is not Arm.shutdown:
+        arm.configure()
+        arm.activate()
+    link.leave.set()
+    stuck.join(5)
+    assert arm.state is (State.FINALIZED if act is Arm.shutdown else State.ACTIVE)
+    assert [event.error for event in events if isinstance(event, Faulted)] == [playback.error]
+    arm.shutdown()

@@ -1,0 +1,186 @@
+"""The one door to the wire: what it refuses, and who may write."""
+
+import math
+from collections.abc import Sequence
+
+import pytest
+
+from hardware import (
+    FIRMWARES,
+    BadPosition,
+    Codec,
+    CommandSent,
+    FrameSent,
+    InterfaceClaimed,
+    InterfaceUnknown,
+    Joint,
+    NotActive,
+    StaleGeneration,
+    TooFast,
+)
+from hardware.drivers.arduino.acknowledgements import ANSWER
+from hardware.drivers.arduino.frames import Frame
+from hardware.drivers.arduino.serial_servo import SerialServo
+from tests.support.write_guard_rig import HOME, Rig, degrees
+
+
+def test_a_frame_goes_out_and_is_told() -> None:
+    rig = Rig()
+    assert rig.write(degrees(10))
+    assert rig.events == [FrameSent(2.0, b"b100,s090,e090,g000,", degrees(10), 2.0)]
+    assert rig.door.commanded == degrees(10)
+    assert rig.board() == (100, 90, 90, 0)
+
+
+def test_the_same_bytes_are_not_sent_again_but_count_as_commanded() -> None:
+    rig = Rig()
+    assert rig.write((1e-4, 0, 0, 0)) is False
+    assert rig.door.commanded == (1e-4, 0, 0, 0)
+    assert rig.sent == []
+
+
+@pytest.mark.parametrize(
+    "positions", [(2, 0, 0, 0), (math.nan, 0, 0, 0), (0, 0, 0, 0.1), (0, 0, 0), (True, 0, 0, 0)]
+)
+def test_a_bad_value_is_refused(positions: tuple[float, ...]) -> None:
+    rig = Rig()
+    with pytest.raises(BadPosition):
+        rig.write(positions)
+    assert rig.sent == []
+    assert rig.door.commanded == HOME
+
+
+class Careless(Codec):
+    """A wire format that checks nothing."""
+
+    def encode(self, positions: Sequence[float]) -> Frame:
+        return self.frame([90] * len(positions))
+
+
+class CarelessDriver(SerialServo):
+    def wire_format(self, joints: Sequence[Joint]) -> Careless:
+        return Careless(joints)
+
+
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("bad", [math.nan, 2.0, -2.0])
+def test_a_bad_value_is_refused_even_where_the_wire_format_takes_it(place: int, bad: float) -> None:
+    rig = Rig(driver=CarelessDriver())
+    positions = [0.0, 0.0, 0.0, 0.0]
+    positions[place] = bad
+    with pytest.raises(BadPosition, match=f"joint_{place + 1} = {bad} "):
+        rig.write(tuple(positions))
+    assert rig.door.commanded == HOME
+
+
+def test_only_active_may_write() -> None:
+    rig = Rig()
+    rig.active = False
+    for positions in (degrees(1), HOME):
+        why = "^the arm is not active; configure and activate it first$"
+        with pytest.raises(NotActive, match=why):
+            rig.write(positions)
+    assert rig.sent == []
+
+
+def test_only_active_is_greeted() -> None:
+    rig = Rig(FIRMWARES["armtree"])
+    rig.dialogue.hear(rig.link.read())
+    rig.active = False
+    with pytest.raises(NotActive):
+        rig.door.greet()
+    assert rig.events == []
+    rig.active = True
+    rig.door.greet()
+    assert rig.events == [CommandSent(2.0, b"bA01;")]
+
+
+def test_a_claim_that_was_given_up_is_refused() -> None:
+    rig = Rig()
+    for _ in range(2):
+        rig.door.give_up(rig.claim)
+    with pytest.raises(StaleGeneration):
+        rig.write(degrees(1))
+    assert rig.sent == []
+
+
+def test_two_owners_of_one_joint_are_an_error_that_names_both() -> None:
+    rig = Rig()
+    why = "joint_1/position is claimed by test, so jog cannot command it; stop the arm first"
+    with pytest.raises(InterfaceClaimed, match=why):
+        rig.door.claim("jog", ["joint_1/position"], rig.door.generation)
+    assert rig.write(degrees(1))
+    rig.door.give_up(rig.claim)
+    rig.door.claim("jog", ["joint_1/position"], rig.door.generation)
+
+
+def test_a_joint_that_has_no_servo_cannot_be_claimed() -> None:
+    rig = Rig()
+    with pytest.raises(InterfaceUnknown, match="no command interface joint_5/position; there are"):
+        rig.door.claim("jog", ["joint_5/position"], rig.door.generation)
+
+
+def test_who_claims_one_joint_moves_that_one() -> None:
+    rig = Rig()
+    rig.write(degrees(10))
+    rig.door.give_up(rig.claim)
+    jog = rig.door.claim("jog", ["joint_2/position"], rig.door.generation)
+    other = rig.door.claim("other", ["joint_4/position"], rig.door.generation)
+    assert rig.door.write([math.radians(-4.5)], jog, 2.0)
+    with pytest.raises(BadPosition, match="2 values for 1: joint_2/position"):
+        rig.door.write([0.0, 0.0], jog, 2.0)
+    rig.wait(rig.door.earliest)
+    assert rig.door.write([-0.1], other, 2.0)
+    assert rig.sent[1:] == ["b100,s095,e090,g000,", "b100,s095,e090,g011,"]
+    rig.door.hold()
+    for claim in (jog, other):
+        with pytest.raises(StaleGeneration):
+            rig.door.write([0.0], claim, 2.0)
+
+
+def test_a_claim_takes_one_value_per_interface() -> None:
+    rig = Rig()
+    rig.door.give_up(rig.claim)
+    jog = rig.door.claim("jog", rig.door.interfaces[:2], rig.door.generation)
+    why = "^3 values for 2: joint_1/position, joint_2/position$"
+    with pytest.raises(BadPosition, match=why):
+        rig.door.write([0.0, 0.0, 0.0], jog, 2.0)
+
+
+def test_the_dialogue_is_told_what_went_out_and_when() -> None:
+    rig = Rig(FIRMWARES["armtree"])
+    rig.write(degrees(1))
+    assert rig.dialogue.sent == 1
+    assert rig.dialogue.due == 2.0 + ANSWER / 5
+
+
+def test_a_motion_decided_on_before_another_one_began_or_ended_is_refused() -> None:
+    rig = Rig()
+    during = rig.door.generation
+    rig.door.give_up(rig.claim)
+    with pytest.raises(StaleGeneration):
+        rig.door.claim("test", rig.door.interfaces, during)
+
+
+def test_too_large_a_step_is_refused() -> None:
+    rig = Rig()
+    with pytest.raises(TooFast, match="turns the servos by 17 degrees in sum; the most is 16"):
+        rig.write(degrees(17))
+    assert rig.write(degrees(16))
+
+
+def test_a_frame_before_the_board_has_room_is_refused() -> None:
+    rig = Rig()
+    assert rig.write(degrees(10))  # moves until 2.073 s
+    assert rig.write(degrees(0))  # waits behind it
+    busy = 14 * 0.0051 + 4 * 0.00015
+    assert rig.door.earliest == pytest.approx(2.0 + 20 * 10 / 115200 + busy)
+    why = "^b100,s090,e090,g000, comes 73.7 ms before the board has room for it$"
+    with pytest.raises(TooFast, match=why):
+        rig.write(degrees(10))
+    rig.wait(math.nextafter(rig.door.earliest, 0))
+    with pytest.raises(TooFast, match=r"comes 0\.0 ms before"):
+        rig.write(degrees(10))
+    rig.wait(rig.door.earliest)
+    assert rig.write(degrees(10))
+    assert rig.link.board.state(100.0).lost == 0

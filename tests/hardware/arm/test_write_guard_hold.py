@@ -1,0 +1,297 @@
+"""The one door to the wire: holds, failed writes, slow ones, and many threads at it."""
+
+import contextlib
+import threading
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hardware import (
+    FIRMWARES,
+    ArmEvent,
+    DriverFailed,
+    FrameSent,
+    NotActive,
+    PortLost,
+    PortStalled,
+    StaleGeneration,
+    WriteRefused,
+)
+from tests.support.write_guard_rig import HOME, Rig, degrees
+
+
+def test_a_hold_repeats_the_last_frame_exactly_once() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    for _ in range(3):
+        rig.door.hold()
+    assert rig.sent == ["b091,s090,e090,g000,"] * 2
+    assert rig.events[-1] == FrameSent(2.0, b"b091,s090,e090,g000,", degrees(1), None)
+
+
+def test_after_a_hold_the_old_motion_is_over_and_a_new_one_may_begin() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.door.hold()
+    with pytest.raises(StaleGeneration):
+        rig.write(degrees(2))
+    rig.claim = rig.claimed()
+    rig.wait(rig.door.earliest)
+    rig.write(degrees(2))
+    rig.door.hold()
+    assert len(rig.sent) == 4
+
+
+def test_a_hold_for_a_motion_that_is_over_leaves_the_next_one_alone() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    over = rig.claim
+    rig.door.hold()
+    rig.claim = rig.claimed()
+    rig.wait(rig.door.earliest)
+    rig.write(degrees(2))
+    with pytest.raises(StaleGeneration):
+        rig.door.hold(over)
+    rig.wait(rig.door.earliest)
+    rig.write(degrees(3))
+    rig.door.hold(rig.claim)
+    assert [frame[:4] for frame in rig.sent] == ["b091", "b091", "b092", "b093", "b093"]
+
+
+def test_a_hold_writes_nothing_where_no_frame_has_left() -> None:
+    rig = Rig()
+    rig.write(HOME)
+    rig.door.hold()
+    assert rig.sent == []
+
+
+def test_a_hold_writes_nothing_where_the_arm_is_not_active() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.active = False
+    with pytest.raises(NotActive):
+        rig.door.hold()
+    assert len(rig.sent) == 1
+
+
+def test_a_hold_finds_room_while_two_frames_are_under_way() -> None:
+    rig = Rig()
+    rig.write(degrees(16))
+    rig.write(degrees(0))
+    rig.door.hold()
+    assert rig.board() == (90, 90, 90, 0)
+    assert rig.link.board.state(100.0).lost == 0
+
+
+def test_after_a_failed_write_nothing_follows() -> None:
+    """What the board got is unknown, so not even a hold may go out."""
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.link.unplug()
+    with pytest.raises(PortLost):
+        rig.write(degrees(2))
+    rig.link.open()  # as if it came back
+    with pytest.raises(NotActive):
+        rig.door.hold()
+    for _ in range(2):
+        with pytest.raises(NotActive):
+            rig.write(degrees(3))
+        rig.door.hold()  # the hold that was due is given up
+    assert rig.sent == ["b091,s090,e090,g000,"]
+    assert rig.door.commanded == degrees(1)
+
+
+def test_a_failed_hold_is_not_repeated() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.link.unplug()
+    with pytest.raises(PortLost):
+        rig.door.hold()
+    rig.link.open()
+    rig.door.hold()
+    assert len(rig.sent) == 1
+
+
+def test_a_hold_within_a_hold_writes_one_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a signal's handler stops an arm that is being stopped."""
+    rig = Rig()
+    rig.write(degrees(1))
+    check = rig.door._check_active
+
+    def interrupted() -> None:
+        monkeypatch.setattr(rig.door, "_check_active", check)
+        rig.door.hold()
+        check()
+
+    monkeypatch.setattr(rig.door, "_check_active", interrupted)
+    rig.door.hold()
+    assert rig.sent == ["b091,s090,e090,g000,"] * 2
+
+
+def test_a_closed_door_stays_closed() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.door.close()
+    rig.door.close()
+    with pytest.raises(NotActive):
+        rig.write(degrees(2))
+    with pytest.raises(NotActive):
+        rig.door.hold()
+    assert len(rig.sent) == 1
+
+
+def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
+    rig = Rig()
+    rig.then = lambda _: rig.door.hold()
+    told = threading.Thread(target=lambda: rig.write(degrees(1)), daemon=True)
+    told.start()
+    told.join(5)
+    assert not told.is_alive()
+    assert len(rig.events) == 2
+
+
+@pytest.mark.parametrize(
+    "act",
+    [Rig.claimed, lambda rig: rig.door.give_up(rig.claim), lambda rig: rig.door.greet(),
+     lambda rig: rig.door.close(), lambda rig: rig.door.hold(), lambda rig: rig.write(degrees(1))],
+    ids=["claim", "give up", "greet", "close", "hold", "write"],
+)  # fmt: skip
+def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object]) -> None:
+    rig = Rig()
+    began: list[threading.Thread] = []
+    finished: list[bool] = []
+
+    def other() -> None:
+        with contextlib.suppress(WriteRefused):
+            act(rig)
+
+    def meanwhile() -> None:
+        began.append(threading.Thread(target=other))
+        began[0].start()
+        began[0].join(0.02)
+        finished.append(not began[0].is_alive())
+
+    rig.link.meanwhile = meanwhile
+    rig.write(degrees(1))
+    began[0].join()
+    assert finished == [False]
+
+
+@pytest.mark.parametrize(
+    "act",
+    [Rig.claimed, lambda rig: rig.door.give_up(rig.claim), lambda rig: rig.door.greet(),
+     lambda rig: rig.door.hold(), lambda rig: rig.write(degrees(1))],
+    ids=["claim", "give up", "greet", "hold", "write"],
+)  # fmt: skip
+def test_nobody_waits_for_ever_for_a_write_that_does_not_return(
+    act: Callable[[Rig], object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hardware.arm.write_guard._WAIT", 0.002)
+    rig, entered, leave = Rig(), threading.Event(), threading.Event()
+
+    def meanwhile() -> None:
+        entered.set()
+        leave.wait(5)
+
+    rig.link.meanwhile = meanwhile
+    stuck = threading.Thread(target=rig.write, args=(degrees(1),))
+    stuck.start()
+    assert entered.wait(5)
+    why = "^A write to the port does not return: the port board takes no more bytes"
+    with pytest.raises(PortStalled, match=why) as raised:
+        act(rig)
+    assert raised.value.port == "board"
+    rig.door.close()  # does not wait for ever either
+    assert stuck.is_alive()
+    leave.set()
+    stuck.join(5)
+    with pytest.raises(NotActive):
+        rig.door.hold()
+    assert rig.sent == ["b091,s090,e090,g000,"]
+
+
+def test_the_time_that_a_write_waits_is_the_boards_too() -> None:
+    rig = Rig()
+    rig.link.meanwhile = lambda: rig.wait(2.15)
+    rig.write(degrees(16))
+    rig.write(degrees(0))
+    busy = 20 * 0.0051 + 4 * 0.00015
+    done = 2.15 + 20 * 10 / 115200 + busy
+    assert rig.door.earliest == pytest.approx(done)
+    assert rig.door.done == pytest.approx(done + busy)
+
+
+@given(st.lists(st.tuples(st.integers(-4, 4), st.floats(0.0, 0.19), st.floats(0.0, 0.2))))
+def test_slow_writes_overrun_no_board(frames: list[tuple[int, float, float]]) -> None:
+    """Each frame is written as early as it may, and its write waits before it goes through."""
+    rig, angle = Rig(), 0
+    for step, waits, pause in frames:
+        rig.wait(max(rig.clock.now() + pause, rig.door.earliest))
+        until = rig.clock.now() + waits
+        rig.link.meanwhile = lambda until=until: rig.wait(until)  # type: ignore[misc]
+        angle += 4 * step
+        if abs(angle) < 80:
+            rig.write(degrees(angle))
+        else:
+            angle -= 4 * step
+    rig.door.hold()
+    rig.board()
+    assert rig.link.board.state(rig.clock.now()).lost == 0
+
+
+@pytest.mark.parametrize("error", [OSError("not ours"), NotActive("not by us"), SystemExit()])
+@pytest.mark.parametrize("act", [Rig.write, lambda rig, _: rig.door.greet()])
+def test_after_whatever_a_driver_raises_nothing_follows(
+    act: Callable[[Rig, tuple[float, ...]], object], error: BaseException
+) -> None:
+    rig = Rig(FIRMWARES["armtree"])
+    rig.dialogue.hear(rig.link.read())
+    rig.write(degrees(1))
+
+    def fail() -> None:
+        raise error
+
+    rig.link.meanwhile = fail
+    with pytest.raises((DriverFailed, SystemExit)) as raised:
+        act(rig, degrees(2))
+    assert error in (raised.value, raised.value.__cause__)
+    assert repr(error) in repr(raised.value)
+    with pytest.raises(NotActive):
+        rig.door.hold()
+
+
+def test_a_closed_door_has_told_all() -> None:
+    rig, entered, leave = Rig(), threading.Event(), threading.Event()
+    done: list[bool] = []
+
+    def observe(_: ArmEvent) -> None:
+        entered.set()
+        leave.wait(5)
+        done.append(True)
+
+    rig.then = observe
+    told = threading.Thread(target=rig.write, args=(degrees(1),))
+    told.start()
+    assert entered.wait(5)
+    close = threading.Thread(target=rig.door.close)
+    close.start()
+    close.join(0.02)
+    assert close.is_alive()
+    leave.set()
+    close.join(5)
+    assert done == [True]
+    told.join()
+
+
+def test_many_holds_at_once_write_one_frame() -> None:
+    for _ in range(50):
+        rig = Rig()
+        rig.write(degrees(1))
+        threads = [threading.Thread(target=rig.door.hold) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert len(rig.sent) == 2

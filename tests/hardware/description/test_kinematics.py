@@ -1,0 +1,58 @@
+"""The links are where pinocchio, too, puts them."""
+
+import random
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hardware import Robot
+from hardware.description.kinematics import Links, Quaternion
+from logs import Description, Recorder, Sent, read
+from tests.logs.test_run import EPOCH_NS, fail
+
+
+def matrix(q: Quaternion) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
+    x, y, z, w = q
+    made: np.ndarray[tuple[int, ...], np.dtype[np.float64]] = pin.Quaternion(w, x, y, z).matrix()
+    return made
+
+
+def test_as_pinocchio_places_them(robot: Robot) -> None:
+    links, rng = Links(robot.urdf.read_text()), random.Random(1)
+    model = pin.buildModelFromUrdf(str(robot.urdf))
+    data = model.createData()
+    for _ in range(20):
+        positions = {j.name: rng.uniform(j.lower, j.upper) for j in robot.actuated}
+        full = {
+            j.name: j.mimic.value(positions[j.mimic.leader]) if j.mimic else positions[j.name]
+            for j in robot.joints
+        }
+        q = np.array([full[name] for name in model.names[1:]])
+        pin.framesForwardKinematics(model, data, q)
+        for place in links.places(positions):
+            parent, child = (data.oMf[model.getFrameId(n)] for n in (place.parent, place.child))
+            wanted = parent.actInv(child)
+            assert np.allclose(wanted.translation, place.position, atol=1e-12)
+            assert np.allclose(wanted.rotation, matrix(place.rotation), atol=1e-12)
+
+
+def test_a_sliding_joint_moves_along_its_turned_axis() -> None:
+    joint = '<joint name="a" type="prismatic"><parent link="p"/><child link="c"/>'
+    joint += '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/><axis xyz="2 0 0"/></joint>'
+    (place,) = Links(f"<robot>{joint}</robot>").places({"a": 0.5})
+    assert place.position == pytest.approx((1.0, 0.5, 0.0))
+
+
+def test_late_frames_and_links_are_recorded(tmp_path: Path, robot: Robot) -> None:
+    with Recorder(tmp_path / "x.mcap", EPOCH_NS, fail) as recorder:
+        recorder.put(Sent(0.0, b"", 0.0, False, ("joint_1",), (0.3,)))
+        recorder.put(Description(0.5, robot.urdf.read_text()))
+        recorder.put(Sent(1.0, b"", 0.995, False, ("joint_1",), (0.3,)))
+        recorder.put(Sent(2.0, b"", 1.95, False, ("joint_1",), (0.3,)))
+    found = {topic: list(read(recorder.path, {topic})) for topic in ("/tf", "/diagnostics")}
+    assert len(found["/tf"]) == 2
+    assert {t.child_frame_id for t in found["/tf"][0].data.transforms} >= {"base_plate"}
+    (late,) = found["/diagnostics"]
+    assert late.data.status[0].message == "a frame left 50.0 ms late"

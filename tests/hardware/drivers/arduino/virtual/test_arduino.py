@@ -1,0 +1,225 @@
+"""Processes of virtual Arduinos: none spins, leaks or outlives its owner."""
+
+import dataclasses
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hardware import (
+    FIRMWARES,
+    Arm,
+    ArmEvent,
+    BoardState,
+    Faulted,
+    LinkError,
+    PortMissing,
+    RealClock,
+    SerialLink,
+    State,
+    StateChanged,
+    VirtualArduino,
+    VirtualLink,
+)
+from tests.support.hardware_rigs import ROBOT, open_files
+from tests.support.paths import ROOT
+
+BAUD = 115200
+STATUS = 131  # length of our firmware's answer to a question [bytes]
+PATIENCE = 10.0  # longer than anything here takes [s]
+EAGER = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
+
+
+def test_a_virtual_port_that_does_not_open_ends_its_process(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    link = ROBOT.link("virtual")
+    assert isinstance(link, VirtualLink)
+    pids: list[int] = []
+
+    def missing(self: SerialLink) -> None:
+        assert link.arduino
+        pids.append(link.arduino.pid)
+        raise PortMissing("virtual", [])
+
+    monkeypatch.setattr(SerialLink, "open", missing)
+    with pytest.raises(PortMissing):
+        link.open()
+    assert link.arduino is None
+    with pytest.raises(ProcessLookupError):
+        os.kill(pids[0], 0)
+
+
+def test_a_virtual_arduino_that_has_ended_says_so() -> None:
+    arduino = VirtualArduino("bseg", (90, 90, 90, 0), ROBOT.firmware, BAUD)
+    os.kill(arduino.pid, signal.SIGKILL)
+    for _ in range(2):
+        with pytest.raises(LinkError, match="the virtual Arduino has ended"):
+            arduino.state()
+        arduino.close()
+
+
+def test_an_idle_board_costs_next_to_nothing() -> None:
+    """Neither with a client, nor after one has hung up, does its process spin."""
+    arduino = VirtualArduino("bseg", (90, 90, 90, 0), FIRMWARES["armtree"], BAUD)
+    link, clock = SerialLink(arduino.port, BAUD), RealClock()
+    link.open()
+    for opened in (True, False):
+        if not opened:
+            link.close()
+        arduino.state()
+        before = cpu_seconds(arduino.pid)
+        with (wait := clock.signal()):
+            until = clock.now() + 0.2
+            while clock.now() < until:
+                wait.wait(until)
+        assert cpu_seconds(arduino.pid) - before < 0.05
+    arduino.close()
+
+
+def test_a_client_that_never_reads_stops_nothing() -> None:
+    """What finds no room in the kernel is lost, as on a wire, and the board goes on."""
+    asked = 1000
+    ours = dataclasses.replace(FIRMWARES["armtree"], boot_time=0.0)
+    arduino = VirtualArduino("bseg", (90, 90, 90, 0), ours, 4_000_000)
+    port = os.open(arduino.port, os.O_RDWR | os.O_NOCTTY)
+    until(arduino, lambda state: state.resets == 1)
+    for _ in range(asked):
+        os.write(port, b"?".ljust(STATUS, b"\n"))
+    os.write(port, b"b091,s089,e091,g001,")
+    until(arduino, lambda state: state.servos == (91, 89, 91, 1))
+    heard = b""
+    while select.select([port], [], [], 0)[0]:
+        heard += os.read(port, 4096)
+    assert 0 < len(heard) < 0.75 * asked * STATUS
+    os.write(port, b"?")
+    heard = b""
+    while not heard.endswith(b"at=b091,s089,e091,g001,\n"):
+        assert select.select([port], [], [], PATIENCE)[0]
+        heard += os.read(port, 4096)
+    os.close(port)
+    arduino.close()
+
+
+def until(arduino: VirtualArduino, so: Callable[[BoardState], bool]) -> None:
+    """Looks at the board until something is so."""
+    deadline = time.monotonic() + PATIENCE
+    while not so(state := arduino.state()):
+        assert time.monotonic() < deadline, state
+
+
+def cpu_seconds(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_a_hundred_activations_leak_nothing() -> None:
+    arduino = VirtualArduino("bseg", (90, 90, 90, 0), ROBOT.firmware, BAUD)
+    arduino.state()
+    with Arm(EAGER, SerialLink(arduino.port, BAUD), RealClock()) as arm:
+        arm.configure()
+        files, threads = open_files(), threading.active_count()
+        for _ in range(100):
+            arm.activate()
+            assert threading.active_count() == threads + 2
+            arm.deactivate()
+            assert threading.active_count() == threads
+        assert open_files() == files
+    arduino.close()
+
+
+def test_an_arm_whose_port_is_lost_leaves_active_at_once() -> None:
+    for _ in range(5):
+        files, left, seen = open_files(), threading.Event(), list[float]()
+
+        def see(event: ArmEvent, left: threading.Event = left, seen: list[float] = seen) -> None:
+            if isinstance(event, Faulted):
+                seen.append(time.monotonic())
+            if isinstance(event, StateChanged) and event.start is State.ERRORPROCESSING:
+                left.set()
+
+        link = EAGER.link("virtual")
+        assert isinstance(link, VirtualLink)
+        with Arm(EAGER, link, RealClock(), see) as arm:
+            arm.configure()
+            arm.activate()
+            assert link.arduino
+            lost = time.monotonic()
+            link.arduino.close()
+            assert left.wait(5)
+            assert arm.state is State.UNCONFIGURED
+        assert len(seen) == 1
+        assert seen[0] - lost < 0.1
+        assert open_files() == files
+
+
+def test_a_virtual_port_activated_ten_times_leaks_nothing() -> None:
+    files = open_files()
+    with Arm(EAGER, EAGER.link("virtual"), RealClock()) as arm:
+        arm.configure()
+        for _ in range(10):
+            arm.activate()
+            arm.deactivate()
+        assert open_files() == files
+    assert arm.state is State.FINALIZED
+
+
+def test_the_end_of_the_interpreter_closes_the_port() -> None:
+    program = """
+import dataclasses
+from hardware import Arm, RealClock, load_robot
+robot = load_robot()
+robot = dataclasses.replace(robot, serial=dataclasses.replace(robot.serial, boot_wait=0.0))
+link = robot.link("virtual")
+arm = Arm(robot, link, RealClock(), lambda event: print(event, flush=True))
+arm.configure()
+arm.activate()
+print(link.arduino.pid)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=True,
+    )
+    assert done.stderr == ""
+    assert "shuttingdown" in done.stdout
+    pid = int(re.findall(r"^\d+$", done.stdout, re.MULTILINE)[0])
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def test_a_killed_owner_takes_its_board_along() -> None:
+    program = """
+import sys
+from hardware import load_robot
+robot = load_robot()
+link = robot.link("virtual")
+link.open()
+link.arduino.state()
+print(link.arduino.pid, flush=True)
+sys.stdin.read()
+"""
+    with subprocess.Popen(
+        [sys.executable, "-c", program],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        cwd=ROOT,
+    ) as owner:
+        assert owner.stdout
+        pid = int(owner.stdout.readline())
+        watch = os.pidfd_open(pid)
+        owner.kill()
+    poll = select.poll()
+    poll.register(watch, select.POLLIN)
+    assert poll.poll(5000)
+    os.close(watch)

@@ -1,0 +1,85 @@
+"""What can be told of a port without opening it."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hardware import Check, SerialLink, SerialPort, check_port
+from hardware.link import ports as module
+from tests.support.hardware_rigs import Pty
+
+NOBODY = 65534
+
+
+@pytest.fixture
+def line() -> Iterator[Pty]:
+    line = Pty()
+    yield line
+    line.vanish()
+    os.close(line.slave)
+
+
+def told(port: str) -> Check:
+    """The last that is told of a port."""
+    return check_port(port)[-1]
+
+
+def test_a_port_that_is_there_and_free(line: Pty) -> None:
+    checks = check_port(line.port)
+    assert [(check.name, check.ok) for check in checks] == [
+        ("port", True), ("permission", True), ("ours alone", True),
+    ]  # fmt: skip
+
+
+def test_a_name_that_leads_to_a_port_is_one(line: Pty, tmp_path: Path) -> None:
+    (tmp_path / "by-id").symlink_to(line.port)
+    assert told(str(tmp_path / "by-id")).ok
+
+
+def test_a_missing_port() -> None:
+    check = told("/dev/ttyNONE9")
+    assert (check.ok, check.code) == (False, "hw.port_missing")
+    assert check.detail == "/dev/ttyNONE9: No such file or directory"
+
+
+@pytest.mark.parametrize("port", ["/dev/null", "/dev/zero", "/etc/passwd", "/tmp"])
+def test_what_is_no_serial_port(port: str) -> None:
+    check = told(port)
+    assert (check.ok, check.code) == (False, "hw.link")
+    assert check.detail == f"{port} is no serial port"
+
+
+def test_a_terminal_of_the_kernels_is_one() -> None:
+    """A real port has its entry in sysfs, as this one has, which is there on every machine."""
+    assert check_port("/dev/tty")[0].ok
+
+
+@pytest.mark.parametrize("usb", ["", "1a86:7523"])
+def test_a_denied_port_is_told_the_group_and_its_own_udev_rule(
+    line: Pty, usb: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "serial_ports", lambda: [SerialPort(line.port, "x", usb, "")])
+    os.chmod(line.slave, 0)
+    user = os.geteuid()
+    if user == 0:  # whom no mode stops
+        os.setresuid(NOBODY, NOBODY, 0)
+    try:
+        check = check_port(line.port)[1]
+    finally:
+        os.setresuid(user, user, user)
+    assert (check.ok, check.code) == (False, "hw.port_denied")
+    assert "sudo usermod -aG " in check.remedy
+    assert ('ATTRS{idVendor}=="1a86"' in check.remedy) is bool(usb)
+    assert ("udev rule" in check.remedy) is bool(usb)
+
+
+def test_a_port_of_another_armtree_is_told_its_process(line: Pty) -> None:
+    link = SerialLink(line.port, 115200)
+    link.open()
+    check = told(line.port)
+    assert (check.ok, check.code) == (False, "hw.port_busy")
+    assert f"process id {os.getpid()} has it" in check.detail
+    link.close()
+    assert told(line.port).ok

@@ -1,0 +1,108 @@
+"""Reading recordings."""
+
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from logs import RecordingError, RecordingTruncated, Result, Sent, read, table
+from logs.reading.tolerant_reader import Salvage
+from logs.views.narrative import overview
+from tests.logs.test_run import RUNS, record
+
+DUE = (0.0, 1.0, None)
+
+
+def test_topics_can_be_chosen(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    frames = [bytes(message.data.data) for message in read(path, ["/serial/tx"])]
+    assert frames == [item.data for item in RUNS["ok"] if isinstance(item, Sent)]
+
+
+def test_reading_is_lazy(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    first = next(read(path))
+    assert first.topic == "/goal"
+    assert first.fields()["name"] == "pick"
+
+
+def test_what_is_unknown_in_a_column_of_numbers_is_nan(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    words = Result(3.0, "0" * 32, 1, "ABORTED", False, "x", "x", 0, 3.0)
+    record(path, [Sent(float(n), b"b", due, due is None, (), ()) for n, due in enumerate(DUE)])
+    due = table(path, "/serial/timing")["scheduled"]
+    assert due.dtype == float
+    np.testing.assert_array_equal(due, [0.0, 1.0, np.nan])
+    record(tmp_path / "other.mcap", [words])
+    columns = table(tmp_path / "other.mcap", "/result")
+    assert np.isnan(columns["value"]).all()
+    assert columns["code"].tolist() == ["x"]
+
+
+def test_only_json_has_fields(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    state = next(read(path, ["/joint_states"]))
+    with pytest.raises(TypeError, match=r"/joint_states carries sensor_msgs/msg/JointState"):
+        state.fields()
+
+
+def test_what_cannot_be_read_is_told_at_once(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"gone\.mcap: cannot be read \(No such file"):
+        read(tmp_path / "gone.mcap")
+    (tmp_path / "image.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    with pytest.raises(RecordingError, match="is not an MCAP file; give a recording"):
+        read(tmp_path / "image.png")
+
+
+def test_a_cut_file_gives_what_is_valid_and_then_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    whole = record(path, RUNS["ok"])
+    path.write_bytes(path.read_bytes()[:-5])
+    messages = read(path)
+    found = list(islice(messages, whole.messages))
+    assert found[0].topic == "/goal"
+    with pytest.raises(RecordingTruncated, match="`armtree log recover` makes a complete file"):
+        next(messages)
+
+
+def test_an_empty_file_is_a_cut_recording(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    path.touch()
+    with pytest.raises(RecordingTruncated, match="after 0 valid messages"):
+        list(read(path))
+
+
+def test_a_recording_is_summed_up_in_one_reading(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, records, given = tmp_path / "run.mcap", Salvage.__iter__, 0
+
+    def counted(salvage: Salvage) -> Iterator[Any]:
+        nonlocal given
+        for each in records(salvage):
+            given += 1
+            yield each
+
+    whole = record(path, RUNS["ok"])
+    total = sum(1 for _ in Salvage(path))
+    monkeypatch.setattr(Salvage, "__iter__", counted)
+    found = overview(path)
+    assert (found.messages, found.complete, found.files) == (whole.messages, True, ("task.yaml",))
+    assert given < total + 10  # the head is looked at before
+
+
+def test_a_summary_whose_channel_lost_its_schema_is_damage(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    data = bytearray(path.read_bytes())
+    topic = data.rindex(b"/serial/tx")
+    data[topic - 6 : topic - 4] = b"\0\0"  # the number of its schema, before the topic's length
+    path.write_bytes(data)
+    with pytest.raises(RecordingTruncated):
+        list(read(path))

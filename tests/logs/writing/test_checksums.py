@@ -1,0 +1,54 @@
+"""The checks of a journal: what is kept of a damaged one is as it was written."""
+
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import logs
+from logs import recover
+from tests.logs.writing.test_compaction import run_journal
+from tests.support.file_damage import piece_ends
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The journal of a run that ended well."""
+    path = tmp_path_factory.mktemp("journal") / "run.mcap"
+    run_journal(path)
+    return path
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    share=st.floats(0.0, 1.0, exclude_max=True),
+    kind=st.sampled_from(("flip", "zeros", "gap", "twice")),
+    bit=st.integers(0, 7),
+    length=st.integers(1, 200),
+)
+def test_of_a_journal_nothing_is_kept_that_is_not_as_it_was_written(
+    original: Path, share: float, kind: str, bit: int, length: int
+) -> None:
+    """Whatever bits a crash, or a disk, has changed: what is recovered precedes them, unaltered."""
+    journal = original.read_bytes()
+    place = 8 + int(share * (len(journal) - 8))
+    middle = {
+        "flip": bytes([journal[place] ^ 1 << bit]) + journal[place + 1 :],
+        "zeros": bytes(len(journal) - place),
+        "gap": journal[place + length :],
+        "twice": journal[max(0, place - length) :],
+    }[kind]
+    damaged = journal[:place] + middle
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.mcap"
+        path.write_bytes(damaged)
+        made = recover(path)
+        assert made is not None
+        assert damaged == journal or made.torn
+        assert (made.damaged is not None) == bool(made.torn)
+        kept = [(message.topic, message.time_ns, message.cdr) for message in logs.read(path)]
+        wrote = [(message.topic, message.time_ns, message.cdr) for message in logs.read(original)]
+        assert kept == wrote[: len(kept)]
+        assert len(kept) >= sum(end <= place for end in piece_ends(journal))

@@ -1,0 +1,118 @@
+"""The process that compacts: whoever dies, a journal or a finished recording is left."""
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import logs
+import logs.writing.compactor
+from logs import Recorder, RecordingIncomplete, read
+from logs.reading.recovery import being_written, complete
+from logs.writing.compactor import Compactor
+from tests.logs.test_run import EPOCH_NS, fail
+from tests.logs.writing.test_recorder import sent
+from tests.support.paths import ROOT
+
+
+@pytest.fixture
+def compactor() -> Iterator[Compactor]:
+    made = Compactor()
+    yield made
+    made.close()
+
+
+def recorded(path: Path) -> Recorder:
+    recorder = Recorder(path, EPOCH_NS, fail)
+    for number in range(300):
+        recorder.put(sent(number))
+    return recorder
+
+
+def test_it_is_made_by_another_process(
+    tmp_path: Path, compactor: Compactor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logs.writing.compactor, "rewrite", fail)
+    summary = recorded(tmp_path / "run.mcap").close(compactor)
+    assert (summary.path, summary.messages, summary.whole) == (tmp_path / "run.mcap", 900, True)
+    assert complete(summary.path, every_byte=True)
+    assert not being_written(summary.path)
+
+
+def test_many_at_once(tmp_path: Path, compactor: Compactor) -> None:
+    recorders = [recorded(tmp_path / f"{number}.mcap") for number in range(20)]
+    threads = [threading.Thread(target=each.close, args=(compactor,)) for each in recorders]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(complete(recorder.path, every_byte=True) for recorder in recorders)
+
+
+def test_where_it_was_killed_the_recording_is_made_here_and_a_new_one_takes_over(
+    tmp_path: Path, compactor: Compactor
+) -> None:
+    first = compactor.pid
+    os.kill(first, signal.SIGSTOP)
+    recorder = recorded(tmp_path / "run.mcap")
+    closing = threading.Thread(target=recorder.close, args=(compactor,))
+    closing.start()
+    os.kill(first, signal.SIGKILL)
+    closing.join()
+    assert complete(recorder.path, every_byte=True)
+    after = recorded(tmp_path / "after.mcap")
+    after.close(compactor)
+    assert complete(after.path, every_byte=True)
+    assert compactor.pid != first
+
+
+def test_what_it_cannot_do_is_told_by_who_asked(tmp_path: Path, compactor: Compactor) -> None:
+    recorder = recorded(tmp_path / "run.mcap")
+    (tmp_path / "run.mcap.part").mkdir()  # where the recording is to be made
+    with pytest.raises(RecordingIncomplete, match="Is a directory"):
+        recorder.close(compactor)
+    assert sum(1 for _ in read(recorder.path)) == 900
+
+
+# Says that it has asked, and waits for what never comes.
+ASKER = """
+import os, signal, socket, sys
+from pathlib import Path
+from logs import Recorder, Sent
+from logs.compactor import Compactor
+
+compactor = Compactor()
+os.kill(compactor.pid, signal.SIGSTOP)
+recorder = Recorder(Path(sys.argv[1]), 10**18, print)
+for number in range(300):
+    recorder.put(Sent(number / 100, b"%d," % number, None, False, (), ()))
+send = socket.send_fds
+
+def told(*what):
+    send(*what)
+    print(compactor.pid, flush=True)
+
+socket.send_fds = told
+recorder.close(compactor)
+"""
+
+
+def test_where_who_asked_was_killed_it_is_finished_and_nobody_else_takes_it(tmp_path: Path) -> None:
+    path, root = tmp_path / "run.mcap", ROOT
+    command = [sys.executable, "-c", ASKER, str(path)]
+    with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE) as asker:
+        assert asker.stdout
+        pid = int(asker.stdout.readline())
+        asker.kill()
+    assert being_written(path)
+    with path.open("rb") as journal:
+        os.kill(pid, signal.SIGCONT)
+        fcntl.flock(journal, fcntl.LOCK_EX)  # until it is done
+    assert complete(path, every_byte=True)
+    assert sum(1 for _ in read(path, ["/serial/tx"])) == 300

@@ -1,0 +1,244 @@
+"""What may be commanded: every joint that is out is named, with its value and limits."""
+
+import math
+
+import pytest
+from py_trees.common import Status
+
+from hardware import Robot
+from skills import (
+    BadTarget,
+    CheckBounds,
+    OutOfBounds,
+    Positions,
+    Shift,
+    SkillError,
+    Target,
+    causes_of,
+    check_targets,
+)
+from skills.leaves.check_bounds import by_group, check_link, check_whole
+from tests.conftest import Bench
+from tests.support.arms import foreign
+
+ZERO = {"arm": {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0}, "gripper": {"joint_4": 0.0}}
+
+
+def target(**joints: float) -> dict[str, dict[str, float]]:
+    arm = {name: q for name, q in joints.items() if name in ("joint_1", "joint_2", "joint_3")}
+    gripper = {name: q for name, q in joints.items() if name not in arm}
+    return {"arm": {**ZERO["arm"], **arm}, "gripper": {**ZERO["gripper"], **gripper}}
+
+
+def test_the_limits_themselves_are_within(robot: Robot) -> None:
+    for group in robot.groups:
+        for joint in robot.leaders(group):
+            for q in (joint.lower, joint.upper):
+                check_targets(robot, target(**{joint.name: q}))
+
+
+def test_the_next_number_is_out(robot: Robot) -> None:
+    for group in robot.groups:
+        for joint in robot.leaders(group):
+            for q in (math.nextafter(joint.lower, -9), math.nextafter(joint.upper, 9)):
+                with pytest.raises(OutOfBounds, match=joint.name):
+                    check_targets(robot, target(**{joint.name: q}))
+
+
+def test_every_joint_that_is_out_is_named(robot: Robot) -> None:
+    wrong = target(joint_1=9.0, joint_2=-9.0, joint_3=math.inf, joint_4=math.nan)
+    with pytest.raises(OutOfBounds) as caught:
+        check_targets(robot, wrong)
+    causes = str(caught.value).split("; ")
+    assert [cause.split()[0] for cause in causes] == ["joint_1", "joint_2", "joint_3", "joint_4"]
+    for cause, value in zip(causes, ("9", "-9", "inf", "nan"), strict=True):
+        assert value in cause
+    assert "1.57" in causes[0]
+    assert "-1.57" in causes[0]
+
+
+def test_a_mimic_joint_may_be_left_out_or_agree(robot: Robot) -> None:
+    check_targets(robot, target(joint_4=-0.7))
+    check_targets(robot, target(joint_4=-0.7, joint_5=0.7))
+    check_targets(robot, target(joint_4=-(0.1 + 0.2), joint_5=0.3))
+    check_targets(robot, target(joint_4=-(0.1 + 0.2 - 0.3), joint_5=0.0))
+
+
+WRONG: list[tuple[dict[str, dict[str, float]], str]] = [
+    ({"arm": {}}, "joint_1 is missing"),
+    ({"arm": {"joint_1": 0.0}}, "joint_2 is missing.*joint_3 is missing"),
+    (target(joint_4=-0.7, joint_5=0.2), "joint_5 = 0.2 contradicts joint_4 = -0.7"),
+    ({"arm": {**ZERO["arm"], "joint_9": 0.0}, "gripper": {}},
+     "^joint_9 is no joint of the arm; the arm has joint_1, joint_2, joint_3; "
+     "joint_4 is missing; the gripper has joint_4, joint_5$"),
+    (target(joint_9=0.0), "joint_9 is no joint of the gripper; the gripper has joint_4, joint_5"),
+    ({"leg": {}}, "the robot has no group leg; it has arm, gripper"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("targets", "words"), WRONG)
+def test_what_makes_no_sense(
+    robot: Robot, targets: dict[str, dict[str, float]], words: str
+) -> None:
+    with pytest.raises(BadTarget, match=words):
+        check_targets(robot, targets)
+
+
+@pytest.mark.parametrize(
+    ("targets", "kind", "way"),
+    [({"arm": {}}, BadTarget, ("arm", "joint_1")),
+     (target(joint_1=9.0, joint_4=9.0), OutOfBounds, ("arm", "joint_1")),
+     (target(joint_4=9.0), OutOfBounds, ("gripper", "joint_4")),
+     (target(joint_9=0.0), BadTarget, ("gripper", "joint_9"))],
+)  # fmt: skip
+def test_the_first_value_that_is_wrong_is_told_where_it_is_written(
+    robot: Robot,
+    targets: dict[str, dict[str, float]],
+    kind: type[SkillError],
+    way: tuple[str, ...],
+) -> None:
+    with pytest.raises(kind) as caught:
+        check_targets(robot, targets)
+    assert caught.value.way == way
+    with pytest.raises(kind) as caught:
+        check_targets(robot, targets, ("goal", 3))
+    assert caught.value.way == ("goal", 3, way[-1])
+
+
+def test_a_configuration_names_every_joint_that_is_moved(robot: Robot) -> None:
+    whole = {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": 0.0}
+    check_whole(robot, "start", whole)
+    why = "^the start lacks joint_2, joint_4; it must name joint_1, joint_2, joint_3, joint_4$"
+    with pytest.raises(BadTarget, match=why) as caught:
+        check_whole(robot, "start", {"joint_1": 0.0, "joint_3": 0.0})
+    assert caught.value.way == ("start",)
+
+
+def test_a_link_is_one_of_the_robots(robot: Robot) -> None:
+    for name in robot.links:
+        check_link(robot, "to", name)
+    with pytest.raises(BadTarget) as caught:
+        check_link(robot, "to", "claw")
+    assert str(caught.value) == f"the robot has no link claw; it has {', '.join(robot.links)}"
+    assert caught.value.way == ("to",)
+
+
+def test_joints_are_told_apart_by_their_groups(robot: Robot) -> None:
+    assert by_group(robot, {"joint_4": 0.1, "joint_1": 0.2}, "to") == {
+        "arm": {"joint_1": 0.2},
+        "gripper": {"joint_4": 0.1},
+    }
+    why = "^joint_8 is no joint of the robot; it has joint_1.*; joint_9 is no joint of the robot"
+    with pytest.raises(BadTarget, match=why) as caught:
+        by_group(robot, {"joint_8": 0.0, "joint_1": 0.0, "joint_9": 0.0}, "to")
+    assert caught.value.way == ("to", "joint_8")
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_mimic_joint_that_is_no_finite_number_is_out_of_bounds(
+    robot: Robot, value: float
+) -> None:
+    with pytest.raises(OutOfBounds, match=f"^joint_5 = {value} is not a finite number$"):
+        check_targets(robot, target(joint_4=-0.7, joint_5=value))
+
+
+def test_only_what_is_spelled_out_is_judged(robot: Robot) -> None:
+    CheckBounds.judge(robot, {})
+    CheckBounds.judge(robot, {"arm": ZERO["arm"]})
+    with pytest.raises(OutOfBounds, match="joint_4"):
+        CheckBounds.judge(robot, {"gripper": {"joint_4": 9.0}})
+
+
+def test_the_goal_of_all_actuated_joints(bench: Bench) -> None:
+    skill = bench.skill(
+        CheckBounds,
+        gripper=Positions(joint_5=0.7, joint_4=-0.7),
+        arm=Positions(joint_3=0.3, joint_1=0.1, joint_2=0.2),
+    )
+    skill.tick_once()
+    assert skill.status is Status.SUCCESS
+    names = [joint.name for joint in bench.robot.actuated]
+    assert list(bench.output("goal").items()) == list(
+        zip(names, (0.1, 0.2, 0.3, -0.7), strict=True)
+    )
+
+
+def test_the_goal_is_known_beforehand_where_both_targets_are_spelled_out(robot: Robot) -> None:
+    arm = {"joint_3": 0.3, "joint_1": 0.1, "joint_2": 0.2}
+    gripper = {"joint_5": 0.7, "joint_4": -0.7}
+    assert CheckBounds.poses(robot, {"arm": arm, "gripper": gripper}) == [(0.1, 0.2, 0.3, -0.7)]
+    for inputs in ({}, {"arm": arm}, {"gripper": gripper}):
+        assert CheckBounds.poses(robot, inputs) == []
+
+
+def test_a_target_out_of_bounds_fails_the_skill(bench: Bench) -> None:
+    skill = bench.skill(
+        CheckBounds, arm=Positions(target(joint_1=9.0)["arm"]), gripper=Positions(joint_4=0.0)
+    )
+    skill.tick_once()
+    assert skill.status is Status.FAILURE
+    assert isinstance(skill.failure, OutOfBounds)
+
+
+@pytest.mark.parametrize("turns", [3.2, -3.2])
+def test_a_joint_without_an_end_is_moved_half_a_turn_at_the_most(turns: float) -> None:
+    """It would go the short way, which is the other."""
+    Shift.judge(foreign("endless"), {"by": {"turn": math.copysign(3.1, turns)}})
+    with pytest.raises(OutOfBounds, match="further than half a turn"):
+        Shift.judge(foreign("endless"), {"by": {"turn": turns}})
+
+
+def test_everything_that_is_wrong_is_told_each_with_its_value(robot: Robot) -> None:
+    arm = Positions(joint_1=9.0, joint_7=0.2)
+    arm.unknown = ("joint_3",)
+    with pytest.raises(ExceptionGroup) as caught:
+        CheckBounds.judge(robot, {"arm": arm, "gripper": {"joint_4": -0.3, "joint_5": 0.1}})
+    told = [(error.way, str(error)) for error in causes_of(caught.value) if error.way]  # type: ignore[union-attr]
+    assert [way for way, _ in told] == [
+        ("arm", "joint_1"),
+        ("arm", "joint_7"),
+        ("gripper", "joint_5"),
+    ]
+    assert told[1][1].endswith("did you mean joint_2?")  # so that it is not called missing, too
+
+
+def test_at_run_time_all_of_it_is_one_cause(bench: Bench) -> None:
+    arm = Positions(joint_1=9.0, joint_7=0.2, joint_3=0.0)
+    skill = bench.skill(CheckBounds, arm=arm, gripper=Positions(joint_4=0.0))
+    skill.tick_once()
+    assert isinstance(skill.failure, OutOfBounds)
+    assert "joint_1 = 9.0" in str(skill.failure)
+    assert "joint_7 is no joint of the arm" in str(skill.failure)
+
+
+START = {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": -0.7}
+
+
+@pytest.mark.parametrize("q", [0.0, 0.7])
+def test_a_mimic_joint_by_itself_is_refused_wherever_its_leader_stands(
+    bench: Bench, q: float
+) -> None:
+    skill = bench.skill(Target, start=Positions(START), joints=Positions(joint_5=q))
+    skill.tick_once()
+    assert isinstance(skill.failure, BadTarget)
+    words = (
+        f"joint_5 follows joint_4; name joint_4 instead (joint_4 = {0 - q:g} gives joint_5 = {q:g}"
+    )
+    assert words in str(skill.failure)
+    with pytest.raises(BadTarget, match="joint_5 follows joint_4"):
+        Target.judge(bench.robot, {"joints": Positions(joint_5=q)})
+
+
+def test_a_mimic_joint_whose_leader_is_named_only_later_or_misspelt_is_not_alone(
+    robot: Robot,
+) -> None:
+    later = Positions(joint_5=0.7)
+    later.unknown = ("joint_4",)
+    Target.judge(robot, {"joints": later})
+    with pytest.raises(BadTarget, match="did you mean joint_4") as caught:
+        Target.judge(robot, {"joints": Positions(joint4=-0.7, joint_5=0.7)})
+    assert "follows" not in str(caught.value)
+    alone = Positions()
+    alone.unknown = ("joint_5",)
+    with pytest.raises(BadTarget, match=r"name joint_4 instead$"):
+        Target.judge(robot, {"joints": alone})

@@ -1,0 +1,99 @@
+"""How deep what is made of meshes is in something: how far it would have to move to be free."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hardware import load_robot
+from skills.motion import Body, Box, Mesh, Query, Shape, Sphere, StartInCollision, World
+from skills.motion.collision.checker import CollisionChecker
+from skills.motion.kinematics.model import Model
+from skills.motion.planner import Planner
+from tests.skills.motion.collision.test_inside import AWAY, STAND, cube
+
+ROBOT = load_robot()
+EDGE = 0.1
+HIGH = (0.0, 0.0, 0.8)  # where the arm is not
+
+places = st.tuples(*[st.floats(-0.08, 0.08)] * 3)
+turns = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda turn: np.linalg.norm(turn) > 0.1)
+
+
+@pytest.fixture(scope="module")
+def mesh(tmp_path_factory: pytest.TempPathFactory) -> Mesh:
+    return cube(tmp_path_factory.mktemp("mesh"), (0.5 * EDGE,))
+
+
+def depth(held: Shape, there: Shape, shift: tuple[float, ...], turn: tuple[float, ...]) -> float:
+    """Of a body that the arm's base holds, and one that stands; negative where they are apart."""
+    x, y, z = np.add(HIGH, shift).tolist()
+    a, b, c, d = (np.array(turn) / np.linalg.norm(turn)).tolist()
+    moving = Body("moving", held, HIGH, link="base_plate")
+    standing = Body("standing", there, (x, y, z), (a, b, c, d))
+    nearest = CollisionChecker(Model(ROBOT, World((moving, standing)))).nearest(ROBOT.boot_pose)
+    assert nearest
+    return -nearest.distance
+
+
+def test_two_meshes_are_as_deep_as_they_are_and_the_error_says_so(mesh: Mesh) -> None:
+    held = Body("held", mesh, HIGH, link="base_plate")
+    there = Body("there", mesh, (0.09, 0.003, 0.802))
+    with pytest.raises(
+        StartInCollision, match=r"held would be up to 10\.0 mm deep in there"
+    ) as caught:
+        Planner(ROBOT).plan(Query("arm", STAND, AWAY, world=World((held, there))))
+    assert caught.value.distance == pytest.approx(-0.01, abs=1e-6)
+
+
+@given(places, turns)
+def test_of_convex_meshes_it_is_that_of_the_solids(
+    mesh: Mesh, shift: tuple[float, ...], turn: tuple[float, ...]
+) -> None:
+    box = Box((EDGE,) * 3)
+    solids = depth(box, box, shift, turn)
+    for held, there in ((mesh, mesh), (mesh, box), (box, mesh)):
+        found = depth(held, there, shift, turn)
+        if solids > 1e-6:
+            assert solids - 1e-5 <= found <= solids + 1e-5
+        elif solids < -1e-6:
+            assert found == pytest.approx(solids, abs=1e-5)
+
+
+def test_what_grazes_the_wall_of_a_tray_is_not_as_deep_as_in_its_hull(tmp_path: Path) -> None:
+    tray = cube(tmp_path, (0.5 * EDGE,), open_top=True)
+    pea, flat = Sphere(0.01), (0.0, 0.0, 0.0, 1.0)
+    aside = (0.042, 0.0, 0.0)
+    assert depth(pea, tray, aside, flat) == pytest.approx(0.002, rel=0.05)
+    assert depth(tray, pea, aside, flat) == pytest.approx(0.002, rel=0.05)
+
+
+def test_of_what_only_the_hulls_touch_nothing_is_said(tmp_path: Path) -> None:
+    tray = cube(tmp_path, (0.5 * EDGE,), open_top=True)
+    assert depth(Sphere(0.01), tray, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) < 0.0
+
+
+def test_further_in_is_no_way_out(mesh: Mesh, tmp_path: Path) -> None:
+    """9 mm inward it would touch the surface no more."""
+    small, aside = cube(tmp_path, (0.01,)), (0.049, 0.0, 0.0)
+    for held, there in ((small, mesh), (mesh, small)):
+        assert depth(held, there, aside, (0.0, 0.0, 0.0, 1.0)) == pytest.approx(0.011, abs=1e-5)
+
+
+@given(st.floats(-0.12, 0.12), turns)
+def test_in_the_floor_it_is_that_of_the_solid(
+    mesh: Mesh, height: float, turn: tuple[float, ...]
+) -> None:
+    """Of a mesh with the floor coal tells that of any triangle."""
+    a, b, c, d = (np.array(turn) / np.linalg.norm(turn)).tolist()
+    found = []
+    for shape in (mesh, Box((EDGE,) * 3)):
+        held = Body("held", shape, (1.5, 0.0, height), (a, b, c, d), link="base_plate")
+        contacts = CollisionChecker(Model(ROBOT, World((held,))))
+        nearest = contacts.nearest(ROBOT.boot_pose)
+        assert nearest
+        found.append((nearest.distance, contacts.first_hit([ROBOT.boot_pose], 0.005)))
+    assert found[0][0] == pytest.approx(found[1][0], abs=1e-6)
+    assert found[0][1] == found[1][1]

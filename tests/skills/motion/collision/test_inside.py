@@ -1,0 +1,113 @@
+"""What is wholly inside a mesh touches it, at the ends of a motion where nothing else sees it."""
+
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hardware import load_robot
+from skills.motion import (
+    Body,
+    Box,
+    GoalInCollision,
+    Mesh,
+    MotionCollides,
+    Query,
+    Shape,
+    Sphere,
+    StartInCollision,
+    ToolQuery,
+    Verify,
+    World,
+)
+from skills.motion.collision.solid import Solid
+from skills.motion.planner import Planner
+from tests.support.arms import foreign
+
+ROBOT = load_robot()
+PLANNER = Planner(ROBOT)
+STAND, AWAY = (0.0,) * 4, (0.5, 0.0, 0.0)
+CUBE = np.array(list(product((-1.0, 1.0), repeat=3)))
+FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+TRIANGLES = [(a, *pair) for a, b, c, d in FACES for pair in ((b, c), (c, d))]
+TOP = 2  # triangles of the last face, which is that of z = 1
+
+
+def cube(folder: Path, sizes: tuple[float, ...], open_top: bool = False) -> Mesh:
+    """One in the next, as an STL: every triangle with its own corners.
+
+    Sizes are half the edges [m]; those below 0 face inward.
+    """
+    lines = ["solid"]
+    for size in sizes:
+        for triangle in TRIANGLES[: -TOP if open_top else None]:
+            corners = "\n".join("vertex {} {} {}".format(*(size * CUBE[i])) for i in triangle)
+            lines.append(f"facet normal 0 0 0\nouter loop\n{corners}\nendloop\nendfacet")
+    file = folder / "cube.stl"
+    file.write_text("\n".join([*lines, "endsolid\n"]))
+    return Mesh(str(file))
+
+
+def test_a_body_in_a_mesh_link_is_seen_and_how_deep() -> None:
+    """In the middle of a beam 80 mm wide, and out with its own radius; see beam.stl."""
+    robot = foreign("six_axes")
+    planner, stand = Planner(robot), (0.0,) * 6
+    pea = World((Body("pea", Sphere(0.003), (0.0, 0.0, 0.3)),))
+    with pytest.raises(StartInCollision, match=r"upper_arm .* pea") as caught:
+        planner.plan(Query("arm", stand, (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), world=pea))
+    assert caught.value.distance == pytest.approx(-0.043, abs=1e-5)
+    with pytest.raises(GoalInCollision, match=r"upper_arm .* pea"):
+        planner.plan(Query("arm", (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), stand, world=pea))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "open_top", "free"),
+    [
+        ((1.0,), False, False),
+        ((-1.0,), False, False),
+        ((1.0, 1.1), False, False),
+        ((1.0,), True, True),
+        ((1.1, -1.0), False, True),
+    ],
+    ids=["solid", "inside out", "of two parts", "tray", "room with thick walls"],
+)
+def test_an_arm_in_a_mesh_of_the_world(
+    tmp_path: Path, sizes: tuple[float, ...], open_top: bool, free: bool
+) -> None:
+    there = World((Body("thing", cube(tmp_path, sizes, open_top), (0.0, 0.0, 0.5)),))
+    query, rows = Query("arm", STAND, AWAY, world=there), [STAND, (*AWAY, 0.0)]
+    reach = ToolQuery("arm", STAND, (0.1, 0.05, 0.08), world=there)
+    if free:
+        assert PLANNER.plan(query).duration
+        assert PLANNER.reach(reach).found
+        PLANNER.verify(Verify(rows, 0.005, world=there))
+    else:
+        with pytest.raises(StartInCollision, match="thing"):
+            PLANNER.plan(query)
+        with pytest.raises(GoalInCollision, match="thing"):
+            PLANNER.reach(reach)
+        with pytest.raises(MotionCollides, match="thing"):
+            PLANNER.verify(Verify(rows, 0.005, world=there))
+
+
+@pytest.mark.parametrize("shape", [Box((0.01, 0.01, 0.01)), Mesh("small")])
+def test_a_held_body_in_a_mesh(tmp_path: Path, shape: Shape) -> None:
+    """Two bodies, neither of them a link."""
+    (tmp_path / "small").mkdir()
+    if isinstance(shape, Mesh):
+        shape = cube(tmp_path / "small", (0.005,))
+    held = Body("held", shape, (0.0, 0.0, 0.8), link="base_plate")
+    around = Body("around", cube(tmp_path, (0.1,)), (0.0, 0.0, 0.9))
+    with pytest.raises(StartInCollision, match=r"held .* around"):
+        PLANNER.plan(Query("arm", STAND, AWAY, world=World((held, around))))
+
+
+@given(st.tuples(*[st.floats(-1.5, 1.5)] * 3))
+def test_inside_and_outside(point: tuple[float, float, float]) -> None:
+    if not np.isclose(np.abs(point), 1.0).any():
+        solid = Solid(CUBE, np.array(TRIANGLES))
+        assert solid.closed
+        assert solid.contains(np.array(point)) == (max(map(abs, point)) < 1.0)

@@ -1,0 +1,129 @@
+"""Where a joint cannot pass there is no way, which is said at once."""
+
+import dataclasses
+from math import pi, radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hardware import CollisionRules, Robot, load_robot
+from skills.motion import Barred, Body, Box, MotionError, NoPath, PlanTimeout, Query, World
+from skills.motion.path import barrier
+from skills.motion.planner import Planner
+from tests.support.arms import foreign, pair_file
+
+UPRIGHT = (0.0,) * 6
+# The column of the arm that turns without end holds a bar, and posts stand where that would pass.
+BAR = Body("bar", Box((0.6, 0.02, 0.02)), (0.5, 0.0, 0.1), link="column")
+LEFT = Body("left", Box((0.05, 0.05, 0.3)), (0.0, 0.6, 0.1))
+RIGHT = Body("right", Box((0.05, 0.05, 0.3)), (0.0, -0.6, 0.1))
+ACROSS = (radians(150.0), 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+LEADER_URDF = """<robot name="arm">
+<link name="base"/>
+<link name="a"><collision><origin xyz="0.2 0 0"/><geometry><box size=".2 .02 .02"/></geometry>
+</collision></link><link name="b"/>
+<joint name="lead" type="continuous"><parent link="base"/><child link="a"/>
+<axis xyz="0 0 1"/><limit velocity="2" effort="1"/></joint>
+<joint name="mate" type="continuous"><parent link="base"/><child link="b"/>
+<axis xyz="0 0 1"/><limit velocity="2" effort="1"/><mimic joint="lead"/></joint>
+</robot>"""
+
+
+@pytest.fixture(scope="module")
+def rolling() -> Robot:
+    """Six axes over a floor, of which the second could go all the way round, were there none."""
+    robot = foreign("six_axes")
+    turn, lift, *rest = robot.joints
+    joints = (turn, dataclasses.replace(lift, lower=-2.0 * pi, upper=2.0 * pi), *rest)
+    rules = robot.collision
+    floor = CollisionRules(rules.margin, rules.allowed, 0.0, frozenset(("base", "shoulder")))
+    return dataclasses.replace(robot, joints=joints, collision=floor)
+
+
+def test_a_turn_through_the_floor(rolling: Robot) -> None:
+    with pytest.raises(Barred) as caught:
+        Planner(rolling).plan(Query("arm", UPRIGHT, (0.0, 2.0 * pi, 0.0, 0.0, 0.0, 0.0)))
+    error = caught.value
+    assert (error.joint, error.unit, error.first, error.second) == (
+        "lift", "rad", "upper_arm", "floor",
+    )  # fmt: skip
+    assert 0.25 * pi < error.value < 1.75 * pi
+    assert "lift would have to pass" in str(error)
+
+
+def test_a_joint_without_an_end_goes_the_other_way_round() -> None:
+    planner = Planner(foreign("endless"))
+    plan = planner.plan(Query("arm", UPRIGHT, ACROSS, world=World((BAR, LEFT))))
+    assert plan.goal[0] == pytest.approx(radians(150.0 - 360.0))
+
+
+def test_a_joint_without_an_end_that_cannot_pass_either_way() -> None:
+    planner = Planner(foreign("endless"))
+    with pytest.raises(Barred, match=r"turn would have to pass 1\.\d+ rad, where bar .* left"):
+        planner.plan(Query("arm", UPRIGHT, ACROSS, world=World((BAR, LEFT, RIGHT))))
+
+
+def test_two_joints_without_an_end_that_both_must_turn_the_other_way() -> None:
+    stick = Body(
+        "stick", Box((0.3, 0.01, 0.01)), (0.2, 0.0, 0.05), link="fist",
+        touches=frozenset(("wrist_bend",)),
+    )  # fmt: skip
+    peg = Body(
+        "peg", Box((0.02, 0.02, 0.1)), (0.0, 0.2, 0.13), link="wrist_bend",
+        touches=frozenset(("fist", "column", "forearm")),
+    )  # fmt: skip
+    goal = (ACROSS[0], 0.0, 0.0, 0.0, 0.0, ACROSS[0])
+    query = Query("arm", UPRIGHT, goal, world=World((BAR, LEFT, stick, peg)), timeout=30.0)
+    plan = Planner(foreign("endless")).plan(query)
+    assert plan.goal[[0, 5]] == pytest.approx(radians(150.0 - 360.0))
+
+
+def test_a_via_point_that_a_joint_without_an_end_reaches_the_other_way_round() -> None:
+    lifted = (ACROSS[0], 0.3, 0.0, 0.0, 0.0, 0.0)
+    world = World((BAR, LEFT))
+    query = Query("arm", UPRIGHT, lifted, via=(ACROSS,), world=world, timeout=30.0)
+    plan = Planner(foreign("endless")).plan(query)
+    turned = np.array(ACROSS) - [2.0 * pi, *UPRIGHT[1:]]
+    assert plan.goal == pytest.approx([turned[0], 0.3, *turned[2:]])
+    times = np.linspace(0.0, plan.duration, 2000)
+    assert np.linalg.norm(plan.sample(times) - turned, axis=1).min() < 0.02
+
+
+def test_a_leader_without_an_end_is_never_barred(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(LEADER_URDF)
+    (tmp_path / "arm.toml").write_text(pair_file("lead", "mate"))
+    post = Body("post", Box((0.03, 0.03, 0.3)), (-0.2, 0.05, 0.0))
+    planner = Planner(load_robot(tmp_path / "arm.toml"))
+    query = Query("arm", (0.0,), (radians(300.0),), world=World((post,)), timeout=0.1)
+    with pytest.raises((NoPath, PlanTimeout)):
+        planner.plan(query)
+
+
+def test_what_is_barred_no_search_ever_finds(
+    rolling: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside each other: what is said at once, and what a search comes to."""
+    planner, random, told = Planner(rolling), np.random.default_rng(1), list[tuple[bool, bool]]()
+    lower, upper = [-2.9, -6.28, -2.5, -2.9, -2.0, -2.9], [2.9, 6.28, 2.5, 2.9, 2.0, 2.9]
+    check, barred = barrier.check_passable, list[bool]()
+
+    def noted(*asked: object) -> None:
+        try:
+            check(*asked)  # type: ignore[arg-type]
+        except Barred:
+            barred.append(True)
+
+    monkeypatch.setattr("skills.motion.path.path.check_passable", noted)
+    monkeypatch.setattr("skills.motion.path.search._ITERATIONS", 300)
+    for start, goal in random.uniform(lower, upper, (120, 2, 6)).tolist():
+        barred.clear()
+        try:
+            found = bool(planner.plan(Query("arm", tuple(start), tuple(goal))))
+        except MotionError:
+            found = False
+        told.append((bool(barred), found))
+    assert (True, True) not in told
+    assert told.count((True, False)) > 5

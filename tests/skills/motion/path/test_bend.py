@@ -1,0 +1,81 @@
+"""The rung between the straight line and the search: one bend."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from hardware import SimulatedClock, load_robot
+from skills.motion import Body, Box, MotionError, Plan, PlanTimeout, Query, World
+from skills.motion.collision.checker import CollisionChecker
+from skills.motion.collision.endpoints import bounds, columns
+from skills.motion.deadline import Deadline
+from skills.motion.kinematics.model import Model
+from skills.motion.path.bend import bent
+from skills.motion.path.space import Space
+from skills.motion.planner import Planner
+
+ROBOT = load_robot()
+POST = World((Body("post", Box((0.03, 0.03, 0.3)), (0.115, 0.115, 0.15)),))
+LOWER, UPPER = bounds(ROBOT, "arm")
+ENDS = np.array((0.3, -0.6, 0.3)), np.array((-1.4, -0.6, -0.07))
+
+
+def planned(count: int) -> Iterator[Plan]:
+    """From one side of the post to the other."""
+    planner, random = Planner(ROBOT), np.random.default_rng(5)
+    for draw in random.uniform(-0.3, 0.3, (count, 2, 3)):
+        start, goal = np.clip(draw + ENDS, LOWER, UPPER)
+        try:
+            plan = planner.plan(Query("arm", (*start, 0.0), tuple(goal), world=POST))
+        except MotionError:
+            continue  # one of them touches the post
+        if "bend" in plan.milliseconds:
+            yield plan
+
+
+def test_bends_are_free_and_within_the_limits() -> None:
+    contacts, found = CollisionChecker(Model(ROBOT, POST)), 0
+    for plan in planned(60):
+        rows = np.zeros((int(plan.duration / 0.001), 4))
+        rows[:, :3] = plan.sample(np.linspace(0.0, plan.duration, len(rows)))
+        assert np.all((rows[:, :3] >= LOWER) & (rows[:, :3] <= UPPER))
+        assert contacts.first_hit(rows, 0.5 * ROBOT.collision.margin) is None
+        found += "search" not in plan.milliseconds
+    assert found > 10
+
+
+def space(world: World, clock: SimulatedClock, timeout: float) -> Space:
+    model, own = Model(ROBOT, world), columns(ROBOT, "arm")
+    margin = ROBOT.collision.margin
+    return Space(
+        contacts=CollisionChecker(model),
+        start=np.zeros(4),
+        columns=own,
+        levers=model.levers[:, own],
+        margin=margin,
+        proved=0.5 * margin,
+        deadline=Deadline(clock, timeout),
+    )
+
+
+def test_a_bend_goes_round_what_the_line_does_not_miss() -> None:
+    there = space(POST, SimulatedClock(), 1.0)
+    assert not there.edge(*ENDS)
+    found = bent(there, LOWER, UPPER, ENDS)
+    assert found
+    waypoints, curve = found
+    assert len(waypoints) == 3
+    assert np.allclose(curve.positions(np.array([0.0, curve.length])), ENDS, rtol=0.0, atol=1e-12)
+    assert there.curve(curve)
+
+
+def test_the_time_is_kept() -> None:
+    late = space(POST, SimulatedClock(), -1.0)
+    with pytest.raises(PlanTimeout):
+        bent(late, LOWER, UPPER, ENDS)
+
+
+def test_none_where_the_limits_leave_no_way_round() -> None:
+    there = space(POST, SimulatedClock(), 5.0)
+    assert bent(there, np.minimum(*ENDS), np.maximum(*ENDS), ENDS) is None

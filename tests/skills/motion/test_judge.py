@@ -1,0 +1,154 @@
+"""Plans looked at again, every millisecond, by a judge that shares no code with the planner."""
+
+import dataclasses
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+from hardware import Robot, load_robot
+from skills.motion import Plan, Query
+from skills.motion.collision.checker import CollisionChecker
+from skills.motion.kinematics.model import Model
+from skills.motion.planner import Planner
+
+Array = NDArray[np.float64]
+
+# Found by search: on the shipped robot the line between these would pass through its base.
+FOLDED = (-1.44023649, 0.16565795, -0.993262)
+NEAR_FOLDED = (-1.43, 0.17, -0.98)
+LEANING = (-1.33750881, 1.30914797, -1.10353502)
+
+POST = """
+<link name="post"><collision>
+  <origin xyz="0.115 0.115 0.1"/><geometry><box size="0.03 0.03 0.2"/></geometry>
+</collision></link>
+<joint name="post_joint" type="fixed"><parent link="world"/><child link="post"/></joint>
+</robot>"""
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot()
+
+
+@pytest.fixture(scope="module")
+def robot_with_post(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """Another thing stands on the table, in front and to the right."""
+    urdf: Path = tmp_path_factory.mktemp("post") / "post.urdf"
+    urdf.write_text(robot.urdf.read_text().replace("</robot>", POST))
+    ignores = robot.collision.floor_ignores | {"post"}
+    rules = dataclasses.replace(robot.collision, floor_ignores=ignores)
+    return dataclasses.replace(robot, urdf=urdf, collision=rules)
+
+
+class Judge:
+    """Looks at one configuration at a time, one pair of primitives at a time, with coal alone."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.model = pin.buildModelFromUrdf(str(robot.urdf))
+        self.data = self.model.createData()
+        self.shapes = pin.buildGeomFromUrdf(
+            self.model, str(robot.urdf), pin.GeometryType.COLLISION
+        ).geometryObjects
+        self.links = [self.model.frames[shape.parentFrame].name for shape in self.shapes]
+        pairs = itertools.combinations(range(len(self.shapes)), 2)
+        self.pairs = [pair for pair in pairs if self.wanted(*pair)]
+
+    def wanted(self, i: int, j: int) -> bool:
+        first, second = self.links[i], self.links[j]
+        pair = frozenset((first, second))
+        return first != second and pair not in self.robot.collision.allowed
+
+    def distances(self, configuration: Array) -> Iterator[tuple[float, str, str]]:
+        own = dict(zip([j.name for j in self.robot.actuated], configuration, strict=True))
+        q = pin.neutral(self.model)
+        for joint in self.robot.joints:
+            value = joint.mimic.value(own[joint.mimic.leader]) if joint.mimic else own[joint.name]
+            q[self.model.joints[self.model.getJointId(joint.name)].idx_q] = value
+        pin.forwardKinematics(self.model, self.data, q)
+        places = [self.data.oMi[shape.parentJoint] * shape.placement for shape in self.shapes]
+        placed = [coal.Transform3s(place.rotation, place.translation) for place in places]
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        for i, j in self.pairs:
+            result.clear()
+            a, b = self.shapes[i].geometry, self.shapes[j].geometry
+            yield (
+                coal.distance(a, placed[i], b, placed[j], request, result),
+                self.links[i],
+                self.links[j],
+            )
+        yield from self.heights(places)
+
+    def heights(self, places: list[pin.SE3]) -> Iterator[tuple[float, str, str]]:
+        """Above the floor, from the closed forms of box and cylinder."""
+        floor, ignored = self.robot.collision.floor, self.robot.collision.floor_ignores
+        for place, shape, link in zip(places, self.shapes, self.links, strict=True):
+            if floor is None or link in ignored:
+                continue
+            geometry, up = shape.geometry, place.rotation[2]
+            if isinstance(geometry, coal.Box):
+                drop = float(abs(up) @ geometry.halfSide)
+            else:
+                drop = abs(up[2]) * geometry.halfLength + geometry.radius * np.hypot(up[0], up[1])
+            yield place.translation[2] - drop - floor, link, "floor"
+
+
+def test_agrees_with_the_planner(robot: Robot) -> None:
+    contacts = CollisionChecker(Model(robot))
+    judge, random = Judge(robot), np.random.default_rng(3)
+    lower = np.array([joint.lower for joint in robot.actuated])
+    upper = np.array([joint.upper for joint in robot.actuated])
+    hits = 0
+    for configuration in random.uniform(lower, upper, (300, 4)):
+        distance, _, _ = min(judge.distances(configuration))
+        nearest = contacts.nearest(configuration)
+        assert nearest is not None
+        assert nearest.distance == pytest.approx(distance, abs=2e-5)
+        if abs(distance - 0.005) > 2e-5:
+            assert (contacts.first_hit([configuration], 0.005) == 0) == (distance < 0.005)
+        hits += distance < 0.005
+    assert 50 < hits < 250
+
+
+def least_distance(robot: Robot, plan: Plan) -> float:
+    """Over the whole motion, every millisecond, the rest of the arm standing still [m]."""
+    judge, rows = Judge(robot), []
+    names = [joint.name for joint in robot.actuated]
+    for state in plan.sample(np.arange(0.0, plan.duration + 0.001, 0.001)):
+        rows.append(plan.start.copy())
+        rows[-1][[names.index(name) for name in plan.joints]] = state
+    return min(min(judge.distances(row))[0] for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("via", "rungs"),
+    [((), {"bend", "check"}), ((NEAR_FOLDED,), {"search", "shorten", "blend", "check"})],
+)
+def test_detour_on_the_shipped_robot(
+    robot: Robot, via: tuple[tuple[float, ...], ...], rungs: set[str]
+) -> None:
+    plan = Planner(robot).plan(Query("arm", (*FOLDED, 0.0), LEANING, via=via))
+    assert len(plan.waypoints) > 2
+    assert plan.milliseconds.keys() == {"ends", "straight", "time"} | rungs
+    assert least_distance(robot, plan) > 0.5 * robot.collision.margin
+
+
+def test_the_line_there_really_is_not_free(robot: Robot) -> None:
+    judge, a, b = Judge(robot), np.array((*FOLDED, 0.0)), np.array((*LEANING, 0.0))
+    line = a + np.linspace(0.0, 1.0, 200)[:, None] * (b - a)
+    assert min(min(judge.distances(row))[0] for row in line) < robot.collision.margin
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_detour_round_a_post(robot_with_post: Robot, seed: int) -> None:
+    query = Query("arm", (0.3, -0.6, 0.3, 0.0), (-1.4, -0.6, -0.07), seed)
+    plan = Planner(robot_with_post).plan(query)
+    assert len(plan.waypoints) > 2
+    assert least_distance(robot_with_post, plan) > 0.5 * robot_with_post.collision.margin

@@ -1,0 +1,188 @@
+"""Arms that are sold, with their makers' meshes: six and seven axes, sliding fingers, no end."""
+
+import dataclasses
+from itertools import combinations
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+from hardware import Robot
+from skills.motion import (
+    Body,
+    Box,
+    GoalInCollision,
+    GoalOutOfBounds,
+    Query,
+    Sphere,
+    StartInCollision,
+    ToolQuery,
+    World,
+)
+from skills.motion.collision.checker import CollisionChecker
+from skills.motion.kinematics.inverse import _Arm
+from skills.motion.kinematics.model import Model
+from skills.motion.planner import Planner
+from tests.support.arms import free_poses
+from tests.support.real_arms import FILES, real
+
+Array = NDArray[np.float64]
+POST = Box((0.1, 0.1, 1.2))
+POST_AT = (0.35, 0.35, 0.4)
+POSTS = World((Body("post", POST, POST_AT),))
+
+
+@pytest.fixture(scope="module", params=FILES)
+def robot(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return real(request.param, tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def planner(robot: Robot) -> Planner:
+    return Planner(robot)
+
+
+class Judge:
+    """Looks for contacts from the URDF, with pinocchio alone."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, urdf = robot, str(robot.urdf)
+        self.model = pin.buildModelFromUrdf(urdf)  # followers have coordinates of their own
+        self.data = self.model.createData()
+        folders = [str(folder) for folder in robot.urdf.parents]
+        kind = pin.GeometryType.COLLISION
+        self.shapes = pin.buildGeomFromUrdf(self.model, urdf, kind, None, folders)
+        post = pin.SE3(np.eye(3), np.array(POST_AT))
+        self.shapes.addGeometryObject(pin.GeometryObject("post", 0, 0, post, coal.Box(*POST.size)))
+        objects = self.shapes.geometryObjects
+        for i, j in combinations(range(len(objects)), 2):
+            names = {self.model.frames[objects[k].parentFrame].name for k in (i, j)}
+            moves = objects[i].parentJoint != objects[j].parentJoint
+            if moves and (objects[j].name == "post" or names not in robot.collision.allowed):
+                self.shapes.addCollisionPair(pin.CollisionPair(i, j))
+        self.pool = pin.GeometryPool(self.model, self.shapes, 1)
+
+    def coordinates(self, rows: Array) -> Array:
+        """Of all actuated joints (N, A), as pinocchio wants them (nq, N)."""
+        own = dict(zip([joint.name for joint in self.robot.actuated], rows.T, strict=True))
+        q = np.zeros((self.model.nq, len(rows)), order="F")
+        for joint in self.robot.joints:
+            values = own[joint.mimic.leader] if joint.mimic else own[joint.name]
+            if joint.mimic:
+                values = joint.mimic.multiplier * values + joint.mimic.offset
+            place = self.model.joints[self.model.getJointId(joint.name)]
+            both = np.array([np.cos(values), np.sin(values)]) if place.nq == 2 else values[None]
+            q[place.idx_q : place.idx_q + place.nq] = both
+        return q
+
+    def hits(self, rows: Array) -> Array:
+        """Whether something touches at each of the rows (N,)."""
+        q = self.coordinates(rows)
+        return np.array(pin.computeCollisionsInParallel(1, self.pool, q, True, False), bool)
+
+
+def test_random_pairs_past_a_post(robot: Robot, planner: Planner) -> None:
+    """Free each millisecond, within the limits, and not all of them straight."""
+    judge, contacts, bent = Judge(robot), CollisionChecker(Model(robot, POSTS)), 0
+    poses = free_poses(robot, 24, 1, contacts)
+    own = [i for i, j in enumerate(robot.actuated) if j in robot.leaders("arm")]
+    for start, goal in zip(poses[::2], poses[1::2], strict=True):
+        plan = planner.plan(Query("arm", tuple(start), tuple(goal[own]), world=POSTS))
+        times = np.arange(0.0, plan.duration + 0.001, 0.001)
+        rows = np.tile(start, (len(times), 1))
+        rows[:, own] = plan.sample(times)
+        assert not judge.hits(rows).any()
+        assert np.all(abs(plan.velocities(times)) <= 1.001 * plan.velocity)
+        assert np.all(abs(plan.accelerations(times)) <= 1.001 * plan.acceleration)
+        assert np.cos(rows[-1, own] - goal[own]) == pytest.approx(1.0, abs=1e-12)
+        bent += not plan.curve.straight
+    assert 0 < bent < 12
+
+
+def test_the_judge_sees_what_the_planner_refuses(robot: Robot) -> None:
+    contacts, draw = CollisionChecker(Model(robot, POSTS)), np.random.default_rng(2)
+    lower = [max(joint.lower, -np.pi) for joint in robot.actuated]
+    upper = [min(joint.upper, np.pi) for joint in robot.actuated]
+    rows = draw.uniform(lower, upper, (100, len(lower)))
+    refused = [contacts.first_hit([row], 0.0) == 0 for row in rows]
+    assert Judge(robot).hits(rows).tolist() == refused
+    assert 2 < sum(refused) < 98
+
+
+def test_what_is_in_a_link_touches_it(robot: Robot, planner: Planner) -> None:
+    """A pea in the solid middle of each mesh that moves."""
+    judge, start, found = Judge(robot), np.array([robot.boot_pose]), 0
+    q = judge.coordinates(start)[:, 0]
+    placed = judge.shapes.createData()
+    pin.updateGeometryPlacements(judge.model, judge.data, judge.shapes, placed, q)
+    for shape, place in zip(judge.shapes.geometryObjects, placed.oMg, strict=True):
+        if not isinstance(shape.geometry, coal.BVHModelBase) or not shape.parentJoint:
+            continue
+        corners = np.asarray(shape.geometry.vertices())
+        rows = map(shape.geometry.tri_indices, range(shape.geometry.num_tris))
+        triangles = corners[np.array([(row[0], row[1], row[2]) for row in rows])]
+        middle = _middle(triangles)
+        if not _enclosed(triangles, middle):
+            continue
+        pea = World((Body("pea", Sphere(0.001), tuple(place.act(middle).tolist())),))
+        goal = [joint.boot for joint in robot.leaders("arm")]
+        with pytest.raises(StartInCollision) as caught:
+            planner.plan(Query("arm", robot.boot_pose, tuple(goal), world=pea))
+        assert {caught.value.first, caught.value.second} >= {"pea"}
+        assert caught.value.distance < 0.0
+        found += 1
+    assert found >= 4
+
+
+def _middle(triangles: Array) -> Array:
+    """Of the volume that they enclose (3,), each seen as a tetrahedron from the origin."""
+    volumes = np.einsum("fi,fi->f", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2]))
+    middle: Array = volumes @ triangles.sum(axis=1) / (4.0 * volumes.sum())
+    return middle
+
+
+def _enclosed(triangles: Array, point: Array) -> bool:
+    """Whether rays from a point pass through them an odd number of times, whichever way they go."""
+    corner, first, second = triangles[:, 0], *np.moveaxis(triangles[:, 1:] - triangles[:, :1], 1, 0)
+    counts = []
+    for ray in np.array([[0.301, 0.507, 0.807], [-0.613, 0.211, 0.761], [0.107, -0.893, 0.437]]):
+        planes = np.stack([first, second, np.broadcast_to(-ray, first.shape)], axis=2)
+        u, v, distance = np.linalg.solve(planes, (point - corner)[..., None])[..., 0].T
+        counts.append(np.sum((u >= 0.0) & (v >= 0.0) & (u + v < 1.0) & (distance > 0.0)))
+    return all(count % 2 for count in counts)
+
+
+def test_ends_that_cannot_be(robot: Robot, planner: Planner) -> None:
+    start, leaders = robot.boot_pose, robot.leaders("arm")
+    lower = [max(joint.lower, -np.pi) for joint in leaders]
+    upper = [min(joint.upper, np.pi) for joint in leaders]
+    rest = start[len(leaders) :]
+    draws = np.random.default_rng(2).uniform(lower, upper, (200, len(leaders))).tolist()
+    folded = next(row for row in draws if planner.contacts.first_hit([(*row, *rest)], 0.0) == 0)
+    with pytest.raises(GoalInCollision, match=r"would be .* mm deep in"):
+        planner.plan(Query("arm", start, tuple(folded)))
+    with pytest.raises(StartInCollision, match=r"would be .* mm deep in"):
+        planner.plan(Query("arm", (*folded, *rest), start[: len(leaders)]))
+    bounded = next(i for i, joint in enumerate(leaders) if not joint.endless)
+    beyond = list(start[: len(leaders)])
+    beyond[bounded] = leaders[bounded].upper + 0.1
+    with pytest.raises(GoalOutOfBounds, match=leaders[bounded].name):
+        planner.plan(Query("arm", start, tuple(beyond)))
+
+
+def test_the_tool_gets_where_it_can(robot: Robot, planner: Planner) -> None:
+    """Where it is known to get; once a block stands there it finds no place."""
+    there = free_poses(robot, 1, 5, planner.contacts)[0]
+    start, size = robot.boot_pose, len(robot.leaders("arm"))
+    there[size:] = start[size:]
+    nowhere = ToolQuery("arm", start, (0.0, 0.0, 0.0))
+    point, _ = _Arm(robot, Model(robot), nowhere).pose(there)
+    asked = dataclasses.replace(nowhere, point=tuple(point.tolist()))
+    reached = planner.reach(asked).positions
+    again, _ = _Arm(robot, Model(robot), asked).pose(np.array((*reached, *start[size:])))
+    assert again == pytest.approx(point, abs=2e-6)
+    block = World((Body("block", Box((0.1, 0.1, 0.1)), asked.point),))
+    with pytest.raises(GoalInCollision, match="block"):
+        planner.reach(dataclasses.replace(asked, world=block))

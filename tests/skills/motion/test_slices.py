@@ -1,0 +1,147 @@
+"""Arms of big meshes: no call is so long that a deadline is seen late, and no error comes late."""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hardware import RealClock, Robot
+from skills.motion import Body, Box, MotionError, PlanTimeout, Query, ToolQuery, World
+from skills.motion.collision.batch import HULLS
+from skills.motion.collision.checker import CollisionChecker
+from skills.motion.kinematics.model import Model
+from skills.motion.planner import Planner
+from tests.support.arms import free_poses
+from tests.support.real_arms import real
+
+POST = World((Body("post", Box((0.1, 0.1, 1.2)), (0.35, 0.35, 0.4)),))
+
+
+class Reader(RealClock):
+    """A clock that goes on by a second each time it is read."""
+
+    def __init__(self) -> None:
+        self.reads = 0
+
+    def now(self) -> float:
+        self.reads += 1
+        return float(self.reads)
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    return real("jaco", tmp_path_factory.mktemp("arm"))
+
+
+class Call(NamedTuple):
+    """What pinocchio is asked in one go."""
+
+    rows: int
+    pairs: int
+    meshed: bool
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
+    """All from now on."""
+    made, ask, ask_one = list[Call](), pin.computeCollisionsInParallel, pin.computeCollisions
+
+    def noted(threads: int, pool: pin.GeometryPool, q: Any, *rest: bool) -> Any:
+        pairs = sum(pool.getGeometryData(0).activeCollisionPairs)
+        made.append(Call(q.shape[1], pairs, _meshed(pool.getGeometryModels()[0])))
+        return ask(threads, pool, q, *rest)
+
+    def noted_one(*given: Any) -> Any:
+        made.append(Call(1, len(given[2].collisionPairs), _meshed(given[2])))
+        return ask_one(*given)
+
+    monkeypatch.setattr(pin, "computeCollisionsInParallel", noted)
+    monkeypatch.setattr(pin, "computeCollisions", noted_one)
+    return made
+
+
+def _meshed(geometry: pin.GeometryModel) -> bool:
+    return any(isinstance(shape.geometry, coal.BVHModelBase) for shape in geometry.geometryObjects)
+
+
+def _queries(robot: Robot) -> list[Query]:
+    poses = free_poses(robot, 12, 1, CollisionChecker(Model(robot, POST)))
+    own = [i for i, j in enumerate(robot.actuated) if j in robot.leaders("arm")]
+    ends = zip(poses[::2], poses[1::2], strict=True)
+    return [Query("arm", tuple(a), tuple(b[own]), world=POST, timeout=200.0) for a, b in ends]
+
+
+def test_no_call_is_long(robot: Robot, calls: list[Call]) -> None:
+    planner, queries = Planner(robot), _queries(robot)
+    calls.clear()
+    for query in queries:
+        planner.plan(query)
+    assert not any(call.meshed for call in calls if call.rows > 1)
+    assert all(call.rows * call.pairs <= HULLS for call in calls if not call.meshed)
+    assert {call.meshed for call in calls} == {False, True}
+
+
+def test_the_deadline_is_read_between_calls(robot: Robot, calls: list[Call]) -> None:
+    clock, queries, timeouts = Reader(), _queries(robot), 0
+    planner = Planner(robot, clock)
+    for query in queries:
+        _answered(planner, dataclasses.replace(query, timeout=1e9))  # all is made by then
+    for query in queries:
+        calls.clear()
+        clock.reads = 0
+        timeouts += isinstance(_answered(planner, query), PlanTimeout)
+        assert 0 < len([call for call in calls if call.rows > 1 or call.meshed]) <= clock.reads
+    assert timeouts
+
+
+def test_the_tool_is_looked_for_between_looks_at_the_deadline(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    steps, ask = list[None](), pin.computeJointJacobians
+
+    def noted(*given: Any) -> Any:
+        steps.append(None)
+        return ask(*given)
+
+    monkeypatch.setattr(pin, "computeJointJacobians", noted)
+    clock = Reader()
+    query = ToolQuery("arm", robot.boot_pose, (2.0, 0.0, 0.0), timeout=30.0)
+    assert isinstance(_answered(Planner(robot, clock), query), PlanTimeout)
+    assert len(steps) <= 40
+
+
+def _answered(planner: Planner, request: Query | ToolQuery) -> object:
+    try:
+        return planner.answer(request)
+    except MotionError as error:
+        return error
+
+
+def test_where_meshes_touch_no_distance_of_meshes_is_asked(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It takes a hundred times as long."""
+    contacts, asked = CollisionChecker(Model(robot)), list[object]()
+    draws = np.random.default_rng(2).uniform(-np.pi, np.pi, (200, len(robot.actuated)))
+    touching = [row for row in draws if contacts.first_hit([row], 0.0) == 0]
+    every, of_two = pin.computeDistances, coal.distance
+
+    def all_of(*given: Any) -> Any:
+        asked.extend(shape.geometry for shape in given[2].geometryObjects)
+        return every(*given)
+
+    def one(*given: Any) -> Any:
+        asked.extend((given[0], given[2]))
+        return of_two(*given)
+
+    monkeypatch.setattr(pin, "computeDistances", all_of)
+    monkeypatch.setattr(coal, "distance", one)
+    for row in touching:
+        nearest = contacts.nearest(row)
+        assert nearest
+        assert nearest.distance < 0.0
+    assert len(touching) > 10
+    assert not any(isinstance(shape, coal.BVHModelBase) for shape in asked)

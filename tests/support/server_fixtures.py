@@ -1,0 +1,69 @@
+"""Servers for tests, each on a port of its own."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executive.cli.main import main
+from executive.goals.queue import Policy
+from executive.server import access
+from executive.testing import SharedPool
+from hardware import RealClock, load_robot
+from skills.motion import Pool
+from tests.support.serving import Serve, Served, Typed
+
+
+@pytest.fixture(scope="session")
+def real_clock() -> RealClock:
+    return RealClock()
+
+
+@pytest.fixture(scope="session")
+def real_pool(real_clock: RealClock) -> Iterator[Pool]:
+    pool = SharedPool(load_robot(None), 1, real_clock)
+    pool.start()
+    yield pool
+    pool.close()
+
+
+@pytest.fixture
+def serve(
+    real_pool: Pool, real_clock: RealClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Serve]:
+    """Makes servers; each is stopped when the test ends, and leaves its file nowhere."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    running: list[Served] = []
+
+    def make(policy: Policy = Policy.REJECT, active: bool = True, **place: Any) -> Served:
+        served = Served(load_robot(None), real_pool, tmp_path, real_clock)
+        served.start(policy, active, **place)
+        running.append(served)
+        return served
+
+    yield make
+    for served in running:
+        served.stop()
+        assert access.read(served.server.port) is None
+
+
+@pytest.fixture
+def typed(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> tuple[Served, Typed]:
+    """A server, and commands that are typed to it without a process of their own."""
+    served = serve(active=False)
+    monkeypatch.setenv("ARMTREE_SERVER", served.server.url)
+
+    def type_in(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["armtree", *words])
+        status = 0
+        try:
+            main()
+        except SystemExit as left:
+            status = int(str(left.code))
+        return status, *capfd.readouterr()
+
+    return served, type_in

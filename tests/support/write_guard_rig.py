@@ -1,0 +1,92 @@
+"""A door in front of an in-process board, for its tests."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+from hardware import (
+    ArmEvent,
+    Board,
+    BoardLink,
+    Firmware,
+    FrameSent,
+    SimulatedClock,
+    load_robot,
+    virtual_board,
+)
+from hardware.arm.events import Observer
+from hardware.arm.interfaces import Claim
+from hardware.arm.write_guard import WriteGuard
+from hardware.drivers.arduino.acknowledgements import Acknowledgements
+from hardware.drivers.driver import Driver
+
+ROBOT = load_robot()
+HOME = (0.0, 0.0, 0.0, 0.0)
+
+
+def degrees(*base: float) -> tuple[float, ...]:
+    """Positions in the middle of a servo's degree, so many from home."""
+    return (math.radians(base[0] + 0.5), 0.0, 0.0, 0.0)
+
+
+class Slow(BoardLink):
+    """A line on which something may happen before the bytes go."""
+
+    def __init__(self, board: Board, clock: SimulatedClock) -> None:
+        super().__init__(board, clock)
+        self.written: list[bytes] = []
+        self.meanwhile: Callable[[], None] = lambda: None
+
+    def write(self, data: bytes) -> None:
+        meanwhile, self.meanwhile = self.meanwhile, lambda: None
+        meanwhile()
+        super().write(data)
+        self.written.append(data)
+
+
+class Rig:
+    """A door in front of an in-process board that has booted."""
+
+    def __init__(self, firmware: Firmware = ROBOT.firmware, driver: Driver = ROBOT.driver) -> None:
+        self.robot = dataclasses.replace(ROBOT, firmware=firmware, driver=driver)
+        self.clock = SimulatedClock()
+        self.link = Slow(virtual_board(self.robot), self.clock)
+        self.link.open()
+        self.active = True
+        self.then: Observer = lambda _: None
+        self.events: list[ArmEvent] = []
+        self.wait(2.0)
+        self.dialogue = Acknowledgements(self.robot)
+        self.door = WriteGuard(
+            self.robot,
+            self.link,
+            self.clock,
+            lambda: self.active,
+            self.tell,
+            self.dialogue,
+            self.robot.boot_pose,
+        )
+        self.claim = self.claimed()
+
+    def tell(self, event: ArmEvent) -> None:
+        self.events.append(event)
+        self.then(event)
+
+    def wait(self, until: float) -> None:
+        with (signal := self.clock.signal()):
+            while self.clock.now() < until:
+                signal.wait(until)
+
+    def claimed(self) -> Claim:
+        return self.door.claim("test", self.door.interfaces, self.door.generation)
+
+    def write(self, positions: tuple[float, ...]) -> bool:
+        return self.door.write(positions, self.claim, self.clock.now())
+
+    @property
+    def sent(self) -> list[str]:
+        return [event.data.decode() for event in self.events if isinstance(event, FrameSent)]
+
+    def board(self) -> tuple[float, ...]:
+        self.wait(self.clock.now() + 10)
+        return self.link.board.state(self.clock.now()).servos

@@ -1,0 +1,331 @@
+"""`armtree check`: parameters whose values are not known yet, and files that are no tasks."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from hardware import Robot
+from tests.trees.analysis.test_check import HEAD, found, tree
+from trees import Library
+from trees.analysis.check import check
+
+UNKNOWN = [
+    ("integer", "{repeat: Succeed, times: $a}"),
+    ("integer", "{retry: CheckHardware, attempts: $a}"),
+    ("duration", "{timeout: {Wait: {duration: 5}}, after: $a}"),
+    ("{type: duration, min: 1}", "{Wait: {duration: $a}}"),
+    ("length", "{AddBox: {body: b, position: [0, 0, $a], size: [$a, $a, 1]}}"),
+    ("{type: text, choices: [all, any]}", "{parallel: [Succeed], policy: $a}"),
+    ("text", "{Ask: {question: a, wanted: $a}}"),
+    ("angle", "{subtree: move_joints, with: {joints: {joint_1: $a}}}"),
+    ("positions", "{sequence: [{SetStart: {start: $s}}, {PlanArm: {start: $s, goal: {joint_1: 0,"
+     " joint_2: 0, joint_3: 0, joint_4: 0}, via: [$a], plan: $p}}]}"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "text"), UNKNOWN)
+def test_a_parameter_without_a_default_stands_anywhere(
+    robot: Robot, tmp_path: Path, kind: str, text: str
+) -> None:
+    assert found(robot, tmp_path, tree(text, f"parameters: {{a: {kind}}}\n")) == []
+    (tmp_path / "within.yaml").write_text(
+        f"subtree: within\ndescription: x\nports: {{a: {kind}}}\ntree: {text}\n"
+    )
+    assert not check(robot, None, [tmp_path / "within.yaml"]).mistakes
+    text = tree("{subtree: within, with: {a: $b}}", f"parameters: {{b: {kind}}}\n")
+    assert found(robot, tmp_path, text) == []
+
+
+@pytest.mark.parametrize(("_", "text"), UNKNOWN)
+def test_a_parameter_of_another_type_stands_nowhere(
+    robot: Robot, tmp_path: Path, _: str, text: str
+) -> None:
+    (mistake, *_more) = found(robot, tmp_path, tree(text, "parameters: {a: boolean}\n"))
+    assert "$a is true or false, not" in mistake
+
+
+OWN_FILES = [
+    (
+        "poses.yaml",
+        "poses: {lying: {joint_1: 0, joint_2: -1.5, joint_3: -0.5}}\n",
+        "1:9 this pose collides",
+    ),
+    ("poses.yaml", "poses: [a]\n", "1:8 poses: ['a'] is not a mapping of names"),
+    ("poses.yaml", "poses:\n", "1:1 poses: null is not a mapping of names"),
+    ("poses.yaml", "poses: {x: {}}\n", "1:12 {} names no joint"),
+    (
+        "poses.yaml",
+        "poses: {opne: {joint_4: 0}}\nreplaces: [opne]\n",
+        "2:1 replaces: no pose opne ships; there are closed, folded, open, right, upright; "
+        "did you mean open?",
+    ),
+    (
+        "3_wave.yaml",
+        HEAD.replace("x", "wive") + "tree: Succeed\n",
+        "2:1 the file is named 3_wave.yaml but says name wive",
+    ),
+    (
+        "4_x.yaml",
+        HEAD + "tree: Succeed\n",
+        "1:1 the file is named for task 4 but says task 3",
+    ),
+    (
+        "3_x.yaml",
+        HEAD + "replaces: pik\ntree: Succeed\n",
+        "4:1 replaces: no task 3 ships; there are 0_home, 1_pick, 2_rest",
+    ),
+    (
+        "look.yaml",
+        "subtree: look\ndescription: x\nports: {}\nreplaces: look\ntree: Succeed\n",
+        "4:1 replaces: no subtree look ships; there are close_gripper, follow,",
+    ),
+    (
+        "poses.yaml",
+        "poses: {opne: {joint_4: 0}}\nreplaces: [open]\n",
+        "2:1 replaces: here is no pose open; there are opne; did you mean opne?",
+    ),
+    ("3_x.YAML", HEAD, "the name of a file of tasks ends in .yaml"),
+    ("look.yml", HEAD, "the name of a file of tasks ends in .yaml"),
+    (
+        "look.yaml",
+        "subtree: look\ndescription: x\nports: {a: {type: text, output: true}}\n"
+        "tree: {Set: {value: 1, key: $a}}\n",
+        "4:7 subtree look: a is a text, but written is a number",
+    ),
+    (
+        "look.yaml",
+        "subtree: look\ndescription: x\nports: {a: {type: text, output: true}}\n"
+        "tree: {selector: [CheckHardware, {Set: {value: b, key: $a}}]}\n",
+        "4:7 subtree look does not write a on every way through it",
+    ),
+    (
+        "look.yaml",
+        "subtree: look\ndescription: x\nports: {a: {type: text, output: true, default: b}}\n"
+        "tree: {Set: {value: b, key: $a}}\n",
+        "3:39 ports: a is written, and takes no default",
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "words"), OWN_FILES)
+def test_wrong_files_of_other_kinds(
+    robot: Robot, tmp_path: Path, name: str, text: str, words: str
+) -> None:
+    (tmp_path / name).write_text(text)
+    (mistake,) = check(robot, tmp_path).mistakes
+    assert words in f"{mistake.place.line}:{mistake.place.column} {mistake.message}"
+
+
+def test_a_task_within_braces_is_listed_too(robot: Robot, tmp_path: Path) -> None:
+    text = "{task: 3, name: x, description: y,\ntree: Succeed}\n"
+    assert found(robot, tmp_path, text) == []
+    assert Library(tmp_path).head(3).name == "x"
+
+
+ONCE = [
+    (
+        "",
+        "{sequence: [{subtree: open_gripper}, {Wait: {duration: 1 s}}], memory: false}",
+        "4:19 SetStart acts, and without memory would begin anew",
+    ),
+    (
+        "",
+        "{wait_for: {subtree: open_gripper}}",
+        "4:18 SetStart acts, and cannot be a condition",
+    ),
+    (
+        "",
+        "{sequence: [{selector: [{sequence: [{Set: {key: $a, value: 1}}, CheckHardware]},"
+        " {Set: {key: $a, value: x}}]}, {Compare: {left: $a, is: '<', right: 2}}]}",
+        "4:135 Compare.left: $a is a number or a text, by the way that was taken before",
+    ),
+    ("parameters: [a]\n", "Succeed", "4:13 parameters: ['a'] is not a mapping of names"),
+    (
+        "parameters: {a: {type: length, default: 0.005}}\n",
+        "{subtree: move_joints, with: {joints: {joint_1: $a}}}",
+        "5:55 joints: $a is a length in m, cm or mm, not an angle in rad or deg",
+    ),
+    (
+        "parameters: {a: {type: number, default: 2}}\n",
+        "{repeat: Succeed, times: $a}",
+        "5:32 repeat: times: $a is a number, not a whole number",
+    ),
+    (
+        "",
+        "{Wait: 5}",
+        "4:14 the ports of Wait must be a mapping, not 5; say which, as in {port: 5}",
+    ),
+    ("", "{subtree: reach, with: upright}", "4:30 with must be a mapping, not 'upright'"),
+    ("", "{Ask: {question: '  '}}", "4:24 Ask: there is no question"),
+    (
+        "",
+        "{Ask: {question: a, choices: [left, right, left]}}",
+        "4:50 Ask: the choice left is given twice",
+    ),
+    ("", "{Ask: {question: a, choices: ['']}}", "4:37 Ask: a choice is empty"),
+    ("", "{Ask: {question: a, within: 0}}", "4:35 Ask.within: 0 is less than 0.001 s"),
+    (
+        "",
+        "{AddMesh: {body: b, file: nosuch.stl, position: [0, 0, 1]}}",
+        "4:33 AddMesh: there is no file nosuch.stl; a path counts from where armtree is started",
+    ),
+    (
+        "",
+        "{AddMesh: {body: b, file: /etc/passwd, position: [0, 0, 1]}}",
+        "4:33 AddMesh: /etc/passwd is no STL, DAE or OBJ file",
+    ),
+    (
+        "",
+        "{Attach: {body: b, link: claw_suport}}",
+        "4:32 Attach: the robot has no link claw_suport;",
+    ),
+    (
+        "",
+        "{sequence: [{SetStart: {start: $s}}, {ReachPoint: {start: $s, point: [0, 0, 1],"
+        " tool: nolink, target: $t}}]}",
+        "4:93 ReachPoint: the robot has no link nolink; it has ",
+    ),
+    (
+        "",
+        "{sequence: [{SetStart: {start: $s}}, {ReachPoint: {start: $s, point: [0, 0, 1],"
+        " direction: [0, 0.0, -0], target: $t}}]}",
+        "4:98 ReachPoint: direction points nowhere",
+    ),
+    (
+        "parameters: {a: {type: duration, min: 5 s, max: 1 s}}\n",
+        "{Wait: {duration: $a}}",
+        "4:49 parameters: a: max is less than min",
+    ),
+    (
+        "parameters: {a: {type: text, default: $b}}\n",
+        "{Say: {text: $a}}",
+        "4:39 parameters: a: a default is written out, not '$b'; a text that begins with "
+        "a $ is written with two",
+    ),
+    ("parameters: {1a: text}\n", "Succeed", "4:14 parameters: '1a' is not a name"),
+    ("", "{subtree: move_joints, with: {joints: {}}}", "4:45 joints: {} names no joint"),
+    (
+        "",
+        "{subtree: reach, with: {arm: uprigth, gripper: open}}",
+        "4:36 arm: no pose uprigth; there are closed, folded, open, right, upright; "
+        "did you mean upright?",
+    ),
+    (
+        "parameters: {a: {type: number, default: 1}}\n",
+        "{sequence: [{Say: {text: a, value: $a}}, {Set: {value: 2, key: $a}}]}",
+        "5:70 Set.key: $a is a parameter, which nothing may write",
+    ),
+    (
+        "parameters: {a: number}\n",
+        "{sequence: [{Say: {text: a, value: $a}}, {Set: {value: 2, key: $a}}]}",
+        "5:70 Set.key: $a is a parameter, which nothing may write",
+    ),
+    (
+        "parameters: {a: number}\n",
+        "{sequence: [{Say: {text: a, value: $a}}, {subtree: writes, with: {to: $a}}]}",
+        "5:77 subtree writes: to: $a is a parameter, which nothing may write",
+    ),
+    (
+        "",
+        "{timeout: {wait_for: {Compare: {left: 3, is: '<', right: 2}}}, after: 1}",
+        "4:28 wait_for waits for nothing: its condition is known before the run",
+    ),
+    (
+        "parameters: {a: {type: number, default: 1}}\n",
+        "{wait_for: {selector: [{Compare: {left: $a, is: '<', right: 2}}]}}",
+        "5:18 wait_for waits for nothing: its condition is known before the run",
+    ),
+    (
+        "parameters: {a: {type: druation, default: 3 s, min: 1 s, choices: [a]}}\n",
+        "{Wait: {duration: $a}}",
+        "4:24 parameters: a: no type druation; there are angle, boolean,",
+    ),
+    (
+        "parameters: {a: {type: int, default: 5}}\n",
+        "{repeat: Succeed, times: $a}",
+        "4:24 parameters: a: no type int;",
+    ),
+    (
+        "parameters: {a: {type: position, default: upright}}\n",
+        "{subtree: move_joints, with: {joints: $a}}",
+        "4:24 parameters: a: no type position;",
+    ),
+]
+
+
+@pytest.mark.parametrize(("above", "text", "words"), ONCE)
+def test_what_is_told_once(robot: Robot, tmp_path: Path, above: str, text: str, words: str) -> None:
+    (tmp_path / "writes.yaml").write_text(
+        "subtree: writes\ndescription: x\nports: {to: {type: number, output: true}}\n"
+        "tree: {Set: {value: 1, key: $to}}\n"
+    )
+    (mistake,) = found(robot, tmp_path, tree(text, above))
+    assert mistake.startswith(words)
+
+
+def test_a_subtree_may_not_write_to_what_it_reads(robot: Robot, tmp_path: Path) -> None:
+    path = tmp_path / "look.yaml"
+    text = "subtree: look\ndescription: x\nports: {to: number}\ntree: {Set: {value: 1, key: $to}}\n"
+    path.write_text(text)
+    words = "Set.key: $to is a port that is read; say output: true where it is declared"
+    assert [m.message for m in check(robot, None, [path]).mistakes] == [words]
+    task = tree("{sequence: [{Set: {value: 3, key: $a}}, {subtree: look, with: {to: $a}}]}")
+    (tmp_path / "3_x.yaml").write_text(task)
+    assert {m.message for m in check(robot, tmp_path).mistakes} == {words}
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "where"),
+    [
+        ("3_x.yaml", HEAD.encode() + b"# caf\xe9\ntree: Succeed\n", "# caf\ufffd\n         ^"),
+        ("3-x.yaml", HEAD.encode(), "task: 3\n    ^"),
+        ("3_x.yml", HEAD.encode(), "task: 3\n    ^"),
+        ("look.yml", b"# mine\nsubtree: look\n", "subtree: look\n    ^"),
+    ],
+)
+def test_a_file_that_is_not_read_is_shown(
+    robot: Robot, tmp_path: Path, name: str, data: bytes, where: str
+) -> None:
+    (tmp_path / name).write_bytes(data)
+    (mistake,) = check(robot, tmp_path).mistakes
+    assert mistake.place.line
+    assert where in str(mistake)
+
+
+def test_a_file_that_is_misnamed_hides_no_other(robot: Robot, tmp_path: Path) -> None:
+    for name in ("3-x.yaml", "4_x.yaml"):
+        (tmp_path / name).write_text(tree("Sukseed").replace("task: 3", "task: 4"))
+    findings = check(robot, None, [tmp_path / "3-x.yaml", tmp_path / "4_x.yaml"])
+    told = [(mistake.place.path.name, mistake.place.line) for mistake in findings.mistakes]
+    assert told == [("3-x.yaml", 1), ("4_x.yaml", 4)]
+    assert [path.name for path in findings.files] == ["3-x.yaml", "4_x.yaml"]
+
+
+@pytest.mark.parametrize("name", ["compose.yml", ".hidden.yaml", ".#3_x.yaml", "Notes.YAML"])
+def test_files_that_are_others_business(robot: Robot, tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("services: {}\n")
+    findings = check(robot, tmp_path)
+    assert findings.mistakes == []
+    assert [note.place.path.name for note in findings.notes] == [name] * (name[0] != ".")
+
+
+MESH = "solid x\nfacet normal 0 0 1\nouter loop\n{}vertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+BODIES = [
+    ("{AddMesh: {body: b, file: PATH/none.stl, position: [1, 0, 0]}}", "no file .*none.stl"),
+    ("{AddMesh: {body: b, file: PATH/nan.stl, position: [1, 0, 0]}}", "b: The mesh .*nan.stl"),
+    ("{AddBox: {body: base_link, size: [1, 1, 1], position: [1, 0, 0]}}", "has a base_link"),
+    ("{AddMesh: {body: b, file: PATH/flat.stl, position: [1, 0, 0]}}", ""),
+    ("{AddBox: {body: b, size: [1, 1, 1], position: [1, 0, 0], touches: [later]}}", ""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "why"), BODIES)
+def test_a_body_that_no_planner_can_load_is_refused(
+    robot: Robot, tmp_path: Path, text: str, why: str
+) -> None:
+    (tmp_path / "nan.stl").write_text(MESH.format("vertex nan 0 0\n"))
+    (tmp_path / "flat.stl").write_text(MESH.format("vertex 0 0 0\n"))
+    mistakes = found(robot, tmp_path, tree(text.replace("PATH", str(tmp_path))))
+    assert len(mistakes) == bool(why)
+    assert not why or re.search(why, str(mistakes[0]))
