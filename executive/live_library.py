@@ -25,11 +25,12 @@ class _Look:
     """All files as they were at one moment.
 
     Args:
-        folders: Where they are.
+        folders: Folders of the files.
+        own: The user's folder, one of them; None if there is none.
         before: An earlier look, from which files are taken that have not changed.
     """
 
-    def __init__(self, folders: list[Path], before: "_Look | None") -> None:
+    def __init__(self, folders: list[Path], own: Path | None, before: "_Look | None") -> None:
         self._seen = {folder: _look(folder) for folder in folders}
         self._texts: dict[Path, str | FileError] = {}
         self._wrong: dict[tuple[int, bool], TreeError | None] = {}
@@ -41,7 +42,7 @@ class _Look:
                 self._texts[path] = _text(path)
         self._library: Library | FileError
         try:
-            self._library = _Frozen(folders[1] if folders[1:] else None, self._read)
+            self._library = _Frozen(own, self._read)
         except FileError as error:
             self._library = error
 
@@ -96,7 +97,7 @@ class LiveLibrary(Library):
         super().__init__(folder)
         self._robot, self._lock = robot, threading.Lock()
         self._folders = [*self.shipped, *filter(None, (self.folder,))]
-        self._looks = deque([_Look(self._folders, None)], KEPT)  # the newest first
+        self._looks = deque([_Look(self._folders, self.folder, None)], KEPT)  # the newest first
         self._rows: tuple[_Look, list[dict[str, Any]]] | None = None
 
     def for_task(self, number: int) -> tuple[Library, str]:
@@ -154,7 +155,7 @@ class LiveLibrary(Library):
     def _now(self) -> deque[_Look]:
         """The looks so far, the first of them as things are now."""
         if not self._looks[0].unchanged:
-            self._looks.appendleft(_Look(self._folders, self._looks[0]))
+            self._looks.appendleft(_Look(self._folders, self.folder, self._looks[0]))
         return self._looks
 
 

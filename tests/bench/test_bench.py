@@ -1,4 +1,4 @@
-"""The measurements are no part of the suite; that they can be started is."""
+"""The measurements are no part of the suite; a test checks that each can be started."""
 
 import subprocess
 import sys
@@ -6,12 +6,17 @@ from pathlib import Path
 
 import pytest
 
-BENCH = Path(__file__).parent / "bench"
+BENCH = Path(__file__).parent
+SUBJECTS = {path.stem for path in BENCH.glob("*.py")} - {"table", Path(__file__).stem}
 
 
-@pytest.mark.parametrize("subject", [f.stem for f in BENCH.glob("*.py") if f.stem != "table"])
+@pytest.mark.parametrize("subject", sorted(SUBJECTS))
 def test_a_measurement_starts_by_itself(subject: str) -> None:
     command = [sys.executable, str(BENCH / f"{subject}.py"), "--help"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "--json" in done.stdout
+
+
+def test_every_subject_is_found() -> None:
+    assert {"hardware", "logs", "planning", "trees"} <= SUBJECTS
