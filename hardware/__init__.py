@@ -11,9 +11,9 @@ from .arm.events import (
     Observer,
     StateChanged,
 )
-from .arm.interfaces import states
+from .arm.interfaces import state_interfaces
 from .arm.lifecycle import State
-from .arm.schedule import Schedule, Setpoint, compile_schedule, played
+from .arm.schedule import Schedule, Setpoint, compile_schedule, servo_path
 from .arm.streamer import Playback, PlaybackState
 from .clock import Clock, RealClock, Signal, SimulatedClock
 from .description.joints import Joint, Mimic
@@ -46,7 +46,7 @@ from .errors import (
     PortMissing,
     PortNotGiven,
     PortStalled,
-    PoseOutside,
+    PoseOutsideLimits,
     StaleGeneration,
     TooFast,
     TransitionRefused,
@@ -102,7 +102,7 @@ __all__ = [
     "PortMissing",
     "PortNotGiven",
     "PortStalled",
-    "PoseOutside",
+    "PoseOutsideLimits",
     "RealClock",
     "Robot",
     "Schedule",
@@ -127,8 +127,8 @@ __all__ = [
     "check_position",
     "compile_schedule",
     "load_robot",
-    "played",
     "serial_ports",
-    "states",
+    "servo_path",
+    "state_interfaces",
     "virtual_board",
 ]

@@ -13,7 +13,7 @@
     ├── BoardError                what the board says, or keeps to itself
     │   ├── BoardSilent           it did not say that it has booted
     │   ├── WrongFirmware         it says that it runs another one than the robot file names
-    │   ├── PoseOutside           it holds what the arm must never be sent
+    │   ├── PoseOutsideLimits     it holds what the arm must never be sent
     │   ├── BoardReset            it started anew while the arm was active
     │   └── FrameLost             it took other frames than were sent
     ├── DriverFailed              what is no error of ours came out of the driver, or a bug of ours
@@ -195,7 +195,7 @@ class WrongFirmware(BoardError):
         )
 
 
-class PoseOutside(BoardError):
+class PoseOutsideLimits(BoardError):
     """The board holds what is outside a joint's limits, so the first frame would make it jump."""
 
     code = "hw.pose_outside"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hardware import Robot, Schedule, played
+from hardware import Robot, Schedule, servo_path
 
 from .motion.plan import Plan
 from .motion.query import Rest, Verify
@@ -91,5 +91,5 @@ def as_played(
         timeout: Time there is for the check [s].
         world: What is around the arm.
     """
-    times, rows = played(robot, start, schedule)
+    times, rows = servo_path(robot, start, schedule)
     return Verify(rows, _PLAYED_MARGIN, times, timeout, world)

@@ -47,7 +47,7 @@ def examine(
         return
     yield Check("robot", True, f"{robot.name}, firmware {robot.firmware.name}")
     port = robot.serial.port if port is None else port
-    if robot.wired:
+    if robot.has_driver:
         yield _pose(robot, port)
         yield _boot_wait(robot)
     else:
@@ -55,7 +55,7 @@ def examine(
     yield _tasks(trees)
     yield _planner(robot)
     yield from _recordings(recordings)
-    if robot.wired:
+    if robot.has_driver:
         yield from _port(robot, port, really_open)
 
 
@@ -138,7 +138,7 @@ def _port(robot: Robot, port: str, really_open: bool) -> Iterator[Check]:
             return
     if really_open:
         does = "it resets the board" if _resets(robot, port) else "the board goes on as it is"
-        yield Check("opening", True, f"{does}, and the arm {robot.on_open}")
+        yield Check("opening", True, f"{does}, and the arm {robot.open_effect}")
         yield _open(robot, port)
 
 

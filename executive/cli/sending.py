@@ -82,7 +82,7 @@ def send(recording: Path, speed: float, robot: Path | None, **options: Any) -> l
     number = _NUMBERS + task
     arm = load_robot(robot)
     targets = {
-        group: {joint.name: start.get(joint.name, joint.boot) for joint in arm.leaders(group)}
+        group: {joint.name: start.get(joint.name, joint.boot) for joint in arm.actuated_in(group)}
         for group in arm.groups
     }
     with tempfile.TemporaryDirectory() as folder:

@@ -116,7 +116,7 @@ class Goal:
         legs, still = list[Leg](), list[Leg]()
         for motion in motions:
             for group in self.robot.groups:
-                own = [joint in self.robot.leaders(group) for joint in self.robot.actuated]
+                own = [joint in self.robot.actuated_in(group) for joint in self.robot.actuated]
                 goal = tuple(q for q, mine in zip(motion.pose, own, strict=True) if mine)
                 ends = zip(motion.pose, begin, own, strict=True)
                 arrived = tuple(there if mine else here for there, here, mine in ends)
@@ -133,7 +133,7 @@ class Goal:
         self, group: str, named: Mapping[str, float], begin: Mapping[str, float]
     ) -> tuple[float, ...]:
         """Of every joint of a group."""
-        joints = [joint.name for joint in self.robot.leaders(group)]
+        joints = [joint.name for joint in self.robot.actuated_in(group)]
         self._check_group(group, named)
         target = Positions((name, named.get(name, begin[name])) for name in joints)
         check_targets(self.robot, {group: target})
@@ -233,7 +233,7 @@ class _Asked:
             seed=self.seed,
             world=self.world,
         )
-        joints = (joint.name for joint in self.robot.leaders(self.group))
+        joints = (joint.name for joint in self.robot.actuated_in(self.group))
         return dict(zip(joints, self.planner.reach(query).positions, strict=True))
 
 

@@ -51,7 +51,7 @@ def skill_record(event: SkillEvent, robot: Robot, now: float) -> logs.Record:
 
 def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
     query, answer = event.query, event.answer
-    joints = robot.leaders(query.group)
+    joints = robot.actuated_in(query.group)
     plan, error = (None, answer) if isinstance(answer, MotionError) else (answer, None)
     duration = plan.duration if plan else 0.0
     times = np.append(np.arange(0.0, duration, _GRID), duration) if plan else np.empty(0)

@@ -38,7 +38,7 @@ def joints_difference(robot: Robot, story: Iterable[Record]) -> str:
         if record.start.keys() != actuated:
             return f"a start of {', '.join(record.start)} is recorded"
         if isinstance(record, Plan):
-            joints = tuple(joint.name for joint in robot.leaders(record.group))
+            joints = tuple(joint.name for joint in robot.actuated_in(record.group))
             if record.joints != joints:
                 return f"the {record.group} is recorded as {', '.join(record.joints)}"
     return ""

@@ -53,7 +53,7 @@ def contradiction(recording: Recording, robot: Robot, story: Sequence[Record]) -
 
 
 def _limits(plan: Plan, robot: Robot) -> str:
-    joints = robot.leaders(plan.group) if plan.group in robot.groups else ()
+    joints = robot.actuated_in(plan.group) if plan.group in robot.groups else ()
     kept = zip(joints, plan.velocity_limits, plan.acceleration_limits, strict=False)
     for joint, velocity, acceleration in kept:
         if (velocity, acceleration) != (joint.velocity, joint.acceleration):

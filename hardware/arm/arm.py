@@ -23,7 +23,7 @@ from hardware.link.link import Link
 
 from .connection import Connection
 from .events import ArmEvent, Faulted, Observer, StateChanged
-from .interfaces import states
+from .interfaces import state_interfaces
 from .lifecycle import Lifecycle, Result, State
 from .reconnect import ReconnectWatcher
 from .schedule import Schedule
@@ -183,7 +183,7 @@ class Arm:
         Raises:
             NotActive: Where an arm stands is only known once it was activated.
         """
-        return states(self.robot, self.commanded)
+        return state_interfaces(self.robot, self.commanded)
 
     @property
     def generation(self) -> int:
@@ -252,7 +252,7 @@ class Arm:
     def _come_to_rest(self) -> None:
         connection = self._connection
         if self.state is State.ACTIVE and connection:
-            connection.come_to_rest()
+            connection.stop_and_settle()
 
     def _notify(self) -> None:
         """Wake who waits for the board's boot, or for the end of a transition."""
@@ -308,7 +308,7 @@ class Arm:
     def _configure(self) -> Result:
         self._look_out_no_longer()
         if self._link is None:
-            self._refusal = PortNotGiven() if self.robot.wired else NoDriver(self.robot.path)
+            self._refusal = PortNotGiven() if self.robot.has_driver else NoDriver(self.robot.path)
             logger.error("%s", self._refusal)
             return Result.FAILURE
         return Result.SUCCESS
@@ -318,7 +318,7 @@ class Arm:
         port = self._link.port
         with self._signal:
             self._failure = None
-        logger.info("Starting the arm on port %s: it %s", port, self.robot.on_open)
+        logger.info("Starting the arm on port %s: it %s", port, self.robot.open_effect)
         self._connection = connection = self._connect(self._link)
         try:
             self._lookout = ReconnectWatcher(port, self._clock, self._tell)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from hardware.clock import Clock
 from hardware.description.robot import Robot
 from hardware.drivers.arduino.acknowledgements import Acknowledgements
-from hardware.errors import BoardSilent, FrameLost, HardwareError, NotActive, PoseOutside
+from hardware.errors import BoardSilent, FrameLost, HardwareError, NotActive, PoseOutsideLimits
 from hardware.link.link import Link
 
 from .events import PATIENCE, BytesReceived, Observer
@@ -68,7 +68,7 @@ class Connection:
 
         Raises:
             BoardSilent: It did not say what its firmware says when it has booted.
-            PoseOutside: It holds what is outside a joint's limits.
+            PoseOutsideLimits: It holds what is outside a joint's limits.
         """
         robot, dialogue = self._robot, self.dialogue
         if robot.firmware.banner and not dialogue.holds:
@@ -102,7 +102,7 @@ class Connection:
         except Exception as error:  # a driver may raise what it likes
             self._fault(error)
 
-    def come_to_rest(self) -> None:
+    def stop_and_settle(self) -> None:
         """Hold what moves, and wait until the board has answered."""
         if not self.streamer:
             return
@@ -140,7 +140,7 @@ class Connection:
         nearest = wire_format.encode(pose).servos
         for joint, angle, near in zip(robot.actuated, held.servos, nearest, strict=True):
             if angle != near:
-                raise PoseOutside(joint, angle, near)
+                raise PoseOutsideLimits(joint, angle, near)
         return pose
 
     def _listen(self) -> None:

@@ -89,7 +89,7 @@ def command_interfaces(robot: Robot) -> tuple[str, ...]:
     return tuple(_position(joint) for joint in robot.actuated)
 
 
-def states(robot: Robot, commanded: Sequence[float]) -> Mapping[str, float]:
+def state_interfaces(robot: Robot, commanded: Sequence[float]) -> Mapping[str, float]:
     """The state interfaces and their values [rad]: the command, for nothing is measured.
 
     Args:

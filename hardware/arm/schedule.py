@@ -90,7 +90,7 @@ def compile_schedule(
     return Schedule(tuple(setpoints), end, done, max(0.0, late))
 
 
-def played(
+def servo_path(
     robot: Robot, start: Sequence[float], schedule: Schedule
 ) -> tuple[list[float], list[tuple[float, ...]]]:
     """The positions the servos really pass, one after the other along straight lines.

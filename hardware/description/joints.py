@@ -54,6 +54,6 @@ class Joint:
     unit: str = "rad"
 
     @property
-    def endless(self) -> bool:
+    def continuous(self) -> bool:
         """Whether it turns without end, so that it stands the same a whole turn on."""
         return self.unit == "rad" and self.lower == -math.inf and self.upper == math.inf

@@ -100,7 +100,7 @@ class Robot:
         return tuple(joint for joint in self.joints if joint.mimic is None)
 
     @property
-    def wired(self) -> bool:
+    def has_driver(self) -> bool:
         """Whether its file names a driver, so that it can be moved."""
         return not isinstance(self.driver, NullDriver)
 
@@ -119,9 +119,9 @@ class Robot:
         return tuple(joint.boot for joint in self.actuated)
 
     @property
-    def on_open(self) -> str:
+    def open_effect(self) -> str:
         """What the arm does when its port is opened."""
-        return self.firmware.on_reset if self.serial.resets else "stays where it is"
+        return self.firmware.reset_effect if self.serial.resets else "stays where it is"
 
     def link(self, port: str) -> Link:
         """The line to its board on a port.
@@ -142,7 +142,7 @@ class Robot:
                 return joint
         raise KeyError(f"no joint {name}; there are {', '.join(j.name for j in self.joints)}")
 
-    def leaders(self, group: str) -> tuple[Joint, ...]:
+    def actuated_in(self, group: str) -> tuple[Joint, ...]:
         """The joints of a group that move of their own, mimics left out."""
         members = (self.joint(name) for name in self.groups[group])
         return tuple(joint for joint in members if joint.mimic is None)

@@ -41,7 +41,7 @@ class Firmware:
     baud: int = 0
 
     @property
-    def on_reset(self) -> str:
+    def reset_effect(self) -> str:
         """What the arm does when the board is reset, as when its port is opened."""
         return "stays where it is" if self.banner else "moves to its boot pose"
 

@@ -65,7 +65,7 @@ class _PlanGroup(Asking, register=False):
 
     def on_start(self) -> Status:
         """Hand the query to a worker."""
-        robot, leaders = self.context.robot, self.context.robot.leaders(self.group)
+        robot, leaders = self.context.robot, self.context.robot.actuated_in(self.group)
         start, goal, via = (self.get_input(port) for port in ("start", "goal", "via"))
         check_whole(robot, "start", start)
         self.judge(robot, {"goal": goal, "via": via})

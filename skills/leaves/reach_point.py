@@ -115,7 +115,7 @@ class ReachPoint(Asking):
 def _leaders(robot: Robot, group: str) -> list[str]:
     """Names of the joints of a group that move of their own."""
     refuse(_no_group(robot, group))
-    return [joint.name for joint in robot.leaders(group)]
+    return [joint.name for joint in robot.actuated_in(group)]
 
 
 def _no_group(robot: Robot, group: str) -> list[SkillError]:

@@ -135,7 +135,7 @@ def _completed(
     """Targets of every group, with the start where none is given."""
     targets = by_group(robot, joints, port)
     return {
-        group: {joint.name: start[joint.name] for joint in robot.leaders(group)} | target
+        group: {joint.name: start[joint.name] for joint in robot.actuated_in(group)} | target
         for group, target in targets.items()
     }
 
@@ -160,10 +160,10 @@ def _wrong_distances(robot: Robot, by: Mapping[str, float]) -> list[SkillError]:
 
 def _too_far(joint: Joint, distance: float) -> BadPosition | None:
     """Why a joint does not move by a distance; None where it may."""
-    span = math.pi if joint.endless else joint.upper - joint.lower
+    span = math.pi if joint.continuous else joint.upper - joint.lower
     if abs(distance) <= span:  # not where it is no number
         return None
-    most = "half a turn" if joint.endless else "its limits are apart"
+    most = "half a turn" if joint.continuous else "its limits are apart"
     why = f"{joint.name} by {distance:g} {joint.unit} is further than {most}, {span:g} {joint.unit}"
     limit = math.copysign(span, distance) if math.isfinite(distance) else None
     return BadPosition(why, joint.name, distance, limit)

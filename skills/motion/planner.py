@@ -253,7 +253,7 @@ class _Group:
     """What is kept of a group between queries."""
 
     def __init__(self, robot: Robot, name: str) -> None:
-        joints = robot.leaders(name)
+        joints = robot.actuated_in(name)
         self.joints = tuple(joint.name for joint in joints)
         self.ends = EndpointChecker(robot, name)
         self.velocity = readonly([joint.velocity for joint in joints])

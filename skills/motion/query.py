@@ -19,8 +19,8 @@ class Query:
     Attributes:
         group: Name of the group that moves; all other joints stay at the start.
         start: All actuated joints, in the order of `robot.actuated` [rad].
-        goal: The group's own joints, in the order of `robot.leaders(group)` [rad]. A joint without
-            an end goes the short way, to the value that differs by whole turns; where a way
+        goal: The group's own joints, in the order of `robot.actuated_in(group)` [rad]. A joint
+            without an end goes the short way, to the value that differs by whole turns; where a way
             has to be searched for, it may go the other way round.
         seed: Of everything random; equal queries give equal plans.
         timeout: Time there is [s], from when a worker has loaded the robot; it can only fail a
@@ -132,7 +132,7 @@ class Reached:
     """Answer to a ToolQuery.
 
     Attributes:
-        positions: The group's own joints, in the order of `robot.leaders(group)` [rad].
+        positions: The group's own joints, in the order of `robot.actuated_in(group)` [rad].
         found: How many answers there were to choose from.
     """
 

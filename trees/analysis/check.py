@@ -262,7 +262,7 @@ class _Checker:
             except (SkillError, ExceptionGroup) as error:
                 wrong += [Mistake(place, f"{name}: {why}") for why in causes_of(error)]
                 continue
-            leaders = ({joint.name for joint in robot.leaders(group)} for group in robot.groups)
+            leaders = ({joint.name for joint in robot.actuated_in(group)} for group in robot.groups)
             if len(known) < len(joints):
                 continue
             if any(names <= joints.keys() for names in leaders):  # the others as after a reset

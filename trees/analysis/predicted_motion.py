@@ -234,7 +234,7 @@ class _Walk:
         except MotionError as error:
             self._why = str(error)
             return now
-        names = (joint.name for joint in self._robot.leaders(query.group))
+        names = (joint.name for joint in self._robot.actuated_in(query.group))
         target = Positions(zip(names, answer.positions, strict=True))
         return replace(now, keys={**now.keys, leaf.keys["target"]: target})
 
@@ -242,7 +242,7 @@ class _Walk:
         """Have the motion to a goal pass the points on its way."""
         goal = tuple(inputs.get("goal", {}).values())
         if inputs.get("via") and self.motions and self.motions[-1].pose == goal:
-            names = [joint.name for joint in self._robot.leaders("arm")]
+            names = [joint.name for joint in self._robot.actuated_in("arm")]
             via = tuple(tuple(point[name] for name in names) for point in inputs["via"])
             self.motions[-1] = replace(self.motions[-1], via=via)
 

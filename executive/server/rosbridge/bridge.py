@@ -16,7 +16,7 @@ from executive.executive import Event, Executive
 from executive.goals.goal import GoalStatus
 from executive.server.hub import Hub
 from executive.server.limits.stops import Stops
-from hardware import Clock, Robot, states
+from hardware import Clock, Robot, state_interfaces
 
 from . import protocol as ros
 from .statuses import Statuses
@@ -90,7 +90,7 @@ class Bridge:
         if commanded is None:
             return
         actuated = [commanded[joint.name] for joint in self.robot.actuated]
-        interfaces = states(self.robot, actuated)
+        interfaces = state_interfaces(self.robot, actuated)
         self._joints = time, {name.partition("/")[0]: q for name, q in interfaces.items()}
         self._each(lambda client: client.published(ros.JOINT_STATES))
 

@@ -42,7 +42,7 @@ class EndpointChecker:
 
     def __init__(self, robot: Robot, group: str) -> None:
         self.columns = columns(robot, group)
-        self._actuated, self._own = robot.actuated, robot.leaders(group)
+        self._actuated, self._own = robot.actuated, robot.actuated_in(group)
         self._endless, self._margin = turning(robot, group), robot.collision.margin
         places = {joint.name: i for i, joint in enumerate(self._actuated)}
         self._rules = [  # the coordinate of each joint, what it is times and plus, and its limits
@@ -104,14 +104,16 @@ def check_seed(seed: int) -> None:
 def columns(robot: Robot, group: str) -> NDArray[np.intp]:
     """Where the group's own joints are among the actuated (J,)."""
     names = [joint.name for joint in robot.actuated]
-    return np.array([names.index(joint.name) for joint in robot.leaders(group)], dtype=np.intp)
+    return np.array([names.index(joint.name) for joint in robot.actuated_in(group)], dtype=np.intp)
 
 
 def turning(robot: Robot, group: str) -> NDArray[np.bool_]:
     """Which of the group's own joints stand the same a whole turn on (J,)."""
     followed = {joint.mimic.leader for joint in robot.joints if joint.mimic}
-    joints = robot.leaders(group)
-    return np.array([joint.endless and joint.name not in followed for joint in joints], dtype=bool)
+    joints = robot.actuated_in(group)
+    return np.array(
+        [joint.continuous and joint.name not in followed for joint in joints], dtype=bool
+    )
 
 
 def short_way(endless: NDArray[np.bool_], start: Array, goal: Array) -> Array:
@@ -124,7 +126,7 @@ def short_way(endless: NDArray[np.bool_], start: Array, goal: Array) -> Array:
 
 def bounds(robot: Robot, group: str) -> tuple[Array, Array]:
     """Limits of the group's own joints that keep their followers within theirs too (J,) [rad]."""
-    own = {joint.name: (joint.lower, joint.upper) for joint in robot.leaders(group)}
+    own = {joint.name: (joint.lower, joint.upper) for joint in robot.actuated_in(group)}
     for joint in robot.joints:
         if joint.mimic and joint.mimic.leader in own and joint.mimic.multiplier:
             mimic, (lower, upper) = joint.mimic, own[joint.mimic.leader]

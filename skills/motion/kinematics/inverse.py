@@ -197,7 +197,7 @@ class _Arm:
         ranges = self.upper - self.lower
         self.ranges = np.where((ranges > 0.0) & np.isfinite(ranges), ranges, 2.0 * np.pi)
         self._endless = turning(robot, query.group)
-        joints = robot.leaders(query.group)
+        joints = robot.actuated_in(query.group)
         self._velocity = np.array([joint.velocity for joint in joints])
         self._acceleration = np.array([joint.acceleration for joint in joints])
         indices = [model.kinematics.getJointId(joint.name) for joint in joints]

@@ -73,7 +73,7 @@ def _growth(what: str, base: int, count: int, case: Case) -> Growth:
 def _found(robot: Robot, world: World, legs: int, count: int) -> Iterator[tuple[float, bool]]:
     """What each query that is solved within ten seconds takes [ms], and whether by a search."""
     planner, poses = Planner(robot), _stations(robot, world)
-    own = [robot.actuated.index(joint) for joint in robot.leaders("arm")]
+    own = [robot.actuated.index(joint) for joint in robot.actuated_in("arm")]
     for seed in range(count + 1):
         way = list(islice(poses, legs + 1))
         _, *via, goal = (tuple(pose[own].tolist()) for pose in way)
@@ -94,7 +94,7 @@ def _stations(robot: Robot, world: World) -> Iterator[Array]:
     All but the arm is at zero.
     """
     contacts, draw = CollisionChecker(Model(robot, world)), np.random.default_rng(3)
-    moves = np.isin([j.name for j in robot.actuated], [j.name for j in robot.leaders("arm")])
+    moves = np.isin([j.name for j in robot.actuated], [j.name for j in robot.actuated_in("arm")])
     lower, upper = np.array([(joint.lower, joint.upper) for joint in robot.actuated]).T
     margin, last = robot.collision.margin, None
     while True:

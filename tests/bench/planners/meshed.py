@@ -30,7 +30,7 @@ def arms(folder: Path) -> list[Robot]:
 def poison(robot: Robot, count: int) -> Iterator[float]:
     """To the error of each goal in which links touch each other or a post [ms]."""
     contacts, random = CollisionChecker(Model(robot, POSTS)), np.random.default_rng(1)
-    start, leaders = free_poses(robot, 1, 1, contacts)[0], robot.leaders("arm")
+    start, leaders = free_poses(robot, 1, 1, contacts)[0], robot.actuated_in("arm")
     lower = [max(joint.lower, -np.pi) for joint in leaders]
     upper = [min(joint.upper, np.pi) for joint in leaders]
     goals = random.uniform(lower, upper, (100 * count, len(leaders)))
@@ -48,7 +48,7 @@ def poison(robot: Robot, count: int) -> Iterator[float]:
 def late(robot: Robot, count: int) -> Iterator[float]:
     """Past the deadline of each plan between posts that did not make it [ms]."""
     poses = free_poses(robot, 20, 1, CollisionChecker(Model(robot, POSTS)))
-    size = len(robot.leaders("arm"))
+    size = len(robot.actuated_in("arm"))
     ends, timeouts = cycle(permutations(poses, 2)), cycle(_TIMEOUTS)
     with closing(_pool(robot, poses[0])) as pool:
         for seed, (start, goal), timeout in zip(range(count), ends, timeouts, strict=False):
@@ -61,7 +61,7 @@ def late(robot: Robot, count: int) -> Iterator[float]:
 
 def _pool(robot: Robot, start: NDArray[np.float64]) -> Pool:
     """One worker, warm: that has planned a bend, so it has loaded all, and beside the posts."""
-    pool, size = Pool(robot, 1, RealClock()), len(robot.leaders("arm"))
+    pool, size = Pool(robot, 1, RealClock()), len(robot.actuated_in("arm"))
     pool.start()
     aside, goal = start[:size].copy(), start[:size].copy()
     aside[0] += 0.01

@@ -75,7 +75,7 @@ def _equal(problem: Problem, query: Query, goal: Array, cut: float) -> Query:
 
 
 def _columns(problem: Problem) -> list[int]:
-    return [problem.robot.actuated.index(joint) for joint in problem.robot.leaders("arm")]
+    return [problem.robot.actuated.index(joint) for joint in problem.robot.actuated_in("arm")]
 
 
 def _arm(problem: Problem, whole: tuple[float, ...]) -> Array:

@@ -43,7 +43,7 @@ def padded(robot: Robot, world: World, padding: float | None = None) -> Descript
     """The arm and world of a problem, grown by half the robot's margin, or by another padding."""
     grow = 0.5 * robot.collision.margin if padding is None else padding
     root = Xml.parse(robot.urdf).getroot()
-    arm = tuple(joint.name for joint in robot.leaders("arm"))
+    arm = tuple(joint.name for joint in robot.actuated_in("arm"))
     for joint in root.findall("joint"):
         _fix(joint, robot, arm)
     for link in root.findall("link"):

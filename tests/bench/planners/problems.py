@@ -50,7 +50,7 @@ class Problem:
 
     def queries(self) -> Iterator[Query]:
         """For our planner; equal pairs get seeds of their own."""
-        arm = self.robot.leaders("arm")
+        arm = self.robot.actuated_in("arm")
         for seed, (start, goal) in enumerate(self.pairs, 1):
             own = dict(zip((joint.name for joint in arm), start, strict=True))
             whole = tuple(own.get(joint.name, 0.0) for joint in self.robot.actuated)
@@ -86,7 +86,7 @@ def _drawn(name: str, robot: Robot, world: World, count: int) -> Problem:
 def _free(robot: Robot, world: World) -> Iterator[tuple[float, ...]]:
     contacts = CollisionChecker(Model(robot, world))
     judge = Judge(padded(robot, world))
-    arm, draw = robot.leaders("arm"), np.random.default_rng(1)
+    arm, draw = robot.actuated_in("arm"), np.random.default_rng(1)
     lower, upper = np.array([(joint.lower, joint.upper) for joint in arm]).T
     columns = [robot.actuated.index(joint) for joint in arm]
     while True:

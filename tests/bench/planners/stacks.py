@@ -119,7 +119,7 @@ def peer(name: str, venv: Path, problem: Problem, folder: Path) -> Score:
         lines = done.stderr.strip().splitlines() or [f"ended with {done.returncode}"]
         raise RuntimeError(lines[-1])
     answer = json.loads(out.read_text())
-    rows = np.fromfile(out.with_suffix(".bin")).reshape(-1, len(problem.robot.leaders("arm")))
+    rows = np.fromfile(out.with_suffix(".bin")).reshape(-1, len(problem.robot.actuated_in("arm")))
 
     def answers() -> Answers:
         begin = 0
@@ -151,7 +151,7 @@ def installed(name: str, home: Path, tell: Tell) -> Path | None:
 
 def _plain(problem: Problem) -> dict[str, object]:
     robot, description = problem.robot, padded(problem.robot, problem.world)
-    arm = robot.leaders("arm")
+    arm = robot.actuated_in("arm")
     columns = [robot.actuated.index(joint) for joint in arm]
     levers = Model(robot, problem.world).levers[:, columns].max(axis=0, initial=0.0)
     step = 2.0 * (1.0 - _LEFT) * robot.collision.margin / float(np.linalg.norm(levers))
@@ -178,7 +178,7 @@ def _tip(urdf: str) -> str:
 
 
 def _judged(stack: str, problem: Problem, answers: Answers) -> Score:
-    judge, arm = Judge(padded(problem.robot, problem.world, 0.0)), problem.robot.leaders("arm")
+    judge, arm = Judge(padded(problem.robot, problem.world, 0.0)), problem.robot.actuated_in("arm")
     velocity = np.array([joint.velocity for joint in arm])
     acceleration = np.array([joint.acceleration for joint in arm])
     spent, ratios, over, detours, colliding = list[float](), list[float](), list[float](), [], 0

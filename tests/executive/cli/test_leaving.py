@@ -12,13 +12,13 @@ from tests.support.server_acts import at_frame, run
 def test_leaving_active_ends_a_goal_for_that_reason(
     server: RigMaker, transition: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arm, stop = server(), Connection.come_to_rest
+    arm, stop = server(), Connection.stop_and_settle
 
     def slowly(connection: Connection) -> None:
         stop(connection)
         arm.rest(0.2)  # the board's answer takes its time
 
-    monkeypatch.setattr(Connection, "come_to_rest", slowly)
+    monkeypatch.setattr(Connection, "stop_and_settle", slowly)
     at_frame(arm, 10, lambda: arm.executive.arm_to(transition))
     outcome = run(arm, 1)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.not_active")

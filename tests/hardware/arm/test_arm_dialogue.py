@@ -28,7 +28,7 @@ from hardware import (
     Joint,
     Playback,
     PlaybackState,
-    PoseOutside,
+    PoseOutsideLimits,
     Robot,
     SimulatedClock,
     State,
@@ -253,7 +253,7 @@ def test_a_board_that_holds_what_the_arm_must_never_be_sent_is_refused(
             f"The board holds the servo of {joint} at {angle} degrees. Its limits "
             rf"\[-0.785, 0.785\] rad end at {nearest} degrees.* switch the board off and on"
         )
-        with pytest.raises(PoseOutside, match=why):
+        with pytest.raises(PoseOutsideLimits, match=why):
             rig.arm.activate()
         assert rig.arm.state is State.INACTIVE
         assert rig.link.read() == b""  # closed

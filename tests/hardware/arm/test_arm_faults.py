@@ -341,8 +341,8 @@ def test_an_arm_that_is_gone_leaves_nothing_behind() -> None:
 
 def test_an_arm_that_nobody_shut_down_is_shut_down_at_the_exit() -> None:
     program = """
-from hardware.connection import Connection
-from hardware.door import WriteGuard
+from hardware.arm.connection import Connection
+from hardware.arm.write_guard import WriteGuard
 from tests.support.hardware_rigs import Rig
 from hardware import StateChanged
 rig = Rig()

@@ -3,7 +3,7 @@
 import pytest
 
 from hardware import InterfaceClaimed, InterfaceUnknown, StaleGeneration, load_robot
-from hardware.arm.interfaces import Claim, Claims, command_interfaces, states
+from hardware.arm.interfaces import Claim, Claims, command_interfaces, state_interfaces
 
 STALE = "^the arm was stopped or moved since this motion was decided on$"
 STOPPED = "^this motion was stopped; nothing more is sent for it$"
@@ -15,7 +15,7 @@ def test_every_joint_with_a_servo_has_a_command_interface_in_the_order_of_the_fr
 
 
 def test_every_joint_has_a_state_and_who_follows_has_its_leaders() -> None:
-    assert states(load_robot(), (0.1, 0.2, 0.3, -0.4)) == {
+    assert state_interfaces(load_robot(), (0.1, 0.2, 0.3, -0.4)) == {
         "joint_1/position": 0.1,
         "joint_2/position": 0.2,
         "joint_3/position": 0.3,
@@ -27,7 +27,7 @@ def test_every_joint_has_a_state_and_who_follows_has_its_leaders() -> None:
 @pytest.mark.parametrize("count", [3, 5])
 def test_states_need_one_value_per_actuated_joint(count: int) -> None:
     with pytest.raises(ValueError, match=r"argument 2 is (shorter|longer)"):
-        states(load_robot(), [0.0] * count)
+        state_interfaces(load_robot(), [0.0] * count)
 
 
 def test_every_end_of_a_claim_counts_one_generation() -> None:

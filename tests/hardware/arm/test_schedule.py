@@ -20,7 +20,7 @@ from hardware import (
     TooFast,
     compile_schedule,
     load_robot,
-    played,
+    servo_path,
 )
 from hardware.arm.schedule import Sampler
 
@@ -142,9 +142,9 @@ def test_the_same_motion_gives_the_same_schedule() -> None:
 def test_a_stock_board_passes_every_corner() -> None:
     schedule = straight(STOCK, (-0.05, 0.05, 0, 0), 0.1)
     assert [str(setpoint.frame) for setpoint in schedule.setpoints] == ["b087,s088,e090,g000,"]
-    corners = [CODEC.encode(row).servos for row in played(STOCK, HOME, schedule)[1]]
+    corners = [CODEC.encode(row).servos for row in servo_path(STOCK, HOME, schedule)[1]]
     assert corners == [(90, 90, 90, 0), (87, 90, 90, 0), (87, 88, 90, 0)]
-    ends = [CODEC.encode(row).servos for row in played(OURS, HOME, schedule)[1]]
+    ends = [CODEC.encode(row).servos for row in servo_path(OURS, HOME, schedule)[1]]
     assert ends == [(90, 90, 90, 0), (87, 88, 90, 0)]
 
 

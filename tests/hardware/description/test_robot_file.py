@@ -45,7 +45,7 @@ def test_the_shipped_robot() -> None:
     assert robot.boot_pose == (0.0, 0.0, 0.0, 0.0)
     assert {(j.velocity, j.acceleration) for j in robot.joints} == {(1.0, 0.5)}
     assert robot.joint("joint_5").mimic == Mimic("joint_4", -1.0, 0.0)
-    assert [joint.name for joint in robot.leaders("gripper")] == ["joint_4"]
+    assert [joint.name for joint in robot.actuated_in("gripper")] == ["joint_4"]
     assert (robot.serial.port, robot.serial.baud, robot.serial.boot_wait) == ("virtual", 115200, 2)
     assert robot.firmware.name == "stock"
     assert len(robot.collision.allowed) == 13

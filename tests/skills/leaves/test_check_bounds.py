@@ -32,14 +32,14 @@ def target(**joints: float) -> dict[str, dict[str, float]]:
 
 def test_the_limits_themselves_are_within(robot: Robot) -> None:
     for group in robot.groups:
-        for joint in robot.leaders(group):
+        for joint in robot.actuated_in(group):
             for q in (joint.lower, joint.upper):
                 check_targets(robot, target(**{joint.name: q}))
 
 
 def test_the_next_number_is_out(robot: Robot) -> None:
     for group in robot.groups:
-        for joint in robot.leaders(group):
+        for joint in robot.actuated_in(group):
             for q in (math.nextafter(joint.lower, -9), math.nextafter(joint.upper, 9)):
                 with pytest.raises(OutOfBounds, match=joint.name):
                     check_targets(robot, target(**{joint.name: q}))

@@ -47,7 +47,7 @@ def test_random_pairs_are_planned_free_and_within_the_limits(
 ) -> None:
     contacts = CollisionChecker(Model(robot, world))
     poses = free_poses(robot, 12, 1, contacts)
-    own = [i for i, j in enumerate(robot.actuated) if j in robot.leaders("arm")]
+    own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     for start, goal in zip(poses[::2], poses[1::2], strict=True):
         query = Query("arm", tuple(start), tuple(goal[own]), world=world)
         plan = planner.plan(query)
@@ -57,7 +57,9 @@ def test_random_pairs_are_planned_free_and_within_the_limits(
         assert contacts.first_hit(rows, 0.0) is None
         assert np.all(abs(plan.velocities(times)) <= 1.001 * plan.velocity)
         assert np.all(abs(plan.accelerations(times)) <= 1.001 * plan.acceleration)
-        turns = (rows[-1, own] - goal[own]) / TURN * [j.endless for j in robot.leaders("arm")]
+        turns = (
+            (rows[-1, own] - goal[own]) / TURN * [j.continuous for j in robot.actuated_in("arm")]
+        )
         assert rows[-1, own] == pytest.approx(goal[own] + TURN * np.round(turns), abs=1e-12)
 
 
@@ -78,7 +80,7 @@ def test_points_for_the_tool(robot: Robot, planner: Planner) -> None:
     """Where it is known to get, with the direction it has there; and far out, where it does not."""
     model = Model(robot)
     start, there = free_poses(robot, 2, 5, planner.contacts)
-    own = [i for i, j in enumerate(robot.actuated) if j in robot.leaders("arm")]
+    own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     there = np.where(np.isin(np.arange(len(start)), own), there, start)
     query = ToolQuery("arm", tuple(start), (0.0, 0.0, 0.0))
     point, axis = _Arm(robot, model, query).pose(there)

@@ -87,7 +87,7 @@ def test_random_pairs_past_a_post(robot: Robot, planner: Planner) -> None:
     """Free each millisecond, within the limits, and not all of them straight."""
     judge, contacts, bent = Judge(robot), CollisionChecker(Model(robot, POSTS)), 0
     poses = free_poses(robot, 24, 1, contacts)
-    own = [i for i, j in enumerate(robot.actuated) if j in robot.leaders("arm")]
+    own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     for start, goal in zip(poses[::2], poses[1::2], strict=True):
         plan = planner.plan(Query("arm", tuple(start), tuple(goal[own]), world=POSTS))
         times = np.arange(0.0, plan.duration + 0.001, 0.001)
@@ -127,7 +127,7 @@ def test_what_is_in_a_link_touches_it(robot: Robot, planner: Planner) -> None:
         if not _enclosed(triangles, middle):
             continue
         pea = World((Body("pea", Sphere(0.001), tuple(place.act(middle).tolist())),))
-        goal = [joint.boot for joint in robot.leaders("arm")]
+        goal = [joint.boot for joint in robot.actuated_in("arm")]
         with pytest.raises(StartInCollision) as caught:
             planner.plan(Query("arm", robot.boot_pose, tuple(goal), world=pea))
         assert {caught.value.first, caught.value.second} >= {"pea"}
@@ -155,7 +155,7 @@ def _enclosed(triangles: Array, point: Array) -> bool:
 
 
 def test_ends_that_cannot_be(robot: Robot, planner: Planner) -> None:
-    start, leaders = robot.boot_pose, robot.leaders("arm")
+    start, leaders = robot.boot_pose, robot.actuated_in("arm")
     lower = [max(joint.lower, -np.pi) for joint in leaders]
     upper = [min(joint.upper, np.pi) for joint in leaders]
     rest = start[len(leaders) :]
@@ -165,7 +165,7 @@ def test_ends_that_cannot_be(robot: Robot, planner: Planner) -> None:
         planner.plan(Query("arm", start, tuple(folded)))
     with pytest.raises(StartInCollision, match=r"would be .* mm deep in"):
         planner.plan(Query("arm", (*folded, *rest), start[: len(leaders)]))
-    bounded = next(i for i, joint in enumerate(leaders) if not joint.endless)
+    bounded = next(i for i, joint in enumerate(leaders) if not joint.continuous)
     beyond = list(start[: len(leaders)])
     beyond[bounded] = leaders[bounded].upper + 0.1
     with pytest.raises(GoalOutOfBounds, match=leaders[bounded].name):
@@ -175,7 +175,7 @@ def test_ends_that_cannot_be(robot: Robot, planner: Planner) -> None:
 def test_the_tool_gets_where_it_can(robot: Robot, planner: Planner) -> None:
     """Where it is known to get; once a block stands there it finds no place."""
     there = free_poses(robot, 1, 5, planner.contacts)[0]
-    start, size = robot.boot_pose, len(robot.leaders("arm"))
+    start, size = robot.boot_pose, len(robot.actuated_in("arm"))
     there[size:] = start[size:]
     nowhere = ToolQuery("arm", start, (0.0, 0.0, 0.0))
     point, _ = _Arm(robot, Model(robot), nowhere).pose(there)

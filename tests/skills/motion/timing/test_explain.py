@@ -22,7 +22,7 @@ def motions(robot: Robot, world: World) -> Iterator[Plan]:
     """Straight ones, some by way of a point, and some round a body."""
     planner = Planner(robot)
     poses = free_poses(robot, 12, 5, planner.contacts)
-    names = [joint.name for joint in robot.leaders("arm")]
+    names = [joint.name for joint in robot.actuated_in("arm")]
     columns = [i for i, joint in enumerate(robot.actuated) if joint.name in names]
     via = (tuple(poses[-1][columns]),)
     for one, other in pairwise(poses[:-1]):
