@@ -93,7 +93,7 @@ def serve(
 ) -> None:
     """Take goals from other programs, until Ctrl-C. The arm is inactive at first."""
     from executive.goals.queue import Policy
-    from executive.server.server import Place
+    from executive.server.server import ListenOptions
     from logs.writing.retention import Rule
 
     from .serving import ServeOptions
@@ -111,7 +111,7 @@ def serve(
         activate=activate,
         pose=pose,
         keep=Rule(keep_days, keep_mb),
-        place=Place(port=place.pop("tcp_port"), **place),
+        place=ListenOptions(port=place.pop("tcp_port"), **place),
     )
     run(options)
 

@@ -15,8 +15,8 @@ from executive.goals.questions import Questions
 from executive.goals.queue import Policy
 from executive.goals.start_pose import PoseUnconfirmed, standing
 from executive.live_library import LiveLibrary
-from executive.server.access import PORT
-from executive.server.server import Place, Server
+from executive.server.server import ListenOptions, Server
+from executive.server.token_file import PORT
 from hardware import HardwareError, RealClock, TransitionRefused, load_robot
 from logs import LogError
 from logs.writing.retention import Rule
@@ -62,7 +62,7 @@ class ServeOptions:
     activate: bool
     pose: str | None
     keep: Rule
-    place: Place
+    place: ListenOptions
 
 
 def serve(options: ServeOptions) -> None:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from executive.goals.events import to_event
 from executive.goals.goal import GoalStatus, Outcome
-from executive.server.access import KEEPALIVE
+from executive.server.token_file import KEEPALIVE
 
-from . import requests as asks
+from . import requests
 from .errors import GoalFailed, Refused, ServerUnreachable
 from .replies import check, reached
-from .requests import Ask, CancelResult, OpenQuestion, Status, Task
-from .synchronous import BEAT, NOTHING, PATIENCE, SILENCE
+from .requests import CancelResult, OpenQuestion, Request, Status, Task
+from .synchronous import ANSWER_TIMEOUT, BEAT_PERIOD, NOTHING, SILENCE_TIMEOUT
 
 if TYPE_CHECKING:
     from executive.executive import Event
@@ -34,12 +34,12 @@ class AsyncClient:
     def __init__(self, url: str | None = None, token: str | None = None) -> None:
         import httpx  # takes longer than all the rest
 
-        address = asks.address(url, token)
+        address = requests.address(url, token)
         self.url = address.url
         self._http = httpx.AsyncClient(
             base_url=address.url,
             headers=address.headers,
-            timeout=PATIENCE,
+            timeout=ANSWER_TIMEOUT,
             transport=httpx.AsyncHTTPTransport(trust_env=False, socket_options=KEEPALIVE),
             trust_env=False,
         )
@@ -79,72 +79,72 @@ class AsyncClient:
         deadman: bool = False,
     ) -> str:
         """Send a goal, and return its identity at once."""
-        return await self._do(asks.send(task, arguments, goal_id, deadman))
+        return await self._do(requests.send(task, arguments, goal_id, deadman))
 
     async def result(self, goal_id: str, timeout: float | None = None) -> Outcome:
         """Wait for the outcome of a goal [s]."""
-        for seconds in asks.waits(timeout):
+        for seconds in requests.waits(timeout):
             try:
-                return await self._do(asks.result(goal_id, seconds))
+                return await self._do(requests.result(goal_id, seconds))
             except Refused as error:
-                if error.code != asks.NOT_YET:
+                if error.code != requests.NOT_YET:
                     raise
-        raise asks.not_ended(goal_id, timeout)
+        raise requests.not_ended(goal_id, timeout)
 
     async def goal(self, goal_id: str) -> GoalStatus:
         """What a goal is at."""
-        return await self._do(asks.goal(goal_id))
+        return await self._do(requests.goal(goal_id))
 
     async def goals(self) -> tuple[GoalStatus, ...]:
         """All goals that are known."""
         found: tuple[GoalStatus, ...] = ()
-        while page := await self._do(asks.goals(found)):
+        while page := await self._do(requests.goals(found)):
             found = page + found
         return found
 
     async def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
         """Cancel a goal, those accepted until a time [ns since 1970], both, or all."""
-        return await self._do(asks.cancel(goal_id, stamp_ns))
+        return await self._do(requests.cancel(goal_id, stamp_ns))
 
     async def stop(self) -> CancelResult:
         """Stop the arm, and cancel all goals. This is no emergency stop."""
-        return await self._do(asks.stop())
+        return await self._do(requests.stop())
 
     async def pause(self, goal_id: str) -> GoalStatus:
         """Stop the arm and keep the goal."""
-        return await self._do(asks.change(goal_id, "pause"))
+        return await self._do(requests.change(goal_id, "pause"))
 
     async def resume(self, goal_id: str) -> GoalStatus:
         """Go on with a paused goal."""
-        return await self._do(asks.change(goal_id, "resume"))
+        return await self._do(requests.change(goal_id, "resume"))
 
     async def step(self, goal_id: str) -> GoalStatus:
         """Let one node of a paused goal begin."""
-        return await self._do(asks.change(goal_id, "step"))
+        return await self._do(requests.change(goal_id, "step"))
 
     async def break_at(self, node: str, on: bool = True) -> tuple[str, ...]:
         """Have every goal pause before a node, by its path, or no longer; returns all such."""
-        return await self._do(asks.break_at(node, on))
+        return await self._do(requests.break_at(node, on))
 
     async def questions(self) -> tuple[OpenQuestion, ...]:
         """What tasks ask now."""
-        return await self._do(asks.questions())
+        return await self._do(requests.questions())
 
     async def answer(self, question_id: str, words: str) -> str:
         """Answer a question; returns the answer that counts, which is the first."""
-        return await self._do(asks.answer(question_id, words))
+        return await self._do(requests.answer(question_id, words))
 
     async def arm(self, transition: str, pose: str | None = None) -> str:
         """Take the arm through a transition, as `Client.arm` does; activating moves it."""
-        return await self._do(asks.arm(transition, pose))
+        return await self._do(requests.arm(transition, pose))
 
     async def status(self) -> Status:
         """What the arm and the goals are at."""
-        return await self._do(asks.status())
+        return await self._do(requests.status())
 
     async def tasks(self) -> tuple[Task, ...]:
         """The tasks there are."""
-        return await self._do(asks.tasks())
+        return await self._do(requests.tasks())
 
     @asynccontextmanager
     async def events(self, *kinds: str) -> AsyncIterator[AsyncIterator["Event"]]:
@@ -152,7 +152,7 @@ class AsyncClient:
         query = {"events": ",".join(kinds)} if kinds else {}
         with reached(self.url):
             async with self._http.stream(
-                "GET", "/api/events", params=query, timeout=SILENCE
+                "GET", "/api/events", params=query, timeout=SILENCE_TIMEOUT
             ) as response:
                 if response.is_error:
                     await response.aread()
@@ -170,7 +170,7 @@ class AsyncClient:
             while not released.is_set():
                 yield b"."
                 with suppress(TimeoutError):
-                    await asyncio.wait_for(released.wait(), BEAT)
+                    await asyncio.wait_for(released.wait(), BEAT_PERIOD)
 
         async def hold() -> None:
             with suppress(ServerUnreachable), reached(self.url):
@@ -184,19 +184,19 @@ class AsyncClient:
             await holding
 
     async def _read(self, lines: AsyncIterator[str]) -> AsyncIterator["Event"]:
-        with reached(self.url, SILENCE):
+        with reached(self.url, SILENCE_TIMEOUT):
             async for line in lines:
                 if line.startswith("data: "):
                     yield to_event(json.loads(line.removeprefix("data: ")))
 
-    async def _do(self, ask: Ask[T]) -> T:
+    async def _do(self, ask: Request[T]) -> T:
         with reached(self.url):
             response = await self._http.request(
                 ask.method,
                 ask.path,
                 json=ask.body,
                 params=ask.query,
-                timeout=PATIENCE + ask.patience,
+                timeout=ANSWER_TIMEOUT + ask.patience,
             )
         check(response)
         return ask.read(response.json())

@@ -13,13 +13,13 @@ from executive.goals.causes import cause_of
 from executive.goals.events import to_goal, to_outcome
 from executive.goals.goal import Cause, GoalStatus, Outcome
 from executive.goals.queue import CancelCode
-from executive.server import access
+from executive.server import token_file
 
 from .errors import Refused
 
 T = TypeVar("T")
 
-AT_A_TIME = 15.0  # [s] that an answer may wait for a goal's end; then it is asked for again
+POLL_PERIOD = 15.0  # [s] that an answer may wait for a goal's end; then it is asked for again
 NOT_YET = ResultTimeout.code
 
 _OUR_NAMES = ("127.0.0.1", "localhost", "::1")
@@ -85,7 +85,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class OpenQuestion:
-    """What a task asks.
+    """What a task requests.
 
     Attributes:
         question_id: 8 hexadecimal digits.
@@ -116,7 +116,7 @@ class CancelResult:
 
 
 @dataclass(frozen=True, slots=True)
-class Ask(Generic[T]):
+class Request(Generic[T]):
     """A request.
 
     Attributes:
@@ -156,7 +156,7 @@ def address(url: str | None, token: str | None) -> Address:
         url: Of it; else ARMTREE_SERVER, else this machine's.
         token: Of it; else ARMTREE_TOKEN, else what it wrote for this user.
     """
-    port = os.environ.get("ARMTREE_TCP_PORT", access.PORT)
+    port = os.environ.get("ARMTREE_TCP_PORT", token_file.PORT)
     url = (url or os.environ.get("ARMTREE_SERVER") or f"http://127.0.0.1:{port}").rstrip("/")
     token = token or os.environ.get("ARMTREE_TOKEN") or _own_token(url)
     return Address(url, {"authorization": f"Bearer {token}"} if token else {})
@@ -165,32 +165,32 @@ def address(url: str | None, token: str | None) -> Address:
 def _own_token(url: str) -> str:
     """The token of a server of this user on this machine; empty where there is none."""
     parts = urlsplit(url)
-    port = parts.port or (access.HTTP_PORT if parts.scheme == "http" else 0)
-    known = access.read(port) if parts.hostname in _OUR_NAMES else None
+    port = parts.port or (token_file.HTTP_PORT if parts.scheme == "http" else 0)
+    known = token_file.read(port) if parts.hostname in _OUR_NAMES else None
     return known.token if known else ""
 
 
-def send(task: int, arguments: Mapping[str, Any], goal_id: str, deadman: bool) -> Ask[str]:
+def send(task: int, arguments: Mapping[str, Any], goal_id: str, deadman: bool) -> Request[str]:
     """Send a goal; the answer is its identity."""
     body: dict[str, Any] = {"task": task, "arguments": dict(arguments), "deadman": deadman}
     if goal_id:
         body["goal_id"] = goal_id
-    return Ask("POST", "/api/goals", lambda told: str(told["goal_id"]), body)
+    return Request("POST", "/api/goals", lambda told: str(told["goal_id"]), body)
 
 
 def waits(timeout: float | None) -> Iterator[float]:
     """How long to wait for a result [s], at a time: so a server that is frozen is noticed."""
     left = math.inf if timeout is None else timeout
-    while left > AT_A_TIME:
-        yield AT_A_TIME
-        left -= AT_A_TIME
+    while left > POLL_PERIOD:
+        yield POLL_PERIOD
+        left -= POLL_PERIOD
     yield left
 
 
-def result(goal_id: str, timeout: float) -> Ask[Outcome]:
+def result(goal_id: str, timeout: float) -> Request[Outcome]:
     """Wait for the outcome of a goal [s]."""
     query = {"timeout": timeout}
-    return Ask("GET", f"/api/goals/{goal_id}/result", to_outcome, query=query, patience=timeout)
+    return Request("GET", f"/api/goals/{goal_id}/result", to_outcome, query=query, patience=timeout)
 
 
 def not_ended(goal_id: str, timeout: float | None) -> Refused:
@@ -198,67 +198,71 @@ def not_ended(goal_id: str, timeout: float | None) -> Refused:
     return Refused(dataclasses.asdict(cause_of(ResultTimeout(goal_id, timeout or 0.0))))
 
 
-def goal(goal_id: str) -> Ask[GoalStatus]:
+def goal(goal_id: str) -> Request[GoalStatus]:
     """What a goal is at."""
-    return Ask("GET", f"/api/goals/{goal_id}", to_goal)
+    return Request("GET", f"/api/goals/{goal_id}", to_goal)
 
 
-def goals(after: tuple[GoalStatus, ...]) -> Ask[tuple[GoalStatus, ...]]:
+def goals(after: tuple[GoalStatus, ...]) -> Request[tuple[GoalStatus, ...]]:
     """The page of goals that comes before those that are there already."""
     query = {"before": after[0].stamp_ns} if after else {}
-    return Ask("GET", "/api/goals", lambda told: tuple(map(to_goal, told["goals"])), query=query)
+    return Request(
+        "GET", "/api/goals", lambda told: tuple(map(to_goal, told["goals"])), query=query
+    )
 
 
-def cancel(goal_id: str, stamp_ns: int) -> Ask[CancelResult]:
+def cancel(goal_id: str, stamp_ns: int) -> Request[CancelResult]:
     """Cancel goals."""
     body = {
         **({"goal_id": goal_id} if goal_id else {}),
         **({"stamp_ns": stamp_ns} if stamp_ns else {}),
     }
-    return Ask("POST", "/api/cancel", _canceled, body)
+    return Request("POST", "/api/cancel", _canceled, body)
 
 
-def stop() -> Ask[CancelResult]:
+def stop() -> Request[CancelResult]:
     """Stop the arm."""
-    return Ask("POST", "/api/stop", _canceled, {})
+    return Request("POST", "/api/stop", _canceled, {})
 
 
-def change(goal_id: str, verb: str) -> Ask[GoalStatus]:
+def change(goal_id: str, verb: str) -> Request[GoalStatus]:
     """Pause, resume or step a goal."""
-    return Ask("POST", f"/api/goals/{goal_id}/{verb}", to_goal, {})
+    return Request("POST", f"/api/goals/{goal_id}/{verb}", to_goal, {})
 
 
-def break_at(node: str, on: bool) -> Ask[tuple[str, ...]]:
+def break_at(node: str, on: bool) -> Request[tuple[str, ...]]:
     """Set or lift a breakpoint."""
     body = {"node": node, "on": on}
-    return Ask("POST", "/api/breakpoints", lambda told: tuple(told["breakpoints"]), body)
+    return Request("POST", "/api/breakpoints", lambda told: tuple(told["breakpoints"]), body)
 
 
-def questions() -> Ask[tuple[OpenQuestion, ...]]:
+def questions() -> Request[tuple[OpenQuestion, ...]]:
     """What tasks ask now."""
-    return Ask("GET", "/api/questions", lambda told: tuple(map(_question, told["questions"])))
+    return Request("GET", "/api/questions", lambda told: tuple(map(_question, told["questions"])))
 
 
-def answer(question_id: str, words: str) -> Ask[str]:
+def answer(question_id: str, words: str) -> Request[str]:
     """Answer a question."""
     path = f"/api/questions/{question_id}/answer"
-    return Ask("POST", path, lambda told: str(told["answer"]), {"answer": words})
+    return Request("POST", path, lambda told: str(told["answer"]), {"answer": words})
 
 
-def arm(transition: str, pose: str | None) -> Ask[str]:
+def arm(transition: str, pose: str | None) -> Request[str]:
     """Take the arm through a transition; booting takes its time."""
     body = {"pose": pose} if pose else {}
-    return Ask("POST", f"/api/arm/{transition}", lambda told: str(told["arm"]), body, patience=30.0)
+    return Request(
+        "POST", f"/api/arm/{transition}", lambda told: str(told["arm"]), body, patience=30.0
+    )
 
 
-def status() -> Ask[Status]:
+def status() -> Request[Status]:
     """What the server is at."""
-    return Ask("GET", "/api/status", _status)
+    return Request("GET", "/api/status", _status)
 
 
-def tasks() -> Ask[tuple[Task, ...]]:
+def tasks() -> Request[tuple[Task, ...]]:
     """The tasks there are."""
-    return Ask("GET", "/api/tasks", lambda told: tuple(map(_task, told["tasks"])))
+    return Request("GET", "/api/tasks", lambda told: tuple(map(_task, told["tasks"])))
 
 
 def _question(told: Any) -> OpenQuestion:

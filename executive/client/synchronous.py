@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from executive.goals.events import to_event
 from executive.goals.goal import GoalStatus, Outcome
-from executive.server.access import KEEPALIVE
+from executive.server.token_file import KEEPALIVE
 
-from . import requests as asks
+from . import requests
 from .errors import GoalFailed, Refused, ServerUnreachable
 from .replies import check, reached
-from .requests import Ask, CancelResult, OpenQuestion, Status, Task
+from .requests import CancelResult, OpenQuestion, Request, Status, Task
 
 if TYPE_CHECKING:
     from executive.executive import Event
 
 T = TypeVar("T")
 
-BEAT = 0.2  # [s] between two signs of life of who holds a goal
-SILENCE = 45.0  # [s] of a stream, of which a server breaks every 15
-PATIENCE = 10.0  # [s] for an answer that needs no waiting
+BEAT_PERIOD = 0.2  # [s] between two signs of life of who holds a goal
+SILENCE_TIMEOUT = 45.0  # [s] of a stream, of which a server breaks every 15
+ANSWER_TIMEOUT = 10.0  # [s] for an answer that needs no waiting
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -43,12 +43,12 @@ class Client:
     def __init__(self, url: str | None = None, token: str | None = None) -> None:
         import httpx  # takes longer than all the rest, and `--help` needs none of it
 
-        address = asks.address(url, token)
+        address = requests.address(url, token)
         self.url = address.url
         self._http = httpx.Client(
             base_url=address.url,
             headers=address.headers,
-            timeout=PATIENCE,
+            timeout=ANSWER_TIMEOUT,
             transport=httpx.HTTPTransport(trust_env=False, socket_options=KEEPALIVE),
             trust_env=False,
         )
@@ -100,60 +100,60 @@ class Client:
             goal_id: 32 hexadecimal digits; made by the server where there are none.
             deadman: Whether it shall be canceled when nobody holds it any more; see `hold`.
         """
-        return self._do(asks.send(task, arguments, goal_id, deadman))
+        return self._do(requests.send(task, arguments, goal_id, deadman))
 
     def result(self, goal_id: str, timeout: float | None = None) -> Outcome:
         """Wait for the outcome of a goal [s]; None to wait as long as it takes."""
-        for seconds in asks.waits(timeout):
+        for seconds in requests.waits(timeout):
             try:
-                return self._do(asks.result(goal_id, seconds))
+                return self._do(requests.result(goal_id, seconds))
             except Refused as error:
-                if error.code != asks.NOT_YET:
+                if error.code != requests.NOT_YET:
                     raise
-        raise asks.not_ended(goal_id, timeout)
+        raise requests.not_ended(goal_id, timeout)
 
     def goal(self, goal_id: str) -> GoalStatus:
         """What a goal is at."""
-        return self._do(asks.goal(goal_id))
+        return self._do(requests.goal(goal_id))
 
     def goals(self) -> tuple[GoalStatus, ...]:
         """All goals that are known; ended ones are forgotten after a while."""
         found: tuple[GoalStatus, ...] = ()
-        while page := self._do(asks.goals(found)):
+        while page := self._do(requests.goals(found)):
             found = page + found
         return found
 
     def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
         """Cancel a goal, those accepted until a time [ns since 1970], both, or all."""
-        return self._do(asks.cancel(goal_id, stamp_ns))
+        return self._do(requests.cancel(goal_id, stamp_ns))
 
     def stop(self) -> CancelResult:
         """Stop the arm, and cancel all goals. This is no emergency stop."""
-        return self._do(asks.stop())
+        return self._do(requests.stop())
 
     def pause(self, goal_id: str) -> GoalStatus:
         """Stop the arm and keep the goal."""
-        return self._do(asks.change(goal_id, "pause"))
+        return self._do(requests.change(goal_id, "pause"))
 
     def resume(self, goal_id: str) -> GoalStatus:
         """Go on with a paused goal."""
-        return self._do(asks.change(goal_id, "resume"))
+        return self._do(requests.change(goal_id, "resume"))
 
     def step(self, goal_id: str) -> GoalStatus:
         """Let one node of a paused goal begin."""
-        return self._do(asks.change(goal_id, "step"))
+        return self._do(requests.change(goal_id, "step"))
 
     def break_at(self, node: str, on: bool = True) -> tuple[str, ...]:
         """Have every goal pause before a node, by its path, or no longer; returns all such."""
-        return self._do(asks.break_at(node, on))
+        return self._do(requests.break_at(node, on))
 
     def questions(self) -> tuple[OpenQuestion, ...]:
         """What tasks ask now."""
-        return self._do(asks.questions())
+        return self._do(requests.questions())
 
     def answer(self, question_id: str, words: str) -> str:
         """Answer a question; returns the answer that counts, which is the first."""
-        return self._do(asks.answer(question_id, words))
+        return self._do(requests.answer(question_id, words))
 
     def arm(self, transition: str, pose: str | None = None) -> str:
         """Take the arm through configure, activate, deactivate, cleanup or shutdown.
@@ -164,15 +164,15 @@ class Client:
         Returns:
             Where it stands then.
         """
-        return self._do(asks.arm(transition, pose))
+        return self._do(requests.arm(transition, pose))
 
     def status(self) -> Status:
         """What the arm and the goals are at."""
-        return self._do(asks.status())
+        return self._do(requests.status())
 
     def tasks(self) -> tuple[Task, ...]:
         """The tasks there are."""
-        return self._do(asks.tasks())
+        return self._do(requests.tasks())
 
     @contextmanager
     def events(self, *kinds: str) -> Iterator[Iterator["Event"]]:
@@ -184,7 +184,9 @@ class Client:
         query = {"events": ",".join(kinds)} if kinds else {}
         with (
             reached(self.url),
-            self._http.stream("GET", "/api/events", params=query, timeout=SILENCE) as response,
+            self._http.stream(
+                "GET", "/api/events", params=query, timeout=SILENCE_TIMEOUT
+            ) as response,
         ):
             if response.is_error:
                 response.read()
@@ -202,7 +204,7 @@ class Client:
         released = threading.Event()
 
         def beats() -> Iterator[bytes]:
-            while not released.wait(BEAT):
+            while not released.wait(BEAT_PERIOD):
                 yield b"."
 
         def hold() -> None:
@@ -218,19 +220,19 @@ class Client:
             holding.join()
 
     def _read(self, lines: Iterator[str]) -> Iterator["Event"]:
-        with reached(self.url, SILENCE):
+        with reached(self.url, SILENCE_TIMEOUT):
             for line in lines:
                 if line.startswith("data: "):
                     yield to_event(json.loads(line.removeprefix("data: ")))
 
-    def _do(self, ask: Ask[T]) -> T:
+    def _do(self, ask: Request[T]) -> T:
         with reached(self.url):
             response = self._http.request(
                 ask.method,
                 ask.path,
                 json=ask.body,
                 params=ask.query,
-                timeout=PATIENCE + ask.patience,
+                timeout=ANSWER_TIMEOUT + ask.patience,
             )
         check(response)
         return ask.read(response.json())

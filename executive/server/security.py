@@ -9,10 +9,10 @@ from ipaddress import ip_address
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import Message, Send
 
-from .access import HTTP_PORT
 from .http.errors import Forbidden, Unauthorized
+from .token_file import HTTP_PORT
 
-SHOWS_TOKEN = "shows_token"  # of a request's state: whether its sender does
+HAS_TOKEN = "has_token"  # of a request's state: whether its sender does
 
 _HAS_PORT = re.compile(r"[^:]:\d+$")
 _FOR_BROWSERS = {
@@ -25,7 +25,7 @@ _FOR_BROWSERS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Rules:
+class AccessRules:
     """Who may ask.
 
     Attributes:
@@ -67,7 +67,7 @@ class Rules:
                 code="request.origin",
             )
 
-    def knows_token(self, headers: Headers) -> bool:
+    def has_token(self, headers: Headers) -> bool:
         """Whether somebody shows the token."""
         scheme, _, given = headers.get("authorization", "").partition(" ")
         right = hmac.compare_digest(given.strip().encode(), self.token.encode())
@@ -79,7 +79,7 @@ class Rules:
         Raises:
             Unauthorized: It is missing or wrong.
         """
-        if not self.knows_token(headers):
+        if not self.has_token(headers):
             given = headers.get("authorization")
             raise Unauthorized(
                 "the token is wrong" if given else "this needs the server's token",
@@ -109,7 +109,7 @@ def _bracketed(name: str) -> str:
     return f"[{name}]" if name.count(":") > 1 and not name.startswith("[") else name
 
 
-def hardened(send: Send) -> Send:
+def with_security_headers(send: Send) -> Send:
     """Have every answer tell browsers to keep to the strict side."""
 
     async def send_hardened(message: Message) -> None:

@@ -16,16 +16,16 @@ from executive.goals.questions import Questions, nobody
 from executive.live_library import LiveLibrary
 from hardware import Clock, Robot
 
-from . import access
+from . import token_file
+from .event_hub import EventHub
 from .http.answers import Api
 from .http.app import App
-from .http.connections import HttpConnection, State, WebSocketConnection
-from .http.strict_json import MOST_BYTES
-from .hub import Hub
+from .http.strict_json import MAX_BYTES
+from .limits.cancel_thread import CancelThread
+from .limits.connections import HttpConnection, SharedState, WebSocketConnection
 from .limits.fair_queue import FairQueue
-from .limits.stops import Stops
 from .rosbridge.bridge import Bridge
-from .security import Rules, is_loopback, names
+from .security import AccessRules, is_loopback, names
 
 logger = logging.getLogger(__name__)
 
@@ -48,7 +48,7 @@ class AddressInUse(ServerError):
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ListenOptions:
     """Where a server listens, and to whom.
 
     Attributes:
@@ -61,7 +61,7 @@ class Place:
     """
 
     address: str = "127.0.0.1"
-    port: int = access.PORT
+    port: int = token_file.PORT
     hosts: tuple[str, ...] = ()
     origins: tuple[str, ...] = ()
     expose: bool = False
@@ -71,9 +71,9 @@ class Place:
 class _Uvicorn(uvicorn.Server):
     """uvicorn without its ten looks a second at whether it is to end."""
 
-    def __init__(self, config: uvicorn.Config, turns: FairQueue) -> None:
+    def __init__(self, config: uvicorn.Config, queue: FairQueue) -> None:
         super().__init__(config)
-        self.server_state = State(turns)
+        self.server_state = SharedState(queue)
         self.ready, self._end = threading.Event(), asyncio.Event()
 
     async def main_loop(self) -> None:
@@ -124,7 +124,7 @@ class Server:
         library: LiveLibrary,
         robot: Robot,
         clock: Clock,
-        place: Place,
+        place: ListenOptions,
         questions: Questions,
     ) -> None:
         _check(place)
@@ -134,15 +134,15 @@ class Server:
         self._robot, self._clock, self._place = robot, clock, place
         self._questions = questions
         own = next(iter(names((place.address,), self.port)))
-        self.url, self.token = f"http://{own}", access.new_token()
-        self._access = access.Access(self.url, self.token, os.getpid())
+        self.url, self.token = f"http://{own}", token_file.new_token()
+        self._access = token_file.ServerInfo(self.url, self.token, os.getpid())
         try:
-            access.publish(self.port, self._access)
+            token_file.publish(self.port, self._access)
         except OSError as error:
             self._socket.close()
             raise ServerError(f"the token cannot be left for our own clients: {error}") from error
         self._loop = asyncio.new_event_loop()
-        self._hub = Hub(self._loop)
+        self._hub = EventHub(self._loop)
         self._thread: threading.Thread | None = None
 
     def __enter__(self) -> Self:
@@ -158,9 +158,9 @@ class Server:
 
     def start(self) -> None:
         """Begin to answer."""
-        self._end_events = self._executive.subscribe(self._hub.happened)
-        self._questions.watch = self._hub.happened
-        self._stops = stops = Stops(self._executive, self._clock)
+        self._end_events = self._executive.subscribe(self._hub.publish)
+        self._questions.watch = self._hub.publish
+        self._stops = stops = CancelThread(self._executive, self._clock)
         api = Api(self._executive, stops, self._library, self._hub, self._questions)
         bridge = Bridge(self._executive, stops, self._hub, self._robot, self._clock)
         app = App(api, self._rules(), self._clock, bridge.serve if self._place.rosbridge else None)
@@ -179,13 +179,13 @@ class Server:
             self._stops.close()
         self._socket.close()
         self._loop.close()
-        access.withdraw(self.port, self._access)
+        token_file.withdraw(self.port, self._access)
 
     def _run(self) -> None:
         with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
             runner.run(self._server.serve([self._socket]))
 
-    def _rules(self) -> Rules:
+    def _rules(self) -> AccessRules:
         place = self._place
         known = [*place.hosts, place.address]
         if is_loopback(place.address) or place.address in ("0.0.0.0", "::"):
@@ -193,11 +193,11 @@ class Server:
         hosts = names(known, self.port)
         origins = {f"http://{host}" for host in hosts} | set(place.origins)
         # A proxy in front passes on what it was asked by. Pages of that name may be another's.
-        hosts |= names(place.hosts, access.HTTP_PORT)
-        return Rules(hosts, frozenset(origins), self.token, place.expose)
+        hosts |= names(place.hosts, token_file.HTTP_PORT)
+        return AccessRules(hosts, frozenset(origins), self.token, place.expose)
 
 
-def _check(place: Place) -> None:
+def _check(place: ListenOptions) -> None:
     try:
         loopback = is_loopback(place.address)
     except ValueError as error:
@@ -220,7 +220,7 @@ def _listen(address: str, port: int) -> socket.socket:
     made = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
-    for option in access.KEEPALIVE:  # connections have them from here
+    for option in token_file.KEEPALIVE:  # connections have them from here
         made.setsockopt(*option)
     try:
         made.bind((address, port))
@@ -241,7 +241,7 @@ def _config(app: Any) -> uvicorn.Config:
         loop="asyncio",
         http=HttpConnection,
         ws=WebSocketConnection,
-        ws_max_size=MOST_BYTES,
+        ws_max_size=MAX_BYTES,
         ws_per_message_deflate=False,
         lifespan="off",
         log_config=None,

@@ -16,7 +16,7 @@ from websockets.sync.client import connect
 from executive.executive import Executive
 from executive.goals.questions import Questions
 from executive.live_library import LiveLibrary
-from executive.server.server import Place, Server
+from executive.server.server import ListenOptions, Server
 from hardware import RealClock, Robot
 
 Cancel = Callable[[], object]
@@ -66,7 +66,7 @@ def served(arm: Executive, robot: Robot, folder: Path) -> Iterator[Server]:
     with tempfile.TemporaryDirectory() as runtime:
         os.environ["XDG_RUNTIME_DIR"] = runtime
         library = LiveLibrary(folder / "tasks", robot)
-        place, questions = Place(port=0, rosbridge=True), Questions(clock)
+        place, questions = ListenOptions(port=0, rosbridge=True), Questions(clock)
         server = Server(arm, library, robot, clock, place, questions)
         server.start()
         yield server

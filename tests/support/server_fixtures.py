@@ -9,7 +9,7 @@ import pytest
 
 from executive.cli.main import main
 from executive.goals.queue import Policy
-from executive.server import access
+from executive.server import token_file
 from executive.testing import SharedPool
 from hardware import RealClock, load_robot
 from skills.motion import Pool
@@ -46,7 +46,7 @@ def serve(
     yield make
     for served in running:
         served.stop()
-        assert access.read(served.server.port) is None
+        assert token_file.read(served.server.port) is None
 
 
 @pytest.fixture

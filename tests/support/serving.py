@@ -13,7 +13,7 @@ from executive.executive import Executive
 from executive.goals.questions import Questions
 from executive.goals.queue import Policy
 from executive.live_library import LiveLibrary
-from executive.server.server import Place, Server
+from executive.server.server import ListenOptions, Server
 from hardware import BoardLink, RealClock, Robot, virtual_board
 from skills.motion import Pool
 
@@ -65,7 +65,7 @@ class Served:
             policy,
             operator=questions,
         )
-        where = Place(**{"port": 0, **place})
+        where = ListenOptions(**{"port": 0, **place})
         self.server = Server(self.executive, self.library, self.robot, self.clock, where, questions)
         self.executive.start()
         self.server.start()

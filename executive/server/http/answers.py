@@ -17,16 +17,16 @@ from executive.goals.goal import GoalStatus, Outcome
 from executive.goals.questions import Questions
 from executive.goals.queue import CancelAnswer
 from executive.live_library import LiveLibrary
-from executive.server.hub import Hub
-from executive.server.limits.stops import Stops
+from executive.server.event_hub import EventHub
+from executive.server.limits.cancel_thread import CancelThread
 from executive.server.metrics import Metrics
-from executive.server.security import SHOWS_TOKEN
+from executive.server.security import HAS_TOKEN
 
 from .errors import BadRequest, TooMuch, status_of
 from .openapi import document
 from .operations import LISTED
 
-MOST_WATCHERS = 16  # of those who show the token, and of all others
+MAX_SUBSCRIBERS = 16  # of those who show the token, and of all others
 HOLD_SECONDS = 1.0  # a hold of which nothing comes for so long has ended
 
 
@@ -56,7 +56,7 @@ class Call:
     @property
     def known(self) -> bool:
         """Whether whoever asks shows the token."""
-        return SHOWS_TOKEN in self.request.scope["state"]
+        return HAS_TOKEN in self.request.scope["state"]
 
 
 class Api:
@@ -73,14 +73,14 @@ class Api:
     def __init__(
         self,
         executive: Executive,
-        stops: Stops,
+        stops: CancelThread,
         library: LiveLibrary,
-        hub: Hub,
+        hub: EventHub,
         questions: Questions,
     ) -> None:
         self._executive, self._stops = executive, stops
         self._library, self._hub, self._questions = library, hub, questions
-        self._metrics = Metrics(executive.snapshot, lambda: len(hub.watchers))
+        self._metrics = Metrics(executive.snapshot, lambda: len(hub.subscribers))
         self._document = document()
         self._listing = asyncio.Lock()
         self._ended: dict[str, asyncio.Future[Outcome]] = {}
@@ -212,8 +212,8 @@ class Api:
 
     async def events(self, call: Call) -> Response:
         """What happens, as it happens."""
-        if sum(each.known is call.known for each in self._hub.watchers) >= MOST_WATCHERS:
-            raise TooMuch(f"{MOST_WATCHERS} watch already", "close one of them")
+        if sum(each.known is call.known for each in self._hub.subscribers) >= MAX_SUBSCRIBERS:
+            raise TooMuch(f"{MAX_SUBSCRIBERS} watch already", "close one of them")
         kinds = frozenset(filter(None, call.given.get("events", "").split(",")))
         if kinds - KINDS:
             raise BadRequest(f"events are {', '.join(sorted(KINDS))}", status=422)
@@ -228,13 +228,13 @@ class Api:
         return JSONResponse(self._document)
 
     async def _watched(self, kinds: frozenset[str], known: bool) -> AsyncIterator[bytes]:
-        watcher = self._hub.join(kinds, known)
+        subscriber = self._hub.subscribe(kinds, known)
         try:
             yield b": armtree\n\n"  # so that the client knows it is connected
-            while text := await watcher.take():
+            while text := await subscriber.take():
                 yield text
         finally:
-            self._hub.watchers.discard(watcher)
+            self._hub.subscribers.discard(subscriber)
 
     async def _do(self, call: Call, act: Callable[[str], None]) -> Response:
         identity = call.given["goal_id"]

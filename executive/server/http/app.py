@@ -20,7 +20,7 @@ from starlette.websockets import WebSocket
 
 from executive.codes import INTERNAL
 from executive.server.limits.token_bucket import TokenBucket
-from executive.server.security import SHOWS_TOKEN, Rules, hardened
+from executive.server.security import HAS_TOKEN, AccessRules, with_security_headers
 from hardware import Clock
 
 from . import strict_json
@@ -31,10 +31,10 @@ from .operations import OPERATIONS, Operation, Parameter
 logger = logging.getLogger(__name__)
 
 BODY_SECONDS = 5.0  # a body must be whole by then
-MOST_STREAMS = 40  # requests that may last as long as their client stays
+MAX_STREAMS = 40  # requests that may last as long as their client stays
 # Requests a second, and at once, by whether they show the token; stops are not counted.
-LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
-STRANGERS_BYTES = 1024  # of the body of a cancel, from whoever does not show the token
+RATE_LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
+ANONYMOUS_BYTES = 1024  # of the body of a cancel, from whoever does not show the token
 
 _URL = re.compile(r"(?i:http)://(?P<authority>[^/]*)(?P<path>/.*)?", re.DOTALL)
 _INTEGER = re.compile(r"-?[0-9]{1,20}")
@@ -54,13 +54,15 @@ class App:
     def __init__(
         self,
         api: Api,
-        rules: Rules,
+        rules: AccessRules,
         clock: Clock,
         rosbridge: Callable[[WebSocket], Awaitable[None]] | None,
     ) -> None:
         self._api, self._rules = api, rules
         # Strangers must not use up what is meant for those who know the token.
-        self._buckets = {known: TokenBucket(*each, clock.now) for known, each in LIMITS.items()}
+        self._buckets = {
+            known: TokenBucket(*each, clock.now) for known, each in RATE_LIMITS.items()
+        }
         self._said = TokenBucket(0.1, 3.0, clock.now)  # strangers must not fill the log
         self._streams = {True: 0, False: 0}  # of those who know the token, and of all others
         routes: list[Any] = [
@@ -87,8 +89,8 @@ class App:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve one request, or one WebSocket."""
         headers = Headers(scope=scope)
-        if self._rules.knows_token(headers):
-            scope["state"][SHOWS_TOKEN] = True
+        if self._rules.has_token(headers):
+            scope["state"][HAS_TOKEN] = True
         try:
             self._rules.check_source(headers, _authority(scope))
         except Forbidden as error:
@@ -97,9 +99,9 @@ class App:
                     logger.warning("A WebSocket is refused: %s; %s", error, error.hint)
                 await send({"type": "websocket.close", "code": 1008})
             else:
-                await _refused(error)(scope, receive, hardened(send))
+                await _refused(error)(scope, receive, with_security_headers(send))
             return
-        await self._answers(scope, receive, hardened(send))
+        await self._answers(scope, receive, with_security_headers(send))
 
     def _route(self, path: str) -> Route:
         """All that can be asked at a path; as one route, it knows which methods there are."""
@@ -139,17 +141,17 @@ class App:
     def _admit(self, operation: Operation, request: Request) -> None:
         if operation.stops:
             return
-        known = SHOWS_TOKEN in request.scope["state"]
+        known = HAS_TOKEN in request.scope["state"]
         if not self._buckets[known].take():
-            raise TooMuch(f"more than {LIMITS[known][0]:g} requests a second", "wait a moment")
+            raise TooMuch(f"more than {RATE_LIMITS[known][0]:g} requests a second", "wait a moment")
         if self._rules.exposed or operation.method != "GET":
             self._rules.check_token(request.headers)
 
     @contextmanager
     def _counted(self, operation: Operation, request: Request) -> Iterator[None]:
-        known = SHOWS_TOKEN in request.scope["state"]
-        if operation.streams and self._streams[known] >= MOST_STREAMS:
-            raise TooMuch(f"{MOST_STREAMS} clients wait or watch already", "close one of them")
+        known = HAS_TOKEN in request.scope["state"]
+        if operation.streams and self._streams[known] >= MAX_STREAMS:
+            raise TooMuch(f"{MAX_STREAMS} clients wait or watch already", "close one of them")
         self._streams[known] += operation.streams
         try:
             yield
@@ -197,8 +199,8 @@ def _given(parameters: dict[str, _Checked], request: Request) -> dict[str, Any]:
 
 async def _body(request: Request, check: Callable[[Any], Any]) -> Any:
     """The JSON object that was sent, checked; an empty body is an empty object."""
-    known = SHOWS_TOKEN in request.scope["state"]
-    data = await _read(request, strict_json.MOST_BYTES if known else STRANGERS_BYTES)
+    known = HAS_TOKEN in request.scope["state"]
+    data = await _read(request, strict_json.MAX_BYTES if known else ANONYMOUS_BYTES)
     kind = request.headers.get("content-type")
     if data and not _is_json(kind or ""):
         raise BadRequest(f"a body is application/json, not {kind or 'of no type'}", status=415)

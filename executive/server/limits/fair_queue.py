@@ -5,15 +5,17 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-PIECE = 1024  # [bytes] of messages that are read at a time, so that no turn is long
-REST = 3.0  # times the work of a turn, before the next one: the loop is there for the arm, too
-OWED = 0.02  # [s] of rest that may be owed, so that who asks little need not wait for it
+CHUNK = 1024  # [bytes] of messages that are read at a time, so that no turn is long
+REST_FACTOR = (
+    3.0  # times the work of a turn, before the next one: the loop is there for the arm, too
+)
+MAX_DEBT = 0.02  # [s] of rest that may be owed, so that who asks little need not wait for it
 
 
 class Connection(Protocol):
     """What brings something in."""
 
-    def take_in(self, data: bytes) -> None:
+    def process(self, data: bytes) -> None:
         """Its turn has come."""
 
 
@@ -37,7 +39,7 @@ class FairQueue:
         self._under_way = False
         self._rested = 0.0  # when all that is owed will have been rested [s]
 
-    def wait(self, connection: Connection, data: bytes, first: bool) -> None:
+    def put(self, connection: Connection, data: bytes, first: bool) -> None:
         """Have a piece wait; those who are `first` and all others are heard by turns."""
         behind = next((line for line in self._lines if connection in line), None)
         line = (self._first if first else self._others) if behind is None else behind
@@ -45,11 +47,11 @@ class FairQueue:
         if not self._under_way:
             self._next()
 
-    def waits(self, connection: Connection) -> bool:
+    def has(self, connection: Connection) -> bool:
         """Whether something of a connection waits."""
         return any(connection in line for line in self._lines)
 
-    def leave(self, connection: Connection) -> None:
+    def remove(self, connection: Connection) -> None:
         """Forget what waits of a connection."""
         for line in self._lines:
             line.pop(connection, None)
@@ -65,11 +67,11 @@ class FairQueue:
                 line[connection] = more
             begun = self._worked()
             try:
-                connection.take_in(piece)
+                connection.process(piece)
             finally:  # what is done for it has its place on the loop before the rest
                 self._loop.call_soon(self._rest, begun)
 
     def _rest(self, begun: float) -> None:
         now = self._loop.time()
-        self._rested = max(self._rested, now) + REST * (self._worked() - begun)
-        self._loop.call_later(max(0.0, self._rested - OWED - now), self._next)
+        self._rested = max(self._rested, now) + REST_FACTOR * (self._worked() - begun)
+        self._loop.call_later(max(0.0, self._rested - MAX_DEBT - now), self._next)

@@ -14,8 +14,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 import logs
 from executive.executive import Event, Executive
 from executive.goals.goal import GoalStatus
-from executive.server.hub import Hub
-from executive.server.limits.stops import Stops
+from executive.server.event_hub import EventHub
+from executive.server.limits.cancel_thread import CancelThread
 from hardware import Clock, Robot, state_interfaces
 
 from . import protocol as ros
@@ -23,9 +23,9 @@ from .statuses import Statuses
 
 logger = logging.getLogger(__name__)
 
-MOST_CLIENTS = 16
-MOST_SUBSCRIBERS = 1000  # of one topic, on one connection
-MOST_UNSENT = 1000  # messages that a client may be behind
+MAX_CLIENTS = 16
+MAX_SUBSCRIBERS = 1000  # of one topic, on one connection
+MAX_UNSENT = 1000  # messages that a client may be behind
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
 
 
@@ -41,7 +41,7 @@ class Bridge:
     """
 
     def __init__(
-        self, executive: Executive, stops: Stops, hub: Hub, robot: Robot, clock: Clock
+        self, executive: Executive, stops: CancelThread, hub: EventHub, robot: Robot, clock: Clock
     ) -> None:
         self.executive, self.stops = executive, stops
         self.robot, self.clock = robot, clock
@@ -52,7 +52,7 @@ class Bridge:
 
     async def serve(self, websocket: WebSocket) -> None:
         """Serve a connection until it ends. Its goals go on without it."""
-        if len(self._clients) >= MOST_CLIENTS:
+        if len(self._clients) >= MAX_CLIENTS:
             await websocket.close(_TRY_LATER)
             return
         await websocket.accept()
@@ -142,7 +142,7 @@ class _Client:
         self._loop = asyncio.get_running_loop()
         self._goals: dict[str, _Goal] = {}  # by our identity
         self._topics: dict[str, _Subscription] = {}
-        self._unsent: asyncio.Queue[str] = asyncio.Queue(MOST_UNSENT)
+        self._unsent: asyncio.Queue[str] = asyncio.Queue(MAX_UNSENT)
         self._sent_away: asyncio.Future[str] = self._loop.create_future()
 
     async def run(self) -> None:
@@ -223,9 +223,9 @@ class _Client:
 
     def _subscribe(self, message: ros.Subscribe) -> None:
         topic, identity = self._topics.get(message.topic) or _Subscription(), message.identity
-        if identity not in topic.throttles and len(topic.throttles) >= MOST_SUBSCRIBERS:
+        if identity not in topic.throttles and len(topic.throttles) >= MAX_SUBSCRIBERS:
             raise ros.BadMessage(
-                f"{message.topic} has {MOST_SUBSCRIBERS} subscribers here already", identity
+                f"{message.topic} has {MAX_SUBSCRIBERS} subscribers here already", identity
             )
         topic.throttles[identity] = message.throttle
         self._topics[message.topic] = topic

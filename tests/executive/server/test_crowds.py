@@ -8,10 +8,10 @@ import pytest
 
 import logs
 from executive.executive import Event
-from executive.server import hub
+from executive.server import event_hub
 from executive.server.http import answers as api
-from executive.server.http import app, connections
-from executive.server.limits import fair_queue as turns
+from executive.server.http import app
+from executive.server.limits import connections, fair_queue
 from tests.support.foreign_clients import GOAL, answer, head, raw, stops
 from tests.support.serving import Serve
 
@@ -29,13 +29,13 @@ def test_a_crowd_that_asks_for_nothing_makes_room(serve: Serve) -> None:
         assert stops(served)
         goal = served.ask("POST", "/api/goals", {"task": 11})[1]["goal_id"]
         assert served.ask("GET", f"/api/goals/{goal}/result")[1]["success"]
-        assert served.server.connections <= connections.MOST_CONNECTIONS
+        assert served.server.connections <= connections.MAX_CONNECTIONS
 
 
 def test_a_stop_waits_for_no_turn(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     served = serve()
     goal = served.executive.send(10).identity
-    monkeypatch.setattr(turns, "REST", 1e9)
+    monkeypatch.setattr(fair_queue, "REST_FACTOR", 1e9)
     with contextlib.ExitStack() as stack:
         ask = ("GET /api/health HTTP/1.1", *head(served, "")[1:])
         for _ in range(150):  # one is let in; that was enough for years
@@ -62,7 +62,7 @@ def test_strangers_who_are_idle_do_not_end_a_hold(serve: Serve) -> None:
         assert served.ask("GET", "/api/health")[0] == 200
         holding.sendall(b"0\r\n\r\n")
         assert b'"canceled":true' in answer(holding)
-        assert served.server.connections <= connections.MOST_CONNECTIONS
+        assert served.server.connections <= connections.MAX_CONNECTIONS
 
 
 def test_an_arm_in_motion_notices_nothing(serve: Serve) -> None:
@@ -105,7 +105,7 @@ def test_a_stop_of_nothing_is_logged_but_does_not_fill_the_log(
 def test_too_many_requests_but_never_too_many_stops(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(app, "LIMITS", dict.fromkeys((True, False), (0.001, 3.0)))
+    monkeypatch.setattr(app, "RATE_LIMITS", dict.fromkeys((True, False), (0.001, 3.0)))
     served = serve()
     for token in (False, True):  # strangers use up what is theirs, and no more
         found = [served.ask("GET", "/api/health", token=token)[0] for _ in range(5)]
@@ -116,7 +116,7 @@ def test_too_many_requests_but_never_too_many_stops(
 def test_strangers_who_wait_leave_room_for_others(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(app, "MOST_STREAMS", 1)
+    monkeypatch.setattr(app, "MAX_STREAMS", 1)
     served = serve()
     goal = served.executive.send(10).identity
     asked = f"GET /api/goals/{goal}/result HTTP/1.1"
@@ -131,7 +131,7 @@ def test_strangers_who_wait_leave_room_for_others(
 def test_strangers_who_watch_leave_room_for_others(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(api, "MOST_WATCHERS", 1)
+    monkeypatch.setattr(api, "MAX_SUBSCRIBERS", 1)
     served = serve()
     watch = ("GET /api/events HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "")
     with raw(served, *watch) as stranger, served.client() as client:
@@ -167,10 +167,10 @@ def test_a_list_of_goals_has_an_end(serve: Serve, monkeypatch: pytest.MonkeyPatc
 def test_a_watcher_who_reads_nothing_is_dropped(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hub, "MOST_WAITING", 100_000)
+    monkeypatch.setattr(event_hub, "MAX_BACKLOG", 100_000)
     monkeypatch.setattr(connections, "STALL_SECONDS", 0.2)
     monkeypatch.setattr(connections, "HEAD_SECONDS", 0.2)
-    monkeypatch.setattr(api, "MOST_WATCHERS", 2)
+    monkeypatch.setattr(api, "MAX_SUBSCRIBERS", 2)
     served = serve()
     with (
         served.client() as client,

@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 from websockets.frames import Close, Frame, Opcode
 
-from executive.client import requests as asks
-from executive.server import access
-from executive.server.http import app, connections
+from executive.client import requests
+from executive.server import token_file
+from executive.server.http import app
 from executive.server.http.operations import OPERATIONS
+from executive.server.limits import connections
 from executive.server.server import AddressInUse, ServerError
 from tests.support.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
 from tests.support.serving import Serve
@@ -261,10 +262,10 @@ def test_an_origin_that_no_browser_would_name(serve: Serve, page: str) -> None:
 
 def test_the_token_is_its_users_alone(serve: Serve, tmp_path: Path) -> None:
     served = serve()
-    file = access.file_of(served.server.port)
+    file = token_file.file_of(served.server.port)
     assert file.parent.parent == tmp_path
     assert (file.stat().st_mode & 0o777, file.parent.stat().st_mode & 0o777) == (0o600, 0o700)
-    assert access.read(served.server.port).token == served.server.token  # type: ignore[union-attr]
+    assert token_file.read(served.server.port).token == served.server.token  # type: ignore[union-attr]
     other = serve()
     assert other.server.token != served.server.token
     file.parent.chmod(0o755)
@@ -276,12 +277,12 @@ def test_the_token_is_its_users_alone(serve: Serve, tmp_path: Path) -> None:
 def test_the_token_of_a_server_that_was_killed_is_shown_to_nobody(serve: Serve) -> None:
     with subprocess.Popen([sys.executable, "-c", ""]) as gone:
         pass
-    file = access.file_of(serve().server.port)
-    left = access.Access("http://127.0.0.1:1", "secret", gone.pid)
+    file = token_file.file_of(serve().server.port)
+    left = token_file.ServerInfo("http://127.0.0.1:1", "secret", gone.pid)
     file.with_name("server-1.json").write_text(json.dumps(dataclasses.asdict(left)))
-    assert asks.address(left.url, None).headers == {}
+    assert requests.address(left.url, None).headers == {}
     serve()
-    assert not access.file_of(1).exists()
+    assert not token_file.file_of(1).exists()
     assert file.exists()
 
 

@@ -1,4 +1,4 @@
-"""What a task asks, answered over a real socket."""
+"""What a task requests, answered over a real socket."""
 
 import json
 import subprocess

@@ -5,12 +5,12 @@ from starlette.datastructures import Headers
 
 from executive.server.http.errors import RequestError
 from executive.server.limits.token_bucket import TokenBucket
-from executive.server.security import Rules, is_loopback, names
+from executive.server.security import AccessRules, is_loopback, names
 from tests.support.serving import Serve
 
 pytest_plugins = ["tests.support.server_fixtures"]
 
-RULES = Rules(
+RULES = AccessRules(
     names(("127.0.0.1", "localhost", "::1"), 8765),
     frozenset({"http://127.0.0.1:8765"}),
     "the-token",

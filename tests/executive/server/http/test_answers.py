@@ -365,7 +365,7 @@ def test_a_goal_is_answered_once_a_server_started_again_would_know_it(serve: Ser
 def test_those_who_wait_too_long_are_too_many(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(api, "MOST_WATCHERS", 1)
+    monkeypatch.setattr(api, "MAX_SUBSCRIBERS", 1)
     served = serve()
     with served.client() as client, client.events():
         status, error = served.ask("GET", "/api/events")

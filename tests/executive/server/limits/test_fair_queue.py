@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from executive.server.limits.fair_queue import OWED, REST, FairQueue
+from executive.server.limits.fair_queue import MAX_DEBT, REST_FACTOR, FairQueue
 
 
 class Loop:
@@ -41,7 +41,7 @@ class Rig:
 
     def __init__(self, work: float = 0.0) -> None:
         self.loop, self.work, self.worked = Loop(), work, 0.0
-        self.turns = FairQueue(cast(asyncio.AbstractEventLoop, self.loop), lambda: self.worked)
+        self.queue = FairQueue(cast(asyncio.AbstractEventLoop, self.loop), lambda: self.worked)
         self.let_in: list[str] = []
 
     def connection(self, name: str) -> "Connection":
@@ -56,9 +56,9 @@ class Connection:
 
     def send(self, *pieces: str, first: bool = False) -> None:
         for piece in pieces:
-            self.rig.turns.wait(self, piece.encode(), first)
+            self.rig.queue.put(self, piece.encode(), first)
 
-    def take_in(self, data: bytes) -> None:
+    def process(self, data: bytes) -> None:
         self.rig.worked += self.rig.work
         self.rig.let_in.append(f"{self.name}{data.decode()}")
 
@@ -93,21 +93,21 @@ def test_a_rest_is_as_long_as_the_work_wants_it() -> None:
     rig = Rig(work=0.25)
     a = rig.connection("a")
     a.send("1", "2")
-    assert rig.loop.go_on() == pytest.approx(REST * 0.25 - OWED)
+    assert rig.loop.go_on() == pytest.approx(REST_FACTOR * 0.25 - MAX_DEBT)
     assert rig.let_in == ["a1", "a2"]
     a.send("3")
     assert rig.let_in == ["a1", "a2"]  # it still rests
-    assert rig.loop.go_on() == pytest.approx(REST * 0.25)
+    assert rig.loop.go_on() == pytest.approx(REST_FACTOR * 0.25)
 
 
 def test_a_little_work_is_rested_from_later() -> None:
-    work = OWED / REST / 4
+    work = MAX_DEBT / REST_FACTOR / 4
     rig = Rig(work)
     a = rig.connection("a")
     a.send(*"12345678")
     rests = [rig.loop.go_on() for _ in range(7)]
     assert rests[:4] == pytest.approx([0.0] * 4)
-    assert sum(rests) == pytest.approx(7 * work * REST - OWED)
+    assert sum(rests) == pytest.approx(7 * work * REST_FACTOR - MAX_DEBT)
 
 
 def test_what_comes_after_a_rest_is_let_in_at_once() -> None:
@@ -123,8 +123,8 @@ def test_who_has_left_has_no_turn() -> None:
     a, b = rig.connection("a"), rig.connection("b")
     a.send("1", "2")
     b.send("1")
-    assert rig.turns.waits(a)
-    rig.turns.leave(a)
-    assert not rig.turns.waits(a)
+    assert rig.queue.has(a)
+    rig.queue.remove(a)
+    assert not rig.queue.has(a)
     rig.loop.go_on()
     assert rig.let_in == ["a1", "b1"]

@@ -16,8 +16,7 @@ from websockets.frames import Frame, Opcode
 from websockets.sync.client import ClientConnection, connect
 
 from executive.goals import queue as goals
-from executive.server.http import connections
-from executive.server.limits import fair_queue as turns
+from executive.server.limits import connections, fair_queue
 from executive.server.rosbridge import bridge
 from executive.server.rosbridge import protocol as ros
 from tests.support.foreign_clients import UPGRADE, raw
@@ -282,7 +281,7 @@ def test_subscribers_on_one_connection_do_not_mind_each_other(serve: Serve) -> N
 
 
 def test_subscribers_are_not_without_number(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bridge, "MOST_SUBSCRIBERS", 2)
+    monkeypatch.setattr(bridge, "MAX_SUBSCRIBERS", 2)
     with websocket(serve(rosbridge=True)) as connection:
         for identity in "aba":
             say(connection, op="subscribe", topic=ros.STATUS, id=identity)
@@ -343,7 +342,7 @@ def test_a_cancel_waits_for_no_turn(
         goal = {"id": cancel.get("id", "a"), "args": {"task_number": 10}, "feedback": True}
         say(client, **GOAL, **goal)
         heard(client, "action_feedback")
-        monkeypatch.setattr(turns, "REST", 1e9)
+        monkeypatch.setattr(fair_queue, "REST_FACTOR", 1e9)
         say(flooding, op="nothing")  # it is let in; that was enough for years
         heard(flooding, "status")
         for _ in range(100):
@@ -354,7 +353,7 @@ def test_a_cancel_waits_for_no_turn(
 
 
 def test_who_reads_nothing_is_cut_off(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bridge, "MOST_UNSENT", 5)
+    monkeypatch.setattr(bridge, "MAX_UNSENT", 5)
     served = serve(rosbridge=True)
     with served.client() as client:
         for _ in range(10):
@@ -371,7 +370,7 @@ def test_who_reads_nothing_is_cut_off(serve: Serve, monkeypatch: pytest.MonkeyPa
 def test_who_is_gone_before_it_is_sent_away_is_no_error(
     serve: Serve, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(bridge, "MOST_UNSENT", 40)
+    monkeypatch.setattr(bridge, "MAX_UNSENT", 40)
     monkeypatch.setattr(connections, "STALL_SECONDS", 0.5)
     served = serve(rosbridge=True)
     asks = ("GET / HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", *UPGRADE, "")

@@ -13,7 +13,7 @@ from .token_bucket import TokenBucket
 logger = logging.getLogger(__name__)
 
 
-class Stops:
+class CancelThread:
     """Asks the executive to cancel, on a thread that does nothing else.
 
     Args:

@@ -11,11 +11,11 @@ from executive.executive import Event
 from executive.goals.events import as_event, kind_of
 from executive.goals.goal import GoalStatus, QuestionStatus
 
-HEARTBEAT = 15.0  # [s] of silence after which a watcher hears that the server is there
-MOST_WAITING = 4 * 1024 * 1024  # bytes of events that a watcher may be behind
+HEARTBEAT = 15.0  # [s] of silence after which a subscriber hears that the server is there
+MAX_BACKLOG = 4 * 1024 * 1024  # bytes of events that a subscriber may be behind
 
 
-class Watcher:
+class Subscriber:
     """Somebody who watches, and keeps up or is dropped.
 
     Args:
@@ -31,9 +31,9 @@ class Watcher:
         self._ended = self.dropped = False
 
     def put(self, text: bytes) -> None:
-        """One more event; drops the watcher where too much is waiting."""
+        """One more event; drops the subscriber where too much is waiting."""
         self._bytes += len(text)
-        self.dropped = self.dropped or self._bytes > MOST_WAITING
+        self.dropped = self.dropped or self._bytes > MAX_BACKLOG
         if not self.dropped:
             self._waiting.append(text)
         self._some.set()
@@ -60,7 +60,7 @@ class Watcher:
         return b"" if self.dropped else taken
 
 
-class Hub:
+class EventHub:
     """Takes events from any thread and tells of them on the loop, in order.
 
     Whoever joins late is first told what still holds: the goal under way, its nodes, its progress,
@@ -75,32 +75,32 @@ class Hub:
         self._arrived: deque[Event] = deque()
         self._called = False
         self._holds: dict[str, Event] = {}
-        self.watchers: set[Watcher] = set()
+        self.subscribers: set[Subscriber] = set()
         self.listeners: list[Callable[[Event], None]] = []
 
-    def happened(self, event: Event) -> None:
+    def publish(self, event: Event) -> None:
         """Take an event, from any thread."""
         self._arrived.append(event)
         if not self._called:
             self._called = True
-            self._loop.call_soon_threadsafe(self._tell)
+            self._loop.call_soon_threadsafe(self._deliver)
 
-    def join(self, kinds: frozenset[str], known: bool) -> Watcher:
+    def subscribe(self, kinds: frozenset[str], known: bool) -> Subscriber:
         """Begin to watch."""
-        watcher = Watcher(kinds, known)
+        subscriber = Subscriber(kinds, known)
         for event in self._holds.values():
             if not kinds or kind_of(event) in kinds:
-                watcher.put(_as_text(event))
-        self.watchers.add(watcher)
-        return watcher
+                subscriber.put(_as_text(event))
+        self.subscribers.add(subscriber)
+        return subscriber
 
     def end(self) -> None:
-        """Tell what has arrived, and let the watchers go; on the loop."""
-        self._tell()
-        for watcher in self.watchers:
-            watcher.end()
+        """Tell what has arrived, and let the subscribers go; on the loop."""
+        self._deliver()
+        for subscriber in self.subscribers:
+            subscriber.end()
 
-    def _tell(self) -> None:
+    def _deliver(self) -> None:
         self._called = False
         while self._arrived:
             event = self._arrived.popleft()
@@ -111,11 +111,11 @@ class Hub:
 
     def _show(self, event: Event) -> None:
         kind = kind_of(event)
-        wanting = [each for each in self.watchers if not each.kinds or kind in each.kinds]
+        wanting = [each for each in self.subscribers if not each.kinds or kind in each.kinds]
         if kind and wanting:
             text = _as_text(event)
-            for watcher in wanting:
-                watcher.put(text)
+            for subscriber in wanting:
+                subscriber.put(text)
 
     def _remember(self, event: Event) -> None:
         match event:

@@ -16,12 +16,12 @@ from uvicorn.server import ServerState
 from websockets.frames import CloseCode
 from websockets.utils import apply_mask
 
-from executive.server.limits.fair_queue import PIECE, FairQueue
-from executive.server.security import SHOWS_TOKEN
+from executive.server.http.errors import BadRequest, as_json
+from executive.server.security import HAS_TOKEN
 
-from .errors import BadRequest, as_json
+from .fair_queue import CHUNK, FairQueue
 
-MOST_CONNECTIONS = 128  # more than may stay: those who wait, who watch, and rosbridge clients
+MAX_CONNECTIONS = 128  # more than may stay: those who wait, who watch, and rosbridge clients
 HEAD_SECONDS = 5.0  # a request's head must be whole by then, from its connection's last answer
 STALL_SECONDS = 5.0  # a client that reads nothing for so long is cut off
 
@@ -31,38 +31,38 @@ _BRIDGED_CANCEL = re.compile(rb"cancel_action_goal|_action/cancel_goal")
 _TEXT = 0x81  # what the frame of a whole message of text begins with
 
 
-class State(ServerState):
+class SharedState(ServerState):
     """What uvicorn's connections share, and ours.
 
     Args:
-        turns: Of what they bring in.
+        queue: Queue of received data.
     """
 
-    def __init__(self, turns: FairQueue) -> None:
+    def __init__(self, queue: FairQueue) -> None:
         super().__init__()
-        self.turns = turns
+        self.fair_queue = queue
 
 
-class _Patient(asyncio.Protocol):
+class _QueuedProtocol(asyncio.Protocol):
     """Waits its turn with what comes, and cuts off a client that takes nothing."""
 
     transport: asyncio.Transport
     _stalled: asyncio.TimerHandle | None = None
 
-    def __init__(self, *, server_state: State, **more: Any) -> None:
+    def __init__(self, *, server_state: SharedState, **more: Any) -> None:
         super().__init__(server_state=server_state, **more)  # type: ignore[call-arg]
-        self.turns = server_state.turns
+        self.fair_queue = server_state.fair_queue
 
     def data_received(self, data: bytes) -> None:
         """Something has come; a stop is taken in at once, unless it is behind something else."""
-        stop = 0 if self.turns.waits(self) else self.stop_in(data)
+        stop = 0 if self.fair_queue.has(self) else self.stop_in(data)
         if stop:
-            self.take_in(data[:stop])
+            self.process(data[:stop])
         if more := data[stop:]:
             self.transport.pause_reading()
-            self.turns.wait(self, more, self.is_first(more))
+            self.fair_queue.put(self, more, self.is_first(more))
 
-    def take_in(self, data: bytes) -> None:
+    def process(self, data: bytes) -> None:
         """Its turn has come."""
         super().data_received(data)
         if not self.full:
@@ -94,7 +94,7 @@ class _Patient(asyncio.Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """It is over."""
-        self.turns.leave(self)
+        self.fair_queue.remove(self)
         super().connection_lost(exc)
         self._end_patience()
 
@@ -104,14 +104,14 @@ class _Patient(asyncio.Protocol):
             self._stalled = None
 
 
-class WebSocketConnection(_Patient, WebSocketsSansIOProtocol):
+class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
     """A WebSocket."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Somebody has connected."""
         super().connection_made(transport)
         # As much as asyncio reads at a time, so that not too many messages come in one turn.
-        self.transport.max_size = PIECE  # type: ignore[attr-defined]
+        self.transport.max_size = CHUNK  # type: ignore[attr-defined]
 
     def stop_in(self, data: bytes) -> int:
         """The first message, where it cancels goals.
@@ -136,7 +136,7 @@ class WebSocketConnection(_Patient, WebSocketsSansIOProtocol):
         return self.read_paused
 
 
-class HttpConnection(_Patient, H11Protocol):
+class HttpConnection(_QueuedProtocol, H11Protocol):
     """An HTTP connection.
 
     Where there are too many, one that asks for nothing makes room: of those who do not show the
@@ -151,7 +151,7 @@ class HttpConnection(_Patient, H11Protocol):
         super().connection_made(transport)
         self.since = self.loop.time()
         self._watch()
-        if len(self.connections) > MOST_CONNECTIONS:
+        if len(self.connections) > MAX_CONNECTIONS:
             self._make_room()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -159,9 +159,9 @@ class HttpConnection(_Patient, H11Protocol):
         super().connection_lost(exc)
         self._asked()
 
-    def take_in(self, data: bytes) -> None:
+    def process(self, data: bytes) -> None:
         """Its turn has come."""
-        super().take_in(data)
+        super().process(data)
         if self.transport.get_protocol() is self:  # else a WebSocket has taken over
             self._watch()
 
@@ -171,7 +171,7 @@ class HttpConnection(_Patient, H11Protocol):
 
     def is_first(self, data: bytes) -> bool:
         """Whether it is a cancel, or of somebody who has shown the token."""
-        return self.shows_token or bool(_CANCEL.match(data))
+        return self.has_token or bool(_CANCEL.match(data))
 
     @property
     def full(self) -> bool:
@@ -211,9 +211,9 @@ class HttpConnection(_Patient, H11Protocol):
         return self._under_way and not self.cycle.more_body
 
     @property
-    def shows_token(self) -> bool:
+    def has_token(self) -> bool:
         """Whether its last request did."""
-        return self.cycle is not None and SHOWS_TOKEN in self.cycle.scope["state"]
+        return self.cycle is not None and HAS_TOKEN in self.cycle.scope["state"]
 
     @property
     def leaving(self) -> bool:
@@ -242,7 +242,7 @@ class HttpConnection(_Patient, H11Protocol):
             for each in self.connections
             if isinstance(each, HttpConnection) and not (each is self or each.asks or each.leaving)
         ]
-        min(idle, key=lambda each: (each.shows_token, each.since), default=self).transport.abort()
+        min(idle, key=lambda each: (each.has_token, each.since), default=self).transport.abort()
 
 
 def _is_utf8(text: bytes) -> bool:

@@ -22,7 +22,7 @@ KEEPALIVE = (
 
 
 @dataclass(frozen=True, slots=True)
-class Access:
+class ServerInfo:
     """How to reach a server, as it stands in a file that only its user can read.
 
     Attributes:
@@ -51,7 +51,7 @@ def file_of(port: int) -> Path:
     return _folder() / f"server-{port}.json"
 
 
-def publish(port: int, access: Access) -> Path:
+def publish(port: int, info: ServerInfo) -> Path:
     """Write the file anew, readable by its user alone; remove those of servers that are gone.
 
     Raises:
@@ -67,18 +67,18 @@ def publish(port: int, access: Access) -> Path:
             other.unlink(missing_ok=True)
     handle, name = tempfile.mkstemp(dir=folder)  # made with mode 0600
     with os.fdopen(handle, "w") as stream:
-        json.dump({"url": access.url, "token": access.token, "pid": access.pid}, stream)
+        json.dump({"url": info.url, "token": info.token, "pid": info.pid}, stream)
     os.replace(name, file)
     return file
 
 
-def withdraw(port: int, access: Access) -> None:
+def withdraw(port: int, info: ServerInfo) -> None:
     """Remove the file, unless another server has written it since."""
-    if read(port) == access:
+    if read(port) == info:
         file_of(port).unlink(missing_ok=True)
 
 
-def read(port: int) -> Access | None:
+def read(port: int) -> ServerInfo | None:
     """What the file of a server says; None where there is none of this user's, or it is gone.
 
     Whoever listens in the place of a server that was killed shall not be shown its token.
@@ -87,11 +87,11 @@ def read(port: int) -> Access | None:
     return found if found and found.serves else None
 
 
-def _read(file: Path) -> Access | None:
+def _read(file: Path) -> ServerInfo | None:
     try:
         with file.open() as stream:
             ours = os.fstat(stream.fileno()).st_uid == os.getuid()
-            return Access(**json.load(stream)) if ours else None
+            return ServerInfo(**json.load(stream)) if ours else None
     except (OSError, ValueError, TypeError):
         return None
 
