@@ -103,7 +103,7 @@ class Executive:
             seed,
             timeout,
             wake=_nobody,
-            tell=self._recordings.skill_did,
+            publish=self._recordings.skill_did,
             clock=clock,
             wake_at=_nobody,
             operator=operator or NoOperator(),

@@ -1,7 +1,7 @@
 """What the arm can do: the leaves that task files name."""
 
-from .base import Context, Planned, Scene, Scheduled, Skill, SkillEvent
-from .causes import as_one, causes_of
+from .base import Skill
+from .context import Context, Planned, Scene, Scheduled, SkillEvent
 from .errors import (
     BadBody,
     BadQuestion,
@@ -16,6 +16,8 @@ from .errors import (
     TaskFailed,
     TookTooLong,
     Unanswered,
+    combine_errors,
+    known_errors,
     refuse,
 )
 from .function import Cancel, condition, skill
@@ -33,8 +35,7 @@ from .leaves.succeed import Succeed
 from .leaves.targets import Shift, Target
 from .leaves.wait import Wait
 from .operator import NoOperator, Operator, Question
-from .ports import Port
-from .positions import Positions, three
+from .ports import Port, Positions, xyz
 
 __all__ = [
     "AddBox",
@@ -85,11 +86,11 @@ __all__ = [
     "TookTooLong",
     "Unanswered",
     "Wait",
-    "as_one",
-    "causes_of",
     "check_targets",
+    "combine_errors",
     "condition",
+    "known_errors",
     "refuse",
     "skill",
-    "three",
+    "xyz",
 ]

@@ -16,9 +16,11 @@ SkillError
 """
 
 from collections.abc import Sequence
-from typing import Self
+from typing import Self, TypeVar
 
-from hardware import BadPosition
+from hardware import BadPosition, HardwareError
+
+from .motion.errors import MotionError
 
 
 class SkillError(Exception):
@@ -141,3 +143,33 @@ class Unanswered(TaskFailed):
     """The operator did not answer in time, or there is none."""
 
     code = "task.unanswered"
+
+
+KnownError = SkillError | MotionError | HardwareError
+Error = TypeVar("Error", bound=Exception)
+
+
+def known_errors(raised: BaseException) -> list[KnownError]:
+    """Return the errors of armtree in an exception: itself, or all members of a group.
+
+    An empty list means that it is, or contains, an exception of another kind.
+    """
+    if isinstance(raised, KnownError):
+        return [raised]
+    if not isinstance(raised, ExceptionGroup):
+        return []
+    found = [known_errors(member) for member in raised.exceptions]
+    return [error for errors in found for error in errors] if all(found) else []
+
+
+def combine_errors(errors: Sequence[Error]) -> Error:
+    """Return the first error with the messages of all; an OutOfBounds is preferred.
+
+    Args:
+        errors: At least one.
+    """
+    if len(errors) == 1:
+        return errors[0]
+    first = next((error for error in errors if isinstance(error, OutOfBounds)), errors[0])
+    first.args = ("; ".join(dict.fromkeys(map(str, errors))),)
+    return first

@@ -9,7 +9,8 @@ from py_trees.ports import PortInformation
 
 from hardware import Clock
 
-from .base import Context, Skill
+from .base import Skill
+from .context import Context
 from .errors import ConditionFails, FunctionFailed
 from .ports import Port
 

@@ -23,7 +23,7 @@ class Question:
     def __init__(self, text: str, choices: tuple[str, ...], wake: Callable[[], None]) -> None:
         self.text, self.choices = text, choices
         self.answered: str | None = None
-        self.unheard = ""
+        self.rejected = ""
         self._wake, self._lock = wake, threading.Lock()
 
     def __str__(self) -> str:
@@ -43,9 +43,9 @@ class Question:
             self._wake()
         return bool(chosen)
 
-    def give_up(self, why: str) -> None:
+    def reject(self, why: str) -> None:
         """Tell that nobody can answer."""
-        self.unheard = why
+        self.rejected = why
         self._wake()
 
     def _meant(self, words: str) -> str:
@@ -73,7 +73,7 @@ class NoOperator:
 
     def ask(self, question: Question) -> None:
         """Say so."""
-        question.give_up("there is no operator here")
+        question.reject("there is no operator here")
 
     def withdraw(self, question: Question) -> None:
         """Nothing was put to anybody."""

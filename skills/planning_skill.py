@@ -2,11 +2,12 @@
 
 from py_trees.common import Status
 
-from .base import Context, Skill
+from .base import Skill
+from .context import Context
 from .motion.workers.process import Request, Result
 
 
-class Pending:
+class PlannerJob:
     """A job on its way. A new job is a new object, so a late answer reaches nobody.
 
     Args:
@@ -32,10 +33,10 @@ class Pending:
         self._wake()
 
 
-class Asking(Skill, register=False):
+class PlanningSkill(Skill, register=False):
     """A skill that asks the planners one thing; subclasses call `ask` and implement `on_answer`."""
 
-    _pending: Pending | None = None
+    _pending: PlannerJob | None = None
 
     @property
     def busy(self) -> bool:
@@ -44,7 +45,7 @@ class Asking(Skill, register=False):
 
     def ask(self, request: Request) -> Status:
         """Hand a request to a worker."""
-        self._pending = Pending(self.context, request)
+        self._pending = PlannerJob(self.context, request)
         return Status.RUNNING
 
     def on_answer(self, answer: Result) -> Status:

@@ -1,24 +1,27 @@
-"""Ports with a unit and bounds."""
+"""Types of ports: values with a unit and bounds, joint positions, vectors."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from py_trees.ports import PortInformation
 
+from .errors import BadTarget
+
 
 @dataclass(frozen=True)
 class Port(PortInformation):
-    """A port of a skill; what a task file writes there is checked by it.
+    """A port of a skill. Values that a task file writes there are checked against it.
 
-    `object` as the type takes a number, a text, or true or false.
+    A port of type `object` accepts a number, a text, or true or false.
 
     Attributes:
-        unit: Of a float, or of each in a list: `rad`, `s` or `m`, which also lets a file write
-            `-80 deg`; empty for none.
+        unit: Unit of a float or of a list's items: `rad`, `s` or `m`; "" for none. A task file may
+            then also write `-80 deg`.
         least: Smallest value.
         most: Largest value.
-        count: How many items a list has; 0 for any number.
-        choices: The only texts there are; empty for all.
-        like: Another port of the skill that holds the same type; for ports of type `object`.
+        count: Number of items of a list; 0 for any number.
+        choices: Allowed texts; empty for any.
+        like: Port of the same skill that must have the same type; for ports of type `object`.
     """
 
     unit: str = ""
@@ -27,3 +30,29 @@ class Port(PortInformation):
     choices: tuple[str, ...] = ()
     count: int = 0
     like: str = ""
+
+
+class Positions(dict[str, float]):
+    """Joint name to position [rad].
+
+    Attributes:
+        unknown: Names of further joints. Their values are invalid or not known yet.
+    """
+
+    unknown: tuple[str, ...] = ()
+
+
+def xyz(name: str, values: Sequence[float]) -> tuple[float, float, float]:
+    """Return the three numbers of a vector.
+
+    Args:
+        name: Name of the vector, for the message.
+        values: Its numbers.
+
+    Raises:
+        BadTarget: There are not three.
+    """
+    if len(values) != 3:
+        raise BadTarget(f"the {name} has {len(values)} values; give x, y, z")
+    x, y, z = values
+    return x, y, z

@@ -17,7 +17,7 @@ from logs import Recording
 from logs import Schedule as RecordedSchedule
 from logs import Sent as RecordedFrame
 from skills import Execute, SkillError
-from skills.merged import Merged
+from skills.merged_motion import MergedMotion
 
 from .wiring import Options, execute
 
@@ -53,11 +53,11 @@ class Replay(Execute):
     }
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Refuse frames that this arm cannot take, before it moves."""
         _setpoints(Path(inputs["recording"]), robot.path)
 
-    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, Merged | None]:
+    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
         path, speed = Path(self.get_input("recording")), self.get_input("speed")
         recorded = _setpoints(path, self.context.robot.path)
         setpoints = tuple(replace(setpoint, time=setpoint.time / speed) for setpoint in recorded)

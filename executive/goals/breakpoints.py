@@ -3,7 +3,6 @@
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from skills import Skill
 from trees.compile.builder import Tree
 from trees.compile.paths import paths
 
@@ -28,7 +27,7 @@ class Breakpoints:
         """Know the nodes of the tree that is run."""
         self._paths = dict(paths(tree.root))
 
-    def holds(self, skill: Skill) -> bool:
+    def holds(self, skill: Behaviour) -> bool:
         """Whether a skill is to wait before it begins; pauses the run for the first that is."""
         if skill in self._held:
             self._held.discard(skill)
@@ -40,7 +39,7 @@ class Breakpoints:
         mailbox.pause()
         return True
 
-    def _reached(self, skill: Skill) -> bool:
+    def _reached(self, skill: Behaviour) -> bool:
         """Whether a mark stands at the skill, or at a node that begins with it."""
         node: Behaviour | None = skill
         while node is not None and node.status is not Status.RUNNING:

@@ -181,8 +181,8 @@ class GoalExecutor:
             self._context,
             wake=mailbox.wake,
             wake_at=mailbox.wake_at,
-            paused=lambda: mailbox.lost,
-            holds=breakpoints.holds,
+            paused_time=lambda: mailbox.lost,
+            at_breakpoint=breakpoints.holds,
         )
         namespace = f"run_{goal.identity}"
         arguments = located(goal.arguments)

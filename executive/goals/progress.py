@@ -82,7 +82,7 @@ class Progress:
 
 def _share(skill: Skill) -> float | None:
     """How much of all that a skill has to do is done, rounds of loops included."""
-    share = None if skill.status is Status.INVALID else skill.look("progress")
+    share = None if skill.status is Status.INVALID else skill.call_hook("progress")
     node: Behaviour | None = skill.parent
     while node is not None:
         if isinstance(node, (Repeat, Retry)) and node.between_rounds:

@@ -37,7 +37,7 @@ class _Shown:
         """Whether there is something new to tell; it counts as told from now on."""
         begun = self.begun
         if isinstance(self.node, Skill) and not self.node.condition:  # which asks at every tick
-            self.begun = self.node.begun
+            self.begun = self.node.start_count
         before, self.status = self.status, self.node.status
         if before not in _ENDED:
             return self.status is not before
@@ -130,7 +130,7 @@ class Run:
         """Stand still; the goal stays."""
         for skill in self._tree.skills:
             if skill.status is Status.RUNNING:
-                skill.look("on_pause")
+                skill.call_hook("on_pause")
         self._show(paused=True)
         self._mailbox.wait_for_resume()
 
@@ -159,7 +159,7 @@ class Run:
 
     def _busy(self, skill: Skill) -> bool:
         try:
-            return bool(skill.look("busy"))
+            return bool(skill.call_hook("busy"))
         except SkillBroken as error:
             self._note(error)
             return False

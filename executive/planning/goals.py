@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from hardware import Robot
-from skills import BadTarget, Positions, ReachPoint, Shift, SkillError, check_targets, three
+from skills import BadTarget, Positions, ReachPoint, Shift, SkillError, check_targets, xyz
 from skills.motion import MotionError, Query, Reached, ToolQuery, World
 from skills.motion.planner import Planner
 from trees import UNITS, Declaration, FileError, Library, Place, fit, parse_value
@@ -201,7 +201,7 @@ class _Asked:
                 kind = "length" if units[joint] == "m" else "angle"
                 value: float = _read(joint, text, Declaration(kind))
                 if joint != name:
-                    Shift.judge(self.robot, {"by": {joint: value}})
+                    Shift.validate(self.robot, {"by": {joint: value}})
                     value += (begin | named)[joint]
                 named[joint] = value
             elif word in self.poses:
@@ -217,14 +217,14 @@ class _Asked:
         given = {port: _read(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
         for port, value in given.items():
             try:
-                ReachPoint.judge(self.robot, {port: value})
+                ReachPoint.validate(self.robot, {port: value})
             except BadTarget as error:
                 raise BadTarget(f"--{port}: {error}") from error
         point = _read("point", f"[{', '.join(words)}]", _PORTS["point"])
         query = ToolQuery(
             group=self.group,
             start=tuple(begin.values()),
-            point=three("point", point),
+            point=xyz("point", point),
             direction=given.get("direction"),
             link=given.get("tool", ""),
             offset=given.get("offset", (0.0, 0.0, 0.0)),

@@ -7,7 +7,7 @@ from executive.recording.meshes import world_of
 from hardware import HardwareError, Robot, compile_schedule
 from hardware import Schedule as Compiled
 from logs import NodeStatus, Plan, Record, Schedule, Sent
-from skills.merged import Merged
+from skills.merged_motion import MergedMotion
 from skills.motion import MotionError, Query, Rest
 from skills.motion import Plan as Planned
 from skills.motion.planner import Planner
@@ -235,7 +235,7 @@ def plans_difference(
         files: What is attached to the recording.
     """
     made: dict[str, Planned] = {}
-    before: Merged | None = None
+    before: MergedMotion | None = None
     number = 0
     for record in story:
         words = ""
@@ -250,7 +250,7 @@ def plans_difference(
                 return f"a schedule moves the {lacking[0]}, for which no motion is recorded"
             start = tuple(record.start[joint.name] for joint in robot.actuated)
             plans = [made[group] for group in record.groups]
-            before = Merged(robot, start, plans, record.together)
+            before = MergedMotion(robot, start, plans, record.together)
             words = _merged_difference(robot, record, before, start)
         if words:
             return words
@@ -297,7 +297,7 @@ def _plan_difference(
 
 
 def _left(
-    planner: Planner, robot: Robot, recorded: Schedule, before: Merged, time: float
+    planner: Planner, robot: Robot, recorded: Schedule, before: MergedMotion, time: float
 ) -> dict[str, Planned]:
     """What was left of a motion that was paused at a time [s], by group."""
     start = tuple(recorded.start[joint.name] for joint in robot.actuated)
@@ -307,7 +307,7 @@ def _left(
 
 
 def _merged_difference(
-    robot: Robot, recorded: Schedule, merged: Merged, start: tuple[float, ...]
+    robot: Robot, recorded: Schedule, merged: MergedMotion, start: tuple[float, ...]
 ) -> str:
     if not merged.begins_at(start):
         return f"a motion from {start} rad is recorded, the plans begin elsewhere"

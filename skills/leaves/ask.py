@@ -1,4 +1,4 @@
-"""Asking the person beside the arm."""
+"""PlanningSkill the person beside the arm."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -25,7 +25,7 @@ def _bad_choice(choice: str, before: Sequence[str | None]) -> str:
 class Ask(Skill):
     """Ask the operator, and wait for the answer; fail without one, or with another than wanted."""
 
-    judges_parts = True
+    validates_partial = True
     doing = "asking"
 
     INPUT_PORTS = {
@@ -49,7 +49,7 @@ class Ask(Skill):
     _until = 0.0
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Refuse what cannot be asked, and a wanted answer that cannot be given."""
         wrong = list[BadQuestion]()
         if not inputs.get("question", "?").strip():
@@ -79,8 +79,8 @@ class Ask(Skill):
         assert question
         if question.answered is not None:
             return self._take(question.answered)
-        if question.unheard:
-            raise Unanswered(f"{question.text}: {question.unheard}")
+        if question.rejected:
+            raise Unanswered(f"{question.text}: {question.rejected}")
         if self.context.now() >= self._until:
             self.on_halt()
             within = self.get_input("within")

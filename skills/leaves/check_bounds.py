@@ -10,15 +10,14 @@ from py_trees.ports import PortInformation
 
 from hardware import BadPosition, Joint, Mimic, Robot, check_position
 from skills.base import Skill
-from skills.causes import as_one
-from skills.errors import BadTarget, OutOfBounds, SkillError, refuse
-from skills.positions import Positions
+from skills.errors import BadTarget, OutOfBounds, SkillError, combine_errors, refuse
+from skills.ports import Positions
 
 
 class CheckBounds(Skill):
     """Refuse a target that is incomplete or outside the limits of any joint of both groups."""
 
-    judges_parts = True
+    validates_partial = True
 
     INPUT_PORTS = {
         "arm": PortInformation(Positions, description="target of the arm's joints [rad]"),
@@ -31,7 +30,7 @@ class CheckBounds(Skill):
     }
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check the targets that are spelled out."""
         given = {name: inputs[name] for name in cls.INPUT_PORTS if name in inputs}
         refuse(wrong_targets(robot, given))
@@ -75,7 +74,7 @@ def check_targets(
         BadTarget: An unknown or missing joint, or a mimic joint that contradicts its leader.
     """
     if wrong := wrong_targets(robot, targets, port):
-        raise as_one(wrong)
+        raise combine_errors(wrong)
 
 
 def wrong_targets(
@@ -144,7 +143,7 @@ def by_group(robot: Robot, joints: Mapping[str, float], port: str) -> dict[str, 
         BadTarget: A name is no joint's.
     """
     if unknown := unknown_joints(robot, joints, port):
-        raise as_one(unknown)
+        raise combine_errors(unknown)
     return {
         group: {name: joints[name] for name in names if name in joints}
         for group, names in robot.groups.items()

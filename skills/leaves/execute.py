@@ -7,13 +7,14 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from hardware import Playback, PlaybackState, Schedule, compile_schedule
-from skills.base import Scheduled, Skill
+from skills.base import Skill
+from skills.context import Scheduled
 from skills.errors import Interrupted, StartMoved
-from skills.merged import Merged, as_played
+from skills.merged_motion import MergedMotion, verify_query
 from skills.motion.errors import MotionError
 from skills.motion.plan import Plan
 from skills.motion.query import Rest
-from skills.planning_skill import Pending
+from skills.planning_skill import PlannerJob
 
 
 class Execute(Skill):
@@ -35,23 +36,23 @@ class Execute(Skill):
     }
     OUTPUT_PORTS: dict[str, PortInformation] = {}
 
-    _pending: Pending | None = None
+    _pending: PlannerJob | None = None
     _playback: Playback | None = None
     _schedule: Schedule | None = None
-    _motion: Merged | None = None
+    _motion: MergedMotion | None = None
     _start: tuple[float, ...] = ()
     _generation = 0
     _frames_before = 0  # that were sent of this motion before it was paused,
     _share: float | None = None  # and how far it was then
     _held = False
-    _rest: list[Plan | Pending] | None = None
+    _rest: list[Plan | PlannerJob] | None = None
     _resumed = 0.0
 
     @property
     def busy(self) -> bool:
         """Whether a planner still works for it, or the motion goes on."""
         pending = [self._pending, *(self._rest or [])]
-        return self._playing or any(isinstance(p, Pending) and not p.done for p in pending)
+        return self._playing or any(isinstance(p, PlannerJob) and not p.done for p in pending)
 
     @property
     def progress(self) -> float | None:
@@ -86,29 +87,31 @@ class Execute(Skill):
             self._playback = arm.play(self._schedule, wake, self.name, self._generation)
         return self._follow(self._playback)
 
-    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, Merged | None]:
+    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
         """The frames to play from where the arm stands [rad], and the motion they came from."""
         plans: list[Plan] = [self.get_input("arm_plan"), self.get_input("gripper_plan")]
         return self._merge(start, plans, self.get_input("together"))
 
     def _merge(
         self, start: tuple[float, ...], plans: list[Plan], together: bool
-    ) -> tuple[Schedule, Merged]:
+    ) -> tuple[Schedule, MergedMotion]:
         robot = self.context.robot
-        merged = Merged(robot, start, plans, together)
+        merged = MergedMotion(robot, start, plans, together)
         if not merged.begins_at(start):
             raise StartMoved("the arm was moved after it was planned; plan again")
         return compile_schedule(robot, start, merged.sample, merged.duration), merged
 
-    def _check(self, schedule: Schedule, motion: Merged | None, resumed: float | None) -> Status:
+    def _check(
+        self, schedule: Schedule, motion: MergedMotion | None, resumed: float | None
+    ) -> Status:
         context = self.context
         self._generation, self._start = context.arm.generation, context.arm.commanded
         start = self._start
         self._schedule, self._motion, self._playback = schedule, motion, None
-        context.tell(Scheduled(schedule, start, motion, resumed))
+        context.publish(Scheduled(schedule, start, motion, resumed))
         world = context.scene.world
-        request = as_played(context.robot, start, schedule, context.timeout, world)
-        self._pending = Pending(context, request)
+        request = verify_query(context.robot, start, schedule, context.timeout, world)
+        self._pending = PlannerJob(context, request)
         return Status.RUNNING
 
     def on_pause(self) -> None:
@@ -137,14 +140,14 @@ class Execute(Skill):
             return self._check(_frames_left(playback, ramp), None, None)
         self._resumed, self._playback = _reached(playback, self._motion, stands), None
         left = self._motion.rest(self._resumed, stands)
-        self._rest = [Pending(self.context, r) if isinstance(r, Rest) else r for r in left]
+        self._rest = [PlannerJob(self.context, r) if isinstance(r, Rest) else r for r in left]
         return self._go_on(self._rest)
 
-    def _go_on(self, rest: list[Plan | Pending]) -> Status:
+    def _go_on(self, rest: list[Plan | PlannerJob]) -> Status:
         """Turn the rest of the motion into frames, once it is timed."""
         assert self._motion
-        plans = [part.answer if isinstance(part, Pending) else part for part in rest]
-        if any(isinstance(part, Pending) and not part.done for part in rest):
+        plans = [part.answer if isinstance(part, PlannerJob) else part for part in rest]
+        if any(isinstance(part, PlannerJob) and not part.done for part in rest):
             return Status.RUNNING
         self._rest = None
         for plan in plans:
@@ -170,7 +173,7 @@ class Execute(Skill):
     def on_halt(self) -> None:
         """Stop the arm, or what is done before it moves."""
         for pending in (self._pending, *(self._rest or ())):
-            if isinstance(pending, Pending):
+            if isinstance(pending, PlannerJob):
                 pending.cancel()
         if self._playing:
             self.context.arm.stop()
@@ -180,7 +183,7 @@ class Execute(Skill):
         return self._playback is not None and self._playback.state is PlaybackState.PLAYING
 
 
-def _reached(playback: Playback, motion: Merged, stands: tuple[float, ...]) -> float:
+def _reached(playback: Playback, motion: MergedMotion, stands: tuple[float, ...]) -> float:
     """When, by the motion's own time [s], it is where a stopped playback has left the arm [rad]."""
     if not playback.written:
         return 0.0

@@ -8,9 +8,9 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from hardware import Robot, compile_schedule
-from skills.base import Planned
+from skills.context import Planned
 from skills.errors import refuse
-from skills.merged import Merged, as_played
+from skills.merged_motion import MergedMotion, verify_query
 from skills.motion.errors import (
     GoalInCollision,
     MotionCollides,
@@ -21,8 +21,8 @@ from skills.motion.errors import (
 from skills.motion.plan import Plan
 from skills.motion.query import Query, Verify
 from skills.motion.workers.process import Result
-from skills.planning_skill import Asking
-from skills.positions import Positions
+from skills.planning_skill import PlanningSkill
+from skills.ports import Positions
 
 from .check_bounds import check_whole, wrong_targets, wrong_whole
 
@@ -31,10 +31,10 @@ from .check_bounds import check_whole, wrong_targets, wrong_whole
 _SPARE = 0.002
 
 
-class _PlanGroup(Asking, register=False):
+class _PlanGroup(PlanningSkill, register=False):
     """Plan a motion of one group; the other joints stand still meanwhile."""
 
-    judges_parts = True
+    validates_partial = True
     group: str
     # Groups that are already at their goal when this one begins to move.
     moved_before: tuple[str, ...] = ()
@@ -54,7 +54,7 @@ class _PlanGroup(Asking, register=False):
     _first: Plan | None = None  # a way round something, whose frames are being checked
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check what is spelled out."""
         ports = [port for port in ("start", "goal") if port in inputs]
         wrong = [error for port in ports for error in wrong_whole(robot, port, inputs[port])]
@@ -68,7 +68,7 @@ class _PlanGroup(Asking, register=False):
         robot, leaders = self.context.robot, self.context.robot.actuated_in(self.group)
         start, goal, via = (self.get_input(port) for port in ("start", "goal", "via"))
         check_whole(robot, "start", start)
-        self.judge(robot, {"goal": goal, "via": via})
+        self.validate(robot, {"goal": goal, "via": via})
         arrived = {name for group in self.moved_before for name in robot.groups[group]}
         self._query = Query(
             group=self.group,
@@ -96,13 +96,13 @@ class _PlanGroup(Asking, register=False):
 
     def _frames_of(self, plan: Plan) -> Verify:
         robot, start = self.context.robot, tuple(plan.start.tolist())
-        merged = Merged(robot, start, [plan], together=False)
+        merged = MergedMotion(robot, start, [plan], together=False)
         schedule = compile_schedule(robot, start, merged.sample, merged.duration)
-        return as_played(robot, start, schedule, self._query.timeout, self._query.world)
+        return verify_query(robot, start, schedule, self._query.timeout, self._query.world)
 
     def _tell(self, answer: Result) -> Status:
         assert isinstance(answer, (Plan, MotionError))
-        self.context.tell(Planned(self._query, answer))
+        self.context.publish(Planned(self._query, answer))
         if isinstance(answer, StartInCollision) and self.moved_before:
             # Its start is where the task sends the groups that move before it.
             raise GoalInCollision(answer.first, answer.second, answer.distance, answer.margin)
@@ -120,7 +120,7 @@ class _PlanGroup(Asking, register=False):
         if self._first and not self._query.spare:  # that was about its frames
             answer = self._first
         told = answer if isinstance(answer, (Plan, MotionError)) else PlanCanceled()
-        self.context.tell(Planned(self._query, told))
+        self.context.publish(Planned(self._query, told))
 
 
 class PlanArm(_PlanGroup):

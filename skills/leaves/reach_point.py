@@ -12,9 +12,8 @@ from skills.errors import BadTarget, SkillError, refuse
 from skills.motion.errors import MotionError
 from skills.motion.query import Reached, ToolQuery
 from skills.motion.workers.process import Result
-from skills.planning_skill import Asking
-from skills.ports import Port
-from skills.positions import Positions, three
+from skills.planning_skill import PlanningSkill
+from skills.ports import Port, Positions, xyz
 
 from .check_bounds import check_whole, hint, lacking, no_link
 
@@ -23,7 +22,7 @@ _START = PortInformation(Positions, description="where the arm stands [rad]")
 _TARGET = PortInformation(Positions, description="position of each of the group's joints [rad]")
 
 
-class ReachPoint(Asking):
+class ReachPoint(PlanningSkill):
     """The joint positions, soonest reached, that bring the tool to a point in the room."""
 
     INPUT_PORTS = {
@@ -64,7 +63,7 @@ class ReachPoint(Asking):
     OUTPUT_PORTS = {"target": _TARGET}
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check what is spelled out."""
         wrong = lacking(robot, "start", inputs["start"]) if "start" in inputs else []
         if "group" in inputs:
@@ -93,11 +92,11 @@ class ReachPoint(Asking):
         return ToolQuery(
             group=given["group"],
             start=tuple(given["start"][joint.name] for joint in robot.actuated),
-            point=three("point", given["point"]),
-            direction=three("direction", given["direction"]) if given["direction"] else None,
+            point=xyz("point", given["point"]),
+            direction=xyz("direction", given["direction"]) if given["direction"] else None,
             link=given["tool"],
-            offset=three("offset", given["offset"]),
-            axis=three("axis", given["axis"]) if given["axis"] else None,
+            offset=xyz("offset", given["offset"]),
+            axis=xyz("axis", given["axis"]) if given["axis"] else None,
             relative=given["relative"],
         )
 

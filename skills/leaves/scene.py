@@ -15,9 +15,8 @@ from skills.motion.errors import MotionError
 from skills.motion.query import Carry
 from skills.motion.workers.process import Result
 from skills.motion.world import Body, Box, Cylinder, Mesh, Shape, Sphere, quaternion
-from skills.planning_skill import Asking
-from skills.ports import Port
-from skills.positions import three
+from skills.planning_skill import PlanningSkill
+from skills.ports import Port, xyz
 
 from .check_bounds import check_link
 
@@ -60,7 +59,7 @@ class _Add(Skill, register=False):
         raise NotImplementedError
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Make it, where it is spelled out."""
         cls.body(inputs)
 
@@ -69,14 +68,14 @@ class _Add(Skill, register=False):
         """What is put there."""
         if any(port not in inputs for port in cls.INPUT_PORTS):
             return None
-        rotation = three("rotation", inputs["rotation"])
+        rotation = xyz("rotation", inputs["rotation"])
         if not all(map(math.isfinite, rotation)):
             why = f"the rotation of {inputs['body']} is not finite; give radians"
             raise BadBody(why).at("rotation")
         return Body(
             inputs["body"],
             cls.shape(inputs),
-            three("position", inputs["position"]),
+            xyz("position", inputs["position"]),
             quaternion(*rotation),
             touches=frozenset(inputs["touches"]),
         )
@@ -104,7 +103,7 @@ class AddBox(_Add):
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Box:
         """Its form."""
-        return Box(three("size", given["size"]))
+        return Box(xyz("size", given["size"]))
 
 
 class AddSphere(_Add):
@@ -150,13 +149,13 @@ class AddMesh(_Add):
     }
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check the file that is spelled out."""
         wrong: list[Exception] = []
         if "file" in inputs and (why := _no_mesh(Path(inputs["file"]))):
             wrong.append(BadBody(why).at("file"))
         try:
-            super().judge(robot, inputs)
+            super().validate(robot, inputs)
         except (BadBody, MotionError) as error:
             wrong.append(error)
         refuse(wrong)
@@ -164,7 +163,7 @@ class AddMesh(_Add):
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Mesh:
         """Its form."""
-        return Mesh(given["file"], three("scale", given["scale"]))
+        return Mesh(given["file"], xyz("scale", given["scale"]))
 
 
 def _no_mesh(file: Path) -> str:
@@ -189,7 +188,7 @@ class RemoveBody(Skill):
         return Status.SUCCESS
 
 
-class _HandOver(Asking, register=False):
+class _HandOver(PlanningSkill, register=False):
     """A body moves with another link from now on."""
 
     OUTPUT_PORTS: Ports = {}
@@ -217,7 +216,7 @@ class Attach(_HandOver):
     INPUT_PORTS = {"body": _BODY, "link": PortInformation(str, description="link that holds it")}
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check the link that is spelled out."""
         if "link" in inputs:
             check_link(robot, "link", inputs["link"])

@@ -4,7 +4,7 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from skills.base import Skill
-from skills.positions import Positions
+from skills.ports import Positions
 
 
 class SetStart(Skill):

@@ -10,7 +10,7 @@ from py_trees.ports import PortInformation
 from hardware import BadPosition, Joint, Robot
 from skills.base import Skill
 from skills.errors import BadTarget, OutOfBounds, SkillError, refuse
-from skills.positions import Positions
+from skills.ports import Positions
 
 from .check_bounds import (
     by_group,
@@ -32,7 +32,7 @@ _START = PortInformation(Positions, description="where the arm stands [rad]")
 class Target(Skill):
     """Take targets for some joints, and for all others where they stand; refuse what is outside."""
 
-    judges_parts = True
+    validates_partial = True
 
     INPUT_PORTS = {
         "start": _START,
@@ -41,7 +41,7 @@ class Target(Skill):
     OUTPUT_PORTS = _OUTPUTS
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check what is spelled out."""
         wrong = lacking(robot, "start", inputs["start"]) if "start" in inputs else []
         if "joints" in inputs:
@@ -67,7 +67,7 @@ class Target(Skill):
 class Shift(Skill):
     """Take targets a distance away from where the joints stand; refuse what is outside."""
 
-    judges_parts = True
+    validates_partial = True
 
     INPUT_PORTS = {
         "start": _START,
@@ -76,7 +76,7 @@ class Shift(Skill):
     OUTPUT_PORTS = _OUTPUTS
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check the joints' names, and that none moves further than it can."""
         wrong = lacking(robot, "start", inputs["start"]) if "start" in inputs else []
         refuse([*wrong, *_wrong_distances(robot, inputs.get("by", {}))])

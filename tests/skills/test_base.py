@@ -1,9 +1,12 @@
 """The contract of every skill: started once, looked at again, halted only while it runs."""
 
+from collections.abc import Mapping
+from typing import Any, cast
+
 import pytest
 from py_trees.common import Status
 
-from hardware import NotActive
+from hardware import NotActive, Robot
 from skills import Skill, SkillBroken, SkillError
 from skills.motion import PlanTimeout
 from tests.conftest import Bench
@@ -126,8 +129,37 @@ def test_again_after_the_end_and_after_a_halt(bench: Bench) -> None:
 
 def test_what_a_skill_is_not_asked_to_do(bench: Bench) -> None:
     skill = bench.skill(Noted)
-    Skill.judge(bench.robot, {})
+    Skill.validate(bench.robot, {})
     assert (skill.busy, skill.progress, skill.failure) == (False, None, None)
     with pytest.raises(NotImplementedError):
         Skill.on_start(skill)
     assert Skill.on_running(skill) is R
+
+
+class _Validated(Skill, register=False):
+    """Accepts no inputs at all."""
+
+    @classmethod
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        raise SkillError("base")
+
+    def on_start(self) -> Status:
+        return S
+
+
+def test_a_skill_with_the_old_names_works_for_one_release_with_a_warning(bench: Bench) -> None:
+    members = {
+        "judge": classmethod(lambda cls, robot, inputs: super(old, cls).judge(robot, inputs)),
+        "judges_parts": True,
+        "__module__": __name__,
+    }
+    with pytest.warns(DeprecationWarning, match="deprecated") as warned:
+        old = cast("type[_Validated]", type("Old", (_Validated,), members, register=False))
+    assert [str(each.message) for each in warned] == [
+        f"{__file__}: Old.judge is deprecated; rename it to validate",
+        f"{__file__}: Old.judges_parts is deprecated; rename it to validates_partial",
+    ]
+    assert old.validates_partial
+    with pytest.raises(SkillError, match="base"):
+        old.validate(bench.robot, {})
+    assert not _Validated.validates_partial

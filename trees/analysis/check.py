@@ -10,7 +10,7 @@ from queue import SimpleQueue
 from py_trees.behaviour import Behaviour
 
 from hardware import Arm, RealClock, Robot
-from skills import Context, Positions, SkillError, Target, causes_of
+from skills import Context, Positions, SkillError, Target, known_errors
 from skills.motion import (
     EMPTY,
     BadWorld,
@@ -258,9 +258,9 @@ class _Checker:
             place = file.labels[name].label
             known = Positions((j, q) for j, q in joints.items() if not isinstance(q, StandIn))
             try:
-                Target.judge(robot, {"joints": known})
+                Target.validate(robot, {"joints": known})
             except (SkillError, ExceptionGroup) as error:
-                wrong += [Mistake(place, f"{name}: {why}") for why in causes_of(error)]
+                wrong += [Mistake(place, f"{name}: {why}") for why in known_errors(error)]
                 continue
             leaders = ({joint.name for joint in robot.actuated_in(group)} for group in robot.groups)
             if len(known) < len(joints):

@@ -9,7 +9,7 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Access, Status
 
 from hardware import Robot
-from skills import Context, Positions, Skill, SkillError, as_one
+from skills import Context, Positions, Skill, SkillError, combine_errors
 from trees.errors import Mistake, Place
 from trees.reading.document import Located
 from trees.reading.grammar import TaskFile
@@ -139,7 +139,7 @@ def _cause(refused: Sequence[Refusal], nodes: Mapping[Behaviour, str]) -> Except
         place = refusal.place
         at = f"{place.path.name}:{place.line}:{place.column}"
         refusal.error.args = (f"{refusal.error} ({at})",)
-    cause = as_one([refusal.error for refusal in refused])
+    cause = combine_errors([refusal.error for refusal in refused])
     (first,) = (refusal for refusal in refused if refusal.error is cause)
     if isinstance(cause, SkillError):
         cause.node = nodes[first.node]

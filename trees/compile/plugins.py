@@ -72,6 +72,7 @@ def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
         # What a command prints on stdout is read by programs.
         with warnings.catch_warnings(), _ctrl_c(pressed), redirect_stdout(sys.stderr):
             warnings.simplefilter("ignore")  # a name that is taken is told of below
+            warnings.filterwarnings("always", ".* is deprecated; rename it", DeprecationWarning)
             load()
     except BaseException as error:  # somebody else's code: whatever it raises
         if pressed:

@@ -10,7 +10,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
 from hardware import Robot
-from skills import Context, Skill, SkillBroken, SkillError, causes_of
+from skills import Context, Skill, SkillBroken, SkillError, known_errors
 from skills.motion import Body, MotionError, shown
 from trees.errors import Mistake, Place
 
@@ -79,8 +79,8 @@ class Asking:
     def judge(self, leaf: Leaf, robot: Robot) -> None:
         """Let a skill judge its inputs."""
         kind = type(leaf.skill)
-        inputs = {**leaf.known, **leaf.partly} if kind.judges_parts else leaf.known
-        self._ask(leaf, "judge", lambda: kind.judge(robot, inputs), _ANY)
+        inputs = {**leaf.known, **leaf.partly} if kind.validates_partial else leaf.known
+        self._ask(leaf, "validate", lambda: kind.validate(robot, inputs), _ANY)
 
     def shortest(self, leaf: Leaf) -> float:
         """How long a skill takes at least [s]."""
@@ -141,7 +141,7 @@ def _answer(
             return answer, ()
         return None, [SkillBroken(where, f"gave {shown(answer)}, not {wanted.words}")]
     except (Exception, SystemExit) as error:
-        causes = causes_of(error)
+        causes = known_errors(error)
         own = [cause for cause in causes if isinstance(cause, SkillError | MotionError)]
         if own and len(own) == len(causes):
             return None, own

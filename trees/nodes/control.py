@@ -238,4 +238,4 @@ class Guard(Composite):
 
 def busy(node: Behaviour) -> bool:
     """Whether work goes on that a node began, even after it was halted."""
-    return any(isinstance(below, Skill) and below.look("busy") for below in node.iterate())
+    return any(isinstance(below, Skill) and below.call_hook("busy") for below in node.iterate())

@@ -43,7 +43,7 @@ class Doubts(Skill):
     OUTPUT_PORTS: dict[str, Any] = {}
 
     @classmethod
-    def judge(cls, *_: object) -> None:
+    def validate(cls, *_: object) -> None:
         raise ValueError("no idea")
 
 
@@ -123,7 +123,7 @@ class Ponders(Skill):
         return Status.SUCCESS
 
     @classmethod
-    def judge(cls, *_: object) -> None:
+    def validate(cls, *_: object) -> None:
         signal, until = cls.clock.signal(), cls.clock.now() + 3600.0
         with signal:
             signal.wait(until)
@@ -145,7 +145,7 @@ def tasks(tmp_path: Path) -> Path:
     [
         (40, "task.function", "t40/leaves", "leaves: SystemExit: 3"),
         (41, "skill.broken", "t41/Leaves", "Leaves.on_start raised SystemExit: 3"),
-        (42, "skill.broken", "t42/Doubts", "Doubts.judge raised ValueError: no idea"),
+        (42, "skill.broken", "t42/Doubts", "Doubts.validate raised ValueError: no idea"),
         (44, "skill.broken", "t44/Unsure", "Unsure.busy raised ValueError: no idea"),
         (45, "skill.broken", "t45/Lost", "Lost.progress raised ValueError: no idea"),
         (47, "skill.broken", "t47/Unmade", "Unmade.__init__ raised ValueError: no idea"),

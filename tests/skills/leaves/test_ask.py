@@ -68,7 +68,7 @@ def test_time_stands_still_while_the_run_is_paused(bench: Bench) -> None:
     paused, now = 0.0, 0.0
     skill = asking(bench, Desk())
     clock = SimpleNamespace(now=lambda: now)
-    skill.context = replace(skill.context, clock=clock, paused=lambda: paused)
+    skill.context = replace(skill.context, clock=clock, paused_time=lambda: paused)
     skill.tick_once()
     now, paused = 9.0, 5.0
     skill.tick_once()
@@ -121,5 +121,5 @@ def test_the_first_answer_counts() -> None:
 
 def test_an_answer_that_cannot_be_given_is_refused_beforehand(bench: Bench) -> None:
     with pytest.raises(BadQuestion, match="maybe is wanted, but the choices are yes, no"):
-        Ask.judge(bench.robot, {"wanted": "maybe", "choices": ["yes", "no"]})
-    Ask.judge(bench.robot, {"wanted": "maybe", "choices": []})
+        Ask.validate(bench.robot, {"wanted": "maybe", "choices": ["yes", "no"]})
+    Ask.validate(bench.robot, {"wanted": "maybe", "choices": []})

@@ -14,8 +14,8 @@ from skills import (
     Shift,
     SkillError,
     Target,
-    causes_of,
     check_targets,
+    known_errors,
 )
 from skills.leaves.check_bounds import by_group, check_link, check_whole
 from tests.conftest import Bench
@@ -143,10 +143,10 @@ def test_a_mimic_joint_that_is_no_finite_number_is_out_of_bounds(
 
 
 def test_only_what_is_spelled_out_is_judged(robot: Robot) -> None:
-    CheckBounds.judge(robot, {})
-    CheckBounds.judge(robot, {"arm": ZERO["arm"]})
+    CheckBounds.validate(robot, {})
+    CheckBounds.validate(robot, {"arm": ZERO["arm"]})
     with pytest.raises(OutOfBounds, match="joint_4"):
-        CheckBounds.judge(robot, {"gripper": {"joint_4": 9.0}})
+        CheckBounds.validate(robot, {"gripper": {"joint_4": 9.0}})
 
 
 def test_the_goal_of_all_actuated_joints(bench: Bench) -> None:
@@ -183,17 +183,17 @@ def test_a_target_out_of_bounds_fails_the_skill(bench: Bench) -> None:
 @pytest.mark.parametrize("turns", [3.2, -3.2])
 def test_a_joint_without_an_end_is_moved_half_a_turn_at_the_most(turns: float) -> None:
     """It would go the short way, which is the other."""
-    Shift.judge(foreign("endless"), {"by": {"turn": math.copysign(3.1, turns)}})
+    Shift.validate(foreign("endless"), {"by": {"turn": math.copysign(3.1, turns)}})
     with pytest.raises(OutOfBounds, match="further than half a turn"):
-        Shift.judge(foreign("endless"), {"by": {"turn": turns}})
+        Shift.validate(foreign("endless"), {"by": {"turn": turns}})
 
 
 def test_everything_that_is_wrong_is_told_each_with_its_value(robot: Robot) -> None:
     arm = Positions(joint_1=9.0, joint_7=0.2)
     arm.unknown = ("joint_3",)
     with pytest.raises(ExceptionGroup) as caught:
-        CheckBounds.judge(robot, {"arm": arm, "gripper": {"joint_4": -0.3, "joint_5": 0.1}})
-    told = [(error.way, str(error)) for error in causes_of(caught.value) if error.way]  # type: ignore[union-attr]
+        CheckBounds.validate(robot, {"arm": arm, "gripper": {"joint_4": -0.3, "joint_5": 0.1}})
+    told = [(error.way, str(error)) for error in known_errors(caught.value) if error.way]  # type: ignore[union-attr]
     assert [way for way, _ in told] == [
         ("arm", "joint_1"),
         ("arm", "joint_7"),
@@ -226,7 +226,7 @@ def test_a_mimic_joint_by_itself_is_refused_wherever_its_leader_stands(
     )
     assert words in str(skill.failure)
     with pytest.raises(BadTarget, match="joint_5 follows joint_4"):
-        Target.judge(bench.robot, {"joints": Positions(joint_5=q)})
+        Target.validate(bench.robot, {"joints": Positions(joint_5=q)})
 
 
 def test_a_mimic_joint_whose_leader_is_named_only_later_or_misspelt_is_not_alone(
@@ -234,11 +234,11 @@ def test_a_mimic_joint_whose_leader_is_named_only_later_or_misspelt_is_not_alone
 ) -> None:
     later = Positions(joint_5=0.7)
     later.unknown = ("joint_4",)
-    Target.judge(robot, {"joints": later})
+    Target.validate(robot, {"joints": later})
     with pytest.raises(BadTarget, match="did you mean joint_4") as caught:
-        Target.judge(robot, {"joints": Positions(joint4=-0.7, joint_5=0.7)})
+        Target.validate(robot, {"joints": Positions(joint4=-0.7, joint_5=0.7)})
     assert "follows" not in str(caught.value)
     alone = Positions()
     alone.unknown = ("joint_5",)
     with pytest.raises(BadTarget, match=r"name joint_4 instead$"):
-        Target.judge(robot, {"joints": alone})
+        Target.validate(robot, {"joints": alone})

@@ -6,7 +6,7 @@ from py_trees.common import Status
 
 from hardware import FrameSent, Schedule
 from skills import Execute, Interrupted, Scheduled, StartMoved
-from skills.merged import Merged
+from skills.merged_motion import MergedMotion
 from skills.motion import MotionCollides, Plan, PlanCanceled, Rest, Verify
 from tests.conftest import Bench
 
@@ -170,7 +170,7 @@ def test_the_arm_left_the_active_state_meanwhile(bench: Bench, skill: Execute) -
 class Unplanned(Execute, register=False):
     """Frames of which no motion is known."""
 
-    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, Merged | None]:
+    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
         schedule, _ = super()._compile(start)
         return schedule, None
 

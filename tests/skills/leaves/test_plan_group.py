@@ -7,7 +7,7 @@ from py_trees.common import Status
 
 from hardware import Robot, compile_schedule
 from skills import BadTarget, PlanArm, PlanGripper, Planned, Positions
-from skills.merged import Merged, as_played
+from skills.merged_motion import MergedMotion, verify_query
 from skills.motion import (
     BadQuery,
     Body,
@@ -54,7 +54,7 @@ def test_the_gripper_begins_where_the_arm_ends(bench: Bench) -> None:
 def test_a_configuration_that_lacks_a_joint(bench: Bench, port: str) -> None:
     given = {"start": START, "goal": GOAL, port: Positions(joint_1=0.0)}
     with pytest.raises(BadTarget, match=f"the {port} lacks joint_2, joint_3, joint_4") as caught:
-        PlanArm.judge(bench.robot, given)
+        PlanArm.validate(bench.robot, given)
     assert caught.value.way == (port,)
     skill = bench.skill(PlanArm, **given)
     skill.tick_once()
@@ -185,9 +185,9 @@ def test_a_wider_way_where_frames_would_touch(
     assert (skill.status, bench.output("plan"), len(bench.desk.jobs)) == (Status.SUCCESS, wider, 3)
     assert told_of(bench) == (query.spare, wider)
     assert first.duration < wider.duration < 1.2 * first.duration
-    merged = Merged(bench.robot, query.start, [wider], together=False)
+    merged = MergedMotion(bench.robot, query.start, [wider], together=False)
     schedule = compile_schedule(bench.robot, query.start, merged.sample, merged.duration)
-    planner.verify(as_played(bench.robot, query.start, schedule, 5.0, query.world))
+    planner.verify(verify_query(bench.robot, query.start, schedule, 5.0, query.world))
 
 
 def test_the_first_way_where_there_is_no_wider_one(

@@ -332,7 +332,7 @@ class Picky(Skill):
     }
 
     @classmethod
-    def judge(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Refuse whatever is given."""
         refuse([SkillError(f"{port} is odd").at(port) for port in inputs])
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -123,6 +124,16 @@ def test_what_a_plugin_prints_goes_to_stderr(
     (tmp_path / "own.py").write_text("print('hello')\n")
     assert load_skills(tmp_path) == []
     assert capsys.readouterr() == ("", "hello\n")
+
+
+def test_a_skill_with_an_old_name_is_loaded_with_a_warning(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(
+        "from skills import Skill\n\nclass OldPump(Skill):\n"
+        "    def on_start(self): ...\n    def judge(self, robot): ...\n"
+    )
+    words = f"{tmp_path / 'own.py'}: OldPump.judge is deprecated; rename it to validate"
+    with pytest.warns(DeprecationWarning, match=re.escape(words)):
+        assert load_skills(tmp_path) == []
 
 
 def test_ctrl_c_while_a_plugin_loads_is_meant_for_the_command(tmp_path: Path) -> None:

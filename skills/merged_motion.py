@@ -16,7 +16,7 @@ from .motion.world import World
 _PLAYED_MARGIN = 0.001
 
 
-class Merged:
+class MergedMotion:
     """One motion out of several plans.
 
     Args:
@@ -79,7 +79,7 @@ class Merged:
         return plain
 
 
-def as_played(
+def verify_query(
     robot: Robot, start: tuple[float, ...], schedule: Schedule, timeout: float, world: World
 ) -> Verify:
     """What a planner is asked about frames before they are sent.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hardware import Robot
-from skills.merged import Merged
+from skills.merged_motion import MergedMotion
 from skills.motion import Plan
 
 Plans = tuple[Plan, Plan]
@@ -13,7 +13,7 @@ START = (0.0, 0.0, 0.0, 0.0)
 
 def test_one_after_the_other(robot: Robot, plans: Plans) -> None:
     arm, gripper = plans
-    merged = Merged(robot, START, plans, together=False)
+    merged = MergedMotion(robot, START, plans, together=False)
     assert merged.duration == arm.duration + gripper.duration
     rows = merged.sample([0.0, arm.duration / 2, arm.duration, merged.duration])
     assert rows[0] == list(START)
@@ -24,7 +24,7 @@ def test_one_after_the_other(robot: Robot, plans: Plans) -> None:
 
 
 def test_together(robot: Robot, plans: Plans) -> None:
-    merged = Merged(robot, START, plans, together=True)
+    merged = MergedMotion(robot, START, plans, together=True)
     assert merged.duration == max(plan.duration for plan in plans)
     (half,) = merged.sample([min(plan.duration for plan in plans) / 2])
     assert 0.0 < half[0] < 0.3
@@ -33,19 +33,19 @@ def test_together(robot: Robot, plans: Plans) -> None:
 
 @pytest.mark.parametrize("together", [False, True])
 def test_before_and_after_the_motion(robot: Robot, plans: Plans, together: bool) -> None:
-    merged = Merged(robot, START, plans, together)
+    merged = MergedMotion(robot, START, plans, together)
     rows = merged.sample([-5.0, 0.0, merged.duration, merged.duration + 5.0])
     assert rows[0] == rows[1] == list(START)
     assert rows[2] == rows[3] == [0.3, 0.0, 0.0, -0.2]
 
 
 def test_it_begins_where_it_was_planned_to_the_bit(robot: Robot, plans: Plans) -> None:
-    assert Merged(robot, START, plans, False).begins_at(START)
+    assert MergedMotion(robot, START, plans, False).begins_at(START)
     moved = (float(np.nextafter(0.0, 1.0)), 0.0, 0.0, 0.0)
-    assert not Merged(robot, moved, plans, False).begins_at(moved)
+    assert not MergedMotion(robot, moved, plans, False).begins_at(moved)
 
 
 def test_no_plans(robot: Robot) -> None:
-    merged = Merged(robot, START, [], False)
+    merged = MergedMotion(robot, START, [], False)
     assert merged.duration == 0.0
     assert merged.sample([0.0]) == [list(START)]

@@ -1,0 +1,110 @@
+"""What a skill works with: the robot, the arm, planners, time, and a way to report events."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from py_trees.behaviour import Behaviour
+
+from hardware import Arm, Clock, Robot, Schedule
+
+from .merged_motion import MergedMotion
+from .motion.errors import MotionError
+from .motion.plan import Plan
+from .motion.query import Query
+from .motion.workers.pool import Pool
+from .motion.world import EMPTY, World
+from .operator import NoOperator, Operator
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """Event: a planner answered.
+
+    Attributes:
+        query: The planning query.
+        answer: The plan, or the error.
+    """
+
+    query: Query
+    answer: Plan | MotionError
+
+
+@dataclass(frozen=True, slots=True)
+class Scheduled:
+    """Event: a motion was compiled into frames.
+
+    Attributes:
+        schedule: The frames.
+        start: Commanded position of the arm before the first frame, one value per actuated
+            joint [rad].
+        motion: Source of the frames; None for frames that were not planned.
+        resumed: Time within the interrupted motion at which this one continues it [s]; None for a
+            motion from its beginning.
+    """
+
+    schedule: Schedule
+    start: tuple[float, ...]
+    motion: MergedMotion | None
+    resumed: float | None = None
+
+
+SkillEvent = Planned | Scheduled
+
+
+@dataclass(slots=True)
+class Scene:
+    """The world around the arm during a run.
+
+    Attributes:
+        world: Its bodies. Skills replace it, on the thread that ticks the tree.
+    """
+
+    world: World = EMPTY
+
+
+def _not_paused() -> float:
+    return 0.0
+
+
+def _no_breakpoint(skill: Behaviour) -> bool:
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a skill works with.
+
+    Attributes:
+        robot: Description of the robot.
+        arm: The arm.
+        pool: Pool of planners.
+        seed: Seed for planners and other random draws.
+        timeout: Longest time a planner may take [s].
+        wake: Requests a tick of the tree. May be called from any thread.
+        publish: Reports an event to the recorder.
+        clock: Time source.
+        wake_at: Requests a tick at a time of `now()` [s]. Valid until the next tick; call it again
+            at every tick.
+        scene: World around the arm.
+        operator: Answers questions.
+        paused_time: Returns how long the run has been paused so far [s].
+        at_breakpoint: Returns True if a skill must not start yet.
+    """
+
+    robot: Robot
+    arm: Arm
+    pool: Pool
+    seed: int
+    timeout: float
+    wake: Callable[[], None]
+    publish: Callable[[SkillEvent], None]
+    clock: Clock
+    wake_at: Callable[[float], None]
+    scene: Scene = field(default_factory=Scene)
+    operator: Operator = field(default_factory=NoOperator)
+    paused_time: Callable[[], float] = _not_paused
+    at_breakpoint: Callable[[Behaviour], bool] = _no_breakpoint
+
+    def now(self) -> float:
+        """Return the time of the run [s]. It stops while the run is paused."""
+        return self.clock.now() - self.paused_time()
