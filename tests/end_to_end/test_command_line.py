@@ -360,7 +360,7 @@ def test_the_tour_of_the_readme_works_as_typed(
 
 
 def test_help_loads_nothing_heavy() -> None:
-    code = "import sys; import executive.commands.cli; print(*sorted(sys.modules))"
+    code = "import sys; import executive.cli.main; print(*sorted(sys.modules))"
     command = [sys.executable, "-P", "-c", code]
     loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     heavy = {"numpy", "py_trees", "pinocchio", "rosbags", "mcap", "ruamel.yaml", "rich", "serial"}

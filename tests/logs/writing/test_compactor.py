@@ -85,7 +85,7 @@ ASKER = """
 import os, signal, socket, sys
 from pathlib import Path
 from logs import Recorder, Sent
-from logs.compactor import Compactor
+from logs.writing.compactor import Compactor
 
 compactor = Compactor()
 os.kill(compactor.pid, signal.SIGSTOP)

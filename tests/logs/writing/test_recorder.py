@@ -340,7 +340,7 @@ CHILD = """
 import sys
 from pathlib import Path
 from logs import Sent
-from logs.journal import Journal
+from logs.writing.journal import Journal
 
 journal = Journal(Path(sys.argv[1]).open("xb"), 10**18)
 number = 0

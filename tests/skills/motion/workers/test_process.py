@@ -61,7 +61,7 @@ LOADS = """
 import sys, skills.motion.planner
 wanted = {"scipy.interpolate", "scipy.sparse", "matplotlib", "toppra"}
 print(sorted(wanted & set(sys.modules)))
-import skills.motion.worker
+import skills.motion.workers.worker
 print(sorted(wanted & set(sys.modules)))
 from scipy.interpolate import CubicSpline
 print(CubicSpline([0, 1, 2], [0, 1, 4])(1.0))
