@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from hardware import Robot
-from trees import FileError, Library, TreeError, UnknownTask, meant, read_text
+from hardware.suggestions import suggestion
+from trees import FileError, Library, TreeError, UnknownTask, read_text
 from trees.analysis.check import check_task, outline_of
 from trees.compile.paths import paths
 
@@ -143,13 +144,15 @@ class LiveLibrary(Library):
         tasks = {row["name"]: row["task"] for row in self.listed() if not row["wrong"]}
         name = path.partition("/")[0]
         if name not in tasks:
-            likely = meant(name, [*tasks]) or f"; it begins with a task's name: {', '.join(tasks)}"
+            likely = (
+                suggestion(name, [*tasks]) or f"; it begins with a task's name: {', '.join(tasks)}"
+            )
             raise NoSuchNode(f"no task is called {name}{likely}")
         library, _ = self.for_task(tasks[name])
         root = outline_of(self._robot, library, tasks[name]).node
         nodes = [each for _, each in paths(root)] if root else []
         if path not in nodes:
-            there = ", ".join(nodes[:_SHOWN]) + meant(path, nodes)
+            there = ", ".join(nodes[:_SHOWN]) + suggestion(path, nodes)
             raise NoSuchNode(f"{name} has no node {path}; there are {there}")
 
     def _now(self) -> deque[_Look]:

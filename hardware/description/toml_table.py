@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from hardware.errors import DescriptionError
+from hardware.suggestions import closest, suggestion
 
 _HEADER = re.compile(r"\s*\[([\w.\-]+)\]\s*(?:#.*)?$")
 _KEY = re.compile(r"\s*([\w.\-]+)\s*=")
@@ -100,7 +101,7 @@ class TomlTable:
         """A text out of the choices."""
         value, names = self.text(key), list(choices)
         if value not in names:
-            self.fail(key, f"{value!r} is not one of {', '.join(names)}{_nearest(value, names)}")
+            self.fail(key, f"{value!r} is not one of {', '.join(names)}{suggestion(value, names)}")
         return value
 
     def names(
@@ -135,13 +136,13 @@ class TomlTable:
         for key in self._values:
             if key not in self._asked:
                 known = sorted(self._asked)
-                near = _nearest(key, known)
+                near = suggestion(key, known)
                 self.fail(key, f"unknown key; there are {', '.join(known)}{near}")
 
     def _checked_names(self, key: str, values: list[Any], choices: list[str]) -> tuple[str, ...]:
         for value in values:
             if value not in choices:
-                near = _nearest(str(value), choices)
+                near = suggestion(str(value), choices)
                 self.fail(key, f"{value!r} is not one of {', '.join(choices)}{near}")
         if len(set(values)) != len(values):
             self.fail(key, f"{values!r} names something twice")
@@ -159,7 +160,7 @@ class TomlTable:
 
     def _miss(self, key: str) -> NoReturn:
         """Refuse a missing key; at the line of its misspelling where there is one."""
-        misspelt = _closest(key, [given for given in self._values if given not in self._asked])
+        misspelt = closest(key, [given for given in self._values if given not in self._asked])
         if misspelt:
             self.fail(misspelt, f"unknown key; did you mean {key}?")
         self.fail(key, "is missing")
@@ -173,17 +174,6 @@ class TomlTable:
         while full not in self._lines and "." in full:
             full = full.rpartition(".")[0]
         return self._lines.get(full, 0)
-
-
-def _nearest(word: str, choices: list[str]) -> str:
-    near = _closest(word, choices)
-    return f"; did you mean {near}?" if near else ""
-
-
-def _closest(word: str, choices: list[str]) -> str:
-    from difflib import get_close_matches  # only for messages
-
-    return next(iter(get_close_matches(word, choices, n=1)), "")
 
 
 def _key_lines(text: str) -> dict[str, int]:

@@ -4,11 +4,11 @@ import csv
 import warnings
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass
-from difflib import get_close_matches
 from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hardware.suggestions import closest
 from logs.errors import RecordingError, RecordingTruncated
 from logs.reading.reader import Message, read
 from logs.reading.recording import Recording
@@ -52,7 +52,7 @@ def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
         warnings.warn(str(error), stacklevel=2)
     known = seen | {each.name for each in TOPICS if each.fixed}
     if topic not in known:
-        near = get_close_matches(topic, sorted(known), 1, 0.0)[0]
+        near = closest(topic, known, cutoff=0.0)
         raise RecordingError(Path(path), f"has no topic {topic}; the nearest is {near}")
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: np.array(_column([row.get(name) for row in rows])) for name in names}

@@ -1,14 +1,14 @@
 """Whether a target may be commanded at all."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping
-from difflib import get_close_matches
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from hardware import BadPosition, Joint, Mimic, Robot, check_position
+from hardware.suggestions import corrections, suggestion
 from skills.base import Skill
 from skills.errors import BadTarget, OutOfBounds, SkillError, combine_errors, refuse
 from skills.ports import Positions
@@ -115,7 +115,7 @@ def lacking(robot: Robot, port: str, given: Mapping[str, float]) -> list[SkillEr
     """What `check_whole` refuses; a joint that is misspelt does not lack."""
     names = [joint.name for joint in robot.actuated]
     written = _written(given)
-    meant = _respelt(written, [joint.name for joint in robot.joints]).values()
+    meant = corrections(written, [joint.name for joint in robot.joints]).values()
     missing = [name for name in names if name not in written and name not in meant]
     why = f"the {port} lacks {', '.join(missing)}; it must name {', '.join(names)}"
     return [BadTarget(why).at(port)] if missing else []
@@ -133,7 +133,9 @@ def check_link(robot: Robot, port: str, name: str) -> None:
 def no_link(robot: Robot, port: str, name: str) -> list[SkillError]:
     """What `check_link` refuses."""
     there = f"the robot has no link {name}; it has {', '.join(robot.links)}"
-    return [] if name in robot.links else [BadTarget(there + hint(name, robot.links)).at(port)]
+    return (
+        [] if name in robot.links else [BadTarget(there + suggestion(name, robot.links)).at(port)]
+    )
 
 
 def by_group(robot: Robot, joints: Mapping[str, float], port: str) -> dict[str, dict[str, float]]:
@@ -156,7 +158,7 @@ def unknown_joints(robot: Robot, joints: Mapping[str, float], *way: str | int) -
     known = {name for group in robot.groups.values() for name in group}
     words = f"is no joint of the robot; it has {', '.join(there)}"
     return [
-        BadTarget(f"{name} {words}{hint(name, there, written)}").at(*way, name)
+        BadTarget(f"{name} {words}{suggestion(name, there, written)}").at(*way, name)
         for name in written
         if name not in known
     ]
@@ -165,7 +167,7 @@ def unknown_joints(robot: Robot, joints: Mapping[str, float], *way: str | int) -
 def lone_mimics(robot: Robot, joints: Mapping[str, float], *way: str | int) -> list[SkillError]:
     """Joints that follow another one that is not named, and so cannot be told where to go."""
     written = _written(joints)
-    named = {*written, *_respelt(written, [joint.name for joint in robot.joints]).values()}
+    named = {*written, *corrections(written, [joint.name for joint in robot.joints]).values()}
     return [
         BadTarget(_follows(joint, joint.mimic, joints.get(joint.name))).at(*way, joint.name)
         for joint in robot.joints
@@ -190,10 +192,13 @@ def _wrong_names(
         return
     joints = {name: robot.joint(name) for name in robot.groups[group]}
     there, written = f"the {group} has {', '.join(joints)}", _written(target)
-    meant = _respelt(written, joints)
+    meant = corrections(written, joints)
     for name in written:
         if name not in joints:
-            yield name, f"{name} is no joint of the {group}; {there}{hint(name, joints, written)}"
+            yield (
+                name,
+                f"{name} is no joint of the {group}; {there}{suggestion(name, joints, written)}",
+            )
     for name, joint in joints.items():
         if joint.mimic is None and name not in written and name not in meant.values():
             yield name, f"{name} is missing; {there}"
@@ -202,23 +207,6 @@ def _wrong_names(
 def _written(target: Mapping[str, float]) -> list[str]:
     """The joints that are named, with those of which the value is not known."""
     return [*target, *getattr(target, "unknown", ())]
-
-
-def _respelt(given: Collection[str], known: Collection[str]) -> dict[str, str]:
-    """The names that were probably meant by those that are not known, none of them twice."""
-    left = [name for name in known if name not in given]
-    found: dict[str, str] = {}
-    for word in given:
-        if word not in known and (near := get_close_matches(word, left, n=1)):
-            found[word] = near[0]
-            left.remove(near[0])
-    return found
-
-
-def hint(word: str, known: Collection[str], given: Collection[str] = ()) -> str:
-    """What was probably meant, of all that is not given already; empty where nothing is near."""
-    near = get_close_matches(word, [name for name in known if name not in given], n=1)
-    return f"; did you mean {near[0]}?" if near else ""
 
 
 def _wrong_values(robot: Robot, target: Mapping[str, float], *way: str | int) -> list[SkillError]:

@@ -8,6 +8,7 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from hardware import Robot
+from hardware.suggestions import suggestion
 from skills.errors import BadTarget, SkillError, refuse
 from skills.motion.errors import MotionError
 from skills.motion.query import Reached, ToolQuery
@@ -15,7 +16,7 @@ from skills.motion.workers.process import Result
 from skills.planning_skill import PlanningSkill
 from skills.ports import Port, Positions, xyz
 
-from .check_bounds import check_whole, hint, lacking, no_link
+from .check_bounds import check_whole, lacking, no_link
 
 _GROUP = PortInformation(str, default_value="arm", description="group whose joints are meant")
 _START = PortInformation(Positions, description="where the arm stands [rad]")
@@ -121,4 +122,4 @@ def _no_group(robot: Robot, group: str) -> list[SkillError]:
     if group in robot.groups:
         return []
     there = f"the robot has no group {group}; it has {', '.join(robot.groups)}"
-    return [BadTarget(there + hint(group, robot.groups)).at("group")]
+    return [BadTarget(there + suggestion(group, robot.groups)).at("group")]

@@ -8,6 +8,7 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from hardware import BadPosition, Joint, Robot
+from hardware.suggestions import suggestion
 from skills.base import Skill
 from skills.errors import BadTarget, OutOfBounds, SkillError, refuse
 from skills.ports import Positions
@@ -16,7 +17,6 @@ from .check_bounds import (
     by_group,
     check_targets,
     check_whole,
-    hint,
     lacking,
     lone_mimics,
     unknown_joints,
@@ -147,7 +147,7 @@ def _wrong_distances(robot: Robot, by: Mapping[str, float]) -> list[SkillError]:
     there = ", ".join(joints)
     wrong: list[SkillError] = [
         BadTarget(
-            f"{name} is no joint that turns; there are {there}{hint(name, joints, written)}"
+            f"{name} is no joint that turns; there are {there}{suggestion(name, joints, written)}"
         ).at("by", name)
         for name in written
         if name not in joints

@@ -4,8 +4,9 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
-from difflib import get_close_matches
 from typing import Any
+
+from hardware.suggestions import suggestion
 
 from .errors import BadWorld, shown
 from .measures import FARTHEST, LEAST
@@ -258,8 +259,7 @@ def _form(name: str, kind: str, plain: Any) -> Shape:
 def _check_keys(whose: str, plain: Mapping[str, Any], known: Sequence[str]) -> None:
     for key in plain:
         if key not in known:
-            near = get_close_matches(str(key), [each for each in known if each not in plain], n=1)
-            there = ", ".join(known) + (f"; did you mean {near[0]}?" if near else "")
+            there = ", ".join(known) + suggestion(str(key), known, plain)
             raise BadWorld(f"{_shown(key)} is no key of {whose}; there are {there}")
 
 

@@ -7,6 +7,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
 import trees
+from hardware.suggestions import choices, corrections
 from skills import Context, Port, Skill
 from trees.analysis.data_flow import Keys
 from trees.analysis.reachability import Places, check_flow
@@ -16,7 +17,7 @@ from trees.reading.grammar import UNTYPED, SubtreeFile, TaskFile
 from trees.reading.library import Library
 from trees.reading.node_parser import Mistakes
 from trees.reading.specs import KINDS, ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
-from trees.reading.values import ANY, Declaration, choices, respelt, type_fits, words
+from trees.reading.values import ANY, Declaration, type_fits, words
 
 from .arguments import MISSING
 from .branches import Branches
@@ -136,7 +137,7 @@ class TreeCompiler:
                 self.wrong(
                     value.place, f"task {task.number} has no parameter {name}; there are {there}"
                 )
-        likely = respelt(asked, task.parameters)
+        likely = corrections(asked, task.parameters)
         known = {likely.get(name, name): value for name, value in asked.items()}
         given: dict[str, Value] = {}
         for name, declared in task.parameters.items():
@@ -370,7 +371,7 @@ class TreeCompiler:
             what: They are, in words, to tell what is none; empty for not to tell.
             scope: Of the values.
         """
-        likely = respelt(given, known)
+        likely = corrections(given, known)
         for port in given:
             if port not in known:
                 there = choices(port, known, given)

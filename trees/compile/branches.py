@@ -8,6 +8,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.composites import Selector, Sequence
 from py_trees.decorators import FailureIsSuccess, Inverter
 
+from hardware.suggestions import choices
 from skills import Context, Skill
 from trees.analysis.data_flow import Keys
 from trees.nodes.control import (
@@ -22,7 +23,7 @@ from trees.nodes.control import (
 from trees.nodes.parallel import Join, Race
 from trees.reading.document import REFUSED, Located
 from trees.reading.specs import KINDS, ControlNode, Key, SkillNode, TreeNode
-from trees.reading.values import Declaration, choices
+from trees.reading.values import Declaration
 
 from .scope import Scope
 

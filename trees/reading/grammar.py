@@ -10,12 +10,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+from hardware.suggestions import choices, corrections
 from trees.errors import FileError, Mistake
 
 from .document import Located, draft_document, names_within, nested
 from .node_parser import Mistakes, NodeParser
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
-from .values import LIST, TYPES, Declaration, choices, fit, respelt
+from .values import LIST, TYPES, Declaration, fit
 
 VERSION = 1  # of the grammar
 
@@ -229,7 +230,7 @@ class _Parser:
         if not self._values:
             needed = ", ".join(key for key in keys if key not in _OPTIONAL)
             self._wrong(self.root.place, f"expected the keys {needed}")
-        self._values = self._respelt(self._values, keys)
+        self._values = self._corrections(self._values, keys)
         version = self.get("grammar", needed=False)
         if version and (type(version.value) is not int or version.value != VERSION):
             here = f"this armtree reads grammar {VERSION}"
@@ -241,7 +242,7 @@ class _Parser:
             self._wrong(replace(self.root.place, way=key), f"the key {key} is missing")
         return value
 
-    def _respelt(
+    def _corrections(
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
         """The keys as they were probably meant; tells those that are not known."""
@@ -249,7 +250,7 @@ class _Parser:
             if key not in known:
                 there = choices(key, known, values)
                 self._wrong(value.label, f"unknown key {key}; there are {there}")
-        likely = respelt(values, known)
+        likely = corrections(values, known)
         return {likely.get(key, key): value for key, value in values.items()}
 
     def number(self, key: str) -> int:
@@ -311,7 +312,7 @@ class _Parser:
     def _declaration(self, value: Located, what: str, known: tuple[str, ...]) -> Declaration:
         if isinstance(value.value, str):
             return Declaration(self._type(value, what, "output" in known))
-        keys = self._respelt(nested(value), known)
+        keys = self._corrections(nested(value), known)
         kind, output = UNTYPED, self._flag(keys.get("output"))
         if "type" in keys:
             kind = self._type(keys["type"], what, "output" in known)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
 
+from hardware.suggestions import choices
 from trees.errors import DuplicateTask, FileError, Mistake, Place, UnknownTask
 
 from .document import read_text
@@ -23,7 +24,6 @@ from .grammar import (
     parse_head,
     parse_task,
 )
-from .values import choices
 
 _TASK = re.compile(r"([0-9]+)_.+\.yaml")
 _SUBTREE = re.compile(r"(?!poses)[A-Za-z].*\.yaml")

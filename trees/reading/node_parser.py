@@ -4,11 +4,11 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import TypeGuard
 
+from hardware.suggestions import choices, corrections, suggestion
 from trees.errors import Mistake, Place
 
 from .document import Located, names_within, nested
 from .specs import KINDS, ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
-from .values import choices, meant, respelt
 
 MAX_NUMBER = 2**31 - 1
 
@@ -81,7 +81,7 @@ class NodeParser:
         if not heads and len(rest) == 1:
             return self._skill(value.place, rest[0], keys)
         self._wrong(value.place, _no_node(value, tuple(keys)))
-        likely = {} if heads else respelt(rest, _HEADS)
+        likely = {} if heads else corrections(rest, _HEADS)
         if len(likely) == 1:
             (head,) = likely.values()
             return self._headed(value.place, head, _respell(keys, likely))
@@ -152,7 +152,7 @@ class NodeParser:
             lists = [kind for kind in KINDS if KINDS[kind].many]
             there = choices(skill, lists)
             self._wrong(inner.label, f"only {there} hold a list of nodes, not {skill}")
-            kind = respelt((skill,), lists).get(skill, "")
+            kind = corrections((skill,), lists).get(skill, "")
             return ControlNode(place, kind, self._items(inner.value))
         ports = self._wiring(inner, f"the ports of {skill}")
         shown = self._shown(keys)
@@ -216,7 +216,7 @@ class NodeParser:
                 there = choices(key, known, beside)
                 self._wrong(keys[key].label, f"unknown key {key}; beside {head} there are {there}")
                 self.spare |= {*names_within(keys[key])}
-        return _respell(keys, respelt(beside, known))
+        return _respell(keys, corrections(beside, known))
 
     def _shown(self, keys: Mapping[str, Located]) -> str:
         if "name" not in keys:
@@ -252,6 +252,6 @@ def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str
 def _no_node(value: Located, keys: tuple[str, ...]) -> str:
     if not keys:
         return f"a node is one of {', '.join(_HEADS)}, or a skill's name, not {value}"
-    near = "".join(meant(key, _HEADS) for key in keys if key not in _HEADS)
+    near = "".join(suggestion(key, _HEADS) for key in keys if key not in _HEADS)
     said = f"here are {', '.join(keys)}{near}"
     return f"a node has one key of {', '.join(_HEADS)}, or a skill's name; {said}"

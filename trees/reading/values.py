@@ -2,11 +2,11 @@
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any
 
+from hardware.suggestions import choices
 from trees.errors import Place
 
 from .document import REFUSED, Located, StandIn
@@ -234,27 +234,3 @@ def _beyond(fitted: Any, wanted: Declaration) -> str:
     if wanted.choices and fitted not in wanted.choices:
         return f"is none of {choices(str(fitted), wanted.choices)}"
     return ""
-
-
-def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
-    """What there is, and what was probably meant: none that is given already, if that may be."""
-    names = sorted(known)
-    left = [name for name in names if name not in given]
-    return (", ".join(names) or "none") + (meant(word, left) or meant(word, names))
-
-
-def meant(word: str, known: Sequence[str]) -> str:
-    """What was probably meant; empty where nothing is near."""
-    near = get_close_matches(word, known, n=1)
-    return f"; did you mean {near[0]}?" if near else ""
-
-
-def respelt(given: Collection[str], known: Collection[str]) -> dict[str, str]:
-    """The names that were probably meant by those that are not known, none of them twice."""
-    left = sorted(name for name in known if name not in given)
-    found: dict[str, str] = {}
-    for word in given if left else ():
-        if word not in known and (near := get_close_matches(word, left, n=1)):
-            found[word] = near[0]
-            left.remove(near[0])
-    return found
