@@ -4,7 +4,7 @@ from py_trees.common import Status
 
 from .base import Skill
 from .context import Context
-from .motion.workers.process import Request, Result
+from .motion.query import Request, Result
 
 
 class PlannerJob:

@@ -31,7 +31,7 @@ def explain(goal: Goal, world: Path | None, output: Path) -> Iterator[str]:
         MotionError: There is no plan.
     """
     watch = Stopwatch(RealClock())
-    with watch.rung("model"):
+    with watch.stage("model"):
         planner = Planner(goal.robot)
     bodies = read_world(world) if world else EMPTY
     try:
@@ -46,7 +46,7 @@ def _explained(
     goal: Goal, planner: Planner, bodies: World, output: Path, watch: Stopwatch
 ) -> Iterator[str]:
     robot = goal.robot
-    with watch.rung("goal"):
+    with watch.stage("goal"):
         legs, unknown = goal.legs(planner, bodies)
     yield f"Prepared  in {_rungs(watch.milliseconds)}"
     for move in unknown:

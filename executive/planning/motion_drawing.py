@@ -15,8 +15,8 @@ from logs.views.motion_figure import Sweep
 from logs.views.narrative import bodies_in_words
 from logs.views.run_figure import Scene
 from skills.motion import World
-from skills.motion.kinematics.model import Model
-from skills.motion.kinematics.outline import outlines
+from skills.motion.collision.outline import convex_outlines
+from skills.motion.collision.scene import PlanningScene
 
 POSES = 14  # of a motion
 _MOST_POSES = 4 * POSES
@@ -33,11 +33,11 @@ def sweep_of(robot: Robot, world: World, configurations: ArrayLike) -> Sweep:
     Raises:
         BadWorld: The world cannot be loaded.
     """
-    model = Model(robot, world)
+    scene = PlanningScene(robot, world)
     links = {body.name: body.link for body in world.bodies}
     poses, bodies, held = [], [], []
     for configuration in np.asarray(configurations):
-        shapes = [(name, points.tolist()) for name, points in outlines(model, configuration)]
+        shapes = [(name, points.tolist()) for name, points in convex_outlines(scene, configuration)]
         poses.append([points for name, points in shapes if name not in links])
         held.append([points for name, points in shapes if links.get(name)])
         bodies = [points for name, points in shapes if links.get(name) == ""]

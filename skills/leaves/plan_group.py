@@ -19,8 +19,7 @@ from skills.motion.errors import (
     StartInCollision,
 )
 from skills.motion.plan import Plan
-from skills.motion.query import Query, Verify
-from skills.motion.workers.process import Result
+from skills.motion.query import Query, Result, Verify
 from skills.planning_skill import PlanningSkill
 from skills.ports import Positions
 

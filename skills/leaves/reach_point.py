@@ -11,8 +11,7 @@ from hardware import Robot
 from hardware.suggestions import suggestion
 from skills.errors import BadTarget, SkillError, refuse
 from skills.motion.errors import MotionError
-from skills.motion.query import Reached, ToolQuery
-from skills.motion.workers.process import Result
+from skills.motion.query import Reached, Result, ToolQuery
 from skills.planning_skill import PlanningSkill
 from skills.ports import Port, Positions, xyz
 

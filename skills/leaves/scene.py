@@ -12,8 +12,7 @@ from hardware import Robot
 from skills.base import Skill
 from skills.errors import BadBody, refuse
 from skills.motion.errors import MotionError
-from skills.motion.query import Carry
-from skills.motion.workers.process import Result
+from skills.motion.query import Carry, Result
 from skills.motion.world import Body, Box, Cylinder, Mesh, Shape, Sphere, quaternion
 from skills.planning_skill import PlanningSkill
 from skills.ports import Port, xyz

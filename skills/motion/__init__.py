@@ -25,9 +25,8 @@ from .errors import (
     shown,
 )
 from .plan import Plan
-from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
+from .query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
 from .workers.pool import Job, Pool
-from .workers.process import Request, Result
 from .world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World, quaternion
 
 __all__ = [

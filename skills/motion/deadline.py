@@ -55,7 +55,7 @@ class Stopwatch:
         self.milliseconds: dict[str, float] = {}
 
     @contextmanager
-    def rung(self, name: str) -> Iterator[None]:
+    def stage(self, name: str) -> Iterator[None]:
         """Time what is done inside; a rung may be climbed more than once."""
         try:
             yield

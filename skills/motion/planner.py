@@ -15,23 +15,22 @@ from .collision.bodies import files
 from .collision.carry import carried
 from .collision.checker import CollisionChecker
 from .collision.endpoints import EndpointChecker, bounds, finite, turning
+from .collision.scene import PlanningScene
 from .collision.verify import check_motion
 from .deadline import Deadline, Stopwatch
 from .errors import BadQuery, ModelUnusable, MotionCollides, MotionError, shown
-from .kinematics.inverse import reached
-from .kinematics.model import Model
-from .kinematics.robot_model import Links
+from .kinematics.inverse import solve_ik
+from .kinematics.robot_model import RobotModel
 from .measures import FARTHEST, is_number
 from .path.curve import Curve
 from .path.path import ways
 from .path.search import Search
 from .path.space import Space, evenly
 from .plan import Plan
-from .query import Carry, Query, Reached, Rest, ToolQuery, Verify
+from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify
 from .timing.profile import Profile
 from .timing.remaining import check_rest, rest_of
 from .timing.timing import timed
-from .workers.process import Answer, Request
 from .world import EMPTY, Body, World
 
 Array = NDArray[np.float64]
@@ -49,7 +48,7 @@ class Planner:
         clock: For deadlines and the milliseconds of each rung.
 
     Attributes:
-        contacts: Checks configurations where nothing stands around the arm.
+        checker: Checks configurations where nothing stands around the arm.
 
     Raises:
         ModelUnusable: The robot cannot be planned with.
@@ -58,9 +57,9 @@ class Planner:
     def __init__(self, robot: Robot, clock: Clock | None = None) -> None:
         self._robot, self._clock = robot, clock or RealClock()
         _check_numbers(robot)
-        self._links, self._scenes = Links(robot), dict[World, _Scene]()
+        self._links, self._scenes = RobotModel(robot), dict[World, _Scene]()
         self._groups: dict[str, _Group] = {}
-        self.contacts = self._scene(EMPTY).contacts
+        self.checker = self._scene(EMPTY).checker
 
     def answer(self, request: Request) -> Answer:
         """A Plan (Query, Rest), Reached (ToolQuery), a Body (Carry), or None (Verify).
@@ -99,24 +98,24 @@ class Planner:
     def _climb(self, query: Query, watch: Stopwatch) -> Plan:
         deadline = Deadline(self._clock, query.timeout)
         if query.world not in self._scenes:
-            with watch.rung("world"):
+            with watch.stage("world"):
                 self._scene(query.world)
-        with watch.rung("ends"):
+        with watch.stage("ends"):
             scene, group = self._scene(query.world), self._group(query.group)
-            start, stations = group.ends.check(scene.contacts, query)
+            start, stations = group.ends.check(scene.checker, query)
         space = Space(
-            contacts=scene.contacts,
+            checker=scene.checker,
             start=start,
             columns=group.ends.columns,
-            levers=scene.model.levers[:, group.ends.columns],
+            lever_arms=scene.model.lever_arms[:, group.ends.columns],
             margin=self._robot.collision.margin + query.spare,
             proved=0.5 * self._robot.collision.margin + query.spare,
             deadline=deadline,
         )
-        with scene.contacts.within(deadline):
+        with scene.checker.within(deadline):
             found = ways(space, group.search, stations, query.seed, watch)
             waypoints, curve, profile = _timed(found, group, watch)
-        with watch.rung("time"):
+        with watch.stage("time"):
             plan = Plan(
                 group=query.group,
                 joints=group.joints,
@@ -132,7 +131,7 @@ class Planner:
                 milliseconds=watch.milliseconds,  # to which the watch still adds
             )
         if not curve.straight:
-            with watch.rung("check"), scene.contacts.within(deadline):
+            with watch.stage("check"), scene.checker.within(deadline):
                 _check(space, plan)
         deadline.check()
         return plan
@@ -148,8 +147,8 @@ class Planner:
         deadline = Deadline(self._clock, request.timeout)
         joints = [joint.name for joint in self._robot.actuated]
         scene = self._scene(request.world)
-        with scene.contacts.within(deadline):
-            check_motion(scene.contacts, scene.model.levers, joints, request, deadline)
+        with scene.checker.within(deadline):
+            check_motion(scene.checker, scene.model.lever_arms, joints, request, deadline)
 
     def reach(self, query: ToolQuery) -> Reached:
         """Joint positions that bring the tool where a query asks for.
@@ -159,8 +158,8 @@ class Planner:
                 The first that applies.
         """
         scene, deadline = self._scene(query.world), Deadline(self._clock, query.timeout)
-        with scene.contacts.within(deadline):
-            return reached(self._robot, scene.model, scene.contacts, query, deadline)
+        with scene.checker.within(deadline):
+            return solve_ik(self._robot, scene.model, scene.checker, query, deadline)
 
     def rest(self, request: Rest) -> Plan:
         """What is left of a motion that was stopped, timed from standstill.
@@ -177,7 +176,7 @@ class Planner:
             raise BadQuery(
                 f"The plan moves {moves[0]}, {request.plan.group} {moves[1]}; plan again"
             )
-        with watch.rung("time"):
+        with watch.stage("time"):
             left = rest_of(request.plan, request.time, start, group.ends.columns)
         return dataclasses.replace(left, milliseconds=watch.milliseconds)
 
@@ -213,10 +212,10 @@ class Planner:
 class _Scene:
     """What is kept of a world between queries."""
 
-    def __init__(self, robot: Robot, world: World, links: Links) -> None:
+    def __init__(self, robot: Robot, world: World, links: RobotModel) -> None:
         self.files = files(world)  # as they are before they are read
-        self.model = Model(robot, world, links)
-        self.contacts = CollisionChecker(self.model)
+        self.model = PlanningScene(robot, world, links)
+        self.checker = CollisionChecker(self.model)
 
 
 def _check(space: Space, plan: Plan) -> None:
@@ -238,13 +237,13 @@ def _check(space: Space, plan: Plan) -> None:
     # than its limit, to the thousandth that is kept.
     speeds, gain = abs(plan.velocities(times)), plan.acceleration * times[1]
     fastest = np.minimum(0.5 * (speeds[1:] + speeds[:-1] + gain), 1.001 * plan.velocity)
-    travels = times[1] * fastest @ space.levers.T
+    travels = times[1] * fastest @ space.lever_arms.T
     places, travels = evenly(times, travels)
     share = space.hit(lambda shares: plan.sample(places(shares)), travels)
     if share is not None:
         time = float(places(np.array([share]))[0])
         row = space.whole(plan.sample((time,)))[0]
-        nearest = space.contacts.nearest(row)
+        nearest = space.checker.nearest(row)
         assert nearest
         raise MotionCollides(0, time, *nearest, space.margin)
 
@@ -266,7 +265,7 @@ def _timed(
 ) -> tuple[Array, Curve, Profile]:
     """The first way that can be timed, and its time law."""
     for waypoints, curve in found:
-        with watch.rung("time"):
+        with watch.stage("time"):
             profile = timed(curve, group.velocity, group.acceleration)
         if profile:
             return waypoints, curve, profile

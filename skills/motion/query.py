@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arrays import readonly
-from .errors import BadQuery, shown
+from .errors import BadQuery, MotionError, shown
 from .plan import Plan
-from .world import EMPTY, Vector, World
+from .world import EMPTY, Body, Vector, World
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,3 +157,8 @@ class Carry:
     link: str
     positions: tuple[float, ...]
     timeout: float = 5.0
+
+
+Request = Query | Verify | ToolQuery | Carry | Rest
+Answer = Plan | Reached | Body | None
+Result = Answer | MotionError

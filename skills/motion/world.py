@@ -72,7 +72,7 @@ class Body:
         position: Of its centre (of a mesh: its origin), in the frame of `link` [m].
         rotation: x, y, z, w of a unit quaternion, in that frame.
         link: The link it moves with; empty for one that stands in the URDF's root frame.
-        touches: Links, bodies or `floor` that it may touch.
+        touches: RobotModel, bodies or `floor` that it may touch.
 
     Raises:
         BadWorld: A number is not finite, a size not above 0, one of them more than

@@ -57,7 +57,7 @@ def robot_of(urdf: Path, margin: float = 0.01) -> Robot:
 
 
 def free_poses(
-    robot: Robot, count: int, seed: int, contacts: CollisionChecker
+    robot: Robot, count: int, seed: int, checker: CollisionChecker
 ) -> NDArray[np.float64]:
     """Random configurations of all actuated joints that are free (N, A) [rad]."""
     random, found = np.random.default_rng(seed), list[NDArray[np.float64]]()
@@ -65,7 +65,7 @@ def free_poses(
     upper = np.array([min(j.upper, np.pi) for j in robot.actuated])
     while len(found) < count:
         pose = random.uniform(lower, upper)
-        if contacts.first_hit(pose[None, :], robot.collision.margin) is None:
+        if checker.first_collision(pose[None, :], robot.collision.margin) is None:
             found.append(pose)
     return np.array(found)
 

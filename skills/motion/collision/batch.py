@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,9 @@ class Hulls:
         check: Called between calls that may take milliseconds.
     """
 
-    def __init__(self, model: Model, pairs: frozenset[int], check: Callable[[], None]) -> None:
+    def __init__(
+        self, model: PlanningScene, pairs: frozenset[int], check: Callable[[], None]
+    ) -> None:
         self._check, self._most = check, HULLS if model.solids else SIMPLE
         self._pool = pin.GeometryPool(model.kinematics, model.outer, 1)
         self._data = self._pool.getGeometryData(0)
@@ -96,7 +98,9 @@ class Primitives:
     would copy them, which takes longer than most looks.
     """
 
-    def __init__(self, model: Model, pair: pin.CollisionPair, check: Callable[[], None]) -> None:
+    def __init__(
+        self, model: PlanningScene, pair: pin.CollisionPair, check: Callable[[], None]
+    ) -> None:
         self._kinematics, self._geometry, self._check = model.kinematics, model.between(pair), check
         shapes = [shape.geometry for shape in self._geometry.geometryObjects]
         self._meshed = any(isinstance(shape, coal.BVHModelBase) for shape in shapes)

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.world import Body
 
 from .bodies import frame_of, placed
@@ -14,7 +14,7 @@ from .bodies import frame_of, placed
 Array = NDArray[np.float64]
 
 
-def carried(model: Model, body: Body, link: str, positions: Array) -> Body:
+def carried(model: PlanningScene, body: Body, link: str, positions: Array) -> Body:
     """A body where it is, but in the frame of another link, all actuated joints being at (A,).
 
     Raises:

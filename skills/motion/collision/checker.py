@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.deadline import Deadline
 from skills.motion.errors import NotFinite
-from skills.motion.kinematics.model import Model
 
 from .batch import BATCH, Hulls, Primitives
 from .depth import Depths
@@ -56,10 +56,10 @@ class CollisionChecker:
 
     Attributes:
         model: Whose.
-        pairs: All of `Model.outer`, by number.
+        pairs: All of `PlanningScene.outer`, by number.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: PlanningScene) -> None:
         self.model = model
         self._deadline: Deadline | None = None
         self.pairs = frozenset(range(len(model.outer.collisionPairs)))
@@ -91,7 +91,7 @@ class CollisionChecker:
         if self._deadline:
             self._deadline.check()
 
-    def first_hit(
+    def first_collision(
         self, configurations: ArrayLike, margin: float, pairs: frozenset[int] | None = None
     ) -> int | None:
         """Row of the first configuration where two links are nearer than a margin.
@@ -99,7 +99,7 @@ class CollisionChecker:
         Args:
             configurations: All actuated joints (N, A) [rad].
             margin: Distance to be kept [m].
-            pairs: Those of `Model.outer` to be looked at; None for all.
+            pairs: Those of `PlanningScene.outer` to be looked at; None for all.
 
         Raises:
             NotFinite: pinocchio must never see a NaN: it would answer wrongly ever after.
@@ -112,28 +112,30 @@ class CollisionChecker:
                 return begin + row
         return None
 
-    def blocked(self, configurations: Array, margin: float) -> tuple[int, Contact] | None:
-        """As `first_blocked`, and why."""
-        hit = self.first_blocked(configurations, margin)
+    def first_invalid_contact(
+        self, configurations: Array, margin: float
+    ) -> tuple[int, Contact] | None:
+        """As `first_invalid`, and why."""
+        hit = self.first_invalid(configurations, margin)
         if hit is None:
             return None
         nearest = self.nearest(configurations[hit])
         assert nearest
         return hit, nearest
 
-    def first_blocked(self, configurations: Array, margin: float) -> int | None:
+    def first_invalid(self, configurations: Array, margin: float) -> int | None:
         """Row of the first configuration that can be no end of a motion.
 
-        Unlike `first_hit` it sees what is inside a mesh.
+        Unlike `first_collision` it sees what is inside a mesh.
 
         Args:
             configurations: All actuated joints (N, A) [rad].
             margin: Distance to be kept [m].
 
         Raises:
-            NotFinite: As `first_hit`.
+            NotFinite: As `first_collision`.
         """
-        hit = self.first_hit(configurations, margin)
+        hit = self.first_collision(configurations, margin)
         if not self._insides:
             return hit
         before = enumerate(self._coordinates(configurations[:hit]))
@@ -151,14 +153,14 @@ class CollisionChecker:
 
         Args:
             configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
-            margins: For each pair of `Model.outer`, at least `least` (P,) [m].
+            margins: For each pair of `PlanningScene.outer`, at least `least` (P,) [m].
             least: Distance below which there is nothing more to be asked [m].
             pairs: Those to be looked at; the others may be at any distance.
             closely: Whether to ask the primitives too which rows are near; if not, some may only
                 seem to be.
 
         Raises:
-            NotFinite: As `first_hit`.
+            NotFinite: As `first_collision`.
         """
         q, wanted = self._coordinates(configurations), margins.tolist()
         outer = self._outer(pairs, False)
@@ -198,7 +200,7 @@ class CollisionChecker:
         Args:
             configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
             margin: Distance to be kept [m].
-            pairs: Those of `Model.outer` to be looked at.
+            pairs: Those of `PlanningScene.outer` to be looked at.
         """
         outer = self._outer(pairs, True)
         outer.hold(pairs, margin)

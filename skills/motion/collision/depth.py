@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 
 from .inside import Insides
 
@@ -40,7 +40,7 @@ class Depths:
     """
 
     def __init__(
-        self, model: Model, data: pin.Data, placed: pin.GeometryData, insides: Insides
+        self, model: PlanningScene, data: pin.Data, placed: pin.GeometryData, insides: Insides
     ) -> None:
         self._model, self._data, self._placed, self._insides = model, data, placed, insides
         self._outer = model.outer.createData()
@@ -48,7 +48,7 @@ class Depths:
         self._hulls = [hulls[ends] for ends in _ends(model, model.exact)]
 
     def nearest(self, q: Array) -> tuple[int, float]:
-        """The pair of `Model.exact` that is deepest, or else nearest, and its distance [m].
+        """The pair of `PlanningScene.exact` that is deepest, or else nearest, and its distance [m].
 
         No two are nearer, or deeper, than their hulls. So they are asked in the order of these, and
         most are never asked. Whether they touch is asked first: of meshes that costs a hundredth of
@@ -167,7 +167,7 @@ class Depths:
         return self._model.exact.geometryObjects[index].geometry, where
 
 
-def _ends(model: Model, geometry: pin.GeometryModel) -> list[tuple[str, str]]:
+def _ends(model: PlanningScene, geometry: pin.GeometryModel) -> list[tuple[str, str]]:
     """The two links of each pair."""
     links = [model.link(geometry, index) for index in range(len(geometry.geometryObjects))]
     return [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]

@@ -52,7 +52,7 @@ class EndpointChecker:
             for joint in robot.joints
         ]
 
-    def check(self, contacts: CollisionChecker, query: Query) -> tuple[Array, Array]:
+    def check(self, checker: CollisionChecker, query: Query) -> tuple[Array, Array]:
         """All actuated joints at the start (A,), and the group's at start, via, goal (K, J).
 
         All of them in [rad]; to be passed in that order, joints without an end the short way each
@@ -75,7 +75,7 @@ class EndpointChecker:
             self._bounded(row, GoalOutOfBounds if number else StartOutOfBounds, names[number])
         for before, row in pairwise(stations):
             row[own] = short_way(self._endless, before[own], row[own])
-        blocked = contacts.blocked(stations, self._margin)
+        blocked = checker.first_invalid_contact(stations, self._margin)
         if blocked:
             number, nearest = blocked
             error = GoalInCollision if number else StartInCollision

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 
 Array = NDArray[np.float64]
 
@@ -28,10 +28,10 @@ class Insides:
         placed: And of its exact shapes.
 
     Attributes:
-        meshed: Pairs of `Model.exact` that have a mesh, other than those with the floor.
+        meshed: Pairs of `PlanningScene.exact` that have a mesh, other than those with the floor.
     """
 
-    def __init__(self, model: Model, data: pin.Data, placed: pin.GeometryData) -> None:
+    def __init__(self, model: PlanningScene, data: pin.Data, placed: pin.GeometryData) -> None:
         self._model, self._data, self._placed = model, data, placed
         shapes = [shape.geometry for shape in model.exact.geometryObjects]
         seats = [
@@ -51,7 +51,7 @@ class Insides:
         return bool(self._pairs.size)
 
     def pairs(self, q: Array) -> list[int]:
-        """Pairs of `Model.exact` of which one is inside the other, where the joints are (nq,)."""
+        """Pairs of `exact` of which one is inside the other, the joints at (nq,)."""
         if not self:
             return []
         model = self._model

@@ -19,8 +19,8 @@ _CHUNK = 500  # configurations between two looks at the deadline
 
 
 def check_motion(
-    contacts: CollisionChecker,
-    levers: Array,
+    checker: CollisionChecker,
+    lever_arms: Array,
     joints: Sequence[str],
     request: Verify,
     deadline: Deadline,
@@ -34,25 +34,25 @@ def check_motion(
     """
     rows, times = _checked(request, joints)
     step = max(request.margin, LEAST_STEP)
-    blocked = contacts.blocked(rows[:1], request.margin)
+    blocked = checker.first_invalid_contact(rows[:1], request.margin)
     if blocked:
         time = None if times is None else float(times[0])
         raise MotionCollides(0, time, *blocked[1], request.margin)
-    for chunk in _places(rows, levers, step):
+    for chunk in _places(rows, lever_arms, step):
         deadline.check()
         points = _between(rows, chunk)
-        hit = contacts.first_hit(points, request.margin)
+        hit = checker.first_collision(points, request.margin)
         if hit is not None:
-            nearest = contacts.nearest(points[hit])
+            nearest = checker.nearest(points[hit])
             assert nearest
             place = chunk[hit]
             time = None if times is None else float(np.interp(place, range(len(rows)), times))
             raise MotionCollides(int(place), time, *nearest, request.margin)
 
 
-def _places(rows: Array, levers: Array, step: float) -> Iterator[Array]:
+def _places(rows: Array, lever_arms: Array, step: float) -> Iterator[Array]:
     """Where to look, in rows and fractions of rows: 0 ... N - 1, a chunk at a time."""
-    travels = (abs(np.diff(rows, axis=0)) @ levers.T).max(axis=1, initial=0.0)
+    travels = (abs(np.diff(rows, axis=0)) @ lever_arms.T).max(axis=1, initial=0.0)
     counts = np.append((travels / step).astype(int) + 1, 1)
     ends = np.cumsum(counts)
     for begin in range(0, int(ends[-1]), _CHUNK):

@@ -33,6 +33,7 @@ from skills.motion.collision.endpoints import (
     short_way,
     turning,
 )
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.deadline import Deadline
 from skills.motion.errors import (
     BadQuery,
@@ -46,8 +47,6 @@ from skills.motion.measures import FARTHEST
 from skills.motion.query import Reached, ToolQuery
 from skills.motion.timing.timing import straight
 from skills.motion.world import Vector
-
-from .model import Model
 
 Array = NDArray[np.float64]
 
@@ -73,8 +72,12 @@ class _Effort(NamedTuple):
 _QUICK, _PATIENT = _Effort(60, 1e-3), _Effort(200, 1e-5)
 
 
-def reached(
-    robot: Robot, model: Model, contacts: CollisionChecker, query: ToolQuery, deadline: Deadline
+def solve_ik(
+    robot: Robot,
+    model: PlanningScene,
+    checker: CollisionChecker,
+    query: ToolQuery,
+    deadline: Deadline,
 ) -> Reached:
     """The free answer soonest reached.
 
@@ -93,14 +96,14 @@ def reached(
         answers += there
         misses += [each for each in found if not each.there]
         for answer in there:
-            if contacts.first_blocked(arm.whole(start, answer.joints)[None, :], margin) is None:
+            if checker.first_invalid(arm.whole(start, answer.joints)[None, :], margin) is None:
                 return Reached(tuple(answer.joints.tolist()), len(answers))
     if not answers:
         best = min(_nearest(misses), key=lambda miss: miss.askew)
         places = tuple(point.tolist()), tuple(best.point.tolist())
         raise Unreachable(*places, best.distance, best.askew, query.direction, _NEAR)
     soonest = min(answers, key=lambda answer: arm.seconds(start, answer.joints))
-    touching = contacts.nearest(arm.whole(start, soonest.joints))
+    touching = checker.nearest(arm.whole(start, soonest.joints))
     assert touching
     raise GoalInCollision(*touching, margin)
 
@@ -190,7 +193,7 @@ class _Search:
 class _Arm:
     """A group and its tool."""
 
-    def __init__(self, robot: Robot, model: Model, query: ToolQuery) -> None:
+    def __init__(self, robot: Robot, model: PlanningScene, query: ToolQuery) -> None:
         self._model, self._data = model, model.kinematics.createData()
         self.columns = columns(robot, query.group)
         self.lower, self.upper = bounds(robot, query.group)

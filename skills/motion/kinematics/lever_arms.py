@@ -33,10 +33,10 @@ from skills.motion.collision.shapes import corners
 Array = NDArray[np.float64]
 _LEVEL = 1e-9  # what a joint may lift per unit to count as level [m/rad, m/m]
 
-Levers = dict[str, float]  # by the name of each joint that a shape hangs from
+LeverArms = dict[str, float]  # by the name of each joint that a shape hangs from
 
 
-def levers(robot: Robot, model: pin.Model, joint: int, shape: pin.GeometryObject) -> Levers:
+def lever_arms(robot: Robot, model: pin.Model, joint: int, shape: pin.GeometryObject) -> LeverArms:
     """Of a shape on a joint; all is [m/rad].
 
     Args:
@@ -45,7 +45,7 @@ def levers(robot: Robot, model: pin.Model, joint: int, shape: pin.GeometryObject
         joint: Its index there.
         shape: What hangs from it.
     """
-    found, data, reach = Levers(), model.createData(), 0.0
+    found, data, reach = LeverArms(), model.createData(), 0.0
     places = np.zeros((0, 3)) if isinstance(shape.geometry, coal.Halfspace) else corners(shape)
     while joint:
         name = model.names[joint]
@@ -58,13 +58,13 @@ def levers(robot: Robot, model: pin.Model, joint: int, shape: pin.GeometryObject
     return found
 
 
-def level(model: pin.Model) -> Levers:
+def floor_lever_arms(model: pin.Model) -> LeverArms:
     """Of the floor: the joints that only ever turn upright or slide level.
 
     Args:
         model: Of the joints; followers have coordinates of their own.
     """
-    found, data = Levers(), model.createData()
+    found, data = LeverArms(), model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     for joint in range(1, model.njoints):
         slide, turn = _motion(model, data, joint).reshape(2, 3) @ data.oMi[joint].rotation.T
@@ -75,7 +75,9 @@ def level(model: pin.Model) -> Levers:
     return found
 
 
-def travels(robot: Robot, shapes: Sequence[Levers], pairs: Iterable[pin.CollisionPair]) -> Array:
+def travel_bounds(
+    robot: Robot, shapes: Sequence[LeverArms], pairs: Iterable[pin.CollisionPair]
+) -> Array:
     """Largest travel of two shapes against each other, per unit of each actuated joint.
 
     Args:

@@ -12,11 +12,11 @@ from skills.motion.collision.solid import solid_of
 from skills.motion.errors import ModelUnusable
 from skills.motion.measures import FARTHEST
 
-from .lever_arms import Levers, level, levers
+from .lever_arms import LeverArms, floor_lever_arms, lever_arms
 from .urdf_shapes import shape_counts
 
 
-class Links:
+class RobotModel:
     """What is the same of a robot in every world.
 
     Args:
@@ -53,13 +53,13 @@ class Links:
         except (RuntimeError, ValueError) as error:
             raise ModelUnusable(urdf, _why(error)) from error
         self.solids = [solid_of(shape.geometry) for shape in self.exact]
-        self.level = level(self._loose)
-        self.levers = [self.levers_of(shape) for shape in self.outer]
+        self.floor_lever_arms = floor_lever_arms(self._loose)
+        self.lever_arms = [self.lever_arms_of(shape) for shape in self.outer]
 
-    def levers_of(self, shape: pin.GeometryObject) -> Levers:
+    def lever_arms_of(self, shape: pin.GeometryObject) -> LeverArms:
         """Of a shape on one of the joints."""
         joint = self._loose.getJointId(self.kinematics.names[shape.parentJoint])
-        return levers(self._robot, self._loose, joint, shape)
+        return lever_arms(self._robot, self._loose, joint, shape)
 
     def _check_count(self, counts: dict[str, int]) -> None:
         found = Counter(self.kinematics.frames[shape.parentFrame].name for shape in self.exact)

@@ -31,8 +31,8 @@ def check_passable(space: Space, search: Search, start: Array, goal: Array) -> N
     Raises:
         Barred: No way leads there, whichever way round.
     """
-    alone = np.flatnonzero((space.levers > 0.0).sum(axis=1) == 1)
-    movers = space.levers[alone].argmax(axis=1)
+    alone = np.flatnonzero((space.lever_arms > 0.0).sum(axis=1) == 1)
+    movers = space.lever_arms[alone].argmax(axis=1)
     for joint in np.unique(movers).tolist():
         pairs = frozenset(alone[movers == joint].tolist())
         ways = [_barred(space, start, way, pairs) for way in _ways(search, joint, start, goal)]
@@ -53,15 +53,17 @@ def _ways(search: Search, joint: int, start: Array, goal: Array) -> list[Array]:
 def _barred(space: Space, start: Array, goal: Array, pairs: frozenset[int]) -> Barred | None:
     """What is in the way of the joint that moves these pairs of links."""
     shares = np.linspace(0.0, 1.0, _LOOKS)[:, None]
-    rows, contacts = space.whole(start + shares * (goal - start)), space.contacts
-    hit = contacts.first_hit(rows, space.proved, pairs)
+    rows, checker = space.whole(start + shares * (goal - start)), space.checker
+    hit = checker.first_collision(rows, space.proved, pairs)
     if hit is None:
         return None
     there = rows[hit : hit + 1]
     pair = next(
-        k for k in sorted(pairs) if contacts.first_hit(there, space.proved, frozenset((k,))) == 0
+        k
+        for k in sorted(pairs)
+        if checker.first_collision(there, space.proved, frozenset((k,))) == 0
     )
-    joint, model = int(space.columns[np.argmax(space.levers[pair])]), contacts.model
+    joint, model = int(space.columns[np.argmax(space.lever_arms[pair])]), checker.model
     ends = model.outer.collisionPairs[pair]
     names = [model.link(model.outer, i) for i in (ends.first, ends.second)]
     return Barred(model.joints[joint], float(there[0, joint]), model.units[joint], *names)

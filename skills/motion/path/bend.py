@@ -86,7 +86,7 @@ def _even(size: int) -> Array:
 
 def _close(space: Space, points: Array) -> frozenset[int]:
     """Pairs of links whose hulls are too near at some of the points (N, J) [rad]."""
-    return space.contacts.close(space.whole(points), space.margin)
+    return space.checker.close(space.whole(points), space.margin)
 
 
 def _clear(space: Space, ends: tuple[Array, Array], corners: Array, pairs: frozenset[int]) -> Array:
@@ -96,5 +96,5 @@ def _clear(space: Space, ends: tuple[Array, Array], corners: Array, pairs: froze
     t = _LOOKS
     looks = (1.0 - t) ** 2 * ends[0] + 2.0 * t * (1.0 - t) * corners + t**2 * ends[1]
     rows = space.whole(looks.reshape(-1, corners.shape[1]))
-    hits = space.contacts.doubtful(rows, space.margin, pairs)
+    hits = space.checker.doubtful(rows, space.margin, pairs)
     return corners[~hits.reshape(len(_LOOKS), -1).any(axis=0)]

@@ -49,7 +49,7 @@ def _near(space: Space, corner: Array) -> float:
     """
     legs = np.diff(corner, axis=0)
     turn = abs(np.diff(legs / norms(legs)[:, None], axis=0)[0])
-    travel = float((space.levers @ turn).max(initial=0.0))
+    travel = float((space.lever_arms @ turn).max(initial=0.0))
     return 4.0 * NEARNESS / travel if travel else np.inf
 
 

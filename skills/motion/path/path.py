@@ -46,20 +46,20 @@ def ways(
     if not legs:
         yield stations[:1], Curve.point(stations[0])
         return
-    with watch.rung("straight"):
+    with watch.stage("straight"):
         straight = [space.edge(*leg) for leg in legs]
     if straight == [True]:
         yield np.array(legs[0]), Curve.line(*legs[0])
         return
     if straight == [False]:
-        with watch.rung("bend"):
+        with watch.stage("bend"):
             found = bent(space, search.lower, search.upper, legs[0])
         if found:
             yield found
     parts = list(_parts(space, search, legs, straight, seed, watch))
     waypoints = _apart(np.vstack([parts[0], *(part[1:] for part in parts[1:])]))
     if len(waypoints) > 2:
-        with watch.rung("blend"):
+        with watch.stage("blend"):
             curve = blended(space, waypoints, np.array([part[-1] for part in parts[:-1]]))
         yield waypoints, curve
     yield waypoints, Curve.through(waypoints, np.zeros(len(waypoints) - 2))
@@ -89,11 +89,11 @@ def _parts(
 def _round(
     space: Space, search: Search, start: Array, goal: Array, seed: int, watch: Stopwatch
 ) -> Array:
-    with watch.rung("search"):
+    with watch.stage("search"):
         check_passable(space, search, start, goal)
         goals = search.other_ways(start, goal)
         found = search.find(space, start, goals, seed + 1)  # OMPL ignores a seed of 0
-    with watch.rung("shorten"):
+    with watch.stage("shorten"):
         return shortened(space, found)
 
 

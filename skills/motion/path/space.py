@@ -34,7 +34,7 @@ class Space:
     """Joint space of one group; points are the group's joints (J,) [rad].
 
     Attributes:
-        contacts: Checks configurations.
+        checker: Checks configurations.
         start: All actuated joints; those outside the group stay there (A,) [rad].
         columns: Which of them are the group's (J,).
         levers: Of the group's joints, for each pair of links (P, J) [m/rad]; see `reach`.
@@ -43,10 +43,10 @@ class Space:
         deadline: When the time is up.
     """
 
-    contacts: CollisionChecker
+    checker: CollisionChecker
     start: Array
     columns: NDArray[np.intp]
-    levers: Array
+    lever_arms: Array
     margin: float
     proved: float
     deadline: Deadline
@@ -65,7 +65,7 @@ class Space:
 
     def edge(self, a: Array, b: Array) -> bool:
         """Whether the line from a free point to another is free."""
-        travels = self.levers @ abs(b - a)
+        travels = self.lever_arms @ abs(b - a)
         return self.hit(lambda shares: a + shares[:, None] * (b - a), travels) is None
 
     def curve(self, curve: Curve) -> bool:
@@ -76,7 +76,7 @@ class Space:
         """A point of a curve between free points that is not free (J,) [rad]; None if all are."""
         lengths = np.diff(curve.breaks)
         before, after = abs(curve.slope), abs(curve.slope + 2.0 * lengths[:, None] * curve.bend)
-        travels = (lengths[:, None] * np.maximum(before, after)) @ self.levers.T
+        travels = (lengths[:, None] * np.maximum(before, after)) @ self.lever_arms.T
         places, travels = evenly(curve.breaks, travels)
         share = self.hit(lambda shares: curve.positions(places(shares)), travels)
         return None if share is None else curve.positions(places(np.array([share])))[0]
@@ -108,7 +108,7 @@ class Space:
         self, at: Way, middles: Array, half: float, travels: Array, level: int
     ) -> float | None:
         """As `hit`, in stretches around so many middles, of half a length each side."""
-        pairs = self.contacts.pairs
+        pairs = self.checker.pairs
         while middles.size:
             near, close = list[Array](), set[int]()
             for begin in range(0, len(middles), BATCH):
@@ -127,12 +127,12 @@ class Space:
         self.deadline.check()
         rows = self.whole(points)
         if not level:
-            hit = self.contacts.first_hit(rows, self.margin, pairs)
+            hit = self.checker.first_collision(rows, self.margin, pairs)
             return Look(hit, np.zeros(len(rows), bool), frozenset())
         margins = np.maximum(self.proved + around, self.margin)
         # Of the longest stretches primitives hardly ever know better than hulls.
         closely = level < _LEVELS - 1
-        return self.contacts.look(rows, margins, self.margin, pairs, closely)
+        return self.checker.look(rows, margins, self.margin, pairs, closely)
 
 
 def evenly(breaks: Array, travels: Array) -> tuple[Way, Array]:

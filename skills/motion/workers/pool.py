@@ -7,8 +7,9 @@ from threading import Thread
 
 from hardware import Clock, Robot
 from skills.motion.errors import PlanCanceled
+from skills.motion.query import Request, Result
 
-from .process import Request, Result, WorkerProcess
+from .process import WorkerProcess
 
 
 class Job:

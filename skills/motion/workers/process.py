@@ -15,14 +15,10 @@ from typing import Any
 from hardware import Robot
 from skills.motion.errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
 from skills.motion.plan import Plan
-from skills.motion.query import Carry, Query, Reached, Rest, ToolQuery, Verify
+from skills.motion.query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
 from skills.motion.world import Body, World
 
 from .wire import Garbled, packed, receive, send
-
-Request = Query | Verify | ToolQuery | Carry | Rest
-Answer = Plan | Reached | Body | None
-Result = Answer | MotionError
 
 _ANSWERS: dict[type, type[Any]] = {
     Query: Plan,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, NoPath, PlanTimeout, Query, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.bench.planners.problems import POST
 from tests.support.arms import robot_of
@@ -93,15 +93,18 @@ def _stations(robot: Robot, world: World) -> Iterator[Array]:
 
     All but the arm is at zero.
     """
-    contacts, draw = CollisionChecker(Model(robot, world)), np.random.default_rng(3)
+    checker, draw = CollisionChecker(PlanningScene(robot, world)), np.random.default_rng(3)
     moves = np.isin([j.name for j in robot.actuated], [j.name for j in robot.actuated_in("arm")])
     lower, upper = np.array([(joint.lower, joint.upper) for joint in robot.actuated]).T
     margin, last = robot.collision.margin, None
     while True:
         pose = np.where(moves, draw.uniform(lower, upper), 0.0)
-        if contacts.first_hit(pose[None, :], margin) is not None:
+        if checker.first_collision(pose[None, :], margin) is not None:
             continue
-        if last is None or contacts.first_hit(last + _LINE * (pose - last), margin) is not None:
+        if (
+            last is None
+            or checker.first_collision(last + _LINE * (pose - last), margin) is not None
+        ):
             yield pose
             last = pose
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hardware import RealClock, Robot
 from skills.motion import GoalInCollision, Plan, PlanTimeout, Pool, Query
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 from tests.bench.planners.pools import ask
 from tests.bench.planners.problems import POSTS
 from tests.support.arms import free_poses
@@ -29,13 +29,13 @@ def arms(folder: Path) -> list[Robot]:
 
 def poison(robot: Robot, count: int) -> Iterator[float]:
     """To the error of each goal in which links touch each other or a post [ms]."""
-    contacts, random = CollisionChecker(Model(robot, POSTS)), np.random.default_rng(1)
-    start, leaders = free_poses(robot, 1, 1, contacts)[0], robot.actuated_in("arm")
+    checker, random = CollisionChecker(PlanningScene(robot, POSTS)), np.random.default_rng(1)
+    start, leaders = free_poses(robot, 1, 1, checker)[0], robot.actuated_in("arm")
     lower = [max(joint.lower, -np.pi) for joint in leaders]
     upper = [min(joint.upper, np.pi) for joint in leaders]
     goals = random.uniform(lower, upper, (100 * count, len(leaders)))
     rows = np.hstack([goals, np.tile(start[len(leaders) :], (len(goals), 1))])
-    touching = (i for i in range(len(goals)) if contacts.first_hit(rows[i : i + 1], 0.0) == 0)
+    touching = (i for i in range(len(goals)) if checker.first_collision(rows[i : i + 1], 0.0) == 0)
     with closing(_pool(robot, start)) as pool:
         for _, i in zip(range(count), touching, strict=False):
             query = Query("arm", tuple(start), tuple(goals[i]), world=POSTS)
@@ -47,7 +47,7 @@ def poison(robot: Robot, count: int) -> Iterator[float]:
 
 def late(robot: Robot, count: int) -> Iterator[float]:
     """Past the deadline of each plan between posts that did not make it [ms]."""
-    poses = free_poses(robot, 20, 1, CollisionChecker(Model(robot, POSTS)))
+    poses = free_poses(robot, 20, 1, CollisionChecker(PlanningScene(robot, POSTS)))
     size = len(robot.actuated_in("arm"))
     ends, timeouts = cycle(permutations(poses, 2)), cycle(_TIMEOUTS)
     with closing(_pool(robot, poses[0])) as pool:

@@ -18,8 +18,8 @@ import pinocchio as pin
 from hardware import Robot
 from skills.motion import Body, Box, Cylinder, Sphere, World
 from skills.motion.collision.bodies import placed
+from skills.motion.collision.scene import FLOOR, PlanningScene
 from skills.motion.collision.shapes import packages
-from skills.motion.kinematics.model import FLOOR, Model
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def padded(robot: Robot, world: World, padding: float | None = None) -> Descript
         deep = 0.5
         place = (0.0, 0.0, robot.collision.floor - 0.5 * deep)
         _add(root, Body(FLOOR, Box((4.0, 4.0, deep)), place), grow)
-    checked = frozenset(_checked(Model(robot, world)))
+    checked = frozenset(_checked(PlanningScene(robot, world)))
     urdf = Xml.tostring(root, encoding="unicode")
     return Description(urdf, _srdf(root, arm, checked), arm, checked)
 
@@ -113,7 +113,7 @@ def _add(root: Xml.Element, body: Body, grow: float) -> None:
     Xml.SubElement(joint, "origin", xyz=" ".join(map(repr, body.position)), rpy=turn)
 
 
-def _checked(model: Model) -> Iterator[frozenset[str]]:
+def _checked(model: PlanningScene) -> Iterator[frozenset[str]]:
     for pair in model.outer.collisionPairs:
         yield frozenset(model.link(model.outer, index) for index in (pair.first, pair.second))
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hardware import Robot, load_robot
 from skills.motion import EMPTY, Body, Box, Query, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 from tests.bench.planners.judge import Judge
 from tests.bench.planners.padded import padded
 from tests.support.arms import foreign, robot_of
@@ -84,7 +84,7 @@ def _drawn(name: str, robot: Robot, world: World, count: int) -> Problem:
 
 
 def _free(robot: Robot, world: World) -> Iterator[tuple[float, ...]]:
-    contacts = CollisionChecker(Model(robot, world))
+    checker = CollisionChecker(PlanningScene(robot, world))
     judge = Judge(padded(robot, world))
     arm, draw = robot.actuated_in("arm"), np.random.default_rng(1)
     lower, upper = np.array([(joint.lower, joint.upper) for joint in arm]).T
@@ -92,6 +92,6 @@ def _free(robot: Robot, world: World) -> Iterator[tuple[float, ...]]:
     while True:
         pose, whole = draw.uniform(lower, upper), np.zeros((1, len(robot.actuated)))
         whole[0, columns] = pose
-        free = contacts.first_hit(whole, robot.collision.margin) is None
+        free = checker.first_collision(whole, robot.collision.margin) is None
         if free and not judge.collides(pose[None, :]):
             yield tuple(pose.tolist())

@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from skills.motion import MotionError, Plan
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.path.curve import Curve
 from skills.motion.planner import Planner
 from skills.motion.timing.timing import timed
@@ -153,7 +153,7 @@ def _plain(problem: Problem) -> dict[str, object]:
     robot, description = problem.robot, padded(problem.robot, problem.world)
     arm = robot.actuated_in("arm")
     columns = [robot.actuated.index(joint) for joint in arm]
-    levers = Model(robot, problem.world).levers[:, columns].max(axis=0, initial=0.0)
+    levers = PlanningScene(robot, problem.world).lever_arms[:, columns].max(axis=0, initial=0.0)
     step = 2.0 * (1.0 - _LEFT) * robot.collision.margin / float(np.linalg.norm(levers))
     return {
         "urdf": description.urdf,

@@ -18,8 +18,8 @@ from skills.motion import (
     World,
 )
 from skills.motion.collision.checker import CollisionChecker
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.kinematics.inverse import _Arm
-from skills.motion.kinematics.model import Model
 from skills.motion.path.blend import NEARNESS
 from skills.motion.planner import Planner
 from tests.support.arms import ARMS, foreign, free_poses
@@ -45,8 +45,8 @@ def planner(robot: Robot) -> Planner:
 def test_random_pairs_are_planned_free_and_within_the_limits(
     robot: Robot, planner: Planner, world: World
 ) -> None:
-    contacts = CollisionChecker(Model(robot, world))
-    poses = free_poses(robot, 12, 1, contacts)
+    checker = CollisionChecker(PlanningScene(robot, world))
+    poses = free_poses(robot, 12, 1, checker)
     own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     for start, goal in zip(poses[::2], poses[1::2], strict=True):
         query = Query("arm", tuple(start), tuple(goal[own]), world=world)
@@ -54,7 +54,7 @@ def test_random_pairs_are_planned_free_and_within_the_limits(
         times = np.arange(0.0, plan.duration + 0.001, 0.001)
         rows = np.tile(start, (len(times), 1))
         rows[:, own] = plan.sample(times)
-        assert contacts.first_hit(rows, 0.0) is None
+        assert checker.first_collision(rows, 0.0) is None
         assert np.all(abs(plan.velocities(times)) <= 1.001 * plan.velocity)
         assert np.all(abs(plan.accelerations(times)) <= 1.001 * plan.acceleration)
         turns = (
@@ -65,21 +65,21 @@ def test_random_pairs_are_planned_free_and_within_the_limits(
 
 def test_what_a_margin_proves_holds_between_the_samples(robot: Robot, planner: Planner) -> None:
     """The nearest two links come no nearer than the bound on their travel allows."""
-    model = Model(robot, POST)
-    contacts = CollisionChecker(model)
+    model = PlanningScene(robot, POST)
+    checker = CollisionChecker(model)
     random = np.random.default_rng(3)
-    for pose in free_poses(robot, 30, 3, contacts):
+    for pose in free_poses(robot, 30, 3, checker):
         move = random.uniform(-0.1, 0.1, len(pose))
-        before, after = contacts.nearest(pose), contacts.nearest(pose + move)
+        before, after = checker.nearest(pose), checker.nearest(pose + move)
         assert before
         assert after
-        assert after.distance >= before.distance - (model.levers @ abs(move)).max() - 1e-5
+        assert after.distance >= before.distance - (model.lever_arms @ abs(move)).max() - 1e-5
 
 
 def test_points_for_the_tool(robot: Robot, planner: Planner) -> None:
     """Where it is known to get, with the direction it has there; and far out, where it does not."""
-    model = Model(robot)
-    start, there = free_poses(robot, 2, 5, planner.contacts)
+    model = PlanningScene(robot)
+    start, there = free_poses(robot, 2, 5, planner.checker)
     own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     there = np.where(np.isin(np.arange(len(start)), own), there, start)
     query = ToolQuery("arm", tuple(start), (0.0, 0.0, 0.0))
@@ -105,7 +105,7 @@ def test_the_tool_of_the_robot_file_is_what_gets_there() -> None:
     assert robot.tool
     point, start = (0.1, 0.05, 0.08), (0.0, 0.0, 0.0, 0.0)
     found = Planner(robot).reach(ToolQuery("arm", start, point))
-    model = Model(robot)
+    model = PlanningScene(robot)
     data = model.kinematics.createData()
     q = model.coordinates(np.array([[*found.positions, 0.0]]))[:, 0]
     pin.framesForwardKinematics(model.kinematics, data, q)
@@ -121,7 +121,7 @@ def test_sliding_fingers_with_a_follower() -> None:
     start = [0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.0]
     plan = planner.plan(Query("gripper", tuple(start), (0.04,)))
     assert plan.joints == ("finger_1",)
-    assert Model(robot).levers[:, 7].max() == 1.0
+    assert PlanningScene(robot).lever_arms[:, 7].max() == 1.0
 
 
 def test_a_slide_passes_near_its_via_point() -> None:

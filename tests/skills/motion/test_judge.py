@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hardware import Robot, load_robot
 from skills.motion import Plan, Query
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
 
 Array = NDArray[np.float64]
@@ -101,18 +101,18 @@ class Judge:
 
 
 def test_agrees_with_the_planner(robot: Robot) -> None:
-    contacts = CollisionChecker(Model(robot))
+    checker = CollisionChecker(PlanningScene(robot))
     judge, random = Judge(robot), np.random.default_rng(3)
     lower = np.array([joint.lower for joint in robot.actuated])
     upper = np.array([joint.upper for joint in robot.actuated])
     hits = 0
     for configuration in random.uniform(lower, upper, (300, 4)):
         distance, _, _ = min(judge.distances(configuration))
-        nearest = contacts.nearest(configuration)
+        nearest = checker.nearest(configuration)
         assert nearest is not None
         assert nearest.distance == pytest.approx(distance, abs=2e-5)
         if abs(distance - 0.005) > 2e-5:
-            assert (contacts.first_hit([configuration], 0.005) == 0) == (distance < 0.005)
+            assert (checker.first_collision([configuration], 0.005) == 0) == (distance < 0.005)
         hits += distance < 0.005
     assert 50 < hits < 250
 

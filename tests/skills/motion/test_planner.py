@@ -269,7 +269,7 @@ ELSEWHERE = """
 import sys
 from tests_planner import SEARCHED, digest, load_robot, Planner
 planner = Planner(load_robot())
-planner.contacts.first_hit([(0.1 * i, 0.0, 0.0, 0.0) for i in range(10)], 0.001)
+planner.checker.first_collision([(0.1 * i, 0.0, 0.0, 0.0) for i in range(10)], 0.001)
 print(digest(planner.plan(SEARCHED)))
 """
 

@@ -22,8 +22,8 @@ from skills.motion import (
     World,
 )
 from skills.motion.collision.checker import CollisionChecker
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.kinematics.inverse import _Arm
-from skills.motion.kinematics.model import Model
 from skills.motion.planner import Planner
 from tests.support.arms import free_poses
 from tests.support.real_arms import FILES, real
@@ -85,8 +85,8 @@ class Judge:
 
 def test_random_pairs_past_a_post(robot: Robot, planner: Planner) -> None:
     """Free each millisecond, within the limits, and not all of them straight."""
-    judge, contacts, bent = Judge(robot), CollisionChecker(Model(robot, POSTS)), 0
-    poses = free_poses(robot, 24, 1, contacts)
+    judge, checker, bent = Judge(robot), CollisionChecker(PlanningScene(robot, POSTS)), 0
+    poses = free_poses(robot, 24, 1, checker)
     own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     for start, goal in zip(poses[::2], poses[1::2], strict=True):
         plan = planner.plan(Query("arm", tuple(start), tuple(goal[own]), world=POSTS))
@@ -102,11 +102,11 @@ def test_random_pairs_past_a_post(robot: Robot, planner: Planner) -> None:
 
 
 def test_the_judge_sees_what_the_planner_refuses(robot: Robot) -> None:
-    contacts, draw = CollisionChecker(Model(robot, POSTS)), np.random.default_rng(2)
+    checker, draw = CollisionChecker(PlanningScene(robot, POSTS)), np.random.default_rng(2)
     lower = [max(joint.lower, -np.pi) for joint in robot.actuated]
     upper = [min(joint.upper, np.pi) for joint in robot.actuated]
     rows = draw.uniform(lower, upper, (100, len(lower)))
-    refused = [contacts.first_hit([row], 0.0) == 0 for row in rows]
+    refused = [checker.first_collision([row], 0.0) == 0 for row in rows]
     assert Judge(robot).hits(rows).tolist() == refused
     assert 2 < sum(refused) < 98
 
@@ -160,7 +160,9 @@ def test_ends_that_cannot_be(robot: Robot, planner: Planner) -> None:
     upper = [min(joint.upper, np.pi) for joint in leaders]
     rest = start[len(leaders) :]
     draws = np.random.default_rng(2).uniform(lower, upper, (200, len(leaders))).tolist()
-    folded = next(row for row in draws if planner.contacts.first_hit([(*row, *rest)], 0.0) == 0)
+    folded = next(
+        row for row in draws if planner.checker.first_collision([(*row, *rest)], 0.0) == 0
+    )
     with pytest.raises(GoalInCollision, match=r"would be .* mm deep in"):
         planner.plan(Query("arm", start, tuple(folded)))
     with pytest.raises(StartInCollision, match=r"would be .* mm deep in"):
@@ -174,14 +176,14 @@ def test_ends_that_cannot_be(robot: Robot, planner: Planner) -> None:
 
 def test_the_tool_gets_where_it_can(robot: Robot, planner: Planner) -> None:
     """Where it is known to get; once a block stands there it finds no place."""
-    there = free_poses(robot, 1, 5, planner.contacts)[0]
+    there = free_poses(robot, 1, 5, planner.checker)[0]
     start, size = robot.boot_pose, len(robot.actuated_in("arm"))
     there[size:] = start[size:]
     nowhere = ToolQuery("arm", start, (0.0, 0.0, 0.0))
-    point, _ = _Arm(robot, Model(robot), nowhere).pose(there)
+    point, _ = _Arm(robot, PlanningScene(robot), nowhere).pose(there)
     asked = dataclasses.replace(nowhere, point=tuple(point.tolist()))
     reached = planner.reach(asked).positions
-    again, _ = _Arm(robot, Model(robot), asked).pose(np.array((*reached, *start[size:])))
+    again, _ = _Arm(robot, PlanningScene(robot), asked).pose(np.array((*reached, *start[size:])))
     assert again == pytest.approx(point, abs=2e-6)
     block = World((Body("block", Box((0.1, 0.1, 0.1)), asked.point),))
     with pytest.raises(GoalInCollision, match="block"):

@@ -12,7 +12,7 @@ from hardware import RealClock, Robot
 from skills.motion import Body, Box, MotionError, PlanTimeout, Query, ToolQuery, World
 from skills.motion.collision.batch import HULLS
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.support.arms import free_poses
 from tests.support.real_arms import real
@@ -68,7 +68,7 @@ def _meshed(geometry: pin.GeometryModel) -> bool:
 
 
 def _queries(robot: Robot) -> list[Query]:
-    poses = free_poses(robot, 12, 1, CollisionChecker(Model(robot, POST)))
+    poses = free_poses(robot, 12, 1, CollisionChecker(PlanningScene(robot, POST)))
     own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     ends = zip(poses[::2], poses[1::2], strict=True)
     return [Query("arm", tuple(a), tuple(b[own]), world=POST, timeout=200.0) for a, b in ends]
@@ -124,9 +124,9 @@ def test_where_meshes_touch_no_distance_of_meshes_is_asked(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It takes a hundred times as long."""
-    contacts, asked = CollisionChecker(Model(robot)), list[object]()
+    checker, asked = CollisionChecker(PlanningScene(robot)), list[object]()
     draws = np.random.default_rng(2).uniform(-np.pi, np.pi, (200, len(robot.actuated)))
-    touching = [row for row in draws if contacts.first_hit([row], 0.0) == 0]
+    touching = [row for row in draws if checker.first_collision([row], 0.0) == 0]
     every, of_two = pin.computeDistances, coal.distance
 
     def all_of(*given: Any) -> Any:
@@ -140,7 +140,7 @@ def test_where_meshes_touch_no_distance_of_meshes_is_asked(
     monkeypatch.setattr(pin, "computeDistances", all_of)
     monkeypatch.setattr(coal, "distance", one)
     for row in touching:
-        nearest = contacts.nearest(row)
+        nearest = checker.nearest(row)
         assert nearest
         assert nearest.distance < 0.0
     assert len(touching) > 10

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hardware import load_robot
 from skills.motion import Body, Box, Mesh, Query, Shape, Sphere, StartInCollision, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.skills.motion.collision.test_inside import AWAY, STAND, cube
 
@@ -33,7 +33,9 @@ def depth(held: Shape, there: Shape, shift: tuple[float, ...], turn: tuple[float
     a, b, c, d = (np.array(turn) / np.linalg.norm(turn)).tolist()
     moving = Body("moving", held, HIGH, link="base_plate")
     standing = Body("standing", there, (x, y, z), (a, b, c, d))
-    nearest = CollisionChecker(Model(ROBOT, World((moving, standing)))).nearest(ROBOT.boot_pose)
+    nearest = CollisionChecker(PlanningScene(ROBOT, World((moving, standing)))).nearest(
+        ROBOT.boot_pose
+    )
     assert nearest
     return -nearest.distance
 
@@ -91,9 +93,9 @@ def test_in_the_floor_it_is_that_of_the_solid(
     found = []
     for shape in (mesh, Box((EDGE,) * 3)):
         held = Body("held", shape, (1.5, 0.0, height), (a, b, c, d), link="base_plate")
-        contacts = CollisionChecker(Model(ROBOT, World((held,))))
-        nearest = contacts.nearest(ROBOT.boot_pose)
+        checker = CollisionChecker(PlanningScene(ROBOT, World((held,))))
+        nearest = checker.nearest(ROBOT.boot_pose)
         assert nearest
-        found.append((nearest.distance, contacts.first_hit([ROBOT.boot_pose], 0.005)))
+        found.append((nearest.distance, checker.first_collision([ROBOT.boot_pose], 0.005)))
     assert found[0][0] == pytest.approx(found[1][0], abs=1e-6)
     assert found[0][1] == found[1][1]

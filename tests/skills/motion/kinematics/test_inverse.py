@@ -10,7 +10,7 @@ import pytest
 from hardware import RealClock, Robot, load_robot
 from skills.motion import Body, Box, NotFinite, Query, ToolQuery, Unreachable, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.kinematics.model import Model
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.support.arms import foreign
 
@@ -95,8 +95,8 @@ def test_what_few_places_lead_to_is_found(
 def test_where_the_first_answers_are_not_free_others_are_looked_for(six_axes: Planner) -> None:
     start = (0.211, 1.748, -1.87, -0.492, 0.673, 2.231)
     found = six_axes.reach(ToolQuery("arm", start, (0.4283, -0.4088, 0.0789), world=ROOM))
-    contacts = CollisionChecker(Model(foreign("six_axes"), ROOM))
-    assert contacts.first_blocked(np.array([found.positions]), 0.01) is None
+    checker = CollisionChecker(PlanningScene(foreign("six_axes"), ROOM))
+    assert checker.first_invalid(np.array([found.positions]), 0.01) is None
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from hardware import Mimic, Robot, load_robot
 from skills.motion import BadWorld, Body, ModelUnusable, NotFinite, Sphere, World
 from skills.motion.collision.checker import CollisionChecker
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.collision.shapes import corners
-from skills.motion.kinematics.lever_arms import level
-from skills.motion.kinematics.model import Model
+from skills.motion.kinematics.lever_arms import floor_lever_arms
 from skills.motion.planner import Planner
 from tests.support.arms import pair_file
 
@@ -26,41 +26,41 @@ def robot() -> Robot:
 
 
 @pytest.fixture(scope="module")
-def contacts(robot: Robot) -> CollisionChecker:
-    return CollisionChecker(Model(robot))
+def checker(robot: Robot) -> CollisionChecker:
+    return CollisionChecker(PlanningScene(robot))
 
 
-def test_tasks_keep_ten_millimetres(contacts: CollisionChecker) -> None:
+def test_tasks_keep_ten_millimetres(checker: CollisionChecker) -> None:
     poses = [(0, 0, 0, 0), (0, 0, 0, -0.7), (-1.4, -0.6, -0.07, 0), (-1.57, 0, -0.9, 0)]
-    assert contacts.first_hit(poses, 0.010) is None
+    assert checker.first_collision(poses, 0.010) is None
 
 
-def test_first_hit_is_the_first(contacts: CollisionChecker) -> None:
+def test_first_hit_is_the_first(checker: CollisionChecker) -> None:
     free, hit = (0.0, 0.0, 0.0, 0.0), (0.0, -1.5, -0.5, 0.0)
-    assert contacts.first_hit([free, free, hit, free, hit], 0.005) == 2
-    assert contacts.first_hit([free] * 1500 + [hit], 0.005) == 1500
-    assert contacts.first_hit([free], 0.005) is None
-    assert contacts.first_hit(np.empty((0, 4)), 0.005) is None
+    assert checker.first_collision([free, free, hit, free, hit], 0.005) == 2
+    assert checker.first_collision([free] * 1500 + [hit], 0.005) == 1500
+    assert checker.first_collision([free], 0.005) is None
+    assert checker.first_collision(np.empty((0, 4)), 0.005) is None
 
 
 def test_answers_do_not_depend_on_what_was_asked_before(robot: Robot) -> None:
     rows = np.random.default_rng(5).uniform(-1.5, 0.0, (200, 4))
-    one = CollisionChecker(Model(robot))
-    first = [one.first_hit([row], 0.005) for row in rows]
-    again = [one.first_hit([row], 0.005) for row in rows[::-1]][::-1]
+    one = CollisionChecker(PlanningScene(robot))
+    first = [one.first_collision([row], 0.005) for row in rows]
+    again = [one.first_collision([row], 0.005) for row in rows[::-1]][::-1]
     assert first == again
 
 
-def test_not_a_number_never_gets_in(contacts: CollisionChecker) -> None:
+def test_not_a_number_never_gets_in(checker: CollisionChecker) -> None:
     for poison in (np.nan, np.inf, -np.inf):
         with pytest.raises(NotFinite, match=r"Row 1 of joint_3"):
-            contacts.first_hit([(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, poison, 0.0)], 0.005)
-    assert contacts.first_hit([(0.0, 0.0, 0.0, 0.0)], 0.005) is None
+            checker.first_collision([(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, poison, 0.0)], 0.005)
+    assert checker.first_collision([(0.0, 0.0, 0.0, 0.0)], 0.005) is None
 
 
-def test_followers_move_with_their_leader(contacts: CollisionChecker) -> None:
+def test_followers_move_with_their_leader(checker: CollisionChecker) -> None:
     """Opening the gripper brings both fingers away from each other, none through the floor."""
-    model = Model(load_robot())
+    model = PlanningScene(load_robot())
     assert model.kinematics.nq == 4
     q = model.coordinates(np.array([[0.0, 0.0, 0.0, -0.7]]))[:, 0]
     data = model.kinematics.createData()
@@ -74,10 +74,10 @@ def test_followers_move_with_their_leader(contacts: CollisionChecker) -> None:
 
 def test_no_pair_travels_further_than_its_bound(robot: Robot) -> None:
     """Corners of the outer link as the inner one sees them, over random moves of each joint."""
-    model, random = Model(robot), np.random.default_rng(1)
+    model, random = PlanningScene(robot), np.random.default_rng(1)
     lower = np.array([joint.lower for joint in robot.actuated])
     upper = np.array([joint.upper for joint in robot.actuated])
-    most = np.zeros_like(model.levers)
+    most = np.zeros_like(model.lever_arms)
     for configuration in random.uniform(lower, upper, (500, 4)):
         here = seen(model, configuration)
         for j, move in enumerate(1e-4 * np.eye(4)):
@@ -85,11 +85,11 @@ def test_no_pair_travels_further_than_its_bound(robot: Robot) -> None:
             for row, before, after in zip(most, here, there, strict=True):
                 travel = np.linalg.norm(after - before, axis=1).max()
                 row[j] = max(row[j], travel / 1e-4)
-    assert np.all(most <= model.levers + 1e-9)
-    assert np.all(most[:, :3] >= 0.9 * model.levers[:, :3])  # and it is a bound worth having
+    assert np.all(most <= model.lever_arms + 1e-9)
+    assert np.all(most[:, :3] >= 0.9 * model.lever_arms[:, :3])  # and it is a bound worth having
 
 
-def seen(model: Model, configuration: Array) -> list[Array]:
+def seen(model: PlanningScene, configuration: Array) -> list[Array]:
     """For each pair of links, points of the outer one as the inner one sees them.
 
     The floor sees heights alone.
@@ -131,7 +131,7 @@ def test_joints_that_leave_every_height_as_it_is(
             <joint name='j{i}' type='{kind}'><parent link='l{i}'/><child link='l{i + 1}'/>
             <origin xyz='0.1 0 0.1'/><axis xyz='{" ".join(map(str, axis))}'/>
             <limit lower='-1' upper='1' velocity='1' effort='1'/></joint>"""
-    found = level(pin.buildModelFromXML(f"<robot name='r'>{links}</robot>"))
+    found = floor_lever_arms(pin.buildModelFromXML(f"<robot name='r'>{links}</robot>"))
     assert found == dict.fromkeys(expected, 0.0)
 
 
@@ -139,14 +139,14 @@ def test_unusable_urdf(robot: Robot, tmp_path: Path) -> None:
     broken = tmp_path / "broken.urdf"
     broken.write_text("<robot name='x'><link name='a'/><link name='b'/></robot>")
     with pytest.raises(ModelUnusable, match=r"broken\.urdf cannot be planned with"):
-        Model(dataclasses.replace(robot, urdf=broken))
+        PlanningScene(dataclasses.replace(robot, urdf=broken))
 
 
 @pytest.mark.parametrize("other", ["joint_1", "universe", "nosuch"])
 def test_a_body_may_touch_links_and_bodies_alone(robot: Robot, other: str) -> None:
     body = Body("b", Sphere(0.1), (0.0, 0.0, 1.0), touches=frozenset({other}))
     with pytest.raises(BadWorld, match=f"may touch {other}, but there is no such") as caught:
-        Model(robot, World((body,)))
+        PlanningScene(robot, World((body,)))
     there = str(caught.value).partition("there are ")[2].split(", ")
     assert "base_link" in there
     assert not {"joint_2", "b"} & set(there)
@@ -180,7 +180,7 @@ KINDS = ("revolute", "continuous", "prismatic")
 def test_any_joint_may_follow_any_other_also_one_that_is_named_after_it(
     tmp_path: Path, lead_is: str, mate_is: str, mate_on: str
 ) -> None:
-    model = Model(tied(tmp_path, "base", mate_on, lead_is, mate_is))
+    model = PlanningScene(tied(tmp_path, "base", mate_on, lead_is, mate_is))
     loose = pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
     ours, free, q = model.kinematics.createData(), loose.createData(), list[float]()
     for name, kind, value in (("a_mate", mate_is, -0.3), ("z_lead", lead_is, 0.8)):
@@ -195,7 +195,7 @@ def test_any_joint_may_follow_any_other_also_one_that_is_named_after_it(
 
 def test_a_follower_that_carries_its_leader_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ModelUnusable, match=r"a_mate follows z_lead, .* let z_lead follow"):
-        Model(tied(tmp_path, "mated", "base"))
+        PlanningScene(tied(tmp_path, "mated", "base"))
 
 
 def test_a_follower_that_stays_where_it_is_is_no_follower(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from hardware import Robot, load_robot
 from skills.motion import ModelUnusable
-from skills.motion.kinematics.robot_model import Links
+from skills.motion.kinematics.robot_model import RobotModel
 from tests.support.arms import pair_file
 
 BOX = '<geometry><box size="0.1 0.1 0.1"/></geometry>'
@@ -31,7 +31,7 @@ def arm(folder: Path, shape: str, more: str = "") -> Robot:
 
 def refusal(robot: Robot) -> str:
     with pytest.raises(ModelUnusable) as caught:
-        Links(robot)
+        RobotModel(robot)
     assert caught.value.path == str(robot.urdf)
     return str(caught.value)
 
@@ -91,7 +91,7 @@ def test_what_only_we_can_read(tmp_path: Path, number: str) -> None:
 
 def test_more_than_one_shape(tmp_path: Path) -> None:
     robot = arm(tmp_path, BOX, f"<collision>{BOX}</collision>")
-    assert len(Links(robot).exact) == 4
+    assert len(RobotModel(robot).exact) == 4
     wrong = '<collision><geometry><sphere radius="-1"/></geometry></collision>'
     assert "the radius of the sphere of middle" in refusal(arm(tmp_path, BOX, wrong))
 

@@ -9,8 +9,8 @@ from hardware import SimulatedClock, load_robot
 from skills.motion import Body, Box, MotionError, Plan, PlanTimeout, Query, World
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.endpoints import bounds, columns
+from skills.motion.collision.scene import PlanningScene
 from skills.motion.deadline import Deadline
-from skills.motion.kinematics.model import Model
 from skills.motion.path.bend import bent
 from skills.motion.path.space import Space
 from skills.motion.planner import Planner
@@ -35,24 +35,24 @@ def planned(count: int) -> Iterator[Plan]:
 
 
 def test_bends_are_free_and_within_the_limits() -> None:
-    contacts, found = CollisionChecker(Model(ROBOT, POST)), 0
+    checker, found = CollisionChecker(PlanningScene(ROBOT, POST)), 0
     for plan in planned(60):
         rows = np.zeros((int(plan.duration / 0.001), 4))
         rows[:, :3] = plan.sample(np.linspace(0.0, plan.duration, len(rows)))
         assert np.all((rows[:, :3] >= LOWER) & (rows[:, :3] <= UPPER))
-        assert contacts.first_hit(rows, 0.5 * ROBOT.collision.margin) is None
+        assert checker.first_collision(rows, 0.5 * ROBOT.collision.margin) is None
         found += "search" not in plan.milliseconds
     assert found > 10
 
 
 def space(world: World, clock: SimulatedClock, timeout: float) -> Space:
-    model, own = Model(ROBOT, world), columns(ROBOT, "arm")
+    model, own = PlanningScene(ROBOT, world), columns(ROBOT, "arm")
     margin = ROBOT.collision.margin
     return Space(
-        contacts=CollisionChecker(model),
+        checker=CollisionChecker(model),
         start=np.zeros(4),
         columns=own,
-        levers=model.levers[:, own],
+        lever_arms=model.lever_arms[:, own],
         margin=margin,
         proved=0.5 * margin,
         deadline=Deadline(clock, timeout),

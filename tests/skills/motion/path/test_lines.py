@@ -98,7 +98,7 @@ def test_lines_past_a_pea_keep_half_the_margin_each_millisecond(robot: Robot) ->
     """It lies where some of them only just pass it, and others do not."""
     judge, planner, margin = Judge(robot), Planner(robot), robot.collision.margin
     random, passed = np.random.default_rng(4), 0
-    poses = free_poses(robot, 2 * LINES, 5, planner.contacts)
+    poses = free_poses(robot, 2 * LINES, 5, planner.checker)
     for number, (start, goal) in enumerate(zip(poses[::2], poses[1::2], strict=True)):
         group = "gripper" if robot.groups["gripper"] and number % 3 == 0 else "arm"
         own = columns(robot, group)

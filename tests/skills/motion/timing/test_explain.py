@@ -21,7 +21,7 @@ PILLAR = World((Body("pillar", Box((0.1, 0.1, 0.9)), (0.35, 0.25, 0.45)),))
 def motions(robot: Robot, world: World) -> Iterator[Plan]:
     """Straight ones, some by way of a point, and some round a body."""
     planner = Planner(robot)
-    poses = free_poses(robot, 12, 5, planner.contacts)
+    poses = free_poses(robot, 12, 5, planner.checker)
     names = [joint.name for joint in robot.actuated_in("arm")]
     columns = [i for i, joint in enumerate(robot.actuated) if joint.name in names]
     via = (tuple(poses[-1][columns]),)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from skills.motion.collision.shapes import corners
 
-from .model import Model
+from .scene import PlanningScene
 
 Array = NDArray[np.float64]
 
@@ -15,25 +15,25 @@ _TURNS = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 _RING = np.column_stack((np.cos(_TURNS), np.sin(_TURNS), np.zeros(len(_TURNS))))
 
 
-def outlines(model: Model, configuration: Array) -> list[tuple[str, Array]]:
+def convex_outlines(scene: PlanningScene, configuration: Array) -> list[tuple[str, Array]]:
     """Link or body, and points whose convex hull is one of its shapes, all in the root frame.
 
     Args:
-        model: The robot in its world.
+        scene: The robot in its world.
         configuration: All actuated joints (A,) [rad].
 
     Returns:
         Names and points (P, 3) [m].
     """
-    data = model.kinematics.createData()
-    pin.forwardKinematics(model.kinematics, data, model.coordinates(configuration[None, :])[:, 0])
+    data = scene.kinematics.createData()
+    pin.forwardKinematics(scene.kinematics, data, scene.coordinates(configuration[None, :])[:, 0])
     drawn = []
-    for index, shape in enumerate(model.exact.geometryObjects):
+    for index, shape in enumerate(scene.exact.geometryObjects):
         if isinstance(shape.geometry, coal.Halfspace):
             continue
         place = data.oMi[shape.parentJoint]
         points = _points(shape) @ place.rotation.T + place.translation
-        drawn.append((model.link(model.exact, index), points))
+        drawn.append((scene.link(scene.exact, index), points))
     return drawn
 
 

@@ -9,20 +9,20 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hardware import CollisionRules, Robot
-from skills.motion.collision.bodies import objects
-from skills.motion.collision.solid import solid_of
 from skills.motion.errors import BadWorld
+from skills.motion.kinematics.lever_arms import travel_bounds
+from skills.motion.kinematics.robot_model import RobotModel
 from skills.motion.world import EMPTY, World
 
-from .lever_arms import travels
-from .robot_model import Links
+from .bodies import objects
+from .solid import solid_of
 
 Array = NDArray[np.float64]
 
 FLOOR = "floor"
 
 
-class Model:
+class PlanningScene:
     """Kinematics and geometry of a robot in a world.
 
     There are two geometries. In the exact one every primitive of the URDF is a shape; in the outer
@@ -49,13 +49,17 @@ class Model:
         BadWorld: A body names a link or body that is not there, or takes the name of one.
     """
 
-    def __init__(self, robot: Robot, world: World = EMPTY, links: Links | None = None) -> None:
-        links = links or Links(robot)
+    def __init__(self, robot: Robot, world: World = EMPTY, links: RobotModel | None = None) -> None:
+        links = links or RobotModel(robot)
         self.joints = tuple(joint.name for joint in robot.actuated)
         self.units = tuple(joint.unit for joint in robot.actuated)
         self.kinematics = links.kinematics
         self._bodies = {body.name: body for body in world.bodies}
-        self.exact, self.outer, found = pin.GeometryModel(), pin.GeometryModel(), [*links.levers]
+        self.exact, self.outer, found = (
+            pin.GeometryModel(),
+            pin.GeometryModel(),
+            [*links.lever_arms],
+        )
         for shape in links.exact:
             self.exact.addGeometryObject(shape)
         for shape in links.outer:
@@ -65,7 +69,7 @@ class Model:
         for _, exact, outer in objects(self.kinematics, world):
             self.exact.addGeometryObject(exact)
             self.outer.addGeometryObject(outer)
-            found.append(links.levers_of(outer))
+            found.append(links.lever_arms_of(outer))
             solids.append(solid_of(exact.geometry))
         self.solids = {i: solid for i, solid in enumerate(solids) if solid}
         for geometry in (self.exact, self.outer):
@@ -73,8 +77,10 @@ class Model:
             self._add_pairs(geometry, robot.collision)
             for shape in geometry.geometryObjects:
                 shape.geometry.computeLocalAABB()  # coal guesses from it where two shapes face
-        found += [links.level] * (len(self.outer.geometryObjects) - len(found))  # of the floor
-        self.levers = travels(robot, found, self.outer.collisionPairs)
+        found += [links.floor_lever_arms] * (
+            len(self.outer.geometryObjects) - len(found)
+        )  # of the floor
+        self.lever_arms = travel_bounds(robot, found, self.outer.collisionPairs)
         ids = map(self.kinematics.getJointId, self.joints)
         self._places = [self.kinematics.joints[joint].idx_q for joint in ids]
         # Whether pinocchio's coordinates are the configuration itself.
