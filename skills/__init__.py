@@ -1,6 +1,6 @@
 """What the arm can do: the leaves that task files name."""
 
-from .base import Skill
+from .base import Skill, WorldChange
 from .context import Context, Planned, Scene, Scheduled, SkillEvent
 from .errors import (
     BadBody,
@@ -27,17 +27,18 @@ from .leaves.check_hardware import CheckHardware
 from .leaves.execute import Execute
 from .leaves.keys import Compare, Set
 from .leaves.plan_group import PlanArm, PlanGripper
-from .leaves.reach_point import ReachPoint
+from .leaves.reach_point import TOOL_PORTS, ReachPoint, check_tool
 from .leaves.say import Fail, Say
 from .leaves.scene import AddBox, AddCylinder, AddMesh, AddSphere, Attach, Detach, RemoveBody
 from .leaves.set_start import SetStart
 from .leaves.succeed import Succeed
-from .leaves.targets import Shift, Target
+from .leaves.targets import Shift, Target, check_distances, check_joints
 from .leaves.wait import Wait
 from .operator import NoOperator, Operator, Question
 from .ports import Port, Positions, xyz
 
 __all__ = [
+    "TOOL_PORTS",
     "AddBox",
     "AddCylinder",
     "AddMesh",
@@ -86,7 +87,11 @@ __all__ = [
     "TookTooLong",
     "Unanswered",
     "Wait",
+    "WorldChange",
+    "check_distances",
+    "check_joints",
     "check_targets",
+    "check_tool",
     "combine_errors",
     "condition",
     "known_errors",

@@ -4,6 +4,7 @@ import logging
 import sys
 import warnings
 from collections.abc import Mapping
+from enum import Enum
 from typing import Any
 
 from py_trees.common import Status
@@ -14,12 +15,21 @@ from hardware import HardwareError, Robot
 from .context import Context
 from .errors import SkillBroken, SkillError, combine_errors, known_errors
 from .motion.errors import MotionError
+from .motion.query import ToolQuery
 from .motion.world import Body
 
 logger = logging.getLogger(__name__)
 
 # Names that skills of users may still have, and the names that replace them.
 _RENAMED = {"judge": "validate", "judges_parts": "validates_partial"}
+
+
+class WorldChange(Enum):
+    """What a skill does with the body that its input port `body` names."""
+
+    ADDS = "adds it, as the method `body` says"
+    HANDS_OVER = "fixes it to the link that the input port `link` names; without that port to none"
+    REMOVES = "removes it"
 
 
 class Skill(BehaviourWithPorts):
@@ -39,6 +49,11 @@ class Skill(BehaviourWithPorts):
             is `planning` until a motion is scheduled, then `executing`.
         may_fail: False if it always succeeds.
         may_succeed: False if it always fails.
+        world_change: How it changes the world around the arm; None if it does not.
+        pose_output: Output port for the configuration of the arm when this skill ends.
+        tool_output: Output port for the joint positions that answer `tool_query`; empty for none.
+        plans_goal: True if it plans the motion to the configuration at its input port `goal`.
+        copies_targets: True if the configuration that it writes consists of its inputs' values.
         failure: Error of the last failure, or None.
         broken: Last exception of its code that is not one of armtree's errors, or None.
         start_count: Number of times it was started.
@@ -51,6 +66,11 @@ class Skill(BehaviourWithPorts):
     doing = ""
     may_fail = True
     may_succeed = True
+    world_change: WorldChange | None = None
+    pose_output = "goal"
+    tool_output = ""
+    plans_goal = False
+    copies_targets = False
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Register the class as a skill, with no ports if it declares none."""
@@ -106,6 +126,16 @@ class Skill(BehaviourWithPorts):
         Each has one value per actuated joint [rad]. They are checked for collision before the run.
         """
         return []
+
+    @classmethod
+    def waypoints(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
+        """Points that the arm passes on its way to the goal: values of its own joints [rad]."""
+        return []
+
+    @classmethod
+    def tool_query(cls, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
+        """The point that the tool must reach, in an empty world; None if an input is not known."""
+        return None
 
     @classmethod
     def body(cls, inputs: Mapping[str, Any]) -> Body | None:

@@ -7,14 +7,23 @@ from itertools import pairwise
 from typing import Any
 
 from hardware import Robot
-from skills import BadTarget, Positions, ReachPoint, Shift, SkillError, check_targets, xyz
+from skills import (
+    TOOL_PORTS,
+    BadTarget,
+    Positions,
+    SkillError,
+    check_distances,
+    check_targets,
+    check_tool,
+    xyz,
+)
 from skills.motion import MotionError, Query, Reached, ToolQuery, World
 from skills.motion.planner import Planner
 from trees import UNITS, Declaration, FileError, Library, Place, fit, parse_value
 from trees.analysis.check import motions_of
-from trees.compile.port_types import declarations
+from trees.compile.port_types import declaration
 
-_PORTS = declarations(ReachPoint)
+_PORTS = {name: declaration(port) for name, port in TOOL_PORTS.items()}
 
 
 @dataclass(frozen=True)
@@ -47,7 +56,7 @@ class Goal:
         start: Where the arm stands, as `words` without a task; joints not named are at their boot
             pose.
         via: Points on the way, each as `start`; joints not named are as at the start.
-        tool: What else is said of the point: values of ReachPoint's ports, by port.
+        tool: What else is said of the point: values of TOOL_PORTS, by port.
     """
 
     robot: Robot
@@ -108,9 +117,10 @@ class Goal:
             self.robot, self.library, number, planner.carry, reach, begin, world
         )
         if not motions:
-            why = f"no goal of task {number} is known before it runs; those of CheckBounds, "
-            why += "Target, Shift and ReachPoint are, where their values and all before them are "
-            why += "written down. "
+            why = (
+                f"no goal of task {number} is known before it runs; one is known if the inputs of "
+            )
+            why += "its skill, and of all skills before it, are written down. "
             why += "".join(f"{each}. " for each in unknown)
             raise BadTarget(why + "Give joints, a pose or a point instead")
         legs, still = list[Leg](), list[Leg]()
@@ -201,7 +211,7 @@ class _Asked:
                 kind = "length" if units[joint] == "m" else "angle"
                 value: float = _read(joint, text, Declaration(kind))
                 if joint != name:
-                    Shift.validate(self.robot, {"by": {joint: value}})
+                    check_distances(self.robot, {joint: value})
                     value += (begin | named)[joint]
                 named[joint] = value
             elif word in self.poses:
@@ -217,7 +227,7 @@ class _Asked:
         given = {port: _read(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
         for port, value in given.items():
             try:
-                ReachPoint.validate(self.robot, {port: value})
+                check_tool(self.robot, {port: value})
             except BadTarget as error:
                 raise BadTarget(f"--{port}: {error}") from error
         point = _read("point", f"[{', '.join(words)}]", _PORTS["point"])

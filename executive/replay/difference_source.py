@@ -10,12 +10,12 @@ from executive.recording.versions import versions
 from hardware import Robot
 from logs import Goal, Plan, Record, Recording
 from trees import KINDS
+from trees.compile.port_types import known_skills
 from trees.compile.resolved import RESOLVED
 
 # Entries of `versions` that decide about plans.
 PLANNING = ("planner", "numpy", "ompl", "pin", "coal", "toppra", "python", "machine", "system")
 
-_PLANNERS = ("PlanArm", "PlanGripper")
 _CONDITIONS = {kind.condition for kind in KINDS.values()} - {""}
 
 
@@ -80,14 +80,16 @@ def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
 
 def _targets(recording: Recording) -> dict[str, set[float]]:
     """Every value that the task spells out for a joint; none where it computes any goal."""
-    leaves = list(_leaves(_tree(recording)))
-    goals = {str(ports.get("goal")) for skill, ports in leaves if skill in _PLANNERS}
+    leaves, kinds = list(_leaves(_tree(recording))), known_skills()
+    planners = {name for name, kind in kinds.items() if kind.plans_goal}
+    copiers = {name for name, kind in kinds.items() if kind.copies_targets}
+    goals = {str(ports.get("goal")) for skill, ports in leaves if skill in planners}
     targets: dict[str, set[float]] = {}
     for skill, ports in leaves:
-        if skill in _PLANNERS or not goals & set(map(str, ports.values())):
+        if skill in planners or not goals & set(map(str, ports.values())):
             continue
         spelled = [value for value in ports.values() if isinstance(value, dict)]
-        if skill != "CheckBounds" or len(spelled) < len(ports) - 1:  # all but the goal it writes
+        if skill not in copiers or len(spelled) < len(ports) - 1:  # all but the goal it writes
             return {}
         for joint, value in chain.from_iterable(group.items() for group in spelled):
             if isinstance(value, int | float):

@@ -18,6 +18,7 @@ class CheckBounds(Skill):
     """Refuse a target that is incomplete or outside the limits of any joint of both groups."""
 
     validates_partial = True
+    copies_targets = True
 
     INPUT_PORTS = {
         "arm": PortInformation(Positions, description="target of the arm's joints [rad]"),

@@ -34,6 +34,7 @@ class _PlanGroup(PlanningSkill, register=False):
     """Plan a motion of one group; the other joints stand still meanwhile."""
 
     validates_partial = True
+    plans_goal = True
     group: str
     # Groups that are already at their goal when this one begins to move.
     moved_before: tuple[str, ...] = ()
@@ -126,6 +127,12 @@ class PlanArm(_PlanGroup):
     """Plan the arm's motion, with the gripper as it is."""
 
     group = "arm"
+
+    @classmethod
+    def waypoints(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
+        """The points of the input `via`."""
+        names = [joint.name for joint in robot.actuated_in(cls.group)]
+        return [tuple(point[name] for name in names) for point in inputs.get("via", [])]
 
 
 class PlanGripper(_PlanGroup):

@@ -25,6 +25,8 @@ _TARGET = PortInformation(Positions, description="position of each of the group'
 class ReachPoint(PlanningSkill):
     """The joint positions, soonest reached, that bring the tool to a point in the room."""
 
+    tool_output = "target"
+
     INPUT_PORTS = {
         "start": _START,
         "point": Port(
@@ -82,22 +84,25 @@ class ReachPoint(PlanningSkill):
         start, robot = given["start"], self.context.robot
         check_whole(robot, "start", start)
         self._names = _leaders(robot, given["group"])
-        query, context = self.query(robot, given), self.context
+        query, context = self.tool_query(robot, given), self.context
+        assert query
         world, seed, timeout = context.scene.world, context.seed, context.timeout
         return self.ask(replace(query, world=world, seed=seed, timeout=timeout))
 
     @classmethod
-    def query(cls, robot: Robot, given: Mapping[str, Any]) -> ToolQuery:
-        """What its inputs, all of them, ask a planner for: where nothing stands around the arm."""
+    def tool_query(cls, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
+        """The point, the direction and the tool of the inputs."""
+        if any(port not in inputs for port in cls.INPUT_PORTS):
+            return None
         return ToolQuery(
-            group=given["group"],
-            start=tuple(given["start"][joint.name] for joint in robot.actuated),
-            point=xyz("point", given["point"]),
-            direction=xyz("direction", given["direction"]) if given["direction"] else None,
-            link=given["tool"],
-            offset=xyz("offset", given["offset"]),
-            axis=xyz("axis", given["axis"]) if given["axis"] else None,
-            relative=given["relative"],
+            group=inputs["group"],
+            start=tuple(inputs["start"][joint.name] for joint in robot.actuated),
+            point=xyz("point", inputs["point"]),
+            direction=xyz("direction", inputs["direction"]) if inputs["direction"] else None,
+            link=inputs["tool"],
+            offset=xyz("offset", inputs["offset"]),
+            axis=xyz("axis", inputs["axis"]) if inputs["axis"] else None,
+            relative=inputs["relative"],
         )
 
     def on_answer(self, answer: Result) -> Status:
@@ -109,6 +114,19 @@ class ReachPoint(PlanningSkill):
         self._set_output("target", target)
         self.feedback_message = ", ".join(f"{name} {q:.3f}" for name, q in target.items())
         return Status.SUCCESS
+
+
+TOOL_PORTS = ReachPoint.INPUT_PORTS
+
+
+def check_tool(robot: Robot, inputs: Mapping[str, Any]) -> None:
+    """Check values of some of `TOOL_PORTS`.
+
+    Raises:
+        SkillError: A value is wrong.
+        ExceptionGroup: Several are.
+    """
+    ReachPoint.validate(robot, inputs)
 
 
 def _leaders(robot: Robot, group: str) -> list[str]:

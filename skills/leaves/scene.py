@@ -9,7 +9,7 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from hardware import Robot
-from skills.base import Skill
+from skills.base import Skill, WorldChange
 from skills.errors import BadBody, refuse
 from skills.motion.errors import MotionError
 from skills.motion.query import Carry, Result
@@ -49,6 +49,8 @@ _PLACE: Ports = {
 
 class _Add(Skill, register=False):
     """Say that a body stands there from now on; one of that name is replaced."""
+
+    world_change = WorldChange.ADDS
 
     OUTPUT_PORTS: Ports = {}
 
@@ -177,6 +179,8 @@ def _no_mesh(file: Path) -> str:
 class RemoveBody(Skill):
     """A body is gone from now on."""
 
+    world_change = WorldChange.REMOVES
+
     INPUT_PORTS = {"body": _BODY}
     OUTPUT_PORTS: Ports = {}
 
@@ -189,6 +193,8 @@ class RemoveBody(Skill):
 
 class _HandOver(PlanningSkill, register=False):
     """A body moves with another link from now on."""
+
+    world_change = WorldChange.HANDS_OVER
 
     OUTPUT_PORTS: Ports = {}
 

@@ -10,6 +10,8 @@ from skills.ports import Positions
 class SetStart(Skill):
     """Take the commanded position as the start; the servos tell no other."""
 
+    pose_output = "start"
+
     INPUT_PORTS: dict[str, PortInformation] = {}
     OUTPUT_PORTS = {
         "start": PortInformation(

@@ -92,7 +92,7 @@ class Shift(Skill):
     def on_start(self) -> Status:
         """Add, and check."""
         robot, start, by = self.context.robot, self.get_input("start"), self.get_input("by")
-        refuse(_wrong_distances(robot, by))
+        check_distances(robot, by)
         check_whole(robot, "start", start)
         self._set_output("goal", _checked(robot, start, _shifted(start, by), "by"))
         return Status.SUCCESS
@@ -100,6 +100,35 @@ class Shift(Skill):
 
 def _shifted(start: Positions, by: Positions) -> Positions:
     return Positions((name, start[name] + distance) for name, distance in by.items())
+
+
+def check_joints(robot: Robot, joints: Positions, port: str) -> None:
+    """Check targets of some joints, wherever the others are.
+
+    Args:
+        robot: Its joints and limits.
+        joints: Positions by joint name [rad].
+        port: Port that errors name.
+
+    Raises:
+        SkillError: A target is wrong.
+        ExceptionGroup: Several are.
+    """
+    refuse(_wrong_joints(robot, joints, port))
+
+
+def check_distances(robot: Robot, by: Mapping[str, float]) -> None:
+    """Check distances that some joints move.
+
+    Args:
+        robot: Its joints and limits.
+        by: Distances by joint name [rad].
+
+    Raises:
+        SkillError: A distance is wrong.
+        ExceptionGroup: Several are.
+    """
+    refuse(_wrong_distances(robot, by))
 
 
 def _wrong_joints(robot: Robot, joints: Positions, port: str) -> list[SkillError]:

@@ -10,7 +10,7 @@ from queue import SimpleQueue
 from py_trees.behaviour import Behaviour
 
 from hardware import Arm, RealClock, Robot
-from skills import Context, Positions, SkillError, Target, known_errors
+from skills import Context, Positions, SkillError, check_joints, known_errors
 from skills.motion import (
     EMPTY,
     BadWorld,
@@ -258,7 +258,7 @@ class _Checker:
             place = file.labels[name].label
             known = Positions((j, q) for j, q in joints.items() if not isinstance(q, StandIn))
             try:
-                Target.validate(robot, {"joints": known})
+                check_joints(robot, known, "joints")
             except (SkillError, ExceptionGroup) as error:
                 wrong += [Mistake(place, f"{name}: {why}") for why in known_errors(error)]
                 continue

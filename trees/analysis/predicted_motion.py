@@ -9,20 +9,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
 from hardware import Robot
-from skills import (
-    AddBox,
-    AddCylinder,
-    AddMesh,
-    AddSphere,
-    Attach,
-    Detach,
-    PlanArm,
-    Positions,
-    ReachPoint,
-    RemoveBody,
-    SetStart,
-    Skill,
-)
+from skills import Positions, Skill, WorldChange
 from skills.motion import EMPTY, Body, Carry, MotionError, Reached, ToolQuery, World
 from trees.compile.builder import target_of
 from trees.compile.leaf import Leaf
@@ -32,7 +19,6 @@ from trees.nodes.control import Guard, Repeat, Retry, Timeout, WaitFor
 
 # What these hold has been done, in its order, wherever the tree goes on behind them.
 _IN_TURN = (composites.Sequence, Guard, Retry, Timeout, WaitFor)
-_ADDS = (AddBox, AddCylinder, AddMesh, AddSphere)
 _UNNAMED = "bodies named at run time"
 _UNKNOWN = "only a run of the task tells from where, or where to"
 
@@ -205,64 +191,68 @@ class _Walk:
             self.unknown.setdefault(leaf.skill, self._why)
             self._why = _UNKNOWN
         now = self._written(leaf, now)
-        if isinstance(leaf.skill, ReachPoint):
-            now = self._reached(leaf, inputs, now)
-        if isinstance(leaf.skill, PlanArm) and leaf.skill not in self._asking.doubtful:
-            self._pass(inputs)
-        if isinstance(leaf.skill, (*_ADDS, Attach, Detach, RemoveBody)):
-            now = self._changed(leaf, now)
+        if self._reach and kind.tool_output in leaf.keys:
+            now = self._reached(leaf, inputs, self._reach, now)
+        self._pass(leaf, inputs)
+        if kind.world_change:
+            now = self._changed(leaf, kind.world_change, now)
         return now
 
     def _written(self, leaf: Leaf, now: _Now) -> _Now:
         """With the configuration that a skill writes, and no other that it may write."""
         outputs = {leaf.keys[port] for port in type(leaf.skill).output_ports() if port in leaf.keys}
         keys = {key: value for key, value in now.keys.items() if key not in outputs}
-        key = leaf.keys.get("start" if isinstance(leaf.skill, SetStart) else "goal")
+        key = leaf.keys.get(type(leaf.skill).pose_output)
         if now.pose and key in outputs:
             names = (joint.name for joint in self._robot.actuated)
             keys[key] = Positions(zip(names, now.pose, strict=True))
         return replace(now, keys=keys)
 
-    def _reached(self, leaf: Leaf, inputs: Mapping[str, Any], now: _Now) -> _Now:
+    def _reached(
+        self,
+        leaf: Leaf,
+        inputs: Mapping[str, Any],
+        reach: Callable[[ToolQuery], Reached],
+        now: _Now,
+    ) -> _Now:
         """With the target that brings the tool to a point, where all of it is known."""
-        whole = all(port in inputs for port in ReachPoint.INPUT_PORTS)
-        if not (self._reach and whole) or leaf.skill in self._asking.doubtful:
+        query = self._asking.tool_query(leaf, self._robot, inputs)
+        if not query:
             return now
-        query = replace(ReachPoint.query(self._robot, inputs), world=now.world)
         try:
-            answer = self._reach(query)
+            answer = reach(replace(query, world=now.world))
         except MotionError as error:
             self._why = str(error)
             return now
         names = (joint.name for joint in self._robot.actuated_in(query.group))
         target = Positions(zip(names, answer.positions, strict=True))
-        return replace(now, keys={**now.keys, leaf.keys["target"]: target})
+        key = leaf.keys[type(leaf.skill).tool_output]
+        return replace(now, keys={**now.keys, key: target})
 
-    def _pass(self, inputs: Mapping[str, Any]) -> None:
+    def _pass(self, leaf: Leaf, inputs: Mapping[str, Any]) -> None:
         """Have the motion to a goal pass the points on its way."""
         goal = tuple(inputs.get("goal", {}).values())
-        if inputs.get("via") and self.motions and self.motions[-1].pose == goal:
-            names = [joint.name for joint in self._robot.actuated_in("arm")]
-            via = tuple(tuple(point[name] for name in names) for point in inputs["via"])
-            self.motions[-1] = replace(self.motions[-1], via=via)
+        if goal and self.motions and self.motions[-1].pose == goal:
+            via = self._asking.waypoints(leaf, self._robot, inputs)
+            self.motions[-1] = replace(self.motions[-1], via=tuple(via) or self.motions[-1].via)
 
-    def _changed(self, leaf: Leaf, now: _Now) -> _Now:
+    def _changed(self, leaf: Leaf, change: WorldChange, now: _Now) -> _Now:
         """With the body that a skill adds, hands over or removes."""
         skill, known = leaf.skill, leaf.known
         if "body" not in known:
             return now.unsure_of((_UNNAMED, *(body.name for body in now.world.bodies)))
         name = known["body"]
-        if isinstance(skill, RemoveBody):
+        if change is WorldChange.REMOVES:
             return now.without((name,))
         if skill in self._asking.doubtful:
             return now.unsure_of((name,))
-        adds = isinstance(skill, _ADDS)
+        adds = change is WorldChange.ADDS
         body = self._asking.body(leaf) if adds else self._carried(skill, known, now)
         return now.having(body) if body else now.unsure_of((name,))
 
     def _carried(self, skill: Skill, known: Mapping[str, Any], now: _Now) -> Body | None:
         """A body in its new hands; None where it is not known where these are."""
-        link = known.get("link") if isinstance(skill, Attach) else ""
+        link = known.get("link") if "link" in skill.input_ports() else ""
         if now.pose is None or link is None:
             return None
         try:

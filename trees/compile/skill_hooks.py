@@ -11,7 +11,7 @@ from py_trees.behaviours import Dummy
 
 from hardware import Robot
 from skills import Context, Skill, SkillBroken, SkillError, known_errors
-from skills.motion import Body, MotionError, shown
+from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Mistake, Place
 
 from .leaf import Leaf
@@ -93,6 +93,20 @@ class Asking:
             return []
         kind, wanted = type(leaf.skill), _poses_of(len(robot.actuated))
         return self._ask(leaf, "poses", lambda: kind.poses(robot, inputs), wanted) or []
+
+    def waypoints(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
+        """Points on the way to the goal: values of the arm's own joints [rad]."""
+        if leaf.skill in self.doubtful:
+            return []
+        kind, wanted = type(leaf.skill), _poses_of(len(robot.actuated_in("arm")))
+        return self._ask(leaf, "waypoints", lambda: kind.waypoints(robot, inputs), wanted) or []
+
+    def tool_query(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
+        """The point that the tool must reach; None if it is not known, or the skill is doubtful."""
+        if leaf.skill in self.doubtful:
+            return None
+        kind = type(leaf.skill)
+        return self._ask(leaf, "tool_query", lambda: kind.tool_query(robot, inputs), _TOOL_QUERY)
 
     def body(self, leaf: Leaf) -> Body | None:
         """What a skill puts into the world; nothing where it is doubtful."""
@@ -180,6 +194,9 @@ def _is_made(made: object) -> bool:
 _ANY = _Wanted("anything", lambda _: True)
 _MADE = _Wanted("what super().__init__(name, context) makes", _is_made)
 _DURATION = _Wanted("a number", _is_duration)
+_TOOL_QUERY = _Wanted(
+    "a ToolQuery or None", lambda query: query is None or isinstance(query, ToolQuery)
+)
 _BODY = _Wanted("a Body or None", lambda body: body is None or isinstance(body, Body))
 
 
