@@ -1,30 +1,60 @@
-"""What can go wrong with goals.
+"""What can go wrong with goals, and between a server and its clients.
 
 GoalError
-├── UnknownGoal         there is no goal of that name, or it is forgotten
+├── UnknownGoal         no goal has that identity, or its result is forgotten
 ├── ResultTimeout       TimeoutError: the goal has not ended yet
-├── NotExecuting        only a goal that is executing can be paused and gone on with
-├── NotPaused           only a paused goal can be gone on with
-├── TooManyBreakpoints  there are as many as there may be
-├── NoSuchNode          no task has a node of that path
+├── NotExecuting        only an executing goal can be paused
+├── NotPaused           only a paused goal can be resumed
+├── TooManyBreakpoints  the limit of breakpoints is reached
+├── NoSuchNode          no task has a node with that path
 ├── GoalPreempted       another goal took its place
-├── ExecutorBlocked           the code of a skill holds the thread that would execute it
-└── ServerRestarted     its server ended before it did
+├── NotHeld             a goal that needs a hold was sent without one
+├── UnknownQuestion     no open question has that identity
+├── BadAnswer           an answer is none of the choices
+├── ExecutorBlocked     the code of a skill does not return, so no goal can be executed
+└── ServerRestarted     the server ended before the goal did
+ServerError             the server cannot start with these options
+└── AddressInUse        another program listens at that address
+RequestError            a request that the server refuses before it reads the goal
+├── BadRequest          400, 422: malformed
+├── NotFound            404: no such address
+├── BadMethod           405: not a method of that address
+├── Forbidden           403
+│   ├── WrongHost       Host is no name of this server
+│   └── WrongOrigin     a page of another site
+├── Unauthorized        401: the token is missing or wrong
+└── TooMuch             429, 503: too many requests or clients
+    ├── TooLarge        413: the body is too large
+    └── TooSlow         408: the body arrives too slowly
+PoseUnconfirmed         HardwareError: the position of the arm is unknown
+RecordingBehind         LinkError: the previous frame is not recorded yet
+BadWorldFile            FileError: a file of obstacles is wrong
 
 Every error carries a stable `code`, and its message says what to do next.
 """
+
+from hardware import HardwareError, LinkError
+from trees import FileError
+
+_LONGEST = 300  # characters of a refusal: it may quote what the client sent
 
 
 class GoalError(Exception):
     """Root of everything that is said of goals as such."""
 
     code = "goal.error"
+    exit_status = 4
+    meaning = "The goal makes no sense"
+    hint = "send another one"
+    heading = ""
 
 
 class UnknownGoal(GoalError):
     """There is no goal of that name, or its result was kept long enough."""
 
     code = "goal.unknown"
+    meaning = "There is no goal of that name, or it is forgotten"
+    hint = "ask sooner"
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"no goal {identity} is known; results are kept for a while only")
@@ -34,6 +64,9 @@ class ResultTimeout(GoalError, TimeoutError):
     """The goal has not ended yet."""
 
     code = "goal.result_timeout"
+    exit_status = 8
+    meaning = "The goal has not ended yet"
+    hint = "ask again"
 
     def __init__(self, identity: str, timeout: float) -> None:
         super().__init__(f"goal {identity} has not ended within {timeout:g} s; ask again")
@@ -43,6 +76,8 @@ class NotExecuting(GoalError):
     """Only a goal that is executing can be paused and gone on with."""
 
     code = "goal.not_executing"
+    meaning = "Only a goal that is executing can be paused"
+    hint = "`armtree status` shows which one is"
 
     def __init__(self, identity: str, state: str) -> None:
         super().__init__(f"goal {identity} is {state}; only one that is EXECUTING can be paused")
@@ -52,6 +87,8 @@ class NotPaused(GoalError):
     """Only a paused goal can be gone on with."""
 
     code = "goal.not_paused"
+    meaning = "Only a paused goal can be gone on with"
+    hint = "pause it first"
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"goal {identity} is not paused; pause it first")
@@ -61,6 +98,8 @@ class TooManyBreakpoints(GoalError):
     """There are as many as there may be."""
 
     code = "goal.too_many_breakpoints"
+    meaning = "There are as many breakpoints as there may be"
+    hint = "`armtree break NODE --off` lifts one"
 
     def __init__(self, most: int) -> None:
         super().__init__(f"there are {most} breakpoints already; take one away first")
@@ -70,12 +109,16 @@ class NoSuchNode(GoalError):
     """No task has a node of that path."""
 
     code = "goal.no_such_node"
+    meaning = "No task has a node of that path"
+    hint = "`armtree run N --json` prints the paths of nodes"
 
 
 class GoalPreempted(GoalError):
     """Another goal took its place."""
 
     code = "goal.preempted"
+    meaning = "Another goal took its place"
+    hint = "send it again if it is still wanted"
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"goal {identity} took its place; send it again if it is still wanted")
@@ -91,6 +134,9 @@ class ExecutorBlocked(GoalError):
     """
 
     code = "server.held"
+    exit_status = 13
+    meaning = "The code of a skill does not return, so that nothing else can be executed"
+    hint = "start the server again, and mend the skill that is named"
 
     def __init__(self, identity: str, task: int, node: str) -> None:
         super().__init__(
@@ -103,6 +149,9 @@ class ServerRestarted(GoalError):
     """Its server ended before it did."""
 
     code = "server.restarted"
+    exit_status = 13
+    meaning = "The server ended before the goal did"
+    hint = "see where the arm stands, then send the goal again"
 
     def __init__(self) -> None:
         super().__init__(
@@ -115,6 +164,8 @@ class UnknownQuestion(GoalError):
     """There is no question of that name, or it is answered."""
 
     code = "goal.unknown_question"
+    meaning = "There is no question of that name, or it is answered"
+    hint = "`armtree answer` lists them"
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"question {identity} is not known, or answered already")
@@ -124,6 +175,184 @@ class BadAnswer(GoalError):
     """An answer is none of the choices."""
 
     code = "goal.bad_answer"
+    meaning = "An answer is none of the choices"
+    hint = "give one of the choices"
 
     def __init__(self, words: str, question: str) -> None:
         super().__init__(f"{words.strip() or 'nothing'} is no answer to: {question}")
+
+
+class NotHeld(GoalError):
+    """A goal that needs a hold, and no client holds it."""
+
+    code = "goal.not_held"
+    meaning = "A goal with a dead man's handle, and nobody holds it"
+    hint = "hold it, then send it"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"nobody holds goal {identity}; begin to hold it, then send it")
+
+
+class ServerError(Exception):
+    """The server cannot start with these options."""
+
+    code = "server.options"
+    exit_status = 13
+    meaning = "The server would be open to more than was said"
+    hint = "see the message"
+    heading = ""
+
+
+class AddressInUse(ServerError):
+    """Another program listens at that address."""
+
+    code = "server.address_in_use"
+    meaning = "Another program listens at that address"
+    hint = "end it, or give --tcp-port"
+
+
+class RequestError(Exception):
+    """A request that the server refuses.
+
+    Args:
+        message: What is wrong.
+        hint: What to do about it; default: the hint of the class.
+        status: HTTP status of the answer; default: that of the class.
+    """
+
+    status = 400
+    code = "request"
+    exit_status = 13
+    meaning = "The server refused a request"
+    hint = "`/openapi.json` lists all there is"
+    heading = ""
+
+    def __init__(self, message: str, hint: str = "", status: int | None = None) -> None:
+        cut = message if len(message) <= _LONGEST else f"{message[:_LONGEST]} …"
+        super().__init__(cut)
+        self.hint = hint or self.hint
+        self.status = status or self.status
+
+
+class BadRequest(RequestError):
+    """A request is malformed."""
+
+    code = "request.malformed"
+    meaning = "A request cannot be understood"
+    hint = "`/openapi.json` says how to ask"
+
+
+class NotFound(RequestError):
+    """No such address."""
+
+    status = 404
+    code = "request.not_found"
+    meaning = "There is no such address"
+    hint = "`/openapi.json` lists them"
+
+
+class BadMethod(RequestError):
+    """That method is not for this address."""
+
+    status = 405
+    code = "request.method"
+    meaning = "That method is not for this address"
+    hint = "`/openapi.json` lists them"
+
+
+class Forbidden(RequestError):
+    """A request from another site, or to another name than this server's."""
+
+    status = 403
+    code = "request.forbidden"
+    meaning = "A request from a foreign page or name"
+    hint = "see the message"
+
+
+class WrongHost(Forbidden):
+    """The Host header is no name of this server."""
+
+    code = "request.host"
+    meaning = "Host is no name of this server"
+    hint = "ask it by its address, or serve --host NAME"
+
+
+class WrongOrigin(Forbidden):
+    """A page of another site sent the request."""
+
+    code = "request.origin"
+    meaning = "A foreign page asks"
+    hint = "serve --origin URL lets it, if it shall"
+
+
+class Unauthorized(RequestError):
+    """The token is missing or wrong."""
+
+    status = 401
+    code = "request.token"
+    meaning = "The token is missing or wrong"
+    hint = "the server printed it when it started"
+
+
+class TooMuch(RequestError):
+    """Too many requests or clients."""
+
+    status = 429
+    code = "request.too_many"
+    meaning = "Too many requests, or clients"
+    hint = "wait a moment"
+
+
+class TooLarge(TooMuch):
+    """The body is too large."""
+
+    status = 413
+    code = "request.too_large"
+    meaning = "A body is too large"
+    hint = "send less"
+
+
+class TooSlow(TooMuch):
+    """The body arrives too slowly."""
+
+    status = 408
+    code = "request.timeout"
+    meaning = "A body came too slowly"
+    hint = "send it in one go"
+
+
+class PoseUnconfirmed(HardwareError):
+    """The position of the arm is unknown, and no person has confirmed it."""
+
+    code = "hw.pose_unconfirmed"
+    meaning = "Nobody has said where the arm stands"
+    hint = "give --pose last, or --pose boot"
+
+
+class RecordingBehind(LinkError):
+    """The previous frame is not recorded yet, so the next one was not sent.
+
+    Args:
+        port: Name of the port.
+        most: Longest time the recording may be behind [s].
+    """
+
+    code = "log.behind"
+    exit_status = 10
+    meaning = "The disk is too slow, so that nothing more was sent"
+    hint = "record to a faster disk"
+
+    def __init__(self, port: str, most: float) -> None:
+        super().__init__(
+            port,
+            f"The recording is more than {most * 1000:.0f} ms behind, so that nothing more "
+            f"was sent to {port}. Record to a faster disk, or let other programs use it less",
+        )
+
+
+class BadWorldFile(FileError):
+    """A file of obstacles is wrong."""
+
+    code = "file.world"
+    meaning = "A file of bodies around the arm is wrong"
+    hint = "correct it where the message says"

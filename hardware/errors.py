@@ -41,6 +41,10 @@ class HardwareError(Exception):
     """Root of everything this room raises."""
 
     code = "hw.error"
+    exit_status = 6
+    meaning = "The arm failed"
+    hint = "see the message"
+    heading = ""
 
 
 class DescriptionError(HardwareError):
@@ -52,6 +56,9 @@ class DescriptionError(HardwareError):
     """
 
     code = "file.robot"
+    exit_status = 3
+    meaning = "The robot file or its URDF is wrong"
+    hint = "correct it where the message says"
 
     def __init__(self, path: Path, line: int, message: str) -> None:
         self.path, self.line = path, line
@@ -66,6 +73,9 @@ class NoDriver(HardwareError):
     """
 
     code = "hw.no_driver"
+    exit_status = 3
+    meaning = "The robot file names no driver, so its arm cannot be moved"
+    hint = "write one, or plan only"
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -84,6 +94,8 @@ class LinkError(HardwareError):
     """
 
     code = "hw.link"
+    meaning = "The serial port failed"
+    hint = "check the cable and the power"
 
     def __init__(self, port: str, message: str) -> None:
         self.port = port
@@ -94,6 +106,9 @@ class PortNotGiven(LinkError):
     """No port in the robot file, the environment or on the command line."""
 
     code = "hw.no_port"
+    exit_status = 3
+    meaning = "Nobody said which serial port"
+    hint = "give --port, or ARMTREE_PORT"
 
     def __init__(self) -> None:
         super().__init__(
@@ -107,6 +122,8 @@ class PortMissing(LinkError):
     """There is no such port."""
 
     code = "hw.port_missing"
+    meaning = "There is no such serial port"
+    hint = "`armtree doctor` shows those there are"
 
     def __init__(self, port: str, present: list[str]) -> None:
         there = ", ".join(present) or "none"
@@ -121,6 +138,8 @@ class PortDenied(LinkError):
     """The port is there, but not for this user."""
 
     code = "hw.port_denied"
+    meaning = "No permission to open the serial port"
+    hint = "join its group"
 
     def __init__(self, port: str, group: str) -> None:
         super().__init__(
@@ -134,6 +153,9 @@ class PortBusy(LinkError):
     """Another program has the port."""
 
     code = "hw.port_busy"
+    exit_status = 9
+    meaning = "Another program has the serial port"
+    hint = "end that program"
 
     def __init__(self, port: str, owner: str) -> None:
         super().__init__(port, f"The port {port} is in use by {owner}. End that program first")
@@ -143,6 +165,8 @@ class PortLost(LinkError):
     """The port went away while it was open; what the board got last is unknown."""
 
     code = "hw.port_lost"
+    meaning = "The serial port went away while it was open"
+    hint = "check the cable, then configure and activate"
 
     def __init__(self, port: str, why: str) -> None:
         super().__init__(
@@ -155,6 +179,8 @@ class PortStalled(LinkError):
     """A write did not finish in time; it may or may not have arrived, and is never repeated."""
 
     code = "hw.port_stalled"
+    meaning = "The board takes no more bytes"
+    hint = "check its power, then configure and activate"
 
     def __init__(self, port: str, why: str) -> None:
         super().__init__(
@@ -168,12 +194,16 @@ class BoardError(HardwareError):
     """The board does not do what it was told."""
 
     code = "hw.board"
+    meaning = "The board does not do what it was told"
+    hint = "check the cable and its power"
 
 
 class BoardSilent(BoardError):
     """The board did not say that it has booted."""
 
     code = "hw.board_silent"
+    meaning = "The board did not say that it has booted"
+    hint = "flash it, or name what it runs"
 
     def __init__(self, port: str, firmware: str, seconds: float) -> None:
         super().__init__(
@@ -187,6 +217,8 @@ class WrongFirmware(BoardError):
     """The board says that it runs another firmware than the robot file names."""
 
     code = "hw.wrong_firmware"
+    meaning = "The board runs another firmware than the robot file names"
+    hint = "correct the robot file"
 
     def __init__(self, runs: str, named: str, path: Path) -> None:
         super().__init__(
@@ -199,6 +231,8 @@ class PoseOutsideLimits(BoardError):
     """The board holds what is outside a joint's limits, so the first frame would make it jump."""
 
     code = "hw.pose_outside"
+    meaning = "The board holds what is outside a joint's limits"
+    hint = "switch the board off and on"
 
     def __init__(self, joint: Joint, angle: int, nearest: int) -> None:
         super().__init__(
@@ -213,6 +247,8 @@ class BoardReset(BoardError):
     """The board started anew, so where its servos go nobody commanded."""
 
     code = "hw.board_reset"
+    meaning = "The board started anew while the arm was active"
+    hint = "check the servos' supply"
 
     def __init__(self, line: str) -> None:
         super().__init__(
@@ -225,6 +261,8 @@ class FrameLost(BoardError):
     """The board took other frames than were sent."""
 
     code = "hw.frame_lost"
+    meaning = "The board took other frames than were sent"
+    hint = "check the cable"
 
     def __init__(self, what: str) -> None:
         super().__init__(f"{what}. Check the cable and what runs beside it, then run again")
@@ -238,6 +276,8 @@ class DriverFailed(HardwareError):
     """
 
     code = "hw.driver"
+    meaning = "The driver of the arm failed"
+    hint = "mend the driver"
 
     def __init__(self, cause: BaseException) -> None:
         self.__cause__ = cause
@@ -256,36 +296,50 @@ class TransitionRefused(HardwareError):
     """The lifecycle allows no such transition now."""
 
     code = "hw.transition_refused"
+    meaning = "The arm's lifecycle does not allow that now"
+    hint = "the message lists what it allows"
 
 
 class ActivationStopped(TransitionRefused):
     """Somebody stopped the arm while its board booted; it is inactive."""
 
     code = "hw.activation_stopped"
+    meaning = "Somebody stopped the arm while its board booted"
+    hint = "activate it again"
 
 
 class CancelTimeout(HardwareError):
     """What drove the arm was asked to stop and did not in time, so the arm left *active*."""
 
     code = "hw.cancel_timeout"
+    meaning = "What drove the arm did not stop in time, so the arm left *active*"
+    hint = "mend the skill that is named, then configure and activate"
 
 
 class WriteRefused(HardwareError):
     """The write guard refused; nothing was sent."""
 
     code = "hw.refused"
+    meaning = "The guard in front of the wire refused; nothing was sent"
 
 
 class NotActive(WriteRefused):
     """Only an active arm may be written to."""
 
     code = "hw.not_active"
+    meaning = "Only an active arm may be written to"
+    hint = (
+        "`armtree arm configure` where it is unconfigured, then `armtree arm activate`; where it "
+        "is finalized, start armtree again"
+    )
 
 
 class InterfaceUnknown(WriteRefused):
     """The arm has no such command interface."""
 
     code = "hw.no_interface"
+    meaning = "The arm has no such command interface"
+    hint = "the message lists those there are"
 
     def __init__(self, name: str, present: Sequence[str]) -> None:
         super().__init__(f"there is no command interface {name}; there are {', '.join(present)}")
@@ -295,6 +349,8 @@ class InterfaceClaimed(WriteRefused):
     """Somebody else commands that joint."""
 
     code = "hw.claimed"
+    meaning = "Somebody else commands that joint"
+    hint = "stop the arm first"
 
     def __init__(self, name: str, owner: str, other: str) -> None:
         super().__init__(
@@ -306,6 +362,8 @@ class StaleGeneration(WriteRefused):
     """The motion that wants to write was stopped."""
 
     code = "hw.stale"
+    meaning = "The motion that wants to write was stopped"
+    hint = "run again"
 
 
 class BadPosition(WriteRefused, ValueError):
@@ -318,6 +376,8 @@ class BadPosition(WriteRefused, ValueError):
     """
 
     code = "hw.bad_position"
+    meaning = "A joint value is missing, not finite or outside its limits"
+    hint = "choose one within"
 
     def __init__(
         self, message: str, joint: str = "", value: object = None, limit: float | None = None
@@ -330,3 +390,5 @@ class TooFast(WriteRefused):
     """The board could not digest this: a frame that is too early or too far, or a jump."""
 
     code = "hw.too_fast"
+    meaning = "More than the board can digest"
+    hint = "lower the velocity in the robot file"

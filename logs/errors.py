@@ -24,6 +24,10 @@ class LogError(Exception):
     """
 
     code = "log.error"
+    exit_status = 10
+    meaning = "Something could not be recorded"
+    hint = "make room, or record to another folder"
+    heading = ""
 
     def __init__(self, path: Path, message: str) -> None:
         self.path = path
@@ -34,6 +38,8 @@ class RecordingExists(LogError, FileExistsError):
     """A recording of that name exists; recordings are never overwritten."""
 
     code = "log.exists"
+    meaning = "A recording of that name exists"
+    hint = "record under another name"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "exists and is kept; record under a name 1 ms later")
@@ -43,6 +49,8 @@ class RecordingNotCreated(LogError):
     """The operating system refused the folder or the file of a recording."""
 
     code = "log.not_created"
+    meaning = "A recording cannot be made"
+    hint = "give another folder for recordings"
 
     def __init__(self, path: Path, cause: OSError) -> None:
         reason = cause.strerror or str(cause)
@@ -53,6 +61,8 @@ class NoSpace(LogError):
     """The disk is too full to begin a run."""
 
     code = "log.no_space"
+    meaning = "The disk is too full to begin"
+    hint = "remove old recordings"
 
     def __init__(self, path: Path, free: int, least: int) -> None:
         have, need = free / 1e6, least / 1e6
@@ -67,6 +77,8 @@ class DiskFull(LogError):
     """The disk filled up while a run was recorded."""
 
     code = "log.disk_full"
+    meaning = "The disk filled up during a run"
+    hint = "remove old recordings"
 
     def __init__(self, path: Path, whole: bool = False) -> None:
         end = "; its end was still recorded, in space kept for that" if whole else ""
@@ -87,6 +99,8 @@ class RecordingIncomplete(LogError):
     """
 
     code = "log.incomplete"
+    meaning = "Something of a run is missing from its recording"
+    hint = "mend the disk, then run again"
 
     def __init__(
         self, path: Path, lost: int | None, cause: Exception, finished: bool = True
@@ -110,6 +124,8 @@ class RecordingInUse(LogError):
     """A recording is still being written."""
 
     code = "log.in_use"
+    meaning = "A recording is still being written"
+    hint = "wait until that has ended"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "is being written by another armtree; wait until that has ended")
@@ -119,6 +135,9 @@ class RecordingError(LogError, ValueError):
     """A file cannot be read as a recording."""
 
     code = "log.unreadable"
+    exit_status = 3
+    meaning = "A file cannot be read as a recording"
+    hint = "give another file"
 
 
 class RecordingTruncated(RecordingError):
@@ -129,6 +148,9 @@ class RecordingTruncated(RecordingError):
     """
 
     code = "log.truncated"
+    exit_status = 10
+    meaning = "The end of a recording is missing"
+    hint = "`armtree log recover`"
 
     def __init__(self, path: Path, messages: int) -> None:
         self.messages = messages

@@ -2,7 +2,8 @@
 
 TreeError
 ├── FileError           a file is wrong; every mistake in it with its line
-│   └── DuplicateTask   two files claim one number
+│   ├── DuplicateTask   two files claim one number
+│   └── BadArguments    the arguments of a task are wrong
 └── UnknownTask         no file has that number
 """
 
@@ -74,6 +75,10 @@ class TreeError(Exception):
     """Root of everything this room raises."""
 
     code = "file.error"
+    exit_status = 3
+    meaning = "A task file is wrong"
+    hint = "correct it where the message says"
+    heading = ""
 
 
 class FileError(TreeError):
@@ -84,6 +89,8 @@ class FileError(TreeError):
     """
 
     code = "file.task"
+    meaning = "A task file is wrong; every mistake is named with its line"
+    hint = "correct it, then `armtree check`"
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         self.mistakes = tuple(sorted(set(mistakes), key=_order))
@@ -109,6 +116,8 @@ class DuplicateTask(FileError):
     """
 
     code = "file.duplicate_task"
+    meaning = "Two files claim one task number"
+    hint = "rename one of them"
 
     def __init__(self, number: int, first: Path, second: Place, replaces: str) -> None:
         what = f"task {number} is in two files, {first} and {second.path}"
@@ -120,6 +129,15 @@ class DuplicateTask(FileError):
         super().__init__([Mistake(second, what)])
 
 
+class BadArguments(FileError):
+    """The arguments of a task are wrong; its file is not."""
+
+    code = "goal.bad_arguments"
+    exit_status = 4
+    meaning = "What a task is called with is wrong"
+    hint = "`armtree tasks` shows what each task takes"
+
+
 class UnknownTask(TreeError):
     """No file has that number.
 
@@ -129,6 +147,9 @@ class UnknownTask(TreeError):
     """
 
     code = "goal.unknown_task"
+    exit_status = 4
+    meaning = "No task has that number"
+    hint = "`armtree tasks` shows those there are"
 
     def __init__(self, number: int, known: Sequence[int]) -> None:
         self.number, self.known = number, tuple(known)

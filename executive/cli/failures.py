@@ -18,10 +18,10 @@ def tell(error: Exception) -> int:
         code, words = "file", "the disk is full; make room, then try again"
     elif code == INTERNAL:
         words = f"a bug of ours: {error!r}; see --debug"
-    hint = getattr(error, "hint", "")  # of what a server refused
+    hint = vars(error).get("hint")  # of what a server refused
     more = f"\n  -> {hint}" if hint and hint not in words else ""
     click.echo(f"Error: {words} [{code}]{more}", err=True)
-    return look_up(code).exit
+    return look_up(code).exit_status
 
 
 def with_each(recordings: Iterable[Path], act: Callable[[Path], int]) -> int:

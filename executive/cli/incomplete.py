@@ -19,4 +19,4 @@ def incomplete(*recordings: Path) -> int:
     told = [words for recording in recordings if (words := lacking(Recording(recording)))]
     for words in told:
         click.echo(words, err=True)
-    return look_up("log.truncated").exit if told else 0
+    return look_up("log.truncated").exit_status if told else 0

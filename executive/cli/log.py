@@ -70,12 +70,13 @@ def _recordings_in(folder: Path) -> list[Path]:
 @_FILE
 def info(recording: Path) -> None:
     """Sum a recording up."""
+    from logs import RecordingTruncated
     from logs.views.narrative import overview
 
     found = overview(recording)
     for name, value in _facts(found):
         click.echo(f"{name:<12}{value}")
-    sys.exit(0 if found.complete else look_up("log.truncated").exit)
+    sys.exit(0 if found.complete else RecordingTruncated.exit_status)
 
 
 def _facts(found: "Overview") -> list[tuple[str, str]]:
@@ -158,7 +159,7 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
         draw_over(both, output)
         click.echo(output)
     partial = incomplete(one, other)
-    sys.exit(look_up(DIFFERS).exit if both.first else partial)
+    sys.exit(look_up(DIFFERS).exit_status if both.first else partial)
 
 
 @log.command()
@@ -203,12 +204,13 @@ def _scenes(recording: Path) -> "tuple[list[Scene], str]":
 @_FILES
 def recover(recordings: tuple[Path, ...]) -> None:
     """Make recordings whole that a crash cut off; exit status 10 where something was lost."""
+    from logs import RecordingIncomplete
     from logs import recover as mend
 
     def mended(recording: Path) -> int:
         made = mend(recording)
         click.echo(made.in_words() if made else f"{recording}: is complete, nothing to do")
-        return 0 if made is None or made.whole else look_up("log.incomplete").exit
+        return 0 if made is None or made.whole else RecordingIncomplete.exit_status
 
     sys.exit(with_each(recordings, mended))
 

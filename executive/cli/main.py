@@ -79,7 +79,7 @@ def run(**options: Any) -> None:
 
     verbose = click.get_current_context().find_root().params["verbose"]
     outcomes = execute(Options(**options, verbose=verbose))
-    sys.exit(look_up(outcomes[-1].code).exit)
+    sys.exit(look_up(outcomes[-1].code).exit_status)
 
 
 @cli.command()
@@ -118,7 +118,7 @@ def doctor(
         ["armtree", "run", "0", *_given(context, "port", "robot", "trees", "recordings")]
     )
     click.echo("\nMend what says NO." if wrong else f"\nNext, type: {command}")
-    sys.exit(look_up(wrong[0]).exit if wrong else 0)
+    sys.exit(look_up(wrong[0]).exit_status if wrong else 0)
 
 
 def _given(context: click.Context, *names: str) -> Iterator[str]:

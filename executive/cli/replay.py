@@ -79,9 +79,9 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
     if not as_json and len(paths) > 1:
         _sum_up(len(paths) - written, written, wrong)
     if written == len(paths):
-        sys.exit(look_up(RecordingInUse.code).exit)
+        sys.exit(RecordingInUse.exit_status)
     # The highest status counts: differs, then incomplete, then unreadable.
-    sys.exit(max((look_up(code).exit for _, code in wrong), default=0))
+    sys.exit(max((look_up(code).exit_status for _, code in wrong), default=0))
 
 
 def _sum_up(judged: int, written: int, wrong: Sequence[tuple[Path, str]]) -> None:
@@ -132,4 +132,4 @@ def _send(recording: Path, **options: Any) -> None:
         seed=1,
         workers=1,
     )
-    sys.exit(look_up(outcomes[-1].code).exit)
+    sys.exit(look_up(outcomes[-1].code).exit_status)

@@ -16,7 +16,8 @@ from logs import Goal as RecordedGoal
 from logs import Recording
 from logs import Schedule as RecordedSchedule
 from logs import Sent as RecordedFrame
-from skills import Execute, SkillError
+from skills import Execute
+from skills.errors import NotReplayable
 from skills.merged_motion import MergedMotion
 
 from .wiring import Options, execute
@@ -36,12 +37,6 @@ tree:
         gripper: {gripper}
     - Replay: {{recording: {path}, speed: {speed}}}
 """
-
-
-class NotReplayable(SkillError):
-    """The frames of a recording cannot be sent to this arm."""
-
-    code = "goal.not_replayable"
 
 
 class Replay(Execute):

@@ -179,7 +179,7 @@ def send(
     with errors_told(as_json), Client(server) as client:
         if wait or deadman:
             outcome = send_and_wait(client, number, settings, deadman, as_json, _verbose())
-            sys.exit(look_up(outcome.code).exit)
+            sys.exit(look_up(outcome.code).exit_status)
         goal_id = client.send(number, texts(settings, number))
     click.echo(json.dumps({"goal_id": goal_id}) if as_json else goal_id)
 
@@ -198,6 +198,7 @@ def send(
 def cancel(goal_id: str, stamp_ns: int | None, as_json: bool, server: str | None) -> None:
     """Cancel a goal of a server, by its id; without one stop the arm and cancel all."""
     from executive.client.synchronous import Client
+    from executive.errors import GoalError
 
     from .remote import CANCEL_WORDS, errors_told
 
@@ -210,7 +211,7 @@ def cancel(goal_id: str, stamp_ns: int | None, as_json: bool, server: str | None
         click.echo(
             "\n".join(f"canceling {goal}" for goal in answer.goals) or CANCEL_WORDS[answer.code]
         )
-    sys.exit(look_up("goal").exit if answer.code.value else 0)
+    sys.exit(GoalError.exit_status if answer.code.value else 0)
 
 
 @click.command()

@@ -10,10 +10,11 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from executive.errors import PoseUnconfirmed
 from executive.executive import Event, Executive
 from executive.goals.questions import Questions
 from executive.goals.queue import Policy
-from executive.goals.start_pose import PoseUnconfirmed, standing
+from executive.goals.start_pose import standing
 from executive.live_library import LiveLibrary
 from executive.server.server import ListenOptions, Server
 from executive.server.token_file import PORT

@@ -105,9 +105,7 @@ def check(
     else:
         click.echo(f"{len(findings.files)} files are right")
     if findings.mistakes:
-        from executive.codes import look_up
-
-        sys.exit(look_up(FileError.code).exit)
+        sys.exit(FileError.exit_status)
 
 
 def _findings(findings: Any) -> dict[str, Any]:

@@ -18,12 +18,18 @@ class ClientError(Exception):
     """Root of all that a client may raise."""
 
     code = "server.error"
+    exit_status = 13
+    meaning = "The server failed"
+    hint = "see its log"
+    heading = ""
 
 
 class ServerUnreachable(ClientError, ConnectionError):
     """Nobody answers, or no longer."""
 
     code = "server.unreachable"
+    meaning = "No server answers"
+    hint = "`armtree serve` starts one; --server URL or ARMTREE_SERVER says where it is"
 
     def __init__(self, url: str, why: str) -> None:
         super().__init__(

@@ -29,7 +29,7 @@ def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
         joint=str(getattr(error, "joint", "")),
         value=_number(error, _VALUES),
         limit=_limit(error),
-        hint=known.hint,
+        hint=str(getattr(error, "hint", "")) if code != INTERNAL else known.hint,
     )
 
 

@@ -4,17 +4,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import logs
-from hardware import VIRTUAL, HardwareError, Robot
+from executive.errors import PoseUnconfirmed
+from hardware import VIRTUAL, Robot
 
 POSES = ("boot", "last")
 
 _LOOKED_AT = 50  # newest recordings
-
-
-class PoseUnconfirmed(HardwareError):
-    """Nobody has said where the arm stands, and its board is not reset."""
-
-    code = "hw.pose_unconfirmed"
 
 
 @dataclass(frozen=True, slots=True)

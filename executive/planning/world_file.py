@@ -4,16 +4,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+from executive.errors import BadWorldFile
 from hardware import Robot
 from skills.motion import BadWorld, MotionError, Verify, World
 from skills.motion.planner import Planner
-from trees import FileError, Mistake, Place
-
-
-class BadWorldFile(FileError):
-    """A file of bodies is wrong."""
-
-    code = "file.world"
+from trees import Mistake, Place
 
 
 def read_world(file: Path) -> World:

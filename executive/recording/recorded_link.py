@@ -1,6 +1,7 @@
 """A line to the board on which no frame overtakes its recording."""
 
-from hardware import Clock, Link, LinkError
+from executive.errors import RecordingBehind
+from hardware import Clock, Link
 
 from .recordings import Recordings
 
@@ -9,19 +10,6 @@ MOST_BEHIND = 0.05  # [s]
 
 # For this long a stop lets the frame before it get to the disk; it does not wait for a slow one.
 _HOLD_WAITS = 0.002  # [s]
-
-
-class RecordingBehind(LinkError):
-    """The frame before is not recorded yet, so the next one was not sent."""
-
-    code = "log.behind"
-
-    def __init__(self, port: str) -> None:
-        super().__init__(
-            port,
-            f"The recording is more than {MOST_BEHIND * 1000:.0f} ms behind, so that nothing more "
-            f"was sent to {port}. Record to a faster disk, or let other programs use it less",
-        )
 
 
 class RecordedLink:
@@ -56,7 +44,7 @@ class RecordedLink:
         if data == self._last:  # as a stop does: it commands nothing new, so it goes in any case
             self._recordings.caught_up(_HOLD_WAITS)
         elif not self._recorded():
-            raise RecordingBehind(self.port)
+            raise RecordingBehind(self.port, MOST_BEHIND)
         self._link.write(data)
         self._last = data
 

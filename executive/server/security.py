@@ -9,7 +9,8 @@ from ipaddress import ip_address
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import Message, Send
 
-from .http.errors import Forbidden, Unauthorized
+from executive.errors import Unauthorized, WrongHost, WrongOrigin
+
 from .token_file import HTTP_PORT
 
 HAS_TOKEN = "has_token"  # of a request's state: whether its sender does
@@ -54,17 +55,15 @@ class AccessRules:
         one = len(named) == 1
         named += [] if authority is None else [authority.lower()]
         if not one or not self.hosts.issuperset(named):
-            raise Forbidden(
+            raise WrongHost(
                 f"Host {', '.join(named) or 'missing'} is not this server",
                 f"ask {' or '.join(sorted(self.hosts))}; serve --host NAME adds one",
-                code="request.host",
             )
         origins = headers.getlist("origin")
         if any(origin not in self.origins for origin in origins) or len(origins) > 1:
-            raise Forbidden(
+            raise WrongOrigin(
                 f"pages of {', '.join(origins)} may not ask this server",
                 "serve --origin URL lets them",
-                code="request.origin",
             )
 
     def has_token(self, headers: Headers) -> bool:

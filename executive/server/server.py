@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import uvicorn
 
+from executive.errors import AddressInUse, ServerError
 from executive.executive import Executive
 from executive.goals.questions import Questions, nobody
 from executive.live_library import LiveLibrary
@@ -33,18 +34,6 @@ _BACKLOG = 128
 _ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # as browsers write one
 _SEND_BUFFER = 128 * 1024  # [bytes] that may be on their way to a client that reads nothing
 _LAST_ANSWERS = 0.05  # [s] for what is being answered when the server ends
-
-
-class ServerError(Exception):
-    """The server cannot be as it was asked for."""
-
-    code = "server.options"
-
-
-class AddressInUse(ServerError):
-    """Another program listens there."""
-
-    code = "server.address_in_use"
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,6 +38,10 @@ class MotionError(Exception):
     """
 
     code = "plan.error"
+    exit_status = 5
+    meaning = "No motion was found"
+    hint = "choose another goal"
+    heading = "One or more planners failed"
     milliseconds: Mapping[str, float] = MappingProxyType({})
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -55,6 +59,8 @@ class BadQuery(MotionError, ValueError):
     """The question makes no sense for this robot."""
 
     code = "plan.bad_query"
+    meaning = "The planner was asked something that makes no sense"
+    hint = "correct the task"
 
     @classmethod
     def group(cls, group: str, groups: Iterable[str]) -> "BadQuery":
@@ -78,6 +84,7 @@ class NotFinite(BadQuery):
     """
 
     code = "plan.not_finite"
+    meaning = "The planner was given a NaN or an infinity"
 
     def __init__(self, what: str, joint: str, value: float) -> None:
         self.what, self.joint, self.value = what, joint, value
@@ -89,6 +96,8 @@ class BadWorld(BadQuery):
     """A body makes no sense, or names what is not there."""
 
     code = "plan.bad_world"
+    meaning = "A body around the arm makes no sense, or is not there"
+    heading = "What is around the arm makes no sense"
 
 
 class ModelUnusable(MotionError):
@@ -99,6 +108,9 @@ class ModelUnusable(MotionError):
     """
 
     code = "plan.model"
+    exit_status = 3
+    meaning = "The robot's URDF cannot be planned with"
+    hint = "correct it"
 
     def __init__(self, path: str, why: str) -> None:
         self.path = path
@@ -141,6 +153,8 @@ class StartOutOfBounds(OutOfBounds):
     """The motion would start outside the limits."""
 
     code = "plan.start_out_of_bounds"
+    meaning = "The arm stands outside its limits"
+    hint = "free it by hand, then run again"
     what = "start"
 
 
@@ -148,6 +162,8 @@ class GoalOutOfBounds(OutOfBounds):
     """The motion would end outside the limits."""
 
     code = "plan.goal_out_of_bounds"
+    meaning = "The motion would end outside the limits"
+    hint = "choose a goal within"
     what = "goal"
 
 
@@ -182,6 +198,8 @@ class StartInCollision(EndInCollision):
     """The arm stands too near to something to move by plan."""
 
     code = "plan.start_in_collision"
+    meaning = "The arm stands too near to something"
+    hint = "free it by hand, then run again"
     what = "start"
     advice = "free the arm by hand, then run again"
 
@@ -190,6 +208,7 @@ class GoalInCollision(EndInCollision):
     """The goal is too near to something."""
 
     code = "plan.goal_in_collision"
+    meaning = "The goal is too near to something"
     what = "goal"
     advice = "choose another goal"
 
@@ -209,6 +228,8 @@ class Unreachable(MotionError):
     """
 
     code = "plan.unreachable"
+    meaning = "The tool cannot be brought there, or cannot point that way there"
+    hint = "choose a point within reach, or another direction"
 
     def __init__(
         self,
@@ -256,6 +277,7 @@ class Barred(MotionError):
     """
 
     code = "plan.barred"
+    meaning = "A joint cannot pass what is between start and goal"
 
     def __init__(self, joint: str, value: float, unit: str, first: str, second: str) -> None:
         self.joint, self.value, self.unit = joint, value, unit
@@ -274,6 +296,8 @@ class NoPath(MotionError):
     """
 
     code = "plan.no_path"
+    meaning = "No way round was found"
+    hint = "choose another goal, or one on the way to it"
 
     def __init__(self, iterations: int) -> None:
         self.iterations = iterations
@@ -291,6 +315,9 @@ class PlanTimeout(MotionError, TimeoutError):
     """
 
     code = "plan.timeout"
+    exit_status = 8
+    meaning = "The planner ran out of time"
+    hint = "choose a nearer goal, or go by way of a pose between"
 
     def __init__(self, timeout: float) -> None:
         self.timeout = timeout
@@ -313,6 +340,9 @@ class MotionCollides(MotionError):
     """
 
     code = "plan.motion_collides"
+    meaning = "The motion would touch something as its frames play it"
+    hint = "go by way of a pose further off"
+    heading = "The motion would collide as its frames play it"
 
     def __init__(
         self,
@@ -334,6 +364,8 @@ class PlanCanceled(MotionError):
     """Planning was canceled."""
 
     code = "plan.canceled"
+    meaning = "Planning was canceled"
+    hint = "ask again"
 
     def __init__(self) -> None:
         super().__init__("Planning was canceled; ask again when ready")
@@ -347,6 +379,8 @@ class WorkerDied(MotionError):
     """
 
     code = "plan.worker_died"
+    meaning = "The planning process ended; a new one takes over"
+    hint = "run again"
 
     def __init__(self, why: str) -> None:
         self.why = why

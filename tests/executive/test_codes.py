@@ -1,20 +1,25 @@
-"""The table of codes: complete, and shown in the documents as it is."""
+"""Codes: every error class has one, and the documents show what the classes say."""
 
 import importlib
 import pkgutil
+
+import pytest
 
 import executive
 import hardware
 import logs
 import skills
 import trees
-from executive.codes import CODES, INTERNAL, code_table, look_up
+from executive.codes import INTERNAL, all_codes, code_table, look_up
+from hardware import HardwareError
 from tests.support.paths import ROOT
+
+ROOMS = (executive, hardware, logs, skills, trees)
 
 
 def every_error() -> set[type[Exception]]:
     """All errors of all rooms."""
-    for room in (executive, hardware, logs, skills, trees):
+    for room in ROOMS:
         for module in pkgutil.walk_packages(room.__path__, f"{room.__name__}."):
             if not module.name.endswith(("__main__", "worker")):
                 importlib.import_module(module.name)
@@ -22,32 +27,62 @@ def every_error() -> set[type[Exception]]:
     while left:
         kind = left.pop()
         left += kind.__subclasses__()
-        if kind.__module__.partition(".")[0] in {
-            "executive",
-            "hardware",
-            "logs",
-            "skills",
-            "trees",
-        }:
+        if kind.__module__.partition(".")[0] in {room.__name__ for room in ROOMS}:
             found.add(kind)
     return found
 
 
-def test_every_error_has_a_code_of_the_table() -> None:
+def test_every_error_with_a_code_is_listed() -> None:
     codes = {kind: getattr(kind, "code", None) for kind in every_error()}
     assert len(codes) > 50
-    assert {kind.__name__ for kind, code in codes.items() if code and code not in CODES} == set()
+    listed = all_codes()
+    assert {kind.__name__ for kind, code in codes.items() if code and code not in listed} == set()
+
+
+def test_a_code_belongs_to_one_class() -> None:
+    codes = [kind.__dict__["code"] for kind in every_error() if "code" in kind.__dict__]
+    assert sorted(codes) == sorted(set(codes))
 
 
 def test_the_document_shows_the_table() -> None:
     assert (ROOT / "executive" / "README.md").read_text().endswith(code_table())
 
 
-def test_a_code_of_somebody_elses_is_looked_up_by_its_family() -> None:
-    assert look_up("plan.of_my_own") is CODES["plan"]
-    assert look_up("nobody.knows") is CODES[INTERNAL]
+@pytest.mark.parametrize(
+    ("code", "known"),
+    [
+        ("plan.of_my_own", "plan.error"),
+        ("hw.of_my_own", "hw.error"),
+        ("task.of_my_own", "task.failed"),
+        ("replay.of_my_own", "replay.differs"),
+        ("file.of_my_own", "file"),
+        ("server.of_my_own", "server"),
+        ("request.of_my_own", "request"),
+        ("plan", "plan.error"),
+        ("nobody.knows", INTERNAL),
+        ("", INTERNAL),
+    ],
+)
+def test_an_unknown_code_is_looked_up_by_its_family(code: str, known: str) -> None:
+    assert look_up(code) == all_codes()[known]
+
+
+def test_a_driver_describes_its_own_errors() -> None:
+    class GripperHot(HardwareError):
+        code = "hw.test_gripper_hot"
+        meaning = "The motor of the gripper is hot"
+        hint = "let it cool"
+
+    known = look_up(GripperHot.code)
+    assert (known.exit_status, known.meaning, known.hint) == (
+        6,
+        "The motor of the gripper is hot",
+        "let it cool",
+    )
+    assert GripperHot.code not in all_codes()
 
 
 def test_what_fails_says_what_to_do() -> None:
-    assert [code for code, known in CODES.items() if not known.means] == []
-    assert [code for code, known in CODES.items() if not known.hint] == ["ok", "goal.canceled"]
+    codes = all_codes()
+    assert [code for code, known in codes.items() if not known.meaning] == []
+    assert [code for code, known in codes.items() if not known.hint] == ["goal.canceled", "ok"]

@@ -55,7 +55,7 @@ def test_run_refuses(trees: Path, port: tuple[str, ...]) -> None:
     folders = ("--trees", str(trees), "--recordings", str(trees / "recordings"))
     arguments = ["run", "7", "--robot", ARM, *folders, "--json", *port]
     result = CliRunner().invoke(cli, arguments)
-    assert result.exit_code == look_up(NoDriver.code).exit
+    assert result.exit_code == look_up(NoDriver.code).exit_status
     outcome = [json.loads(line) for line in result.output.splitlines()][-1]
     assert "names no driver" in str(outcome)
     assert NoDriver.code in str(outcome)

@@ -12,10 +12,10 @@ from executive.replay.verification_text import in_words
 from hardware import SimulatedClock
 from tests.conftest import Rig, RigMaker
 from tests.support.paths import EXAMPLES
-from trees.compile.arguments import BadArguments
 from trees.compile.plugins import load_skills
 from trees.compile.port_types import known_skills
 from trees.compile.resolved import RESOLVED
+from trees.errors import BadArguments
 
 Near = Callable[[float, float], None]
 

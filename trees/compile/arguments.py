@@ -4,18 +4,12 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from trees.errors import FileError, Mistake, Place
+from trees.errors import BadArguments, FileError, Mistake, Place
 from trees.reading.document import REFUSED, Located
 from trees.reading.grammar import parse_value
 
 FILE = "arguments.yaml"  # what a recording keeps them as
 MISSING = Place(Path("arguments"), 0, 0)  # of one that is not given
-
-
-class BadArguments(FileError):
-    """What a task is called with is wrong, and not its file."""
-
-    code = "goal.bad_arguments"
 
 
 def read_arguments(settings: Sequence[str], tasks: Sequence[int]) -> dict[str, Located]:

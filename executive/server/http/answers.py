@@ -10,7 +10,7 @@ from typing import Any
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
-from executive.errors import GoalError, ResultTimeout
+from executive.errors import BadRequest, NotHeld, ResultTimeout, TooMuch
 from executive.executive import Event, Executive
 from executive.goals.events import KINDS, as_goal, as_result, as_status
 from executive.goals.goal import GoalStatus, Outcome
@@ -22,21 +22,12 @@ from executive.server.limits.cancel_thread import CancelThread
 from executive.server.metrics import Metrics
 from executive.server.security import HAS_TOKEN
 
-from .errors import BadRequest, TooMuch, status_of
+from .errors import status_of
 from .openapi import document
 from .operations import LISTED
 
 MAX_SUBSCRIBERS = 16  # of those who show the token, and of all others
 HOLD_SECONDS = 1.0  # a hold of which nothing comes for so long has ended
-
-
-class NotHeld(GoalError):
-    """A goal with a dead man's handle, and nobody's hand on it."""
-
-    code = "goal.not_held"
-
-    def __init__(self, identity: str) -> None:
-        super().__init__(f"nobody holds goal {identity}; begin to hold it, then send it")
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,13 +19,23 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from executive.codes import INTERNAL
+from executive.errors import (
+    BadMethod,
+    BadRequest,
+    Forbidden,
+    NotFound,
+    RequestError,
+    TooLarge,
+    TooMuch,
+    TooSlow,
+)
 from executive.server.limits.token_bucket import TokenBucket
 from executive.server.security import HAS_TOKEN, AccessRules, with_security_headers
 from hardware import Clock
 
 from . import strict_json
 from .answers import Api, Call
-from .errors import BadRequest, Forbidden, RequestError, TooMuch, as_json, status_of
+from .errors import as_json, status_of
 from .operations import OPERATIONS, Operation, Parameter
 
 logger = logging.getLogger(__name__)
@@ -232,7 +242,7 @@ def _checked(check: Callable[[Any], Any], value: Any, whole: str) -> Any:
 
 async def _read(request: Request, most: int) -> bytes:
     declared = request.headers.get("content-length", "0")
-    large = TooMuch(f"a body may have {most} bytes", status=413, code="request.too_large")
+    large = TooLarge(f"a body may have {most} bytes")
     if int(declared) > most:
         raise large
     data = bytearray()
@@ -244,7 +254,7 @@ async def _read(request: Request, most: int) -> bytes:
                     raise large
     except TimeoutError as error:
         words = f"the body was not whole after {BODY_SECONDS:g} s"
-        raise TooMuch(words, status=408, code="request.timeout") from error
+        raise TooSlow(words) from error
     return bytes(data)
 
 
@@ -259,7 +269,7 @@ def _refused(error: RequestError) -> Response:
 async def _not_routed(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     words = f"{request.method} {request.url.path}: {error.detail}"
-    code = {404: "request.not_found", 405: "request.method"}.get(error.status_code, "request")
-    told = BadRequest(words, "GET /openapi.json lists all there is", error.status_code, code)
+    kind = {404: NotFound, 405: BadMethod}.get(error.status_code, RequestError)
+    told = kind(words, "GET /openapi.json lists all there is", error.status_code)
     headers = {**(error.headers or {}), "connection": "close"}
     return JSONResponse(as_json(told), error.status_code, headers)

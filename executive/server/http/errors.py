@@ -1,69 +1,9 @@
-"""What goes wrong between a client and the executive, as one shape.
-
-RequestError               the request itself is at fault
-├── BadRequest             400, 422  not understood
-├── Forbidden              403       wrong Host or Origin
-├── Unauthorized           401       no token, or a wrong one
-└── TooMuch                408, 413, 429, 503
-"""
+"""How errors are sent to a client: the HTTP status of each code, and the error as JSON."""
 
 import dataclasses
 from typing import Any
 
 from executive.goals.causes import cause_of
-
-_LONGEST = 300  # characters of what was wrong, in an answer: a client's own words may be in it
-
-
-class RequestError(Exception):
-    """A request that is refused before the executive hears of it.
-
-    Args:
-        message: What is wrong.
-        hint: What to do about it.
-        status: Of the answer.
-        code: Stable name; None for the class's.
-    """
-
-    status = 400
-    code = "request"
-
-    def __init__(
-        self, message: str, hint: str = "", status: int | None = None, code: str | None = None
-    ) -> None:
-        cut = message if len(message) <= _LONGEST else f"{message[:_LONGEST]} …"
-        super().__init__(cut)
-        self.hint = hint
-        self.status = status or self.status
-        self.code = code or self.code
-
-
-class BadRequest(RequestError):
-    """A request that cannot be understood."""
-
-    code = "request.malformed"
-
-
-class Forbidden(RequestError):
-    """A request that came by way of a page or a name that is not ours."""
-
-    status = 403
-    code = "request.forbidden"
-
-
-class Unauthorized(RequestError):
-    """A request without the token."""
-
-    status = 401
-    code = "request.token"
-
-
-class TooMuch(RequestError):
-    """A request that is too large, too slow, or one too many."""
-
-    status = 429
-    code = "request.too_many"
-
 
 # A code is looked up whole, then by what stands before its dot.
 STATUS = {
@@ -95,6 +35,4 @@ def status_of(code: str) -> int:
 
 def as_json(error: Exception) -> dict[str, Any]:
     """Any error in the one shape: that of a cause."""
-    cause = dataclasses.asdict(cause_of(error))
-    hint = getattr(error, "hint", "")
-    return cause | {"hint": hint} if hint else cause
+    return dataclasses.asdict(cause_of(error))

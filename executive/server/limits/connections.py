@@ -16,7 +16,8 @@ from uvicorn.server import ServerState
 from websockets.frames import CloseCode
 from websockets.utils import apply_mask
 
-from executive.server.http.errors import BadRequest, as_json
+from executive.errors import BadRequest
+from executive.server.http.errors import as_json
 from executive.server.security import HAS_TOKEN
 
 from .fair_queue import CHUNK, FairQueue

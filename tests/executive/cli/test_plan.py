@@ -182,7 +182,7 @@ def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
 def test_what_is_written_wrong_is_named(tmp_path: Path, goal: tuple[str, ...], why: str) -> None:
     result = plan(tmp_path, *goal)
     assert re.search(why, str(result.exception)), result.exception
-    assert look_up(getattr(result.exception, "code", "")).exit not in (0, 1)
+    assert look_up(getattr(result.exception, "code", "")).exit_status not in (0, 1)
 
 
 TWO_REACHES = """

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from executive.cli.sending import NotReplayable, _setpoints
+from executive.cli.sending import _setpoints
 from hardware import load_robot
+from skills.errors import NotReplayable
 from tests.conftest import RigMaker
 from tests.end_to_end.test_command_line import events, sent_frames, start
 from tests.end_to_end.test_command_line import robot as quick

@@ -9,9 +9,10 @@ from click.testing import CliRunner
 
 import logs
 from executive.cli.main import cli
+from executive.errors import PoseUnconfirmed
 from executive.goals.goal import GoalState
 from executive.goals.queue import Policy
-from executive.goals.start_pose import PoseUnconfirmed, standing
+from executive.goals.start_pose import standing
 from hardware import DescriptionError, Robot, State, load_robot
 from tests.conftest import Rig, RigMaker
 from tests.support.server_acts import at_frame

@@ -26,7 +26,7 @@ def test_a_urdf_that_cannot_be_planned_with_is_a_wrong_file(tmp_path: Path) -> N
     result = plan("right", "--robot", str(robot))
     assert isinstance(result.exception, ModelUnusable)
     assert "has a capsule" in str(result.exception)
-    assert look_up(result.exception.code).exit == 3
+    assert look_up(result.exception.code).exit_status == 3
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_a_urdf_that_cannot_be_planned_with_is_a_wrong_file(tmp_path: Path) -> N
 def test_what_is_asked_wrongly_is_named_with_its_option(goal: tuple[str, ...], why: str) -> None:
     result = plan(*goal)
     assert str(result.exception).startswith(why)
-    assert look_up(getattr(result.exception, "code", "")).exit in (4, 5)
+    assert look_up(getattr(result.exception, "code", "")).exit_status in (4, 5)
 
 
 @pytest.mark.parametrize(

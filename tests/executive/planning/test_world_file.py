@@ -11,7 +11,8 @@ from click.testing import CliRunner, Result
 
 from executive.cli.main import cli
 from executive.codes import look_up
-from executive.planning.world_file import BadWorldFile, read_world
+from executive.errors import BadWorldFile
+from executive.planning.world_file import read_world
 from skills.motion import Body, Box, Shape, Sphere
 from tests.support.paths import ROOT
 
@@ -73,7 +74,7 @@ def test_a_file_that_is_not_there_is_one_that_is_wrong(tmp_path: Path) -> None:
     result = plan("right", "--world", str(tmp_path / "nowhere.json"))
     assert isinstance(result.exception, BadWorldFile)
     assert "nowhere.json: cannot be read: No such file" in str(result.exception)
-    assert look_up(result.exception.code).exit == 3
+    assert look_up(result.exception.code).exit_status == 3
 
 
 @pytest.mark.parametrize(

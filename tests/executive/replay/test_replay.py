@@ -15,7 +15,8 @@ from mcap.writer import Writer
 import logs
 from executive.cli import watching
 from executive.cli.watching import Player
-from executive.recording.recorded_link import RecordedLink, RecordingBehind
+from executive.errors import RecordingBehind
+from executive.recording.recorded_link import RecordedLink
 from executive.replay.verification import prove
 from hardware import SimulatedClock
 from logs.records.ros_types import ros_types

@@ -12,11 +12,11 @@ import pytest
 from websockets.frames import Close, Frame, Opcode
 
 from executive.client import requests
+from executive.errors import AddressInUse, ServerError
 from executive.server import token_file
 from executive.server.http import app
 from executive.server.http.operations import OPERATIONS
 from executive.server.limits import connections
-from executive.server.server import AddressInUse, ServerError
 from tests.support.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
 from tests.support.serving import Serve
 

@@ -3,7 +3,7 @@
 import pytest
 from starlette.datastructures import Headers
 
-from executive.server.http.errors import RequestError
+from executive.errors import RequestError
 from executive.server.limits.token_bucket import TokenBucket
 from executive.server.security import AccessRules, is_loopback, names
 from tests.support.serving import Serve
