@@ -48,7 +48,6 @@ def test_the_top_level_is_as_agreed() -> None:
         *ROOMS,
         "docs",
         "tests",
-        "docs",
         "pyproject.toml",
         "README.md",
         "ARCHITECTURE.md",

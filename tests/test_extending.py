@@ -1,0 +1,50 @@
+"""One of each thing that people add, in as many places as ARCHITECTURE.md says."""
+
+from pathlib import Path
+
+from executive.testing import SimulatedArm
+from hardware import load_robot
+from tests.support.paths import ROBOT_FILE
+
+TASK = "task: {number}\nname: {name}\ndescription: Try it.\ntree:\n  {tree}\n"
+
+
+def test_a_task_is_one_file(tmp_path: Path) -> None:
+    (tmp_path / "20_greet.yaml").write_text(
+        TASK.format(number=20, name="greet", tree="Say: {text: hello}")
+    )
+    with SimulatedArm(trees=tmp_path) as arm:
+        assert arm.run(20).success
+        assert arm.said("greet") == ["hello"]
+
+
+SKILL = """
+from py_trees.common import Status
+from skills import Skill
+
+class CountJoints(Skill):
+    '''Say how many joints the arm has.'''
+
+    def on_start(self):
+        self.feedback_message = f"{len(self.context.robot.actuated)} joints"
+        return Status.SUCCESS
+"""
+
+
+def test_a_skill_is_one_class(tmp_path: Path) -> None:
+    (tmp_path / "count.py").write_text(SKILL)
+    (tmp_path / "21_count.yaml").write_text(
+        TASK.format(number=21, name="count", tree="CountJoints: {}")
+    )
+    with SimulatedArm(trees=tmp_path, skills=tmp_path) as arm:
+        assert arm.run(21).success
+        assert arm.said("count") == ["4 joints"]
+
+
+def test_an_arm_is_one_robot_file_with_its_urdf(tmp_path: Path) -> None:
+    text = ROBOT_FILE.read_text().replace('name = "arduinobot"', 'name = "mine"')
+    (tmp_path / "mine.toml").write_text(text)
+    (tmp_path / "arduinobot.urdf").write_bytes(ROBOT_FILE.with_suffix(".urdf").read_bytes())
+    assert load_robot(tmp_path / "mine.toml").name == "mine"
+    with SimulatedArm(robot=tmp_path / "mine.toml") as arm:
+        assert arm.run(0).success

@@ -1,0 +1,122 @@
+"""The structure: which file may import which, and how much a folder or a file holds."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.paths import ROOT
+
+BELOW = {
+    "hardware": set[str](),
+    "logs": {"hardware"},
+    "skills": {"hardware"},
+    "trees": {"hardware", "skills"},
+    "executive": {"hardware", "logs", "skills", "trees"},
+}
+# One file per skill, and one per group of commands.
+CROWDED = {"skills/leaves", "executive/cli"}
+SIBLINGS = 14  # about a dozen
+LINES = 600
+
+
+def modules() -> dict[str, Path]:
+    """Every file of the rooms, by its dotted name; a package goes by its own name."""
+    files = [path for room in BELOW for path in (ROOT / room).rglob("*.py")]
+    named = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in files}
+    return {name.removesuffix(".__init__"): path for name, path in named.items()}
+
+
+MODULES = modules()
+
+
+def imports(name: str, path: Path) -> Iterator[str]:
+    """The files of ours that a file imports, wherever in it the import is."""
+    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in MODULES)
+        elif isinstance(node, ast.ImportFrom):
+            above = package.split(".")[: len(package.split(".")) - node.level + 1]
+            source = ".".join([*above, node.module or ""]).strip(".") if node.level else node.module
+            for alias in node.names:
+                inner = f"{source}.{alias.name}"
+                found = inner if inner in MODULES else source
+                if found in MODULES and found != name:
+                    yield found
+
+
+ARROWS = {name: set(imports(name, path)) for name, path in MODULES.items()}
+
+
+def test_the_arrows_are_seen() -> None:
+    assert "hardware.arm.arm" in ARROWS["hardware"]
+    assert "skills" in ARROWS["executive.executive"]
+    assert len(ARROWS) > 150
+
+
+def test_rooms_import_only_rooms_below() -> None:
+    wrong = [
+        f"{name} -> {other}"
+        for name, others in ARROWS.items()
+        for other in others
+        if (room := name.partition(".")[0]) != (below := other.partition(".")[0])
+        and below not in BELOW[room]
+    ]
+    assert wrong == []
+
+
+def test_no_file_imports_itself_by_way_of_others() -> None:
+    assert circles(ARROWS) == []
+
+
+def circles(arrows: dict[str, set[str]]) -> list[list[str]]:
+    """The circles that a walk along all arrows closes."""
+    found: list[list[str]] = []
+    done: set[str] = set()
+
+    def walk(name: str, way: list[str]) -> None:
+        if name in way:
+            found.append([*way[way.index(name) :], name])
+        elif name not in done:
+            for other in sorted(arrows[name]):
+                walk(other, [*way, name])
+            done.add(name)
+
+    for name in sorted(arrows):
+        walk(name, [])
+    return found
+
+
+def test_a_circle_is_found() -> None:
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == [["b", "c", "b"]]
+
+
+def folders() -> list[Path]:
+    """Every folder of the rooms that holds code."""
+    return sorted({path.parent for path in MODULES.values()})
+
+
+@pytest.mark.parametrize("folder", folders(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_folder_holds_about_a_dozen(folder: Path) -> None:
+    if str(folder.relative_to(ROOT)) in CROWDED:
+        return
+    files = [path for path in folder.glob("*.py") if path.name != "__init__.py"]
+    inner = [path for path in folders() if path.parent == folder]
+    assert len(files) + len(inner) <= SIBLINGS
+
+
+def test_no_file_is_long() -> None:
+    files = [*MODULES.values(), *(ROOT / "tests").rglob("*.py")]
+    long = {str(path): n for path in files if (n := len(path.read_text().splitlines())) > LINES}
+    assert long == {}
+
+
+def test_every_test_lies_where_its_code_does() -> None:
+    """`tests/hardware/arm/test_arm_stop.py` tests `hardware/arm/`."""
+    homes = [
+        path.parent.relative_to(ROOT / "tests") for path in (ROOT / "tests").rglob("test_*.py")
+    ]
+    rooms = [home for home in homes if home.parts and home.parts[0] in BELOW]
+    assert [str(home) for home in rooms if not (ROOT / home).is_dir()] == []
