@@ -1,25 +1,23 @@
-"""Where the links stand for given joint positions, from the URDF alone."""
+"""Forward kinematics: the transform from each link to its parent for given joint positions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, sin
-from xml.etree import ElementTree
 
-Vector = tuple[float, float, float]
+from .joints import Mimic
+from .urdf import UrdfJoint, Vector, parse_urdf
+
 Quaternion = tuple[float, float, float, float]  # x, y, z, w
-
-_TURNING = ("revolute", "continuous")
-_NONE: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Where a link stands in its parent.
+class LinkTransform:
+    """The pose of a link in the frame of its parent.
 
     Attributes:
-        parent: Link.
-        child: Link.
-        position: [m].
+        parent: Name of the parent link.
+        child: Name of the link.
+        position: Position of the link's origin [m].
         rotation: Unit quaternion (x, y, z, w).
     """
 
@@ -29,109 +27,68 @@ class Place:
     rotation: Quaternion
 
 
-@dataclass(frozen=True, slots=True)
-class _Joint:
-    name: str
-    turns: bool
-    slides: bool
-    parent: str
-    child: str
-    origin: Vector
-    rotation: Quaternion
-    axis: Vector
-    leader: str
-    multiplier: float
-    offset: float
-
-
-class Links:
-    """The links of a robot.
+class ForwardKinematics:
+    """The forward kinematics of a robot.
 
     Args:
-        urdf: Its description.
+        urdf: Text of its URDF.
 
     Raises:
-        ValueError: It is no URDF.
+        UrdfError: The URDF is wrong.
     """
 
     def __init__(self, urdf: str) -> None:
         self._joints = [
-            _joint(element) for element in ElementTree.fromstring(urdf).findall("joint")
+            (
+                joint,
+                _from_rpy(joint.rpy),
+                _normalized(joint.axis),
+                joint.mimic or Mimic(joint.name, 1.0, 0.0),
+            )
+            for joint in parse_urdf(urdf).joints
         ]
 
-    def places(self, positions: Mapping[str, float]) -> list[Place]:
-        """Where every link stands but the root; joints that are not given stand at 0.
+    def transforms(self, positions: Mapping[str, float]) -> list[LinkTransform]:
+        """Return the transforms of all links except the root.
 
         Args:
-            positions: By joint, [rad] or [m].
+            positions: Joint positions by name [rad or m]. A missing joint is at 0; a mimic joint
+                follows its leader.
         """
-        return [_place(joint, positions) for joint in self._joints]
+        return [
+            _transform(joint, rotation, axis, mimic.value(positions.get(mimic.leader, 0.0)))
+            for joint, rotation, axis, mimic in self._joints
+        ]
 
 
-def _place(joint: _Joint, positions: Mapping[str, float]) -> Place:
-    value = joint.multiplier * positions.get(joint.leader, 0.0) + joint.offset
-    position, rotation = joint.origin, joint.rotation
-    if joint.turns:
-        x, y, z = (sin(value / 2) * part for part in joint.axis)
-        rotation = _times(rotation, (x, y, z, cos(value / 2)))
-    elif joint.slides:
-        x, y, z = _turned(rotation, joint.axis)
+def _transform(joint: UrdfJoint, rotation: Quaternion, axis: Vector, value: float) -> LinkTransform:
+    position = joint.xyz
+    if joint.type in ("revolute", "continuous"):
+        x, y, z = (sin(value / 2) * part for part in axis)
+        rotation = _product(rotation, (x, y, z, cos(value / 2)))
+    elif joint.type == "prismatic":
+        x, y, z = _rotated(rotation, axis)
         position = position[0] + value * x, position[1] + value * y, position[2] + value * z
-    return Place(joint.parent, joint.child, position, rotation)
+    return LinkTransform(joint.parent, joint.child, position, rotation)
 
 
-def _joint(element: ElementTree.Element) -> _Joint:
-    mimic, kind = element.find("mimic"), element.get("type", "")
-    name = element.get("name", "")
-    leader, multiplier, offset = name, 1.0, 0.0
-    if mimic is not None:
-        leader = mimic.get("joint", "")
-        multiplier, offset = float(mimic.get("multiplier", 1)), float(mimic.get("offset", 0))
-    return _Joint(
-        name=name,
-        turns=kind in _TURNING,
-        slides=kind == "prismatic",
-        parent=_attribute(element, "parent", "link"),
-        child=_attribute(element, "child", "link"),
-        origin=_vector(element, "origin", "xyz", _NONE),
-        rotation=_from_rpy(_vector(element, "origin", "rpy", _NONE)),
-        axis=_unit(_vector(element, "axis", "xyz", (1.0, 0.0, 0.0))),
-        leader=leader,
-        multiplier=multiplier,
-        offset=offset,
-    )
-
-
-def _attribute(element: ElementTree.Element, tag: str, name: str) -> str:
-    found = element.find(tag)
-    return "" if found is None else found.get(name, "")
-
-
-def _vector(element: ElementTree.Element, tag: str, name: str, default: Vector) -> Vector:
-    text = _attribute(element, tag, name)
-    if not text:
-        return default
-    x, y, z = map(float, text.split())
-    return x, y, z
-
-
-def _unit(vector: Vector) -> Vector:
+def _normalized(vector: Vector) -> Vector:
     x, y, z = vector
-    length = (x * x + y * y + z * z) ** 0.5 or 1.0
+    length = (x * x + y * y + z * z) ** 0.5
     return x / length, y / length, z / length
 
 
 def _from_rpy(rpy: Vector) -> Quaternion:
-    """Of a turn about the fixed x, y and z axes, in this order [rad]."""
+    """The rotation about the fixed x, y and z axes, in this order [rad]."""
     roll, pitch, yaw = (
         (sin(rpy[0] / 2), 0.0, 0.0, cos(rpy[0] / 2)),
         (0.0, sin(rpy[1] / 2), 0.0, cos(rpy[1] / 2)),
         (0.0, 0.0, sin(rpy[2] / 2), cos(rpy[2] / 2)),
     )
-    return _times(yaw, _times(pitch, roll))
+    return _product(yaw, _product(pitch, roll))
 
 
-def _times(a: Quaternion, b: Quaternion) -> Quaternion:
+def _product(a: Quaternion, b: Quaternion) -> Quaternion:
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     return (
@@ -142,7 +99,7 @@ def _times(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
-def _turned(rotation: Quaternion, vector: Vector) -> Vector:
+def _rotated(rotation: Quaternion, vector: Vector) -> Vector:
     x, y, z, w = rotation
-    turned = _times(_times(rotation, (*vector, 0.0)), (-x, -y, -z, w))
-    return turned[0], turned[1], turned[2]
+    rotated = _product(_product(rotation, (*vector, 0.0)), (-x, -y, -z, w))
+    return rotated[0], rotated[1], rotated[2]

@@ -5,11 +5,12 @@ from pathlib import Path
 from hardware.drivers.driver import Driver, load_driver
 from hardware.drivers.firmware import NO_FIRMWARE, Firmware
 from hardware.drivers.null_driver import NullDriver
+from hardware.errors import DescriptionError
 
 from .joints import Joint
 from .robot import CollisionRules, Robot, Serial, Tool
 from .toml_table import TomlTable
-from .urdf import Urdf, UrdfJoint, read_urdf
+from .urdf import Urdf, UrdfError, UrdfJoint, read_urdf
 
 _ROUNDING = 1.0 + 1e-9  # of a follower's velocity, times its limit
 
@@ -24,7 +25,7 @@ def load_robot(path: Path | None = None) -> Robot:
         path = Path(__file__).parents[1] / "robots" / "arduinobot" / "arduinobot.toml"
     root = TomlTable.read(path)
     urdf_path = path.parent / root.text("urdf")
-    urdf = read_urdf(root, urdf_path)
+    urdf = _urdf(root, urdf_path)
     driver = load_driver(root) if "driver" in root or "serial" in root else NullDriver(path)
     joints = _joints(root, urdf, driver)
     groups = _groups(root, joints)
@@ -50,6 +51,15 @@ def load_robot(path: Path | None = None) -> Robot:
     return robot
 
 
+def _urdf(root: TomlTable, path: Path) -> Urdf:
+    try:
+        return read_urdf(path)
+    except UrdfError as error:
+        raise DescriptionError(path, error.line, str(error)) from error
+    except (OSError, ValueError, LookupError) as error:  # the path or its encoding is invalid
+        root.fail("urdf", f"{path} cannot be read: {getattr(error, 'strerror', error)}")
+
+
 def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmware]:
     """The line to the board, and what runs on it."""
     if isinstance(driver, NullDriver):
@@ -72,15 +82,15 @@ def _check_line(serial: TomlTable, robot: Robot) -> None:
 
 def _joints(root: TomlTable, urdf: Urdf, driver: Driver) -> tuple[Joint, ...]:
     """The joints of the robot file in its order, then the mimics of the URDF."""
-    table = root.table("joints")
+    table, moving = root.table("joints"), urdf.moving
     for name in table:
-        if name not in urdf.joints:
-            table.fail(name, f"the URDF has no such joint; it has {', '.join(urdf.joints)}")
-        if urdf.joints[name].mimic:
+        if name not in moving:
+            table.fail(name, f"the URDF has no such joint; it has {', '.join(moving)}")
+        if moving[name].mimic:
             table.fail(name, "follows another joint in the URDF and has no servo of its own")
-    own = {name: _joint(name, table.table(name), urdf.joints[name], driver) for name in table}
+    own = {name: _joint(name, table.table(name), moving[name], driver) for name in table}
     mimics = []
-    for name, described in urdf.joints.items():
+    for name, described in moving.items():
         if described.mimic and described.mimic.leader in own:
             leader = described.mimic.leader
             mimics.append(_mimic_joint(name, table.table(leader), described, own[leader]))

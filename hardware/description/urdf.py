@@ -1,6 +1,7 @@
-"""Reading a URDF: its links, and its moving joints with their limits.
+"""The only reader of URDF files: links, joints, and the collision shapes of links.
 
-All that pinocchio would refuse without naming it is refused here, with its joint or link and key.
+It rejects everything that pinocchio would reject without naming it or silently leave out, and names
+the link or joint, the key and the value.
 """
 
 import math
@@ -9,194 +10,290 @@ import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element, ParseError, parse
-
-from hardware.errors import DescriptionError
+from typing import NoReturn
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from .joints import Mimic
-from .toml_table import TomlTable
+
+Vector = tuple[float, float, float]
 
 _MOVING = ("revolute", "continuous", "prismatic")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # float() takes more
-_SHORTEST = 1e-6  # that a joint's axis can be
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # float() accepts more
+_SHORTEST_AXIS = 1e-6  # pinocchio cannot normalise an axis whose square underflows or overflows
 
 
-@dataclass(frozen=True)
-class UrdfJoint:
-    """A joint that moves.
+class UrdfError(ValueError):
+    """A URDF is wrong.
 
     Attributes:
-        lower, upper: Limits [rad or m]; infinite where it turns without an end.
-        velocity: Limit [rad/s or m/s]; infinite where it turns without an end and none is given.
-        mimic: What it follows; None if it moves of its own.
-        unit: rad or m.
+        line: Line number in the file, 0 if no line can be named.
     """
 
+    def __init__(self, message: str, line: int = 0) -> None:
+        self.line = line
+        super().__init__(message)
+
+
+@dataclass(frozen=True, slots=True)
+class UrdfJoint:
+    """A joint.
+
+    Attributes:
+        name: Name of the joint.
+        type: `revolute`, `continuous`, `prismatic` or `fixed`.
+        parent: Name of the link that carries the joint.
+        child: Name of the link that the joint moves.
+        xyz: Position of the joint in the frame of its parent [m].
+        rpy: Rotation of the joint about the parent's fixed x, y and z axes, in this order [rad].
+        axis: Axis in the frame of the joint. It need not have length 1.
+        lower: Smallest position [rad or m], -inf if there is none.
+        upper: Largest position [rad or m], inf if there is none.
+        velocity: Limit [rad/s or m/s], inf if there is none.
+        mimic: How it follows another joint, or None if it moves independently.
+    """
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    xyz: Vector
+    rpy: Vector
+    axis: Vector
     lower: float
     upper: float
     velocity: float
     mimic: Mimic | None
-    unit: str
+
+    @property
+    def unit(self) -> str:
+        """Unit of its position: `m` for a prismatic joint, else `rad`."""
+        return _unit(self.type)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Urdf:
-    """What a robot file needs of its URDF: names of all links, and the joints that move."""
+    """A URDF.
+
+    Attributes:
+        links: Names of all links.
+        joints: All joints, in the order of the file.
+    """
 
     links: tuple[str, ...]
-    joints: dict[str, UrdfJoint]
+    joints: tuple[UrdfJoint, ...]
+
+    @property
+    def moving(self) -> dict[str, UrdfJoint]:
+        """The joints that are not fixed, by name."""
+        return {joint.name: joint for joint in self.joints if joint.type in _MOVING}
 
 
-def read_urdf(table: TomlTable, path: Path) -> Urdf:
-    """The links and moving joints of the URDF that a robot file names.
+def read_urdf(path: Path) -> Urdf:
+    """Read the links and joints of a file.
 
     Raises:
-        DescriptionError: It cannot be read, or is no tree of links with joints that make sense.
+        OSError: The file cannot be read.
+        UrdfError: It is not XML, or not a tree of links with valid joints.
+        LookupError: Its encoding is unknown.
+        ValueError: Its path is invalid.
+    """
+    return _links_and_joints(_root(path))
+
+
+def parse_urdf(text: str) -> Urdf:
+    """Parse the links and joints of a URDF.
+
+    Raises:
+        UrdfError: It is not XML, or not a tree of links with valid joints.
     """
     try:
-        root = parse(path).getroot()
-    except ParseError as error:
-        raise DescriptionError(path, error.position[0], f"is not XML: {error}") from error
-    except (OSError, ValueError, LookupError) as error:  # the name or encoding is impossible
-        table.fail("urdf", f"{path} cannot be read: {getattr(error, 'strerror', error)}")
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise _not_xml(error) from error
+    return _links_and_joints(root)
+
+
+def count_collision_shapes(path: Path, largest: float) -> dict[str, int]:
+    """Count the collision shapes of each link, after checking all of them.
+
+    Args:
+        path: The URDF file.
+        largest: Largest size of a shape, and largest distance from the origin of its link [m].
+
+    Raises:
+        OSError: The file cannot be read.
+        UrdfError: It is not XML, or a shape or its origin is invalid.
+    """
+    counts = {}
+    for link in _root(path).findall("link"):
+        name, collisions = link.get("name", ""), link.findall("collision")
+        for collision in collisions:
+            _check_collision(name, collision, largest)
+        counts[name] = len(collisions)
+    return counts
+
+
+def _root(path: Path) -> Element:
+    try:
+        return ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        raise _not_xml(error) from error
+
+
+def _not_xml(error: ElementTree.ParseError) -> UrdfError:
+    return UrdfError(f"is not XML: {error}", error.position[0])
+
+
+# Links and joints --------------------------------------------------------------------------------
+
+
+def _links_and_joints(root: Element) -> Urdf:
     if root.tag != "robot":
-        raise DescriptionError(path, 0, f"is no URDF: it is a <{root.tag}>; give it a <robot>")
+        raise UrdfError(f"is no URDF: it is a <{root.tag}>; give it a <robot>")
     joints = root.findall("joint")
     links = tuple(link.get("name", "") for link in root.findall("link"))
-    names = [joint.get("name", "") for joint in joints]
-    why = _misnamed("link", links) or _misnamed("joint", names)
-    if why := why or _no_joint(joints) or _no_tree(joints, links):
-        raise DescriptionError(path, 0, why)
-    found = {}
-    for name, joint in zip(names, joints, strict=True):
-        try:
-            if read := _read(name, joint):
-                found[name] = read
-        except ValueError as error:
-            raise DescriptionError(path, 0, f"joint {name}: {error}") from error
-    return Urdf(links, found)
+    _check_names("link", links)
+    _check_names("joint", [joint.get("name", "") for joint in joints])
+    _check_types(joints)
+    _check_tree(joints, links)
+    return Urdf(links, tuple(map(_joint, joints)))
 
 
-def _misnamed(kind: str, names: Sequence[str]) -> str:
-    """Why names are none; empty if they are."""
+def _check_names(kind: str, names: Sequence[str]) -> None:
     if "" in names:
-        return f"{kind} {names.index('') + 1} of {len(names)} has no name; give it one"
+        raise UrdfError(f"{kind} {names.index('') + 1} of {len(names)} has no name; give it one")
     for name in names:
         if names.count(name) > 1:
-            return f"two {kind}s are called {name}; give each a name of its own"
-    return ""
+            raise UrdfError(f"two {kind}s are called {name}; give each a name of its own")
 
 
-def _no_joint(joints: list[Element]) -> str:
-    """Why one is of no type that can be planned for; empty if all are."""
+def _check_types(joints: list[Element]) -> None:
     for joint in joints:
         if joint.get("type") not in (*_MOVING, "fixed"):
             why = f"joint {joint.get('name')} is {joint.get('type')}"
-            return f"{why}; it must be {', '.join(_MOVING)} or fixed"
-    return ""
+            raise UrdfError(f"{why}; it must be {', '.join(_MOVING)} or fixed")
 
 
-def _no_tree(joints: list[Element], links: tuple[str, ...]) -> str:
-    """Why the joints do not make a tree of the links; empty if they do."""
+def _check_tree(joints: list[Element], links: tuple[str, ...]) -> None:
+    """Check that the joints connect all links to one tree."""
     ends = {
-        joint.get("name", ""): (_end(joint, "parent"), _end(joint, "child")) for joint in joints
+        joint.get("name", ""): (_link(joint, "parent"), _link(joint, "child")) for joint in joints
     }
-    above = dict[str, str]()  # the joint that each link hangs from
+    above = dict[str, str]()  # the joint above each link
     for name, (parent, child) in ends.items():
         for link in (parent, child):
             if link not in links:
-                return f"joint {name}: there is no link {link!r}; there are {', '.join(links)}"
+                there = f"there is no link {link!r}; there are {', '.join(links)}"
+                raise UrdfError(f"joint {name}: {there}")
         if child in above:
-            return f"joint {name}: its child {child} hangs from {above[child]} already"
+            raise UrdfError(f"joint {name}: its child {child} hangs from {above[child]} already")
         above[child] = name
     for name, (parent, child) in ends.items():
-        way, end = list[str](), parent
-        while end != child and end in above and above[end] not in way:
-            way.append(above[end])
-            end, _ = ends[way[-1]]
+        path, end = list[str](), parent
+        while end != child and end in above and above[end] not in path:
+            path.append(above[end])
+            end, _ = ends[path[-1]]
         if end == child:
-            loop = f"by way of {', '.join(way)}" if way else "as its child is its parent"
-            return f"joint {name} hangs from itself, {loop}; let its child be another link"
-    return _no_root([link for link in links if link not in above])
-
-
-def _no_root(roots: list[str]) -> str:
-    """Why there is not one link that all others hang from; empty if there is."""
+            loop = f"by way of {', '.join(path)}" if path else "as its child is its parent"
+            raise UrdfError(
+                f"joint {name} hangs from itself, {loop}; let its child be another link"
+            )
+    roots = [link for link in links if link not in above]
     if not roots:
-        return "has no links; give it one at least"
+        raise UrdfError("has no links; give it one at least")
     if len(roots) > 1:
         why = f"links {' and '.join(roots)} hang from no joint, as only one link may"
-        return f"{why}; let each other one be the child of a joint"
-    return ""
+        raise UrdfError(f"{why}; let each other one be the child of a joint")
 
 
-def _end(joint: Element, which: str) -> str:
-    element = joint.find(which)
+def _link(joint: Element, tag: str) -> str:
+    element = joint.find(tag)
     return "" if element is None else element.get("link", "")
 
 
-def _read(name: str, joint: Element) -> UrdfJoint | None:
-    """The joint; None where it is fixed.
+def _joint(element: Element) -> UrdfJoint:
+    name, kind = element.get("name", ""), element.get("type", "")
+    try:
+        xyz, rpy = _origin(element)
+        lower, upper, velocity = _limits(kind, element.find("limit"))
+        mimic = element.find("mimic")
+        return UrdfJoint(
+            name=name,
+            type=kind,
+            parent=_link(element, "parent"),
+            child=_link(element, "child"),
+            xyz=xyz,
+            rpy=rpy,
+            axis=_axis(element) if kind in _MOVING else (1.0, 0.0, 0.0),
+            lower=lower,
+            upper=upper,
+            velocity=velocity,
+            mimic=None if mimic is None or kind not in _MOVING else _mimic(name, mimic),
+        )
+    except ValueError as error:
+        raise UrdfError(f"joint {name}: {error}") from error
 
-    Raises:
-        ValueError: It makes no sense.
-    """
-    kind = joint.get("type", "")
-    unit = "m" if kind == "prismatic" else "rad"
-    _check_origin(joint)
-    lower, upper, velocity = _limits(kind, unit, joint.find("limit"))
-    if kind == "fixed":
-        return None
-    axis = joint.find("axis")
-    xyz = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
-    if not _is_direction(xyz):
-        wanted = "give x, y, z of a vector with a length, such as 0 0 1"
-        raise ValueError(f"its axis is {reprlib.repr(xyz)}; {wanted}")
-    mimic = joint.find("mimic")
-    return UrdfJoint(lower, upper, velocity, None if mimic is None else _mimic(name, mimic), unit)
 
-
-def _check_origin(joint: Element) -> None:
+def _origin(joint: Element) -> tuple[Vector, Vector]:
+    """Position [m] and rotation [rad] of a joint in its parent."""
+    found: tuple[Vector, Vector] | None = None
     for origin in joint.findall("origin"):
-        for key, unit in (("xyz", "m"), ("rpy", "rad")):
-            if len(_numbers(origin.get(key, "0 0 0"))) != 3:
-                wanted = f"three finite numbers [{unit}], such as 0 0 0.1"
-                raise ValueError(_told(origin, key, wanted))
+        xyz, rpy = (
+            _vector(origin, key, f"three finite numbers [{unit}], such as 0 0 0.1")
+            for key, unit in (("xyz", "m"), ("rpy", "rad"))
+        )
+        found = found or (xyz, rpy)
+    return found or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def _limits(kind: str, unit: str, limit: Element | None) -> tuple[float, float, float]:
-    """Lower, upper, and of the velocity; infinite where there may be none, and is none."""
-    ends = kind in ("revolute", "prismatic")
+def _vector(origin: Element, key: str, wanted: str) -> Vector:
+    numbers = _numbers(origin.get(key, "0 0 0"))
+    if len(numbers) != 3:
+        _reject(f"its {origin.tag}", origin, key, wanted)
+    x, y, z = numbers
+    return x, y, z
+
+
+def _limits(kind: str, limit: Element | None) -> tuple[float, float, float]:
+    """Lower and upper position, and velocity; infinite if the URDF may omit it and does."""
+    bounded, unit = kind in ("revolute", "prismatic"), _unit(kind)
     if limit is None:
-        if ends:
+        if bounded:
             raise ValueError("it has no limit; give one with its lower, upper, velocity and effort")
         return -math.inf, math.inf, math.inf
-    number, above, missing = (
-        "a finite number",
-        "a finite number of at least 0",
-        None if ends else "0",
-    )
-    lower = _number(limit, "lower", f"{number} [{unit}]", default=missing)
-    upper = _number(limit, "upper", f"{number} [{unit}]", default=missing)
+    number, above = "a finite number", "a finite number of at least 0"
+    default = None if bounded else "0"
+    lower = _number(limit, "lower", f"{number} [{unit}]", default=default)
+    upper = _number(limit, "upper", f"{number} [{unit}]", default=default)
     velocity = _number(limit, "velocity", f"{above} [{unit}/s]", least=0.0)
     _number(limit, "effort", above, least=0.0)
-    if not ends:
+    if not bounded:
         return -math.inf, math.inf, velocity
     if not lower <= upper:
         raise ValueError(f"lower {lower:g} is above upper {upper:g}")
     return lower, upper, velocity
 
 
-def _is_direction(xyz: str) -> bool:
-    """Whether it is a vector; pinocchio makes nothing of one whose square is no number."""
-    numbers = _numbers(xyz)
-    return len(numbers) == 3 and _SHORTEST <= math.hypot(*numbers) <= 1.0 / _SHORTEST
+def _unit(kind: str) -> str:
+    return "m" if kind == "prismatic" else "rad"
+
+
+def _axis(joint: Element) -> Vector:
+    axis = joint.find("axis")
+    text = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
+    numbers = _numbers(text)
+    if len(numbers) != 3 or not _SHORTEST_AXIS <= math.hypot(*numbers) <= 1.0 / _SHORTEST_AXIS:
+        wanted = "give x, y, z of a vector with a length, such as 0 0 1"
+        raise ValueError(f"its axis is {reprlib.repr(text)}; {wanted}")
+    x, y, z = numbers
+    return x, y, z
 
 
 def _mimic(name: str, element: Element) -> Mimic:
     leader = element.get("joint", "")
     if not leader:
-        raise ValueError(_told(element, "joint", "the name of the joint to follow"))
+        _reject("its mimic", element, "joint", "the name of the joint to follow")
     if leader == name:
         raise ValueError("it mimics itself; let it mimic another joint, or none")
     multiplier = _number(element, "multiplier", "a finite number", default="1")
@@ -207,22 +304,61 @@ def _mimic(name: str, element: Element) -> Mimic:
 def _number(
     element: Element, key: str, wanted: str, least: float = -math.inf, default: str | None = None
 ) -> float:
-    """An attribute; what is wanted of it is for the message."""
     text = element.get(key, default)
     if text is None or not _NUMBER.fullmatch(text) or not least <= float(text) < math.inf:
-        raise ValueError(_told(element, key, wanted))
+        _reject(f"its {element.tag}", element, key, wanted)
     return float(text)
 
 
+# Collision shapes --------------------------------------------------------------------------------
+
+# For each kind of shape, the attributes that hold sizes, and the count of numbers in each.
+_SIZES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}}
+_SHAPES = (*_SIZES, "mesh")
+
+
+def _check_collision(link: str, collision: Element, largest: float) -> None:
+    for origin in collision.findall("origin"):
+        for key in ("xyz", "rpy"):
+            numbers = _numbers(origin.get(key, "0 0 0"))
+            if len(numbers) != 3 or max(map(abs, numbers)) > largest:
+                wanted = f"three numbers, up to {largest:g} either way"
+                _reject(f"an origin of {link}", origin, key, wanted)
+    shapes = collision.findall("geometry/*")
+    if len(shapes) != 1:
+        raise UrdfError(f"a collision of {link} has {len(shapes)} shapes; give each of them one")
+    _check_shape(link, shapes[0], largest)
+
+
+def _check_shape(link: str, shape: Element, largest: float) -> None:
+    where = f"the {shape.tag} of {link}"
+    if shape.tag not in _SHAPES:
+        raise UrdfError(f"{link} has a {shape.tag}; give one of {', '.join(_SHAPES)}")
+    for key, count in _SIZES.get(shape.tag, {}).items():
+        numbers = _numbers(shape.get(key, ""))
+        if len(numbers) != count or not all(0.0 < number <= largest for number in numbers):
+            wanted = "a number" if count == 1 else "three numbers"
+            _reject(where, shape, key, f"{wanted} above 0, up to {largest:g} m")
+    if shape.tag == "mesh":
+        if not shape.get("filename"):
+            _reject(where, shape, "filename", "that of a file")
+        scale = _numbers(shape.get("scale", "1 1 1"))  # a negative scale mirrors the mesh
+        if len(scale) != 3 or not all(0.0 < abs(number) <= largest for number in scale):
+            wanted = f"three numbers other than 0, up to {largest:g} either way"
+            _reject(where, shape, "scale", wanted)
+
+
+# Numbers and messages ----------------------------------------------------------------------------
+
+
 def _numbers(text: str) -> list[float]:
-    """Finite numbers with spaces between; none at all where one of them is none."""
-    words = text.split(" ")
+    """The finite numbers of a text, separated by spaces; empty if one of them is invalid."""
+    words = [word for word in text.split(" ") if word]
     numbers = [float(word) for word in words if _NUMBER.fullmatch(word)]
-    right = len(numbers) == len([word for word in words if word])
-    return numbers if right and all(map(math.isfinite, numbers)) else []
+    return numbers if len(numbers) == len(words) and all(map(math.isfinite, numbers)) else []
 
 
-def _told(element: Element, key: str, wanted: str) -> str:
+def _reject(where: str, element: Element, key: str, wanted: str) -> NoReturn:
     value = element.get(key)
     what = "is missing" if value is None else f"is {reprlib.repr(value)}"
-    return f"the {key} of its {element.tag} {what}; give {wanted}"
+    raise UrdfError(f"the {key} of {where} {what}; give {wanted}")

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hardware.description.kinematics import Links
+from hardware.description.kinematics import ForwardKinematics
 from logs.errors import RecordingError, RecordingTruncated
 from logs.records.conversions import Stamp
 from logs.records.records import Description, LogLine, Plan, Received, Record, Transition
@@ -99,7 +99,7 @@ class _Teller:
 
     def __init__(self, recording: Recording) -> None:
         self._recording, self._ros = recording, ros_types()
-        self._links: Links | None = None
+        self._kinematics: ForwardKinematics | None = None
         self._counts = Counter[str]()
 
     def difference(self, group: list[Message]) -> str:
@@ -146,14 +146,14 @@ class _Teller:
         files = self._recording.files.values()
         if urdf.encode().splitlines() not in (data.splitlines() for data in files):
             raise RecordingError(self._recording.path, "has a URDF that is none of its files")
-        self._links = Links(urdf)
+        self._kinematics = ForwardKinematics(urdf)
         return Description(0.0, urdf)
 
     def _made(self, record: Record, time_ns: int) -> Iterator[tuple[str, Any]]:
         """By topic; those that the writer of the file did not know are left out."""
         for topic in topics_of(type(record)):
             name = topic.name_for(record)
-            stamp = Stamp(time_ns, self._counts[name], self._links)
+            stamp = Stamp(time_ns, self._counts[name], self._kinematics)
             message = topic.convert(record, stamp, self._ros)
             if message is not None and _place(name) and name in self._recording.topics:
                 yield name, message

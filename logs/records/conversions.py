@@ -7,7 +7,7 @@ from uuid import UUID
 
 import numpy as np
 
-from hardware.description.kinematics import Links, Place
+from hardware.description.kinematics import ForwardKinematics, LinkTransform
 
 from .records import Description, Feedback, LogLine, Plan, Received, Record, Sent, Transition
 from .ros_types import RosTypes
@@ -56,12 +56,12 @@ class Stamp(NamedTuple):
     Attributes:
         time_ns: Nanoseconds since 1970 [ns].
         sequence: How many messages precede it in its channel.
-        links: The robot's; None while it is not known.
+        kinematics: Forward kinematics of the robot, or None before its URDF is recorded.
     """
 
     time_ns: int
     sequence: int
-    links: Links | None = None
+    kinematics: ForwardKinematics | None = None
 
 
 class Timing(NamedTuple):
@@ -119,11 +119,11 @@ def urdf(description: Description, stamp: Stamp, ros: RosTypes) -> Any:
 
 def transforms(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
     """Where the commanded positions put every link, as TFMessage; None where either is unknown."""
-    if stamp.links is None or not sent.joints:
+    if stamp.kinematics is None or not sent.joints:
         return None
-    places = stamp.links.places(dict(zip(sent.joints, sent.positions, strict=True)))
+    links = stamp.kinematics.transforms(dict(zip(sent.joints, sent.positions, strict=True)))
     return ros.make(
-        "tf2_msgs/msg/TFMessage", transforms=[_transform(place, stamp, ros) for place in places]
+        "tf2_msgs/msg/TFMessage", transforms=[_transform(link, stamp, ros) for link in links]
     )
 
 
@@ -224,13 +224,13 @@ def _header(stamp: Stamp, ros: RosTypes, frame: str = "") -> Any:
     return ros.make("std_msgs/msg/Header", stamp=_time(stamp.time_ns, ros), frame_id=frame)
 
 
-def _transform(place: Place, stamp: Stamp, ros: RosTypes) -> Any:
-    x, y, z = place.position
-    qx, qy, qz, qw = place.rotation
+def _transform(link: LinkTransform, stamp: Stamp, ros: RosTypes) -> Any:
+    x, y, z = link.position
+    qx, qy, qz, qw = link.rotation
     return ros.make(
         "geometry_msgs/msg/TransformStamped",
-        header=_header(stamp, ros, place.parent),
-        child_frame_id=place.child,
+        header=_header(stamp, ros, link.parent),
+        child_frame_id=link.child,
         transform=ros.make(
             "geometry_msgs/msg/Transform",
             translation=ros.make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),

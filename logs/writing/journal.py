@@ -8,7 +8,7 @@ from io import BufferedWriter
 from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 
-from hardware.description.kinematics import Links
+from hardware.description.kinematics import ForwardKinematics
 from logs.records.conversions import Stamp
 from logs.records.records import Attachment, Description, Item, Note, Record
 from logs.records.ros_types import ros_types
@@ -50,7 +50,7 @@ class Journal:
         self._tail = Tail(stream)
         self._epoch_ns = epoch_ns
         self._last_ns = 0
-        self._links: Links | None = None
+        self._kinematics: ForwardKinematics | None = None
         self._ros = ros_types()
         self._channels = {name: _Channel(number) for name, number in _CHANNELS.items()}
         self._tail.write(checked(_head(epoch_ns)))
@@ -90,7 +90,7 @@ class Journal:
         if isinstance(item, Note):
             return _bytes(mcap.Metadata(item.name, dict(item.facts)))
         if isinstance(item, Description):
-            self._links = _links(item.urdf)
+            self._kinematics = _kinematics(item.urdf)
         time_ns = self._epoch_ns + round(item.time * 1e9)
         messages = []
         for channel, data in self._convert(item, time_ns):
@@ -104,7 +104,7 @@ class Journal:
         messages = []
         for topic in _TOPICS[type(record)]:
             channel = self._channel(topic, record)
-            stamp = Stamp(time_ns, channel.sequence, self._links)
+            stamp = Stamp(time_ns, channel.sequence, self._kinematics)
             message = topic.convert(record, stamp, self._ros)
             if message is not None:
                 messages.append((channel, self._ros.encode(message)))
@@ -162,6 +162,6 @@ def _library() -> str:
 
 
 @lru_cache(maxsize=1)
-def _links(urdf: str) -> Links:
+def _kinematics(urdf: str) -> ForwardKinematics:
     """Parsed once, for a server's recordings are all of one robot."""
-    return Links(urdf)
+    return ForwardKinematics(urdf)

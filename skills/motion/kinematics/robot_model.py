@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import pinocchio as pin
 
 from hardware import Robot
+from hardware.description.urdf import count_collision_shapes
 from skills.motion.collision.shapes import hull, packages
 from skills.motion.collision.solid import solid_of
 from skills.motion.errors import ModelUnusable
 from skills.motion.measures import FARTHEST
 
 from .lever_arms import LeverArms, floor_lever_arms, lever_arms
-from .urdf_shapes import shape_counts
 
 
 class RobotModel:
@@ -38,8 +38,8 @@ class RobotModel:
 
     def __init__(self, robot: Robot) -> None:
         self._robot, urdf = robot, str(robot.urdf)
-        shapes = shape_counts(robot.urdf)
         try:
+            shapes = count_collision_shapes(robot.urdf, FARTHEST)
             self._loose = pin.buildModelFromUrdf(urdf)  # followers with coordinates of their own
             _check_joints(robot, self._loose)
             self.kinematics = _tied(robot, self._loose)
@@ -50,7 +50,7 @@ class RobotModel:
             )
             self._check_count(shapes)
             self.outer = self._hulls()
-        except (RuntimeError, ValueError) as error:
+        except (OSError, RuntimeError, ValueError) as error:
             raise ModelUnusable(urdf, _why(error)) from error
         self.solids = [solid_of(shape.geometry) for shape in self.exact]
         self.floor_lever_arms = floor_lever_arms(self._loose)

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from hardware import Robot
-from hardware.description.kinematics import Links, Quaternion
+from hardware.description.kinematics import ForwardKinematics, Quaternion
 from logs import Description, Recorder, Sent, read
 from tests.logs.test_run import EPOCH_NS, fail
 
@@ -20,7 +20,7 @@ def matrix(q: Quaternion) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]"
 
 
 def test_as_pinocchio_places_them(robot: Robot) -> None:
-    links, rng = Links(robot.urdf.read_text()), random.Random(1)
+    kinematics, rng = ForwardKinematics(robot.urdf.read_text()), random.Random(1)
     model = pin.buildModelFromUrdf(str(robot.urdf))
     data = model.createData()
     for _ in range(20):
@@ -31,7 +31,7 @@ def test_as_pinocchio_places_them(robot: Robot) -> None:
         }
         q = np.array([full[name] for name in model.names[1:]])
         pin.framesForwardKinematics(model, data, q)
-        for place in links.places(positions):
+        for place in kinematics.transforms(positions):
             parent, child = (data.oMf[model.getFrameId(n)] for n in (place.parent, place.child))
             wanted = parent.actInv(child)
             assert np.allclose(wanted.translation, place.position, atol=1e-12)
@@ -40,8 +40,10 @@ def test_as_pinocchio_places_them(robot: Robot) -> None:
 
 def test_a_sliding_joint_moves_along_its_turned_axis() -> None:
     joint = '<joint name="a" type="prismatic"><parent link="p"/><child link="c"/>'
-    joint += '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/><axis xyz="2 0 0"/></joint>'
-    (place,) = Links(f"<robot>{joint}</robot>").places({"a": 0.5})
+    joint += '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/><axis xyz="2 0 0"/>'
+    joint += '<limit lower="0" upper="1" velocity="1" effort="1"/></joint>'
+    urdf = f'<robot><link name="p"/><link name="c"/>{joint}</robot>'
+    (place,) = ForwardKinematics(urdf).transforms({"a": 0.5})
     assert place.position == pytest.approx((1.0, 0.5, 0.0))
 
 
