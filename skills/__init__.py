@@ -1,4 +1,4 @@
-"""What the arm can do: the leaves that task files name."""
+"""Skills: the leaves that task files name, and the interface to write more of them."""
 
 from .base import Skill, WorldChange
 from .context import Context, Planned, Scene, Scheduled, SkillEvent
@@ -21,18 +21,19 @@ from .errors import (
     refuse,
 )
 from .function import Cancel, condition, skill
+from .joint_targets import check_targets
 from .leaves.ask import Ask
-from .leaves.check_bounds import CheckBounds, check_targets
+from .leaves.blackboard import Compare, Set
+from .leaves.check_bounds import CheckBounds
 from .leaves.check_hardware import CheckHardware
 from .leaves.execute import Execute
-from .leaves.keys import Compare, Set
 from .leaves.plan_group import PlanArm, PlanGripper
 from .leaves.reach_point import TOOL_PORTS, ReachPoint, check_tool
-from .leaves.say import Fail, Say
+from .leaves.result import Fail, Succeed
+from .leaves.say import Say
 from .leaves.scene import AddBox, AddCylinder, AddMesh, AddSphere, Attach, Detach, RemoveBody
 from .leaves.set_start import SetStart
-from .leaves.succeed import Succeed
-from .leaves.targets import Shift, Target, check_distances, check_joints
+from .leaves.target import Shift, Target, check_distances, check_joints
 from .leaves.wait import Wait
 from .operator import NoOperator, Operator, Question
 from .ports import Port, Positions, xyz

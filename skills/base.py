@@ -27,8 +27,8 @@ _RENAMED = {"judge": "validate", "judges_parts": "validates_partial"}
 class WorldChange(Enum):
     """What a skill does with the body that its input port `body` names."""
 
-    ADDS = "adds it, as the method `body` says"
-    HANDS_OVER = "fixes it to the link that the input port `link` names; without that port to none"
+    ADDS = "adds the body that the method `body` returns"
+    ATTACHES = "attaches it to the link of the input port `link`; without that port, detaches it"
     REMOVES = "removes it"
 
 
@@ -49,11 +49,11 @@ class Skill(BehaviourWithPorts):
             is `planning` until a motion is scheduled, then `executing`.
         may_fail: False if it always succeeds.
         may_succeed: False if it always fails.
-        world_change: How it changes the world around the arm; None if it does not.
-        pose_output: Output port for the configuration of the arm when this skill ends.
+        world_change: How it changes the world; None if it does not.
+        pose_output: Output port for the configuration that `poses` returns.
         tool_output: Output port for the joint positions that answer `tool_query`; empty for none.
-        plans_goal: True if it plans the motion to the configuration at its input port `goal`.
-        copies_targets: True if the configuration that it writes consists of its inputs' values.
+        plans_goal: True if it plans a motion to the configuration at its input port `goal`.
+        copies_targets: True if the configuration that it writes consists of its inputs.
         failure: Error of the last failure, or None.
         broken: Last exception of its code that is not one of armtree's errors, or None.
         start_count: Number of times it was started.
@@ -129,12 +129,18 @@ class Skill(BehaviourWithPorts):
 
     @classmethod
     def waypoints(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Points that the arm passes on its way to the goal: values of its own joints [rad]."""
+        """Return the points that the arm passes on its way to the goal.
+
+        Each has one value per actuated joint of the arm's group [rad].
+        """
         return []
 
     @classmethod
     def tool_query(cls, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
-        """The point that the tool must reach, in an empty world; None if an input is not known."""
+        """Return the query for the point that the tool must reach, in an empty world.
+
+        None if an input is not known.
+        """
         return None
 
     @classmethod

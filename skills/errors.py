@@ -1,4 +1,4 @@
-"""What can go wrong in a skill.
+"""Errors of skills.
 
 SkillError
 ├── OutOfBounds     a target lies outside the limits
@@ -39,11 +39,11 @@ class SkillError(Exception):
     hint = "report it"
     heading = "The task failed"
     node = ""
-    way: tuple[str | int, ...] = ()
+    location: tuple[str | int, ...] = ()
 
-    def at(self, *way: str | int) -> Self:
+    def at(self, *location: str | int) -> Self:
         """The same, with the way to the value that is wrong."""
-        self.way = way
+        self.location = location
         return self
 
 

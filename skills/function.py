@@ -1,4 +1,4 @@
-"""Python functions as skills: registered by a decorator, named in task files like any other."""
+"""Decorators that register Python functions as skills."""
 
 import inspect
 from collections.abc import Callable
@@ -20,23 +20,23 @@ RESULT = "result"
 
 
 class Cancel:
-    """Tells a function that works for long that it is to end.
+    """The cancel signal of a function that runs for long.
 
     Args:
-        clock: Whose time.
+        clock: Time source.
     """
 
     def __init__(self, clock: Clock) -> None:
         self._clock, self._signal, self._set = clock, clock.signal(), False
 
     def set(self) -> None:
-        """Ask to end."""
+        """Request the function to return."""
         with self._signal:
             self._set = True
             self._signal.notify()
 
     def wait(self, seconds: float) -> bool:
-        """Wait for so long [s], or until it is to end; returns whether it is."""
+        """Wait for a time [s] or a cancel; return True if canceled."""
         until = self._clock.now() + seconds
         with self._signal:
             while not self._set and self._clock.now() < until:
@@ -45,24 +45,24 @@ class Cancel:
 
 
 def skill(function: Function) -> Function:
-    """Register a function as a skill of its name.
+    """Register a function as a skill with the function's name.
 
-    Its parameters with their annotations are the input ports, `result` is an output port where it
-    returns something. A parameter annotated `Context` or `Cancel` is no port: it is handed in. The
-    function runs on a thread of its own; where it may take longer than 250 ms it must watch a
-    `Cancel`. What it raises fails the skill.
+    Its annotated parameters are the input ports. If it returns a value, `result` is an output port.
+    A parameter annotated `Context` or `Cancel` is not a port; armtree passes it. The function runs
+    on its own thread. If it may take longer than 250 ms, it must check a `Cancel`. If it raises an
+    exception, the skill fails.
 
     Raises:
-        TypeError: A parameter has no annotation, or one that ports cannot have.
+        TypeError: A parameter has no annotation, or one that is not a type of ports.
     """
     _register(function, _Action)
     return function
 
 
 def condition(function: Function) -> Function:
-    """Register a function that returns whether something is so, as a skill of its name.
+    """Register a function that returns a bool as a condition with the function's name.
 
-    It is asked again and again on the thread that ticks the tree, so it must return at once.
+    It is called at every tick, on the thread that ticks the tree, so it must return at once.
 
     Raises:
         TypeError: It does not return a bool, or a parameter has no annotation.
@@ -105,7 +105,7 @@ def _register(function: Callable[..., Any], base: type[Skill]) -> None:
 
 
 class _Function(Skill, register=False):
-    """A skill around a function."""
+    """A skill that calls a function."""
 
     function: Callable[..., Any]
     given: dict[str, type]
@@ -115,33 +115,33 @@ class _Function(Skill, register=False):
 
 
 class _Condition(_Function, register=False):
-    """A function that is asked at once."""
+    """A function that is called in the tick."""
 
     condition = True
 
     def on_start(self) -> Status:
-        """Ask."""
+        """Call it."""
         answer = _call(self, self._arguments() | dict.fromkeys(self.given, self.context))
         if not isinstance(answer, bool):
-            raise _no_such(self, answer, "bool")
+            raise _wrong_type(self, answer, "bool")
         if not answer:
-            raise ConditionFails(f"{type(self).__name__} is not so")
+            raise ConditionFails(f"{type(self).__name__} is false")
         return Status.SUCCESS
 
 
 class _Action(_Function, register=False):
-    """A function that runs on a thread of its own."""
+    """A function that runs on its own thread."""
 
     _cancel: Cancel | None = None
     _answer: list[Any] | None = None
 
     @property
     def busy(self) -> bool:
-        """Whether the function still runs."""
+        """True while the function runs."""
         return self._cancel is not None and not self._answer
 
     def on_start(self) -> Status:
-        """Begin it."""
+        """Start the thread."""
         clock, answer = self.context.clock, list[Any]()
         self._cancel, self._answer = Cancel(clock), answer
         handed = {Context: self.context, Cancel: self._cancel}
@@ -158,35 +158,35 @@ class _Action(_Function, register=False):
         return Status.RUNNING
 
     def on_running(self) -> Status:
-        """Take what it returned."""
+        """Process the returned value."""
         if not self._answer:
             return Status.RUNNING
         (returned,) = self._answer
         if isinstance(returned, FunctionFailed):
             raise returned
         if port := self.output_ports().get(RESULT):
-            self._tell(float(returned) if _whole_for(port, returned) else returned)
+            self._write(float(returned) if _is_int_for_float(port, returned) else returned)
         return Status.SUCCESS
 
-    def _tell(self, returned: Any) -> None:
+    def _write(self, returned: Any) -> None:
         try:
             self._set_output(RESULT, returned)
         except TypeError as error:
             wanted = self.output_ports()[RESULT].data_type
-            raise _no_such(self, returned, getattr(wanted, "__name__", str(wanted))) from error
+            raise _wrong_type(self, returned, getattr(wanted, "__name__", str(wanted))) from error
 
     def on_halt(self) -> None:
-        """Ask it to end."""
+        """Request the function to return."""
         if self._cancel:
             self._cancel.set()
 
 
-def _whole_for(port: PortInformation, returned: Any) -> bool:
-    """Whether a whole number was returned where annotations mean it to be a float."""
+def _is_int_for_float(port: PortInformation, returned: Any) -> bool:
+    """Return True if the function returned an int, and the port holds a float."""
     return port.data_type is float and type(returned) is int
 
 
-def _no_such(skill: _Function, returned: Any, wanted: str) -> FunctionFailed:
+def _wrong_type(skill: _Function, returned: Any, wanted: str) -> FunctionFailed:
     name = type(skill).__name__
     return FunctionFailed(f"{name} returned {returned!r}, but is annotated to return {wanted}")
 
@@ -194,5 +194,5 @@ def _no_such(skill: _Function, returned: Any, wanted: str) -> FunctionFailed:
 def _call(skill: _Function, arguments: dict[str, Any]) -> Any:
     try:
         return skill.function(**arguments)
-    except BaseException as error:  # somebody else's code: whatever it raises is its failure
+    except BaseException as error:  # any exception of a user's function is a failure
         raise FunctionFailed(f"{type(skill).__name__}: {type(error).__name__}: {error}") from error

@@ -1,4 +1,4 @@
-"""Plans of several groups as one motion of the whole arm."""
+"""Plans of several groups, merged into one motion of the whole arm."""
 
 from collections.abc import Sequence
 
@@ -10,26 +10,26 @@ from .motion.plan import Plan
 from .motion.query import Rest, Verify
 from .motion.world import World
 
-# The frames are checked as they will be played. Decoded whole degrees, turned one servo after the
-# other, stray up to 15 mm from the plan at the fingertip (measured), so that this margin is smaller
-# than planning's and yet proves half a millimetre everywhere [m].
+# Margin of the check of frames as the board plays them [m]. With whole degrees, and servos that
+# turn one after the other, the fingertip deviates up to 15 mm from the plan (measured). So this
+# margin is smaller than that of planning; it still proves half a millimetre everywhere.
 _PLAYED_MARGIN = 0.001
 
 
 class MergedMotion:
-    """One motion out of several plans.
+    """One motion that consists of several plans.
 
     Args:
-        robot: Whose joints.
-        start: Where the arm stands, one value per actuated joint [rad].
-        plans: One per group.
-        together: Whether all begin at once; else one after the other, in their order.
+        robot: Description of the robot.
+        start: Position of the arm, one value per actuated joint [rad].
+        plans: One plan per group.
+        together: True if all plans start at once; False if each starts when the one before it ends.
 
     Attributes:
-        groups: Whose plans these are, in their order.
-        together: Whether all begin at once.
-        duration: Of the whole [s].
-        sampled: Every row of joint positions [rad] that was asked for, by its time [s].
+        groups: Group of each plan.
+        together: True if all plans start at once.
+        duration: Duration of the whole motion [s].
+        sampled: All rows that `sample` has returned, by time [s].
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class MergedMotion:
         self.duration = max(ends, default=0.0)
 
     def rest(self, time: float, start: tuple[float, ...]) -> list[Plan | Rest]:
-        """What is left of it at a time [s]: whole plans, and those that are to be timed anew.
+        """Return the rest of the motion: plans not started yet, and parts to be timed again.
 
         Args:
-            time: How far it was followed [s].
-            start: Where the arm stands then, one value per actuated joint [rad].
+            time: Time at which the motion was stopped [s].
+            start: Position of the stopped arm, one value per actuated joint [rad].
         """
         left: list[Plan | Rest] = []
         for begins, _, plan in self._plans:
@@ -65,11 +65,11 @@ class MergedMotion:
         return left
 
     def begins_at(self, positions: Sequence[float]) -> bool:
-        """Whether the motion begins at these positions, to the bit."""
+        """Return True if the motion starts exactly at these positions."""
         return bool(np.array_equal(self.sample([0.0])[0], np.asarray(positions)))
 
     def sample(self, times: Sequence[float]) -> list[list[float]]:
-        """Rows of joint positions [rad] at the given times [s], one value per actuated joint."""
+        """Return a row of positions [rad] for each time [s], one value per actuated joint."""
         at = np.asarray(times, dtype=float)
         rows = np.tile(self._start, (len(at), 1))
         for begins, columns, plan in self._plans:
@@ -82,14 +82,14 @@ class MergedMotion:
 def verify_query(
     robot: Robot, start: tuple[float, ...], schedule: Schedule, timeout: float, world: World
 ) -> Verify:
-    """What a planner is asked about frames before they are sent.
+    """Return the query that checks frames for collisions before they are sent.
 
     Args:
-        robot: Whose.
-        start: Where the arm stands, one value per actuated joint [rad].
+        robot: Description of the robot.
+        start: Position of the arm, one value per actuated joint [rad].
         schedule: The frames.
-        timeout: Time there is for the check [s].
-        world: What is around the arm.
+        timeout: Longest time for the check [s].
+        world: World around the arm.
     """
     times, rows = servo_path(robot, start, schedule)
     return Verify(rows, _PLAYED_MARGIN, times, timeout, world)

@@ -1,4 +1,4 @@
-"""The person beside the arm, as a seam: questions go out, answers come back from any thread."""
+"""The interface to the operator, the person beside the arm: questions and answers."""
 
 import threading
 from collections.abc import Callable
@@ -6,18 +6,18 @@ from typing import Protocol
 
 
 class Question:
-    """One question, which is answered once.
+    """A question, which is answered once, from any thread.
 
     Args:
-        text: What is asked.
-        choices: The answers there are; empty where any words do.
-        wake: Called when it is answered, or nobody can.
+        text: The question.
+        choices: Allowed answers; empty for any text.
+        wake: Called when the question is answered or rejected.
 
     Attributes:
-        text: The same.
-        choices: The same.
-        answered: The answer; None while there is none.
-        unheard: Why nobody can answer; empty while somebody may.
+        text: The question.
+        choices: Allowed answers; empty for any text.
+        answered: The answer, or None.
+        rejected: Why no answer is possible; empty if one is.
     """
 
     def __init__(self, text: str, choices: tuple[str, ...], wake: Callable[[], None]) -> None:
@@ -30,50 +30,55 @@ class Question:
         return f"{self.text} [{'/'.join(self.choices)}]" if self.choices else self.text
 
     def answer(self, words: str) -> bool:
-        """Answer it; case counts not, and a choice may be abbreviated where it stays clear.
+        """Answer the question. The first valid answer counts.
+
+        Args:
+            words: The answer. Upper and lower case are equal, and an unambiguous prefix of a choice
+                is accepted.
 
         Returns:
-            Whether that is an answer; the first one counts.
+            True if the answer is valid.
         """
-        chosen = self._meant(words.strip())
+        choice = self._choice(words.strip())
         with self._lock:
-            if chosen and self.answered is None:
-                self.answered = chosen
-        if chosen:
+            if choice and self.answered is None:
+                self.answered = choice
+        if choice:
             self._wake()
-        return bool(chosen)
+        return bool(choice)
 
-    def reject(self, why: str) -> None:
-        """Tell that nobody can answer."""
-        self.rejected = why
+    def reject(self, reason: str) -> None:
+        """Report that no answer is possible."""
+        self.rejected = reason
         self._wake()
 
-    def _meant(self, words: str) -> str:
+    def _choice(self, words: str) -> str:
+        """Return the choice that the words stand for, or "" if there is none."""
         if not self.choices or not words:
             return words
         lower = words.lower()
         exact = [choice for choice in self.choices if choice.lower() == lower]
-        begun = [choice for choice in self.choices if choice.lower().startswith(lower)]
-        (found,) = exact or (begun if len(begun) == 1 else [""])
+        prefixed = [choice for choice in self.choices if choice.lower().startswith(lower)]
+        (found,) = exact or (prefixed if len(prefixed) == 1 else [""])
         return found
 
 
 class Operator(Protocol):
-    """Whoever passes questions on to a person: a terminal, a server. It never blocks."""
+    """Passes questions to a person, through a terminal or a server. No method blocks."""
 
     def ask(self, question: Question) -> None:
-        """Put a question."""
+        """Show a question."""
 
     def withdraw(self, question: Question) -> None:
-        """Nobody waits for its answer any more; answered ones are withdrawn, too."""
+        """Remove a question, which may have been answered."""
 
 
 class NoOperator:
-    """Nobody is there."""
+    """Rejects every question."""
 
     def ask(self, question: Question) -> None:
-        """Say so."""
+        """Reject the question."""
         question.reject("there is no operator here")
 
     def withdraw(self, question: Question) -> None:
-        """Nothing was put to anybody."""
+        """Do nothing."""

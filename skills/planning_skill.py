@@ -1,4 +1,4 @@
-"""A job for the planners, from a skill's side."""
+"""The base class of skills that wait for a planner."""
 
 from py_trees.common import Status
 
@@ -8,14 +8,15 @@ from .motion.query import Request, Result
 
 
 class PlannerJob:
-    """A job on its way. A new job is a new object, so a late answer reaches nobody.
+    """A request that was sent to the planners.
 
     Args:
-        context: Whose planners, and whom to wake.
-        request: What is asked.
+        context: Context of the skill.
+        request: The request.
 
     Attributes:
-        answer: What came back, once it is done.
+        done: True if the planner has answered.
+        answer: The answer, once `done`.
     """
 
     def __init__(self, context: Context, request: Request) -> None:
@@ -25,7 +26,7 @@ class PlannerJob:
         self._job = context.pool.submit(request, self._finish)
 
     def cancel(self) -> None:
-        """Ask the worker to give up."""
+        """Cancel the request."""
         self._job.cancel()
 
     def _finish(self, answer: Result) -> None:
@@ -34,30 +35,30 @@ class PlannerJob:
 
 
 class PlanningSkill(Skill, register=False):
-    """A skill that asks the planners one thing; subclasses call `ask` and implement `on_answer`."""
+    """A skill that sends a request to the planners. Subclasses implement `on_answer`."""
 
-    _pending: PlannerJob | None = None
+    _job: PlannerJob | None = None
 
     @property
     def busy(self) -> bool:
-        """Whether the planner still works."""
-        return self._pending is not None and not self._pending.done
+        """True until the planner has answered."""
+        return self._job is not None and not self._job.done
 
-    def ask(self, request: Request) -> Status:
-        """Hand a request to a worker."""
-        self._pending = PlannerJob(self.context, request)
+    def request(self, request: Request) -> Status:
+        """Send a request to the planners."""
+        self._job = PlannerJob(self.context, request)
         return Status.RUNNING
 
     def on_answer(self, answer: Result) -> Status:
-        """Take the answer, or raise it."""
+        """Process the answer of the planner; raise it if it is an error."""
         raise NotImplementedError
 
     def on_running(self) -> Status:
-        """Take the answer when it is there."""
-        assert self._pending
-        return self.on_answer(self._pending.answer) if self._pending.done else Status.RUNNING
+        """Process the answer when it has arrived."""
+        assert self._job
+        return self.on_answer(self._job.answer) if self._job.done else Status.RUNNING
 
     def on_halt(self) -> None:
-        """Cancel the planner."""
-        if self._pending:
-            self._pending.cancel()
+        """Cancel the request."""
+        if self._job:
+            self._job.cancel()

@@ -70,7 +70,7 @@ class Terminal:
                 over = self._ended
             if line is None:
                 if over:
-                    question.reject("nobody can answer: standard input has ended")
+                    question.reject("no answer is possible: standard input has ended")
                 return
             if not question.answer(line):
                 self._say(f"? {line or 'nothing'} is no answer to: {question}")

@@ -1,4 +1,4 @@
-"""Whether the arm is ready."""
+"""A condition on the state of the arm."""
 
 from py_trees.common import Status
 from py_trees.ports import PortInformation
@@ -17,7 +17,7 @@ class CheckHardware(Skill):
     OUTPUT_PORTS: dict[str, PortInformation] = {}
 
     def on_start(self) -> Status:
-        """Look at the lifecycle."""
+        """Check the lifecycle state of the arm."""
         state = self.context.arm.state
         if state is not State.ACTIVE:
             raise ConditionFails(f"the arm is {state.name.lower()}, not active")

@@ -1,4 +1,4 @@
-"""Moving: the plans become frames, the frames go out."""
+"""A leaf that moves the arm: it compiles plans into frames and streams them."""
 
 import math
 from dataclasses import replace
@@ -18,10 +18,7 @@ from skills.planning_skill import PlannerJob
 
 
 class Execute(Skill):
-    """Check the merged motion as its frames will play it, then stream them.
-
-    Success is told when the board is done with the last frame.
-    """
+    """Check the frames of a motion, then stream them. Succeed when the last one is carried out."""
 
     moves = True
 
@@ -31,64 +28,64 @@ class Execute(Skill):
         "together": PortInformation(
             bool,
             default_value=False,
-            description="whether the gripper moves with the arm, not after it",
+            description="true if the gripper moves with the arm, false if after it",
         ),
     }
     OUTPUT_PORTS: dict[str, PortInformation] = {}
 
-    _pending: PlannerJob | None = None
+    _job: PlannerJob | None = None
     _playback: Playback | None = None
     _schedule: Schedule | None = None
     _motion: MergedMotion | None = None
     _start: tuple[float, ...] = ()
     _generation = 0
-    _frames_before = 0  # that were sent of this motion before it was paused,
-    _share: float | None = None  # and how far it was then
-    _held = False
-    _rest: list[Plan | PlannerJob] | None = None
-    _resumed = 0.0
+    _frames_before = 0  # frames of this motion that were sent before the last pause
+    _progress_before: float | None = None  # progress at the last pause
+    _paused = False
+    _remaining: list[Plan | PlannerJob] | None = None  # plans of the rest of a paused motion
+    _resumed = 0.0  # time within the motion at which it is resumed [s]
 
     @property
     def busy(self) -> bool:
-        """Whether a planner still works for it, or the motion goes on."""
-        pending = [self._pending, *(self._rest or [])]
-        return self._playing or any(isinstance(p, PlannerJob) and not p.done for p in pending)
+        """True while a planner works for it, or the motion continues."""
+        jobs = [self._job, *(self._remaining or [])]
+        return self._playing or any(isinstance(j, PlannerJob) and not j.done for j in jobs)
 
     @property
     def progress(self) -> float | None:
-        """Frames the board has over frames scheduled; None until the motion begins."""
+        """Fraction of the frames that the board has received; None until the motion starts."""
         if self._playback is None:
-            return self._share
+            return self._progress_before
         total = self._frames_before + len(self._playback.schedule.setpoints)
         return (self._frames_before + self._playback.arrived) / total if total else 1.0
 
     def on_start(self) -> Status:
-        """Turn the plans into frames and have them checked."""
+        """Compile the plans into frames, and have the frames checked."""
         arm = self.context.arm
-        self._playback, self._rest, self._held = None, None, False
-        self._frames_before, self._share = 0, None
+        self._playback, self._remaining, self._paused = None, None, False
+        self._frames_before, self._progress_before = 0, None
         schedule, motion = self._compile(arm.commanded)
         return self._check(schedule, motion, None)
 
     def on_running(self) -> Status:
-        """Begin to move once the check is passed; follow the motion to its end."""
-        if self._held:
-            return self._take_up()
-        if self._rest is not None:
-            return self._go_on(self._rest)
-        assert self._pending
+        """Start the motion when the check has passed; then follow it to its end."""
+        if self._paused:
+            return self._resume()
+        if self._remaining is not None:
+            return self._play_remaining(self._remaining)
+        assert self._job
         assert self._schedule
-        if not self._pending.done:
+        if not self._job.done:
             return Status.RUNNING
-        if isinstance(self._pending.answer, MotionError):
-            raise self._pending.answer
+        if isinstance(self._job.answer, MotionError):
+            raise self._job.answer
         if self._playback is None:
             arm, wake = self.context.arm, self.context.wake
             self._playback = arm.play(self._schedule, wake, self.name, self._generation)
         return self._follow(self._playback)
 
     def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
-        """The frames to play from where the arm stands [rad], and the motion they came from."""
+        """Return the frames to play from a start position [rad], and the motion they come from."""
         plans: list[Plan] = [self.get_input("arm_plan"), self.get_input("gripper_plan")]
         return self._merge(start, plans, self.get_input("together"))
 
@@ -111,45 +108,47 @@ class Execute(Skill):
         context.publish(Scheduled(schedule, start, motion, resumed))
         world = context.scene.world
         request = verify_query(context.robot, start, schedule, context.timeout, world)
-        self._pending = PlannerJob(context, request)
+        self._job = PlannerJob(context, request)
         return Status.RUNNING
 
     def on_pause(self) -> None:
-        """Stop the arm on its way."""
+        """Stop the arm."""
         if self._playing:
-            self._held = True
+            self._paused = True
             self.context.arm.stop()
 
-    def _take_up(self) -> Status:
-        """See where the pause has left the arm, and have the rest timed from there."""
+    def _resume(self) -> Status:
+        """Have the rest of the motion timed from the position at which the pause left the arm."""
         playback = self._playback
         assert playback
-        if playback.state is PlaybackState.PLAYING:  # it still slows down
+        if playback.state is PlaybackState.PLAYING:  # it still decelerates
             return Status.RUNNING
-        self._held = False
+        self._paused = False
         if playback.state is not PlaybackState.STOPPED:
             return self._follow(playback)
-        stands = self.context.arm.commanded
-        if not _left_at(playback, self._start, stands):
+        position = self.context.arm.commanded
+        if not _stopped_at(playback, self._start, position):
             raise StartMoved("the arm was moved while the motion was paused; plan again")
-        self._share = self.progress
+        self._progress_before = self.progress
         self._frames_before += playback.written
         if self._motion is None:
             joints = self.context.robot.actuated
             ramp = max(joint.velocity / joint.acceleration for joint in joints)
-            return self._check(_frames_left(playback, ramp), None, None)
-        self._resumed, self._playback = _reached(playback, self._motion, stands), None
-        left = self._motion.rest(self._resumed, stands)
-        self._rest = [PlannerJob(self.context, r) if isinstance(r, Rest) else r for r in left]
-        return self._go_on(self._rest)
+            return self._check(_remaining_frames(playback, ramp), None, None)
+        self._resumed, self._playback = _time_at(playback, self._motion, position), None
+        self._remaining = [
+            PlannerJob(self.context, rest) if isinstance(rest, Rest) else rest
+            for rest in self._motion.rest(self._resumed, position)
+        ]
+        return self._play_remaining(self._remaining)
 
-    def _go_on(self, rest: list[Plan | PlannerJob]) -> Status:
-        """Turn the rest of the motion into frames, once it is timed."""
+    def _play_remaining(self, remaining: list[Plan | PlannerJob]) -> Status:
+        """Compile the rest of the motion into frames when all of it is timed."""
         assert self._motion
-        plans = [part.answer if isinstance(part, PlannerJob) else part for part in rest]
-        if any(isinstance(part, PlannerJob) and not part.done for part in rest):
+        plans = [part.answer if isinstance(part, PlannerJob) else part for part in remaining]
+        if any(isinstance(part, PlannerJob) and not part.done for part in remaining):
             return Status.RUNNING
-        self._rest = None
+        self._remaining = None
         for plan in plans:
             if isinstance(plan, MotionError):
                 raise plan
@@ -171,10 +170,10 @@ class Execute(Skill):
         return Status.SUCCESS
 
     def on_halt(self) -> None:
-        """Stop the arm, or what is done before it moves."""
-        for pending in (self._pending, *(self._rest or ())):
-            if isinstance(pending, PlannerJob):
-                pending.cancel()
+        """Stop the arm, and cancel planners that still work."""
+        for job in (self._job, *(self._remaining or ())):
+            if isinstance(job, PlannerJob):
+                job.cancel()
         if self._playing:
             self.context.arm.stop()
 
@@ -183,36 +182,36 @@ class Execute(Skill):
         return self._playback is not None and self._playback.state is PlaybackState.PLAYING
 
 
-def _reached(playback: Playback, motion: MergedMotion, stands: tuple[float, ...]) -> float:
-    """When, by the motion's own time [s], it is where a stopped playback has left the arm [rad]."""
+def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ...]) -> float:
+    """Return the time within a motion [s] at which it has the position of a stopped arm [rad]."""
     if not playback.written:
         return 0.0
     last = playback.schedule.setpoints[playback.written - 1]
-    about = last.time - last.delay
-    there = [time for time, row in motion.sampled.items() if tuple(row) == stands]
-    return min(there, key=lambda time: abs(time - about))
+    expected = last.time - last.delay
+    times = [time for time, row in motion.sampled.items() if tuple(row) == position]
+    return min(times, key=lambda time: abs(time - expected))
 
 
-def _left_at(playback: Playback, start: tuple[float, ...], stands: tuple[float, ...]) -> bool:
-    """Whether the arm stands where a stopped playback has left it [rad]."""
+def _stopped_at(playback: Playback, start: tuple[float, ...], position: tuple[float, ...]) -> bool:
+    """Return True if the arm is at the position at which a playback was stopped [rad]."""
     schedule, written = playback.schedule, playback.written
     last = schedule.setpoints[written - 1].positions if written else start
-    return stands == last or (written == len(schedule.setpoints) and stands == schedule.end)
+    return position == last or (written == len(schedule.setpoints) and position == schedule.end)
 
 
-def _frames_left(playback: Playback, ramp: float) -> Schedule:
-    """What was not sent, for frames that no motion is known of: at their pace, from standstill.
+def _remaining_frames(playback: Playback, ramp: float) -> Schedule:
+    """Return the frames that were not sent, for a schedule without a known motion.
 
-    Within the ramp [s] the pace grows evenly up to that of the frames' own times.
+    They start from standstill. Their rate grows linearly to the scheduled rate within `ramp` [s].
     """
     schedule, written = playback.schedule, playback.written
     if not written:
         return schedule
-    left, passed = schedule.setpoints[written:], schedule.setpoints[written - 1].time
+    remaining, passed = schedule.setpoints[written:], schedule.setpoints[written - 1].time
 
     def later(time: float) -> float:
         ahead = time - passed
         return math.sqrt(2 * ramp * ahead) if ahead < ramp / 2 else ahead + ramp / 2
 
-    setpoints = tuple(replace(setpoint, time=later(setpoint.time)) for setpoint in left)
+    setpoints = tuple(replace(setpoint, time=later(setpoint.time)) for setpoint in remaining)
     return replace(schedule, setpoints=setpoints, duration=later(schedule.duration))

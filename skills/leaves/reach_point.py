@@ -1,4 +1,4 @@
-"""Where the joints must be for the tool to be at a point."""
+"""A leaf that computes joint positions for a point of the tool (inverse kinematics)."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,20 +10,19 @@ from py_trees.ports import PortInformation
 from hardware import Robot
 from hardware.suggestions import suggestion
 from skills.errors import BadTarget, SkillError, refuse
+from skills.joint_targets import check_complete, link_errors, missing_joint_errors
 from skills.motion.errors import MotionError
 from skills.motion.query import Reached, Result, ToolQuery
 from skills.planning_skill import PlanningSkill
 from skills.ports import Port, Positions, xyz
 
-from .check_bounds import check_whole, lacking, no_link
-
-_GROUP = PortInformation(str, default_value="arm", description="group whose joints are meant")
-_START = PortInformation(Positions, description="where the arm stands [rad]")
+_GROUP = PortInformation(str, default_value="arm", description="group that moves")
+_START = PortInformation(Positions, description="position of every actuated joint [rad]")
 _TARGET = PortInformation(Positions, description="position of each of the group's joints [rad]")
 
 
 class ReachPoint(PlanningSkill):
-    """The joint positions, soonest reached, that bring the tool to a point in the room."""
+    """Compute joint positions that bring the tool to a point. The nearest in time is chosen."""
 
     tool_output = "target"
 
@@ -36,28 +35,32 @@ class ReachPoint(PlanningSkill):
             count=3,
         ),
         "relative": PortInformation(
-            bool, default_value=False, description="whether it counts from where the tool is"
+            bool,
+            default_value=False,
+            description="true if the point is relative to the tool",
         ),
         "direction": Port(
             list[float],
             default_value=[],
-            description="x, y, z that the tool's axis shall point along; without it any",
+            description="x, y, z of the direction of the tool's axis; without it any",
             count=3,
         ),
         "tool": PortInformation(
-            str, default_value="", description="link with the tool; empty for the robot's own"
+            str,
+            default_value="",
+            description="link with the tool; empty for the robot's own tool",
         ),
         "offset": Port(
             list[float],
             default_value=[0.0, 0.0, 0.0],
-            description="the tool on that link, or beyond the robot's own [m]",
+            description="position of the tool on `tool`; else offset from the robot's own tool [m]",
             unit="m",
             count=3,
         ),
         "axis": Port(
             list[float],
             default_value=[],
-            description="the tool's axis on that link; without it the robot's own, or z",
+            description="axis of the tool on its link; without it the axis of the robot file, or z",
             count=3,
         ),
         "group": _GROUP,
@@ -66,32 +69,32 @@ class ReachPoint(PlanningSkill):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check what is spelled out."""
-        wrong = lacking(robot, "start", inputs["start"]) if "start" in inputs else []
+        """Check the inputs that the task spells out."""
+        errors = missing_joint_errors(robot, "start", inputs["start"]) if "start" in inputs else []
         if "group" in inputs:
-            wrong += _no_group(robot, inputs["group"])
+            errors += _group_errors(robot, inputs["group"])
         if inputs.get("tool"):
-            wrong += no_link(robot, "tool", inputs["tool"])
+            errors += link_errors(robot, "tool", inputs["tool"])
         for port in ("direction", "axis"):
             if inputs.get(port) and not any(inputs[port]):
                 why = f"{port} points nowhere; one of x, y, z must not be 0"
-                wrong.append(BadTarget(why).at(port))
-        refuse(wrong)
+                errors.append(BadTarget(why).at(port))
+        refuse(errors)
 
     def on_start(self) -> Status:
-        """Hand the question to a worker."""
+        """Send the query to a worker."""
         given = {port: self.get_input(port) for port in self.INPUT_PORTS}
         start, robot = given["start"], self.context.robot
-        check_whole(robot, "start", start)
-        self._names = _leaders(robot, given["group"])
+        check_complete(robot, "start", start)
+        self._names = _joints(robot, given["group"])
         query, context = self.tool_query(robot, given), self.context
         assert query
         world, seed, timeout = context.scene.world, context.seed, context.timeout
-        return self.ask(replace(query, world=world, seed=seed, timeout=timeout))
+        return self.request(replace(query, world=world, seed=seed, timeout=timeout))
 
     @classmethod
     def tool_query(cls, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
-        """The point, the direction and the tool of the inputs."""
+        """Return the query for the inputs, in an empty world; None if an input is not known."""
         if any(port not in inputs for port in cls.INPUT_PORTS):
             return None
         return ToolQuery(
@@ -106,7 +109,7 @@ class ReachPoint(PlanningSkill):
         )
 
     def on_answer(self, answer: Result) -> Status:
-        """Hand the positions on."""
+        """Write the positions."""
         if isinstance(answer, MotionError):
             raise answer
         assert isinstance(answer, Reached)
@@ -123,19 +126,19 @@ def check_tool(robot: Robot, inputs: Mapping[str, Any]) -> None:
     """Check values of some of `TOOL_PORTS`.
 
     Raises:
-        SkillError: A value is wrong.
-        ExceptionGroup: Several are.
+        SkillError: A value is invalid.
+        ExceptionGroup: Several values are invalid.
     """
     ReachPoint.validate(robot, inputs)
 
 
-def _leaders(robot: Robot, group: str) -> list[str]:
-    """Names of the joints of a group that move of their own."""
-    refuse(_no_group(robot, group))
+def _joints(robot: Robot, group: str) -> list[str]:
+    """Return the names of the actuated joints of a group."""
+    refuse(_group_errors(robot, group))
     return [joint.name for joint in robot.actuated_in(group)]
 
 
-def _no_group(robot: Robot, group: str) -> list[SkillError]:
+def _group_errors(robot: Robot, group: str) -> list[SkillError]:
     if group in robot.groups:
         return []
     there = f"the robot has no group {group}; it has {', '.join(robot.groups)}"

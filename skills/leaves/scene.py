@@ -1,4 +1,4 @@
-"""What stands around the arm and what it holds, changed by the task as it goes."""
+"""Leaves that change the world: add, remove, attach and detach bodies."""
 
 import math
 from collections.abc import Mapping
@@ -11,19 +11,22 @@ from py_trees.ports import PortInformation
 from hardware import Robot
 from skills.base import Skill, WorldChange
 from skills.errors import BadBody, refuse
+from skills.joint_targets import link_errors
 from skills.motion.errors import MotionError
 from skills.motion.query import Carry, Result
 from skills.motion.world import Body, Box, Cylinder, Mesh, Shape, Sphere, quaternion
 from skills.planning_skill import PlanningSkill
 from skills.ports import Port, xyz
 
-from .check_bounds import check_link
-
 Ports = dict[str, PortInformation]
 
 _MESHES = (".stl", ".dae", ".obj")
-_LEAST = 1e-6  # of a size [m]
-_LENGTH = Port(float, description="[m]", unit="m", least=_LEAST)
+_LEAST = 1e-6  # smallest length [m]
+
+
+def _length(name: str) -> Port:
+    return Port(float, description=f"{name} [m]", unit="m", least=_LEAST)
+
 
 _BODY = PortInformation(str, description="name of the body")
 _PLACE: Ports = {
@@ -37,7 +40,7 @@ _PLACE: Ports = {
     "rotation": Port(
         list[float],
         default_value=[0.0, 0.0, 0.0],
-        description="turns about x, then y, then z [rad]",
+        description="rotation about x, then y, then z [rad]",
         unit="rad",
         count=3,
     ),
@@ -48,7 +51,7 @@ _PLACE: Ports = {
 
 
 class _Add(Skill, register=False):
-    """Say that a body stands there from now on; one of that name is replaced."""
+    """Add a body to the world, or replace the body of the same name."""
 
     world_change = WorldChange.ADDS
 
@@ -56,17 +59,17 @@ class _Add(Skill, register=False):
 
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Shape:
-        """Its form, of all inputs."""
+        """Return the shape that the inputs describe."""
         raise NotImplementedError
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Make it, where it is spelled out."""
+        """Create the body if all inputs are known."""
         cls.body(inputs)
 
     @classmethod
     def body(cls, inputs: Mapping[str, Any]) -> Body | None:
-        """What is put there."""
+        """Return the body, or None if an input is not known."""
         if any(port not in inputs for port in cls.INPUT_PORTS):
             return None
         rotation = xyz("rotation", inputs["rotation"])
@@ -82,17 +85,17 @@ class _Add(Skill, register=False):
         )
 
     def on_start(self) -> Status:
-        """Put it into the world."""
+        """Add the body."""
         scene = self.context.scene
         body = self.body({port: self.get_input(port) for port in self.INPUT_PORTS})
         assert body
-        there = any(other.name == body.name for other in scene.world.bodies)
-        scene.world = scene.world.replacing(body) if there else scene.world.adding(body)
+        exists = any(other.name == body.name for other in scene.world.bodies)
+        scene.world = scene.world.replacing(body) if exists else scene.world.adding(body)
         return Status.SUCCESS
 
 
 class AddBox(_Add):
-    """A box stands there from now on."""
+    """Add a box to the world."""
 
     INPUT_PORTS = {
         **_PLACE,
@@ -103,38 +106,38 @@ class AddBox(_Add):
 
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Box:
-        """Its form."""
+        """Return the shape."""
         return Box(xyz("size", given["size"]))
 
 
 class AddSphere(_Add):
-    """A sphere is there from now on."""
+    """Add a sphere to the world."""
 
-    INPUT_PORTS = {**_PLACE, "radius": _LENGTH}
+    INPUT_PORTS = {**_PLACE, "radius": _length("radius")}
 
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Sphere:
-        """Its form."""
+        """Return the shape."""
         return Sphere(given["radius"])
 
 
 class AddCylinder(_Add):
-    """A cylinder, along z where it is not rotated, stands there from now on."""
+    """Add a cylinder to the world. Its axis is z before the rotation."""
 
     INPUT_PORTS = {
         **_PLACE,
-        "radius": _LENGTH,
-        "length": _LENGTH,
+        "radius": _length("radius"),
+        "length": _length("length"),
     }
 
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Cylinder:
-        """Its form."""
+        """Return the shape."""
         return Cylinder(given["radius"], given["length"])
 
 
 class AddMesh(_Add):
-    """A body of triangles stands there from now on."""
+    """Add a body with the shape of a mesh file to the world."""
 
     INPUT_PORTS = {
         **_PLACE,
@@ -142,7 +145,7 @@ class AddMesh(_Add):
         "scale": Port(
             list[float],
             default_value=[1.0, 1.0, 1.0],
-            description="its unit along x, y, z [m]",
+            description="unit of the file along x, y, z [m]",
             unit="m",
             least=_LEAST,
             count=3,
@@ -151,33 +154,33 @@ class AddMesh(_Add):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the file that is spelled out."""
-        wrong: list[Exception] = []
-        if "file" in inputs and (why := _no_mesh(Path(inputs["file"]))):
-            wrong.append(BadBody(why).at("file"))
+        """Check the file if it is known."""
+        errors: list[Exception] = []
+        if "file" in inputs and (why := _file_error(Path(inputs["file"]))):
+            errors.append(BadBody(why).at("file"))
         try:
             super().validate(robot, inputs)
         except (BadBody, MotionError) as error:
-            wrong.append(error)
-        refuse(wrong)
+            errors.append(error)
+        refuse(errors)
 
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Mesh:
-        """Its form."""
+        """Return the shape."""
         return Mesh(given["file"], xyz("scale", given["scale"]))
 
 
-def _no_mesh(file: Path) -> str:
-    """Why a file is none of triangles; empty where it may be one."""
+def _file_error(file: Path) -> str:
+    """Return why a file cannot be a mesh, or "" if it may be one."""
     if file.suffix.lower() not in _MESHES:
         return f"{file} is no STL, DAE or OBJ file"
     if not file.is_file():
-        return f"there is no file {file}; a path counts from where armtree is started"
+        return f"there is no file {file}; paths are relative to the working directory"
     return ""
 
 
 class RemoveBody(Skill):
-    """A body is gone from now on."""
+    """Remove a body from the world."""
 
     world_change = WorldChange.REMOVES
 
@@ -185,29 +188,29 @@ class RemoveBody(Skill):
     OUTPUT_PORTS: Ports = {}
 
     def on_start(self) -> Status:
-        """Take it out of the world."""
+        """Remove the body."""
         scene = self.context.scene
         scene.world = scene.world.without(self.get_input("body"))
         return Status.SUCCESS
 
 
-class _HandOver(PlanningSkill, register=False):
-    """A body moves with another link from now on."""
+class _SetParent(PlanningSkill, register=False):
+    """Make another link the parent of a body."""
 
-    world_change = WorldChange.HANDS_OVER
+    world_change = WorldChange.ATTACHES
 
     OUTPUT_PORTS: Ports = {}
 
-    def hand_over(self, link: str) -> Status:
-        """Have a worker say where the body is in the frame of the link."""
+    def set_parent(self, link: str) -> Status:
+        """Have a worker compute the pose of the body in the frame of a link; "" is the root."""
         scene, name = self.context.scene, self.get_input("body")
         scene.world.body(name)
-        return self.ask(
+        return self.request(
             Carry(scene.world, name, link, self.context.arm.commanded, self.context.timeout)
         )
 
     def on_answer(self, answer: Result) -> Status:
-        """Put it into the world."""
+        """Replace the body."""
         if isinstance(answer, MotionError):
             raise answer
         assert isinstance(answer, Body)
@@ -215,27 +218,27 @@ class _HandOver(PlanningSkill, register=False):
         return Status.SUCCESS
 
 
-class Attach(_HandOver):
-    """A body moves with a link from now on, as when it was grasped; it is checked like a link."""
+class Attach(_SetParent):
+    """Attach a body to a link, as after a grasp. It moves with the link and is checked like one."""
 
-    INPUT_PORTS = {"body": _BODY, "link": PortInformation(str, description="link that holds it")}
+    INPUT_PORTS = {"body": _BODY, "link": PortInformation(str, description="link to attach it to")}
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the link that is spelled out."""
+        """Check the link if it is known."""
         if "link" in inputs:
-            check_link(robot, "link", inputs["link"])
+            refuse(link_errors(robot, "link", inputs["link"]))
 
     def on_start(self) -> Status:
-        """Take hold of it where it is."""
-        return self.hand_over(self.get_input("link"))
+        """Attach it at its present pose."""
+        return self.set_parent(self.get_input("link"))
 
 
-class Detach(_HandOver):
-    """A body stays where it is from now on."""
+class Detach(_SetParent):
+    """Detach a body from its link. It stays at its present pose."""
 
     INPUT_PORTS = {"body": _BODY}
 
     def on_start(self) -> Status:
-        """Let go of it where it is."""
-        return self.hand_over("")
+        """Detach it."""
+        return self.set_parent("")

@@ -1,4 +1,4 @@
-"""Where a motion begins."""
+"""A leaf that provides the start of a motion."""
 
 from py_trees.common import Status
 from py_trees.ports import PortInformation
@@ -8,7 +8,7 @@ from skills.ports import Positions
 
 
 class SetStart(Skill):
-    """Take the commanded position as the start; the servos tell no other."""
+    """Provide the commanded position of the arm, from which a motion is planned."""
 
     pose_output = "start"
 
@@ -20,7 +20,7 @@ class SetStart(Skill):
     }
 
     def on_start(self) -> Status:
-        """Read the arm."""
+        """Read the commanded position."""
         names = [joint.name for joint in self.context.robot.actuated]
         start = Positions(zip(names, self.context.arm.commanded, strict=True))
         self._set_output("start", start)

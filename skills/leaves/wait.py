@@ -1,4 +1,4 @@
-"""Letting time pass."""
+"""A leaf that waits."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,32 +11,32 @@ from skills.ports import Port
 
 
 class Wait(Skill):
-    """Wait for a while."""
+    """Wait for a duration."""
 
     may_fail = False
     doing = "waiting"
 
     INPUT_PORTS = {
-        "duration": Port(float, description="how long [s]", unit="s", least=0.0, most=86_400.0)
+        "duration": Port(float, description="duration [s]", unit="s", least=0.0, most=86_400.0)
     }
     OUTPUT_PORTS: dict[str, PortInformation] = {}
 
-    _until = 0.0
+    _deadline = 0.0
 
     @classmethod
     def shortest(cls, inputs: Mapping[str, Any]) -> float:
-        """As long as the file says [s]."""
+        """Return the duration if it is known, else 0 [s]."""
         duration: float = inputs.get("duration", 0.0)
         return duration
 
     def on_start(self) -> Status:
-        """Note when it ends."""
-        self._until = self.context.now() + self.get_input("duration")
+        """Set the deadline."""
+        self._deadline = self.context.now() + self.get_input("duration")
         return self.on_running()
 
     def on_running(self) -> Status:
-        """Look at the clock."""
-        if self.context.now() >= self._until:
+        """Succeed when the deadline has passed."""
+        if self.context.now() >= self._deadline:
             return Status.SUCCESS
-        self.context.wake_at(self._until)
+        self.context.wake_at(self._deadline)
         return Status.RUNNING

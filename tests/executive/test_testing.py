@@ -16,7 +16,7 @@ def test_a_task_and_its_functions() -> None:
         rehearsal.replace("measure", lambda samples, cancel: 0.75)
         outcome = rehearsal.run(7)
         assert (outcome.code, outcome.success) == ("task.condition", False)
-        assert "0.75 < 0.5 is not so" in outcome.message
+        assert "0.75 < 0.5 is false" in outcome.message
         assert rehearsal.run(3, swing="5 deg", times="1").success
         assert "b095" in {frame[:4] for frame in rehearsal.frames}
     with SimulatedArm(trees=EXAMPLES) as rehearsal:
@@ -51,7 +51,7 @@ def test_the_operator_answers_by_heart(tmp_path: Path) -> None:
         assert rehearsal.said("Say") == ["it is for Ada"]
         outcome = rehearsal.run(9)
     assert outcome.code == "task.unanswered"
-    assert "Free?: nobody answered within 60 s" in outcome.message
+    assert "Free?: no answer within 60 s" in outcome.message
 
 
 def test_the_class_of_the_page_and_its_test(tmp_path: Path) -> None:

@@ -202,7 +202,7 @@ _BODY = _Wanted("a Body or None", lambda body: body is None or isinstance(body, 
 
 def _place(leaf: Leaf, error: Fault) -> Place:
     """Where the value stands that a skill refuses, as near as is known."""
-    port, *within = error.way if isinstance(error, SkillError) and error.way else ("",)
+    port, *within = error.location if isinstance(error, SkillError) and error.location else ("",)
     value = leaf.written.get(str(port))
     if value is None:
         return leaf.place

@@ -56,7 +56,7 @@ def test_answers_come_from_a_pipe(command: list[str]) -> None:
 
 def test_a_pipe_that_ends_leaves_nobody(command: list[str]) -> None:
     status, out, _ = piped(command, "yes\n")
-    assert "Name?: nobody can answer: standard input has ended" in out
+    assert "Name?: no answer is possible: standard input has ended" in out
     assert status == 11
 
 
@@ -104,4 +104,4 @@ def test_in_the_background_of_a_shell_it_neither_reads_nor_stops(
         text=True,
         timeout=60,
     )
-    assert "nobody can answer: standard input has ended" in done.stdout
+    assert "no answer is possible: standard input has ended" in done.stdout

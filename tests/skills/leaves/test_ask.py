@@ -60,7 +60,7 @@ def test_nobody_answers_in_time(bench: Bench) -> None:
     skill = asking(bench, desk, within=0.0)
     skill.tick_once()
     assert isinstance(skill.failure, Unanswered)
-    assert "nobody answered within 0 s" in str(skill.failure)
+    assert "no answer within 0 s" in str(skill.failure)
     assert desk.withdrawn == desk.asked
 
 

@@ -55,7 +55,7 @@ def test_a_configuration_that_lacks_a_joint(bench: Bench, port: str) -> None:
     given = {"start": START, "goal": GOAL, port: Positions(joint_1=0.0)}
     with pytest.raises(BadTarget, match=f"the {port} lacks joint_2, joint_3, joint_4") as caught:
         PlanArm.validate(bench.robot, given)
-    assert caught.value.way == (port,)
+    assert caught.value.location == (port,)
     skill = bench.skill(PlanArm, **given)
     skill.tick_once()
     assert str(skill.failure) == str(caught.value)

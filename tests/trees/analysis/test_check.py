@@ -205,7 +205,7 @@ def test_a_wrong_first_key_of_a_node_hides_nothing_of_the_node(
     robot: Robot, tmp_path: Path
 ) -> None:
     mistakes = found(robot, tmp_path, f"{HEAD}tree:\n  1: 7\n  Wait: {{}}\n")
-    assert mistakes == ["5:3 Wait needs duration: how long [s]", "5:3 the key 1 is not a text"]
+    assert mistakes == ["5:3 Wait needs duration: duration [s]", "5:3 the key 1 is not a text"]
 
 
 PARAMETERS = [

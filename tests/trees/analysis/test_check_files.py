@@ -168,7 +168,7 @@ ONCE = [
     (
         "",
         "{AddMesh: {body: b, file: nosuch.stl, position: [0, 0, 1]}}",
-        "4:33 AddMesh: there is no file nosuch.stl; a path counts from where armtree is started",
+        "4:33 AddMesh: there is no file nosuch.stl; paths are relative to the working directory",
     ),
     (
         "",

@@ -16,8 +16,9 @@ from skills import (
     Target,
     check_targets,
     known_errors,
+    refuse,
 )
-from skills.leaves.check_bounds import by_group, check_link, check_whole
+from skills.joint_targets import check_complete, link_errors, split_by_group
 from tests.conftest import Bench
 from tests.support.arms import foreign
 
@@ -99,39 +100,39 @@ def test_the_first_value_that_is_wrong_is_told_where_it_is_written(
 ) -> None:
     with pytest.raises(kind) as caught:
         check_targets(robot, targets)
-    assert caught.value.way == way
+    assert caught.value.location == way
     with pytest.raises(kind) as caught:
         check_targets(robot, targets, ("goal", 3))
-    assert caught.value.way == ("goal", 3, way[-1])
+    assert caught.value.location == ("goal", 3, way[-1])
 
 
 def test_a_configuration_names_every_joint_that_is_moved(robot: Robot) -> None:
     whole = {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": 0.0}
-    check_whole(robot, "start", whole)
+    check_complete(robot, "start", whole)
     why = "^the start lacks joint_2, joint_4; it must name joint_1, joint_2, joint_3, joint_4$"
     with pytest.raises(BadTarget, match=why) as caught:
-        check_whole(robot, "start", {"joint_1": 0.0, "joint_3": 0.0})
-    assert caught.value.way == ("start",)
+        check_complete(robot, "start", {"joint_1": 0.0, "joint_3": 0.0})
+    assert caught.value.location == ("start",)
 
 
 def test_a_link_is_one_of_the_robots(robot: Robot) -> None:
     for name in robot.links:
-        check_link(robot, "to", name)
+        refuse(link_errors(robot, "to", name))
     with pytest.raises(BadTarget) as caught:
-        check_link(robot, "to", "claw")
+        refuse(link_errors(robot, "to", "claw"))
     assert str(caught.value) == f"the robot has no link claw; it has {', '.join(robot.links)}"
-    assert caught.value.way == ("to",)
+    assert caught.value.location == ("to",)
 
 
 def test_joints_are_told_apart_by_their_groups(robot: Robot) -> None:
-    assert by_group(robot, {"joint_4": 0.1, "joint_1": 0.2}, "to") == {
+    assert split_by_group(robot, {"joint_4": 0.1, "joint_1": 0.2}, "to") == {
         "arm": {"joint_1": 0.2},
         "gripper": {"joint_4": 0.1},
     }
     why = "^joint_8 is no joint of the robot; it has joint_1.*; joint_9 is no joint of the robot"
     with pytest.raises(BadTarget, match=why) as caught:
-        by_group(robot, {"joint_8": 0.0, "joint_1": 0.0, "joint_9": 0.0}, "to")
-    assert caught.value.way == ("to", "joint_8")
+        split_by_group(robot, {"joint_8": 0.0, "joint_1": 0.0, "joint_9": 0.0}, "to")
+    assert caught.value.location == ("to", "joint_8")
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
@@ -193,7 +194,7 @@ def test_everything_that_is_wrong_is_told_each_with_its_value(robot: Robot) -> N
     arm.unknown = ("joint_3",)
     with pytest.raises(ExceptionGroup) as caught:
         CheckBounds.validate(robot, {"arm": arm, "gripper": {"joint_4": -0.3, "joint_5": 0.1}})
-    told = [(error.way, str(error)) for error in known_errors(caught.value) if error.way]  # type: ignore[union-attr]
+    told = [(error.location, str(error)) for error in known_errors(caught.value) if error.location]  # type: ignore[union-attr]
     assert [way for way, _ in told] == [
         ("arm", "joint_1"),
         ("arm", "joint_7"),

@@ -1,4 +1,4 @@
-"""Keys of the blackboard: writing one, comparing one."""
+"""Leaves that work on keys of the blackboard: write one, compare two values."""
 
 import operator
 from collections.abc import Callable, Mapping
@@ -25,12 +25,12 @@ _NO_ORDER = "texts have no order; numbers have one, and numbers with a known uni
 
 
 class Set(Skill):
-    """Write a value under a key."""
+    """Write a value to a key."""
 
     may_fail = False
 
-    INPUT_PORTS = {"value": Port(object, description="what to write")}
-    OUTPUT_PORTS = {"key": Port(object, description="where", like="value")}
+    INPUT_PORTS = {"value": Port(object, description="value to write")}
+    OUTPUT_PORTS = {"key": Port(object, description="key to write to", like="value")}
 
     def on_start(self) -> Status:
         """Write it."""
@@ -39,21 +39,21 @@ class Set(Skill):
 
 
 class Compare(Skill):
-    """Succeed if a comparison is true, else fail."""
+    """Succeed if a comparison of two values is true, else fail."""
 
     condition = True
     pure = True
 
     INPUT_PORTS = {
-        "left": Port(object, description="a value"),
-        "is": Port(str, description="how they compare", choices=tuple(_RELATIONS)),
-        "right": Port(object, description="another of the same type", like="left"),
+        "left": Port(object, description="first value"),
+        "is": Port(str, description="comparison operator", choices=tuple(_RELATIONS)),
+        "right": Port(object, description="second value, of the same type", like="left"),
     }
     OUTPUT_PORTS: dict[str, PortInformation] = {}
 
     @classmethod
     def mistyped(cls, inputs: Mapping[str, Any], types: Mapping[str, str]) -> str:
-        """Refuse an order of texts."""
+        """Return an error for texts that are compared by order."""
         text = "text" in (types.get("left"), types.get("right"))
         return _NO_ORDER if text and inputs.get("is") in _ORDER else ""
 
@@ -61,9 +61,9 @@ class Compare(Skill):
         """Compare."""
         left, relation = self.get_input("left"), self.get_input("is")
         right = self.get_input("right")
-        texts = [isinstance(each, str) for each in (left, right)]
+        texts = [isinstance(value, str) for value in (left, right)]
         if any(texts) and (relation in _ORDER or not all(texts)):
             raise TypeError(f"{left!r} {relation} {right!r}: a text only equals a text")
         if not _RELATIONS[relation](left, right):
-            raise ConditionFails(f"{left} {relation} {right} is not so")
+            raise ConditionFails(f"{left} {relation} {right} is false")
         return Status.SUCCESS

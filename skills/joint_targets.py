@@ -1,0 +1,191 @@
+"""Checks of joint targets, joint names and links that a task gives."""
+
+import math
+from collections.abc import Iterator, Mapping
+
+from hardware import BadPosition, Joint, Mimic, Robot, check_position
+from hardware.suggestions import corrections, suggestion
+
+from .errors import BadTarget, OutOfBounds, SkillError, combine_errors, refuse
+
+Location = tuple[str | int, ...]
+
+
+def check_targets(
+    robot: Robot, targets: Mapping[str, Mapping[str, float]], location: Location | None = None
+) -> None:
+    """Check the targets of groups.
+
+    Args:
+        robot: Description of the robot.
+        targets: Group name to joint name to position [rad]. A mimic joint may be left out.
+        location: Port, and keys or indices within it, of the value that holds all targets; None if
+            each group has a port of its name.
+
+    Raises:
+        OutOfBounds: At least one joint is out of its limits. The message names every error.
+        BadTarget: A joint is unknown or missing, or a mimic joint contradicts its leader.
+    """
+    if errors := target_errors(robot, targets, location):
+        raise combine_errors(errors)
+
+
+def target_errors(
+    robot: Robot, targets: Mapping[str, Mapping[str, float]], location: Location | None = None
+) -> list[SkillError]:
+    """Return every error that `check_targets` finds, each with its location."""
+    errors: list[SkillError] = []
+    for group, target in targets.items():
+        at = (group,) if location is None else location
+        errors += _value_errors(robot, target, at)
+        errors += [BadTarget(why).at(*at, name) for name, why in _name_errors(robot, group, target)]
+    return errors
+
+
+def configuration_errors(
+    robot: Robot, port: str, configuration: Mapping[str, float]
+) -> list[SkillError]:
+    """Return every error of a configuration of all actuated joints, each with its location."""
+    return [
+        *_value_errors(robot, configuration, (port,)),
+        *missing_joint_errors(robot, port, configuration),
+        *unknown_joint_errors(robot, configuration, port),
+    ]
+
+
+def check_complete(robot: Robot, port: str, configuration: Mapping[str, float]) -> None:
+    """Check that a configuration names every actuated joint.
+
+    Args:
+        robot: Description of the robot.
+        port: Name of the port that holds it.
+        configuration: Joint name to position [rad].
+
+    Raises:
+        BadTarget: A joint is missing.
+    """
+    refuse(missing_joint_errors(robot, port, configuration))
+
+
+def missing_joint_errors(
+    robot: Robot, port: str, configuration: Mapping[str, float]
+) -> list[SkillError]:
+    """Return the error of `check_complete`, if any. A misspelt joint is not missing."""
+    names = [joint.name for joint in robot.actuated]
+    written = _written(configuration)
+    meant = corrections(written, [joint.name for joint in robot.joints]).values()
+    missing = [name for name in names if name not in written and name not in meant]
+    why = f"the {port} lacks {', '.join(missing)}; it must name {', '.join(names)}"
+    return [BadTarget(why).at(port)] if missing else []
+
+
+def link_errors(robot: Robot, port: str, link: str) -> list[SkillError]:
+    """Return an error if the robot has no such link."""
+    if link in robot.links:
+        return []
+    why = f"the robot has no link {link}; it has {', '.join(robot.links)}"
+    return [BadTarget(why + suggestion(link, robot.links)).at(port)]
+
+
+def split_by_group(
+    robot: Robot, joints: Mapping[str, float], port: str
+) -> dict[str, dict[str, float]]:
+    """Return positions of joints by the group of each joint.
+
+    Raises:
+        BadTarget: A joint is unknown.
+    """
+    if errors := unknown_joint_errors(robot, joints, port):
+        raise combine_errors(errors)
+    return {
+        group: {name: joints[name] for name in names if name in joints}
+        for group, names in robot.groups.items()
+    }
+
+
+def unknown_joint_errors(
+    robot: Robot, joints: Mapping[str, float], *location: str | int
+) -> list[SkillError]:
+    """Return an error for each joint that the robot does not have."""
+    names, written = [joint.name for joint in robot.joints], _written(joints)
+    known = {name for group in robot.groups.values() for name in group}
+    why = f"is no joint of the robot; it has {', '.join(names)}"
+    return [
+        BadTarget(f"{name} {why}{suggestion(name, names, written)}").at(*location, name)
+        for name in written
+        if name not in known
+    ]
+
+
+def mimic_errors(
+    robot: Robot, joints: Mapping[str, float], *location: str | int
+) -> list[SkillError]:
+    """Return an error for each mimic joint that is named without its leader."""
+    written = _written(joints)
+    named = {*written, *corrections(written, [joint.name for joint in robot.joints]).values()}
+    return [
+        BadTarget(_follows(joint, joint.mimic, joints.get(joint.name))).at(*location, joint.name)
+        for joint in robot.joints
+        if joint.mimic and joint.name in written and joint.mimic.leader not in named
+    ]
+
+
+def _follows(joint: Joint, mimic: Mimic, position: float | None) -> str:
+    why = f"{joint.name} follows {mimic.leader}; name {mimic.leader} instead"
+    if position is None or not math.isfinite(position) or not mimic.multiplier:
+        return why
+    leader = (position - mimic.offset) / mimic.multiplier + 0.0  # no -0
+    return f"{why} ({mimic.leader} = {leader:g} gives {joint.name} = {position:g})"
+
+
+def _name_errors(
+    robot: Robot, group: str, target: Mapping[str, float]
+) -> Iterator[tuple[str, str]]:
+    """Yield the name of each unknown or missing joint, and the message."""
+    if group not in robot.groups:
+        yield group, f"the robot has no group {group}; it has {', '.join(robot.groups)}"
+        return
+    joints = {name: robot.joint(name) for name in robot.groups[group]}
+    there, written = f"the {group} has {', '.join(joints)}", _written(target)
+    meant = corrections(written, joints).values()
+    for name in written:
+        if name not in joints:
+            near = suggestion(name, joints, written)
+            yield name, f"{name} is no joint of the {group}; {there}{near}"
+    for name, joint in joints.items():
+        if joint.mimic is None and name not in written and name not in meant:
+            yield name, f"{name} is missing; {there}"
+
+
+def _written(target: Mapping[str, float]) -> list[str]:
+    """Return the named joints, including those with an unknown value."""
+    return [*target, *getattr(target, "unknown", ())]
+
+
+def _value_errors(
+    robot: Robot, target: Mapping[str, float], location: Location
+) -> list[SkillError]:
+    """Return the errors of joints out of their limits, and of mimic joints that do not match."""
+    errors: list[SkillError] = []
+    for joint in (joint for joint in robot.joints if joint.name in target):
+        try:
+            check_position(joint, target[joint.name])
+        except BadPosition as error:
+            errors.append(OutOfBounds([error]).at(*location, joint.name))
+        else:
+            why = _contradiction(joint, target)
+            errors += [BadTarget(why).at(*location, joint.name)] if why else []
+    return errors
+
+
+def _contradiction(joint: Joint, target: Mapping[str, float]) -> str:
+    mimic = joint.mimic
+    if mimic is None or mimic.leader not in target:
+        return ""
+    follows, given = mimic.value(target[mimic.leader]), target[joint.name]
+    if math.isclose(given, follows, abs_tol=1e-9):  # up to the rounding of decimal literals
+        return ""
+    return (
+        f"{joint.name} = {given:g} contradicts {mimic.leader} = {target[mimic.leader]:g}, which it "
+        f"follows to {follows:g}; leave {joint.name} out"
+    )

@@ -1,0 +1,35 @@
+"""Leaves that end a task or a branch: in success, or in failure with a reason."""
+
+from py_trees.common import Status
+from py_trees.ports import PortInformation
+
+from skills.base import Skill
+from skills.errors import TaskFailed
+from skills.ports import Port
+
+
+class Succeed(Skill):
+    """Succeed at once."""
+
+    may_fail = False
+
+    INPUT_PORTS: dict[str, PortInformation] = {}
+    OUTPUT_PORTS: dict[str, PortInformation] = {}
+
+    def on_start(self) -> Status:
+        """Succeed."""
+        self.feedback_message = "done"
+        return Status.SUCCESS
+
+
+class Fail(Skill):
+    """Fail with a reason."""
+
+    may_succeed = False
+
+    INPUT_PORTS = {"reason": Port(str, description="message of the failure")}
+    OUTPUT_PORTS: dict[str, PortInformation] = {}
+
+    def on_start(self) -> Status:
+        """Fail."""
+        raise TaskFailed(self.get_input("reason"))
