@@ -33,7 +33,7 @@ from .goals.queue import Acceptance, CancelAnswer, Goals, Policy
 from .goals.snapshot import Snapshot
 from .goals.start_pose import StartPose
 from .goals.subscribers import Event, EventSubscribers
-from .recording.evidence import configuration_note
+from .recording.archive import configuration_note
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 
@@ -103,7 +103,7 @@ class Executive:
             seed,
             timeout,
             wake=_nobody,
-            publish=self._recordings.skill_did,
+            publish=self._recordings.on_skill_event,
             clock=clock,
             wake_at=_nobody,
             operator=operator or NoOperator(),
@@ -125,7 +125,7 @@ class Executive:
             utc = self._clock.epoch_ns() / 1e9 + self._clock.now()
             for goal in earlier(self._folder, utc - self._goals.keep):
                 self._goals.add_ended(*goal)
-            self._recordings.open_between()
+            self._recordings.open_server_recording()
         self._owner.start()
 
     def refused(self, tasks: Sequence[int], arguments: Mapping[str, str | Located]) -> int | None:
@@ -335,7 +335,7 @@ class Executive:
 
     def tell(self, record: logs.Record) -> None:
         """Record something from outside, such as a line of the log."""
-        self._recordings.tell(record)
+        self._recordings.record(record)
 
     def finish_recording(self) -> None:
         """Finish the recording of the last goal.
@@ -372,7 +372,7 @@ class Executive:
         return {joint.name: q for joint, q in zip(self._robot.actuated, positions, strict=True)}
 
     def _arm_did(self, event: ArmEvent) -> None:
-        self._recordings.arm_did(event)
+        self._recordings.on_arm_event(event)
         match event:
             case FrameSent():
                 self._standing.commanded(event.positions)

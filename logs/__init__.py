@@ -15,9 +15,9 @@ from .errors import (
     RecordingTruncated,
 )
 from .folder import check_space, recording_path
+from .reading.file_state import closed_recordings
 from .reading.reader import Message, read
 from .reading.recording import Recording
-from .reading.recovery import left, recover, recover_all
 from .records.records import (
     Attachment,
     Description,
@@ -37,9 +37,9 @@ from .records.records import (
 )
 from .views.plot import plot
 from .views.table import table
-from .writing.compaction import compact
+from .writing.compaction import Summary, compact
 from .writing.recorder import Recorder
-from .writing.summary import Summary
+from .writing.recovery import recover, recover_all
 
 __all__ = [
     "Attachment",
@@ -71,8 +71,8 @@ __all__ = [
     "Summary",
     "Transition",
     "check_space",
+    "closed_recordings",
     "compact",
-    "left",
     "plot",
     "read",
     "recording_path",

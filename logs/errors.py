@@ -13,7 +13,11 @@
 Every error carries a stable `code`, and its message says what to do next.
 """
 
+import errno
 from pathlib import Path
+
+# Numbers of operating system errors for a full disk, or a user's share of it.
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class LogError(Exception):

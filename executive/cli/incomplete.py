@@ -14,9 +14,9 @@ def incomplete(*recordings: Path) -> int:
         RecordingError: One of them cannot be read.
     """
     from logs import Recording
-    from logs.reading.recovery import lacking
+    from logs.reading.file_state import why_incomplete
 
-    told = [words for recording in recordings if (words := lacking(Recording(recording)))]
+    told = [words for recording in recordings if (words := why_incomplete(Recording(recording)))]
     for words in told:
         click.echo(words, err=True)
     return look_up("log.truncated").exit_status if told else 0

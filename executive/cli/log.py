@@ -80,7 +80,7 @@ def info(recording: Path) -> None:
 
 
 def _facts(found: "Overview") -> list[tuple[str, str]]:
-    from logs.writing.compaction import RECOVERED
+    from logs.records.file_format import RECOVERED
 
     end = "complete" if found.complete else "cut off or damaged: armtree log recover"
     end = "being written" if found.written else end
@@ -122,9 +122,9 @@ def _median(counted: "Counter[float]") -> float:
 @click.option("--all", "everything", is_flag=True, help="Every frame and received byte too.")
 def show(recording: Path, everything: bool) -> None:
     """Tell a run as a story, in seconds since its goal."""
-    from logs.views.narrative import story
+    from logs.views.narrative import narrative
 
-    for time, words in story(recording, everything):
+    for time, words in narrative(recording, everything):
         click.echo(f"{time:+10.3f}  {words}")
     sys.exit(incomplete(recording))
 
@@ -154,9 +154,9 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
     for joint, (distance, time) in both.joints.items():
         click.echo(f"{joint:<12}{distance:.4f} rad apart at most, at {time:.3f} s")
     if output:
-        from logs.views.overlay_figure import draw_over
+        from logs.views.comparison_figure import draw_comparison
 
-        draw_over(both, output)
+        draw_comparison(both, output)
         click.echo(output)
     partial = incomplete(one, other)
     sys.exit(look_up(DIFFERS).exit_status if both.first else partial)
@@ -209,7 +209,7 @@ def recover(recordings: tuple[Path, ...]) -> None:
 
     def mended(recording: Path) -> int:
         made = mend(recording)
-        click.echo(made.in_words() if made else f"{recording}: is complete, nothing to do")
+        click.echo(made.text() if made else f"{recording}: is complete, nothing to do")
         return 0 if made is None or made.whole else RecordingIncomplete.exit_status
 
     sys.exit(with_each(recordings, mended))

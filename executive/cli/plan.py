@@ -105,8 +105,8 @@ def _around(world: World, left_out: Sequence[str]) -> Iterator[str]:
 
 
 def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
-    from executive.planning.motion_drawing import POSES, sweep_of
-    from logs.views.plan_figure import PlanPicture, draw_plan  # matplotlib takes half a second
+    from executive.planning.motion_drawing import POSES, motion_drawing
+    from logs.views.plan_figure import PlanDrawing, draw_plan  # matplotlib takes half a second
 
     grid = max(_GRID, plan.duration / _MOST)
     times = np.append(np.arange(0.0, plan.duration, grid), plan.duration)
@@ -114,7 +114,7 @@ def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
     rows = np.tile(np.array(plan.start), (POSES, 1))
     rows[:, columns] = plan.sample(np.linspace(0.0, plan.duration, POSES))
     draw_plan(
-        PlanPicture(
+        PlanDrawing(
             title=f"{robot.name}: {plan.group}, {plan.duration:.2f} s",
             joints=plan.joints,
             units=[robot.joint(name).unit for name in plan.joints],
@@ -125,7 +125,7 @@ def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
             waypoints=plan.waypoints.tolist(),
             speed_limits=plan.velocity.tolist(),
             acceleration_limits=plan.acceleration.tolist(),
-            sweep=sweep_of(robot, world, rows),
+            motion=motion_drawing(robot, world, rows),
         ),
         output,
     )

@@ -62,20 +62,19 @@ def replay(recordings: tuple[Path, ...], **options: Any) -> None:
 
 
 def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
-    from executive.replay.verification import prove_all
-    from executive.replay.verification_text import in_json, in_words
+    from executive.replay.verification import verify_all
     from logs import RecordingInUse
 
     paths = [path for each in given for path in files_of(each)]
     wrong: list[tuple[Path, str]] = []
     written = 0
-    for proof in prove_all(paths, jobs or os.cpu_count() or 1):
-        click.echo(in_json(proof) if as_json else in_words(proof))
-        same = all(verdict.holds for verdict in proof.verdicts)
-        if proof.code == RecordingInUse.code:
+    for verification in verify_all(paths, jobs or os.cpu_count() or 1):
+        click.echo(verification.json() if as_json else verification.text())
+        same = all(check.holds for check in verification.checks)
+        if verification.code == RecordingInUse.code:
             written += 1
-        elif code := proof.code if same else DIFFERS:
-            wrong.append((proof.path, code))
+        elif code := verification.code if same else DIFFERS:
+            wrong.append((verification.path, code))
     if not as_json and len(paths) > 1:
         _sum_up(len(paths) - written, written, wrong)
     if written == len(paths):

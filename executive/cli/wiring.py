@@ -122,7 +122,7 @@ def put_in_order(folder: Path, rule: Rule, clock: RealClock) -> list[logs.LogLin
 def _recovered(made: logs.Summary | Exception) -> str:
     if isinstance(made, logs.Summary):
         shown = f"; `armtree log show {made.path}` tells what is left" if made.bytes else ""
-        return made.in_words() + shown
+        return made.text() + shown
     if isinstance(made, OSError) and made.filename:
         return f"not recovered: {made.filename}: {made.strerror}"
     return f"not recovered: {made}"

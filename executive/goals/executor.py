@@ -203,7 +203,7 @@ class GoalExecutor:
         assert attempt.tree
         self._ready(attempt.goal)
         self._tree = attempt.tree
-        run = Run(attempt.goal, attempt.tree, self._arm, self._clock, self._recordings.tell)
+        run = Run(attempt.goal, attempt.tree, self._arm, self._clock, self._recordings.record)
         try:
             run.execute()
         except _OURS:
@@ -240,7 +240,7 @@ class GoalExecutor:
         self._goals.settle(goal)
         if goal.outcome is None:
             _log_end(goal, outcome)
-            recordings.tell(record_of(goal.identity, outcome, now))
+            recordings.record(record_of(goal.identity, outcome, now))
         self._goals.finish(goal, outcome)
         self._held = False
         if not self._solo:
@@ -271,7 +271,7 @@ class GoalExecutor:
         if self._goals.give_up(goal, outcome):
             _log_end(goal, outcome)
             if fault:  # else it has no recording of its own yet
-                self._recordings.tell(record_of(goal.identity, outcome, self._clock.now()))
+                self._recordings.record(record_of(goal.identity, outcome, self._clock.now()))
             with self._signal:
                 self._held = True
                 self._signal.notify()

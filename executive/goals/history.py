@@ -6,7 +6,7 @@ from pathlib import Path
 
 import logs
 from executive.errors import ServerRestarted
-from executive.recording.recordings import is_servers
+from executive.recording.recordings import is_server_recording
 
 from .causes import cause_of
 from .goal import GoalState, Outcome
@@ -54,7 +54,7 @@ def earlier(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
         Identity, stamp [ns since 1970], and how it ended, by their stamps.
     """
     goals: dict[str, _Goal] = {}
-    for recording in logs.left(folder, since):
+    for recording in logs.closed_recordings(folder, since):
         with suppress(logs.LogError):  # what can be read of it counts
             _read(recording, goals)
     for identity, goal in sorted(goals.items(), key=lambda item: item[1].stamp_ns):
@@ -63,7 +63,7 @@ def earlier(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
 
 
 def _read(recording: logs.Recording, goals: dict[str, _Goal]) -> None:
-    served = is_servers(recording.path)
+    served = is_server_recording(recording.path)
     for record in recording.records(logs.Goal, logs.Result):
         if isinstance(record, logs.Goal):
             stamp_ns = recording.epoch_ns + round(record.time * 1e9)

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from executive.recording.evidence import robot_of
-from executive.recording.meshes import world_of
+from executive.recording.archive import restore_robot, restore_world
 from hardware import Robot
 from logs import Goal, Plan, Recording, Sent
-from logs.views.motion_figure import Sweep
+from logs.views.motion_figure import MotionDrawing
 from logs.views.narrative import bodies_in_words
 from logs.views.run_figure import Scene
 from skills.motion import World
@@ -22,7 +21,7 @@ POSES = 14  # of a motion
 _MOST_POSES = 4 * POSES
 
 
-def sweep_of(robot: Robot, world: World, configurations: ArrayLike) -> Sweep:
+def motion_drawing(robot: Robot, world: World, configurations: ArrayLike) -> MotionDrawing:
     """A motion among bodies.
 
     Args:
@@ -41,7 +40,7 @@ def sweep_of(robot: Robot, world: World, configurations: ArrayLike) -> Sweep:
         poses.append([points for name, points in shapes if name not in links])
         held.append([points for name, points in shapes if links.get(name)])
         bodies = [points for name, points in shapes if links.get(name) == ""]
-    return Sweep(poses, bodies, held)
+    return MotionDrawing(poses, bodies, held)
 
 
 @dataclass
@@ -95,10 +94,10 @@ def _motions(recording: Recording) -> list[_Motion]:
 
 
 def _scene(recording: Recording, motions: list[tuple[int, _Motion]]) -> Scene:
-    robot, bodies = robot_of(recording), motions[0][1].plan.world
+    robot, bodies = restore_robot(recording), motions[0][1].plan.world
     poses = [pose for _, motion in motions for pose in motion.poses()]
     chosen = np.linspace(0, len(poses) - 1, min(_MOST_POSES, len(poses))).round().astype(int)
     rows = [[poses[index][joint.name] for joint in robot.actuated] for index in chosen]
     numbers = ", ".join(str(number) for number, _ in motions)
     title = f"Motion{'s' * (len(motions) > 1)} {numbers}; around: {bodies_in_words(bodies)}"
-    return Scene(title, sweep_of(robot, world_of(bodies, recording.files), rows))
+    return Scene(title, motion_drawing(robot, restore_world(bodies, recording.files), rows))

@@ -16,8 +16,7 @@ from logs.writing.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
 from trees.compile.builder import Tree
 
-from .evidence import robot_note
-from .meshes import kept
+from .archive import archive_world, robot_note
 from .translate import arm_record, skill_record
 from .versions import versions
 
@@ -32,7 +31,7 @@ _AT_ONCE = 4  # are being finished; most of its time each waits for the disk
 _EARLY = 1000  # lines of the log that are kept for a recording that is still to be opened
 
 
-def is_servers(recording: Path) -> bool:
+def is_server_recording(recording: Path) -> bool:
     """Whether a recording is one of what happens between goals, by its name."""
     return recording.stem.endswith(f"-{_BETWEEN}")
 
@@ -80,7 +79,7 @@ class Recordings:
         self.path = ""
         self.frames = 0
 
-    def open_between(self) -> None:
+    def open_server_recording(self) -> None:
         """Open the recording of what happens between goals.
 
         Raises:
@@ -176,7 +175,7 @@ class Recordings:
         except Exception:  # the outermost place of this thread
             logger.exception("a bug of ours")
 
-    def tell(self, record: logs.Record) -> None:
+    def record(self, record: logs.Record) -> None:
         """Record something and show it to the watcher."""
         if isinstance(record, logs.Sent) and record.joints:
             self.frames += 1
@@ -191,18 +190,18 @@ class Recordings:
         recorder = self._recorder
         return recorder is None or recorder.caught_up(timeout)
 
-    def arm_did(self, event: ArmEvent) -> None:
+    def on_arm_event(self, event: ArmEvent) -> None:
         """Tell of something the arm did."""
         record = arm_record(event, self._robot)
         if isinstance(record, logs.Transition):
             self._state = record.goal
-        self.tell(record)
+        self.record(record)
 
-    def skill_did(self, event: SkillEvent) -> None:
+    def on_skill_event(self, event: SkillEvent) -> None:
         """Tell of something a skill did."""
         if isinstance(event, Planned):
-            self._attach_new(kept(event.query.world)[1])
-        self.tell(skill_record(event, self._robot, self._clock.now()))
+            self._attach_new(archive_world(event.query.world)[1])
+        self.record(skill_record(event, self._robot, self._clock.now()))
 
     def _standing(self, time: float) -> logs.Transition:
         """The state in which a recording begins: what led to it is in an earlier one."""

@@ -16,7 +16,7 @@ from hardware import (
 from skills import Planned, Scheduled, SkillEvent
 from skills.motion import MotionError
 
-from .meshes import kept
+from .archive import archive_world
 
 _GRID = 0.02  # of the sampled motion in a recording [s]
 
@@ -62,7 +62,7 @@ def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
         start={j.name: q for j, q in zip(robot.actuated, query.start, strict=True)},
         goal=query.goal,
         via=query.via,
-        world=kept(query.world)[0],
+        world=archive_world(query.world)[0],
         seed=query.seed,
         velocity_limits=tuple(joint.velocity for joint in joints),
         acceleration_limits=tuple(joint.acceleration for joint in joints),

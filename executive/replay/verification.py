@@ -1,19 +1,20 @@
-"""Whether a recording shows a run that would be the same again: two verdicts, from its file alone.
+"""Verifies from a recording alone that its run would be the same again.
 
-Plan to frames: the recorded motion, compiled again, gives the frames that were sent. Goal to plan:
-the recorded queries, planned again, give the recorded plans.
+Plan to frames: the recorded motion, compiled again, gives the frames that were sent.
+Goal to plan: the recorded queries, planned again, give the recorded plans.
 """
 
+import json
 import os
 import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
 from executive.codes import DIFFERS
-from executive.recording.evidence import robot_of
+from executive.recording.archive import restore_robot
 from hardware import HardwareError, Robot
 from logs import (
     Goal,
@@ -29,30 +30,30 @@ from logs import (
     Schedule,
     Sent,
 )
-from logs.reading.consistency import disagreement
-from logs.reading.recovery import being_written
-from logs.writing.compaction import RECOVERED
+from logs.reading.consistency import inconsistency
+from logs.reading.file_state import being_written
+from logs.records.file_format import RECOVERED
 from skills.motion import ModelUnusable
 from skills.motion.planner import Planner
 from trees.compile.resolved import RESOLVED
 
-from .difference import frames_difference, joints_difference, plans_difference
-from .difference_result import result_difference
-from .difference_source import PLANNING, changes, contradiction, source
+from .cause import PLANNING, changes, contradiction, source
+from .frames import frames_difference, result_difference
+from .plans import joints_difference, plans_difference
 
 _PLAN = "/plan/"
 _FRAMES, _PLANS = "plan -> frames", "goal -> plan"
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """An answer to one question.
+class Check:
+    """The result of one check.
 
     Attributes:
-        question: Which.
-        holds: Whether the recording and what was made anew are the same.
+        question: Name of the check.
+        holds: True if the recording and what was made again are the same.
         words: What was compared, or the first difference.
-        source: Where the difference comes from; empty where there is none.
+        source: Where the difference comes from; empty if there is none.
     """
 
     question: str
@@ -63,52 +64,81 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What a recording proves.
+    """The result of verifying a recording.
 
     Attributes:
         path: The recording.
-        verdicts: One per question; none where the file cannot be judged.
-        error: Why it cannot, what is missing from it, or what was changed in it; empty otherwise.
-        code: Stable name of that.
-        motion: How long the motion was that was made again [s].
+        checks: Both checks; empty if the file cannot be verified.
+        error: Why it cannot be verified, what it lacks, or what changed in it; else empty.
+        code: Stable code of the error.
+        motion: Duration of the motions that were compiled again [s].
     """
 
     path: Path
-    verdicts: tuple[Verdict, ...]
+    checks: tuple[Check, ...]
     error: str
     code: str
     motion: float
 
     @property
     def holds(self) -> bool:
-        """Whether the file is whole, as it was, and both verdicts are that all is the same."""
-        return not self.error and all(verdict.holds for verdict in self.verdicts)
+        """True if the file is complete and unchanged, and both checks hold."""
+        return not self.error and all(check.holds for check in self.checks)
+
+    def text(self) -> str:
+        """Returns the result in lines for people."""
+        lines = [str(self.path)]
+        for check in self.checks:
+            lines.append(f"  {check.question:<16}{'holds' if check.holds else 'DIFFERS':<9}")
+            lines[-1] += check.words
+            if check.source:
+                lines.append(f"{'':<18}comes from {check.source}")
+        if self.error:
+            lines.append(f"  {self.error.removeprefix(f'{self.path}: ')}")
+        return "\n".join(lines)
+
+    def json(self) -> str:
+        """Returns the result as one JSON object."""
+        facts = {
+            "path": str(self.path),
+            "verdicts": [asdict(check) for check in self.checks],
+            "error": self.error,
+            "code": self.code,
+            "motion": self.motion,
+            "holds": self.holds,
+        }
+        return json.dumps(facts)
 
 
-def prove(path: Path) -> Verification:
-    """Judge one recording. Plans in this process."""
+def verify(path: Path) -> Verification:
+    """Verifies one recording; plans in this process."""
     try:
         recording = Recording(path)
-        story = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
+        records = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
         if not recording.complete and being_written(path):
             raise RecordingInUse(path)
-        verdicts = _verdicts(recording, story)
+        checks = _checks(recording, records)
     except (LogError, HardwareError, ModelUnusable) as error:
         return Verification(path, (), str(error), error.code, 0.0)
     except OSError as error:
         return Verification(path, (), str(error), RecordingError.code, 0.0)
-    motion = sum(record.duration for record in story if isinstance(record, Schedule))
+    motion = sum(record.duration for record in records if isinstance(record, Schedule))
     if not recording.complete:
         torn = RecordingTruncated(path, recording.messages)
-        return Verification(path, verdicts, str(torn), torn.code, motion)
+        return Verification(path, checks, str(torn), torn.code, motion)
     if part := recording.changed:
-        return Verification(path, verdicts, f"{part} was changed after the run", DIFFERS, motion)
-    return Verification(path, verdicts, "", "", motion)
+        return Verification(path, checks, f"{part} was changed after the run", DIFFERS, motion)
+    return Verification(path, checks, "", "", motion)
 
 
-def prove_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
-    """Judge recordings in processes of their own; the proofs come in the order of the paths."""
-    # As the planners of a run: with one thread a sum is always added up in the same order.
+def verify_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
+    """Verifies recordings in several processes; yields the results in the order of the paths.
+
+    Args:
+        paths: The recordings.
+        jobs: Number of processes.
+    """
+    # As in the planners of a run: with one thread, sums are always added in the same order.
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     pool = ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn"))
     try:
@@ -118,71 +148,71 @@ def prove_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
 
 
 def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterator[Verification]:
-    """Begin, in processes that Ctrl-C never reaches: what is blocked stays so in a child."""
+    """Starts processes that ignore Ctrl-C: a child inherits the signals that are blocked here."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return pool.map(prove, paths)
+        return pool.map(verify, paths)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _verdicts(recording: Recording, story: Sequence[Record]) -> tuple[Verdict, ...]:
-    topic, wrong = disagreement(recording)
-    if not story and not _whole(recording):  # it may have been cut before its robot was told
+def _checks(recording: Recording, records: Sequence[Record]) -> tuple[Check, ...]:
+    topic, wrong = inconsistency(recording)
+    if not records and not _whole(recording):  # it may lack its robot
         words = wrong or "nothing of a run is left, it was cut before"
-        return tuple(Verdict(question, not wrong, words) for question in (_FRAMES, _PLANS))
-    robot, planned = robot_of(recording), topic.startswith(_PLAN)
+        return tuple(Check(question, not wrong, words) for question in (_FRAMES, _PLANS))
+    robot, planned = restore_robot(recording), topic.startswith(_PLAN)
     return (
-        _frames(recording, robot, story, "" if planned else wrong),
-        _plans(recording, robot, story, wrong if planned else ""),
+        _frames(recording, robot, records, "" if planned else wrong),
+        _plans(recording, robot, records, wrong if planned else ""),
     )
 
 
 def _whole(recording: Recording) -> bool:
-    """Whether it tells of all that was recorded."""
+    """Returns whether the recording holds everything that was recorded."""
     return recording.complete and RECOVERED not in recording.notes
 
 
-def _frames(recording: Recording, robot: Robot, story: Sequence[Record], wrong: str) -> Verdict:
-    words = _goal_difference(recording, story) or joints_difference(robot, story)
-    words = words or frames_difference(robot, story, _whole(recording))
-    words = words or result_difference(story) or wrong
+def _frames(recording: Recording, robot: Robot, records: Sequence[Record], wrong: str) -> Check:
+    words = _goal_difference(recording, records) or joints_difference(robot, records)
+    words = words or frames_difference(robot, records, _whole(recording))
+    words = words or result_difference(records) or wrong
     if words:
-        return Verdict(_FRAMES, False, words, source(recording, robot, story, ("frames",)))
-    schedules = sum(isinstance(record, Schedule) for record in story)
-    frames = sum(isinstance(record, Sent) for record in story)
-    return Verdict(_FRAMES, True, f"{_many(frames, 'frame')} of {_many(schedules, 'schedule')}")
+        return Check(_FRAMES, False, words, source(recording, robot, records, ("frames",)))
+    schedules = sum(isinstance(record, Schedule) for record in records)
+    frames = sum(isinstance(record, Sent) for record in records)
+    return Check(_FRAMES, True, f"{_many(frames, 'frame')} of {_many(schedules, 'schedule')}")
 
 
-def _goal_difference(recording: Recording, story: Sequence[Record]) -> str:
-    """What is wrong with the goal; only a server's own recording has none, and nothing of a run."""
-    goals = [record for record in story if isinstance(record, Goal)]
-    if _whole(recording):
-        ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in story)
-        if not recording.messages:
-            return "nothing is recorded"
-        if ran and not goals:
-            return "no goal is recorded"
+def _goal_difference(recording: Recording, records: Sequence[Record]) -> str:
+    """Finds a missing goal; only a server's own recording has none, and nothing of a run."""
+    if not _whole(recording):
+        return ""
+    if not recording.messages:
+        return "nothing is recorded"
+    ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in records)
+    if ran and not any(isinstance(record, Goal) for record in records):
+        return "no goal is recorded"
     return ""
 
 
-def _plans(recording: Recording, robot: Robot, story: Sequence[Record], wrong: str) -> Verdict:
-    words = joints_difference(robot, story)
-    words = words or plans_difference(_planner(robot), robot, story, recording.files) or wrong
+def _plans(recording: Recording, robot: Robot, records: Sequence[Record], wrong: str) -> Check:
+    words = joints_difference(robot, records)
+    words = words or plans_difference(_planner(robot), robot, records, recording.files) or wrong
     if words:
-        return Verdict(_PLANS, False, words, source(recording, robot, story, PLANNING))
-    if cause := contradiction(recording, robot, story):
-        return Verdict(_PLANS, False, "the plans are the same, what led to them is not", cause)
-    plans = sum(isinstance(record, Plan) for record in story)
+        return Check(_PLANS, False, words, source(recording, robot, records, PLANNING))
+    if cause := contradiction(recording, robot, records):
+        return Check(_PLANS, False, "the plans are the same, what led to them is not", cause)
+    plans = sum(isinstance(record, Plan) for record in records)
     new = changes(recording, PLANNING)
-    return Verdict(_PLANS, True, _many(plans, "plan") + (f", also with {new}" if new else ""))
+    return Check(_PLANS, True, _many(plans, "plan") + (f", also with {new}" if new else ""))
 
 
 _planners: dict[str, Planner] = {}
 
 
 def _planner(robot: Robot) -> Planner:
-    """The planner for a robot, made once; the folder of its files is named by their content."""
+    """Returns the planner for a robot, made once; the folder of its files is named by content."""
     key = str(robot.path)
     if key not in _planners:
         _planners[key] = Planner(robot)

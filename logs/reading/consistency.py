@@ -14,10 +14,10 @@ import numpy as np
 from hardware.description.kinematics import ForwardKinematics
 from logs.errors import RecordingError, RecordingTruncated
 from logs.records.conversions import Stamp
+from logs.records.file_format import RECOVERED
 from logs.records.records import Description, LogLine, Plan, Received, Record, Transition
 from logs.records.ros_types import ros_types
 from logs.records.topics import TOPICS, topics_of
-from logs.writing.compaction import RECOVERED
 
 from .reader import Message, read
 from .recording import Recording
@@ -37,7 +37,7 @@ _UNDATED = (Description, Received, LogLine, Transition)
 _TOLERANCE = 1e-12
 
 
-def disagreement(recording: Recording) -> tuple[str, str]:
+def inconsistency(recording: Recording) -> tuple[str, str]:
     """The first message that is not what its record makes of it: its topic, and what is wrong.
 
     A proof looks at the records; most tools look at what was made of them, such as transforms,

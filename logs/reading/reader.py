@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from logs.errors import RecordingError, RecordingTruncated
 
-from .tolerant_reader import Salvage
+from .tolerant_reader import TolerantReader
 
 if TYPE_CHECKING:
     from mcap.records import Attachment, Channel, Metadata
@@ -83,10 +83,10 @@ def read(path: Path | str, topics: Collection[str] | None = None) -> Iterator[Me
         RecordingError: There is no such file or it is no MCAP file (raised at once).
         RecordingTruncated: After the last valid message, where the file is not complete.
     """
-    return _messages(Salvage(Path(path)), topics)
+    return _messages(TolerantReader(Path(path)), topics)
 
 
-def _messages(records: Salvage, topics: Collection[str] | None) -> Iterator[Message]:
+def _messages(records: TolerantReader, topics: Collection[str] | None) -> Iterator[Message]:
     for item in content(records):
         if isinstance(item, Message) and (topics is None or item.topic in topics):
             yield item
@@ -94,7 +94,7 @@ def _messages(records: Salvage, topics: Collection[str] | None) -> Iterator[Mess
         raise RecordingTruncated(records.path, records.messages)
 
 
-def content(records: Salvage) -> Iterator["Message | Attachment | Metadata | Channel"]:
+def content(records: TolerantReader) -> Iterator["Message | Attachment | Metadata | Channel"]:
     """Gives all but the schemas, in the order in which they were written."""
     from mcap import records as mcap
 

@@ -1,13 +1,14 @@
-"""A recording as the records it was made of."""
+"""A recording as the records it was made from."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 from logs.errors import RecordingError
-from logs.records.fields import misshapen
+from logs.records.file_format import RECOVERED
 from logs.records.records import (
     Feedback,
     Goal,
@@ -16,18 +17,17 @@ from logs.records.records import (
     Plan,
     Received,
     Result,
+    RunRecord,
     Schedule,
     Sent,
-    Told,
     Transition,
 )
-from logs.writing.compaction import RECOVERED
 
 from .reader import Message, content
-from .tolerant_reader import Salvage
+from .tolerant_reader import TolerantReader
 
-# What is recorded whole, as JSON.
-_WHOLE: dict[str, type[Any]] = {
+# Records that are one JSON message each.
+_JSON: dict[str, type[Any]] = {
     "/goal": Goal,
     "/result": Result,
     "/progress": Feedback,
@@ -36,10 +36,36 @@ _WHOLE: dict[str, type[Any]] = {
 }
 _PLAN = "/plan/"
 
+# Messages of one sent frame, in file order. A setting of the board has no joint states.
+_SENT = ("/serial/tx", "/serial/timing", "/joint_states")
+_TIMING = ("time", "scheduled", "hold")
+
+_TOPICS: dict[type, tuple[str, ...]] = {
+    **{kind: (topic,) for topic, kind in _JSON.items()},
+    Received: ("/serial/rx",),
+    LogLine: ("/rosout",),
+    Transition: ("/lifecycle",),
+    Sent: _SENT,
+    Plan: (),
+}
+
+# Fields of equal length, and tables with one column per element of another field.
+_LENGTHS: dict[type, tuple[tuple[str, ...], ...]] = {
+    Sent: (("joints", "positions"),),
+    Plan: (("joints", "velocity_limits", "acceleration_limits"), ("times", "positions")),
+    Schedule: (("times", "frames", "delays_s"), ("sample_times", "samples")),
+}
+_COLUMNS: dict[type, tuple[tuple[str, str], ...]] = {
+    Plan: (("joints", "waypoints"), ("joints", "positions")),
+    Schedule: (("start", "samples"),),
+}
+_TIMES, _LONGEST = ("time", "duration"), 1e9  # [s]
+_GOAL_ID = re.compile("[0-9a-f]{32}")
+
 
 @dataclass
 class _Facts:
-    """What a reading of a whole file met beside its messages."""
+    """What a file holds beside its messages."""
 
     files: dict[str, bytes] = field(default_factory=dict)
     notes: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -49,24 +75,24 @@ class _Facts:
 
 
 class Recording:
-    """A file that can be read as often as one likes, lazily.
+    """A recording, finished or not, that can be read several times, lazily.
 
-    What it says of the whole file is known once its records were read through; if they were not,
-    the file is read through for it.
+    The properties below describe the whole file. They are known after the records were read to the
+    end. Before that, getting one reads the file to its end.
 
     Args:
-        path: The file, a finished recording or a journal.
+        path: The file.
 
     Attributes:
-        path: The same.
+        path: The file.
         epoch_ns: UTC at the zero of the records' clock [ns].
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Looks at its head.
+        """Reads the head of the file.
 
         Raises:
-            RecordingError: There is no such file, or it is no recording of armtree.
+            RecordingError: The file does not exist, or is not a recording of armtree.
         """
         self.path = Path(path)
         self.epoch_ns = _epoch_ns(self.path)
@@ -74,49 +100,50 @@ class Recording:
 
     @property
     def files(self) -> dict[str, bytes]:
-        """What is attached, by name."""
+        """Attachments by name."""
         return self._facts().files
 
     @property
     def notes(self) -> dict[str, dict[str, str]]:
-        """Named facts, such as the versions of libraries, by what they are about."""
+        """Notes by name, such as `versions`; each holds values by key."""
         return self._facts().notes
 
     @property
     def topics(self) -> Collection[str]:
-        """What messages may be on; not every one has some."""
+        """All topics, also those without a message."""
         return self._facts().topics
 
     @property
     def messages(self) -> int:
-        """How many valid messages it holds."""
+        """Number of valid messages."""
         return self._facts().messages
 
     @property
     def complete(self) -> bool:
-        """Whether the file has its end and no damage."""
+        """True if the file has its end and no damage."""
         return self._facts().complete
 
     @cached_property
     def changed(self) -> str:
-        """The first topic, file or note that is not as the recording was finished with; or nothing.
+        """First topic, attachment or note that changed after the recording was finished.
 
-        A file that was not finished, or by an older armtree, does not say how it was.
+        Empty if nothing changed, or if the file holds no digests: an unfinished recording, or one
+        of an older armtree.
         """
-        from logs.writing.digests import changed
+        from .digests import changed_part
 
-        return changed(self.path)
+        return changed_part(self.path)
 
-    def records(self, *kinds: type) -> Iterator[Told]:
-        """Gives what was recorded, in the order of the file, up to where it is damaged.
+    def records(self, *kinds: type) -> Iterator[RunRecord]:
+        """Yields the records in file order, up to the first damage.
 
         Args:
-            kinds: Only these types of records; all if none is named.
+            kinds: Types of records to yield; all if none is given.
 
         Raises:
             RecordingError: A record cannot be decoded.
         """
-        wanted = _wanted(kinds)
+        wanted = _filter(kinds)
         sent: list[Message] = []
         for message in filter(wanted, self._messages()):
             if message.topic not in _SENT:
@@ -127,19 +154,22 @@ class Recording:
                 yield self.record(sent)
                 sent = []
 
-    def record(self, messages: Sequence[Message]) -> Told:
-        """Gives the record that messages were made of: of a frame two or three, else one.
+    def record(self, messages: Sequence[Message]) -> RunRecord:
+        """Returns the record that messages were made from.
+
+        Args:
+            messages: Two or three for a sent frame, else one.
 
         Raises:
-            RecordingError: They cannot be decoded, or do not belong together.
+            RecordingError: They cannot be decoded, or are not of one record.
         """
         message = messages[0]
         topic = message.topic
         if topic in _SENT:
             return _sent(messages)
-        kind = Plan if topic.startswith(_PLAN) else _WHOLE.get(topic)
+        kind = Plan if topic.startswith(_PLAN) else _JSON.get(topic)
         if kind:
-            return _whole(kind, message)
+            return _from_json(kind, message)
         time, data = (message.time_ns - self.epoch_ns) / 1e9, message.data
         match topic:
             case "/serial/rx":
@@ -160,8 +190,8 @@ class Recording:
     def _messages(self) -> Iterator[Message]:
         from mcap import records as mcap
 
-        facts, salvage = _Facts(), Salvage(self.path)
-        for item in content(salvage):
+        facts, reader = _Facts(), TolerantReader(self.path)
+        for item in content(reader):
             match item:
                 case Message():
                     yield item
@@ -171,50 +201,26 @@ class Recording:
                     facts.files[item.name] = item.data
                 case mcap.Metadata():
                     facts.notes[item.name] = dict(item.metadata)
-        facts.messages, facts.complete = salvage.messages, salvage.intact
+        facts.messages, facts.complete = reader.messages, reader.intact
         self._known = facts
 
 
 def _epoch_ns(path: Path) -> int:
     from mcap.records import Metadata
 
-    for item in content(Salvage(path)):
+    for item in content(TolerantReader(path)):
         match item:
-            case Metadata(name="armtree", metadata={"epoch_ns": said}) if said.isdecimal():
-                return int(said)
-            case Metadata() if item.name == RECOVERED:  # cut before that, so nothing has a time
+            case Metadata(name="armtree", metadata={"epoch_ns": epoch}) if epoch.isdecimal():
+                return int(epoch)
+            case Metadata() if item.name == RECOVERED:  # cut before the epoch, so it has no message
                 return 0
             case Message():
                 break
     raise RecordingError(path, "was not recorded by armtree, or lacks its head")
 
 
-def fields_of(message: Message) -> dict[str, Any]:
-    """What a message on a topic such as `/goal`, `/tree` or `/plan/arm` says, as its record has it.
-
-    Raises:
-        RecordingError: It is none that armtree has recorded.
-    """
-    kind = Plan if message.topic.startswith(_PLAN) else _WHOLE[message.topic]
-    record = _whole(kind, message)
-    return {field.name: getattr(record, field.name) for field in fields(kind)}
-
-
-# What one frame becomes, in the order of the file.
-_SENT = ("/serial/tx", "/serial/timing", "/joint_states")
-_TIMING = ("time", "scheduled", "hold")
-_TOPICS: dict[type, tuple[str, ...]] = {
-    **{kind: (topic,) for topic, kind in _WHOLE.items()},
-    Received: ("/serial/rx",),
-    LogLine: ("/rosout",),
-    Transition: ("/lifecycle",),
-    Sent: _SENT,
-    Plan: (),
-}
-
-
-def _wanted(kinds: tuple[type, ...]) -> Callable[[Message], bool]:
-    """Which messages the records of these kinds are made from."""
+def _filter(kinds: tuple[type, ...]) -> Callable[[Message], bool]:
+    """Accepts the messages that records of these types are made from."""
     names = {topic for kind in kinds or _TOPICS for topic in _TOPICS[kind]}
     plans = not kinds or Plan in kinds
     return lambda message: message.topic in names or (plans and _is_plan(message.topic))
@@ -224,31 +230,8 @@ def _is_plan(topic: str) -> bool:
     return topic.startswith(_PLAN) and topic.count("/") == 2
 
 
-def _whole(kind: type[Any], message: Message) -> Told:
-    names = {field.name for field in fields(kind)}
-    given = {name: value for name, value in message.fields().items() if name in names}
-    record: Told = _made(kind, {name: _frozen(value) for name, value in given.items()}, message)
-    return record
-
-
-def _made(kind: type[Any], known: dict[str, Any], message: Message) -> Any:
-    needed = {field.name for field in fields(kind) if field.default is MISSING}
-    if missing := sorted(needed - known.keys()):
-        what = f"what {message.topic} says lacks {', '.join(missing)}; another armtree recorded it"
-        raise RecordingError(message.path, what)
-    if wrong := misshapen(kind, known):
-        what = f"what {message.topic} says of {wrong} makes no sense; another program recorded it"
-        raise RecordingError(message.path, what)
-    return kind(**known)
-
-
-def _frozen(value: Any) -> Any:
-    """JSON knows lists only."""
-    return tuple(map(_frozen, value)) if isinstance(value, list) else value
-
-
 def _is_setting(message: Message) -> bool:
-    """Whether nothing more is told of what was sent: a setting of the board moves no joint."""
+    """Returns whether a setting of the board was sent; its messages end with this one."""
     return message.topic == "/serial/timing" and bool(message.fields().get("setting"))
 
 
@@ -263,5 +246,70 @@ def _sent(messages: Sequence[Message]) -> Sent:
     known["data"] = bytes(frame.data.data)
     known["joints"] = tuple(state.name) if state else ()
     known["positions"] = tuple(state.position.tolist()) if state else ()
-    sent: Sent = _made(Sent, known, timing)
+    sent: Sent = _checked(Sent, known, timing)
     return sent
+
+
+def _from_json(kind: type[Any], message: Message) -> RunRecord:
+    names = {field.name for field in fields(kind)}
+    given = {name: value for name, value in message.fields().items() if name in names}
+    frozen = {name: _frozen(value) for name, value in given.items()}
+    record: RunRecord = _checked(kind, frozen, message)
+    return record
+
+
+def _frozen(value: Any) -> Any:
+    """JSON has lists only; records have tuples."""
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+
+
+def _checked(kind: type[Any], known: dict[str, Any], message: Message) -> Any:
+    """Makes a record after checking its fields, because any program may have written the file."""
+    needed = {field.name for field in fields(kind) if field.default is MISSING}
+    if missing := sorted(needed - known.keys()):
+        what = f"what {message.topic} says lacks {', '.join(missing)}; another armtree recorded it"
+        raise RecordingError(message.path, what)
+    if wrong := _invalid_field(kind, known):
+        what = f"what {message.topic} says of {wrong} makes no sense; another program recorded it"
+        raise RecordingError(message.path, what)
+    return kind(**known)
+
+
+def _invalid_field(kind: type, values: Mapping[str, Any]) -> str:
+    """Returns the first field with an invalid type, length or value; empty if there is none."""
+    for name, type_ in _types(kind).items():
+        if name not in values:
+            continue
+        if not (_has_type(values[name], type_) and _in_range(name, values[name])):
+            return name
+    for names in _LENGTHS.get(kind, ()):
+        if len({len(values[name]) for name in names}) > 1:
+            return names[-1]
+    for columns, table in _COLUMNS.get(kind, ()):
+        if any(len(row) != len(values[columns]) for row in values[table]):
+            return table
+    return ""
+
+
+@cache
+def _types(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
+def _in_range(name: str, value: Any) -> bool:
+    if name in _TIMES:
+        return abs(float(value)) < _LONGEST
+    return name != "goal_id" or _GOAL_ID.fullmatch(value) is not None
+
+
+def _has_type(value: Any, type_: Any) -> bool:
+    origin, inner = get_origin(type_), get_args(type_)
+    if origin is tuple:
+        return isinstance(value, tuple) and all(_has_type(each, inner[0]) for each in value)
+    if origin is dict:
+        values = value.values() if isinstance(value, dict) else ()
+        return isinstance(value, dict) and all(_has_type(each, inner[1]) for each in values)
+    if inner:
+        return any(_has_type(value, each) for each in inner)
+    kinds = (int, float) if type_ is float else (type_,)
+    return type_ is Any or type(value) in kinds

@@ -1,37 +1,50 @@
-"""The records of an MCAP file, up to where it is damaged."""
+"""Reads the records of an MCAP file up to the first damage.
 
+It finds damage that the mcap library overlooks: records that refer to unknown channels, wrong
+checksums of attachments and of the summary, and damage in a journal.
+"""
+
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from stat import S_ISREG
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
+from zlib import crc32
 
 from logs.errors import RecordingError
-from logs.writing.checksums import MAGIC, is_journal, sound
+from logs.records.file_format import MAGIC, is_journal, valid_size
+
+if TYPE_CHECKING:
+    from mcap.records import Attachment, Footer, McapRecord
+
+_CRC_BYTES = 4
+_ATTACHMENT_HEAD_BYTES = 32  # two times of 8, the lengths of name, type (4 each) and data (8)
+_BLOCK_BYTES = 65536
 
 
-class Salvage:
-    """Iterates over what is valid in a file, finished, live, cut off or damaged.
+class TolerantReader:
+    """Iterates over the valid records of a finished, unfinished, cut or damaged file.
 
-    Every checksum that the file has is checked. Reading is lazy, a chunk at a time.
+    It checks every checksum in the file. It reads lazily, one chunk at a time.
 
     Attributes:
         path: The file.
-        intact: After iterating, whether the file was complete and undamaged.
-        messages: How many messages were given so far.
-        valid: How much of the file the records given so far take, its head included [bytes].
+        intact: After iterating: True if the file was complete and undamaged.
+        messages: Number of messages yielded so far.
+        valid: Size of the part of the file that was read and is valid [bytes].
     """
 
     def __init__(self, path: Path) -> None:
-        """Looks at the first bytes only.
+        """Reads the first bytes only.
 
         Raises:
-            RecordingError: There is no such file, or it never was an MCAP file.
+            RecordingError: The file does not exist, or is not an MCAP file.
         """
         self.path = path
         self.intact = False
         self.messages = self.valid = 0
         try:
-            if not S_ISREG(path.stat().st_mode):  # a pipe would keep whoever opens it waiting
+            if not S_ISREG(path.stat().st_mode):  # to open a pipe could block
                 raise RecordingError(path, "is no file; give a recording, such as *.mcap")
             with path.open("rb") as stream:
                 head = stream.read(len(MAGIC))
@@ -42,41 +55,107 @@ class Salvage:
             raise RecordingError(path, "is not an MCAP file; give a recording, such as *.mcap")
 
     def __iter__(self) -> Iterator[Any]:
-        """Gives the records in file order; ends at the first damage.
+        """Yields MCAP records in file order; ends at the first damage.
 
         Raises:
-            OSError: The disk fails.
+            OSError: The disk failed.
         """
-        from .validation import Sense, summary_is_whole
-
         with self.path.open("rb") as stream:
-            end = sound(stream) if is_journal(stream) else None
+            end = valid_size(stream) if is_journal(stream) else None
             try:
-                sense = Sense()
+                validator = RecordValidator()
                 for record in self._records(stream):
-                    if (end is not None and stream.tell() > end) or not sense.fits(record, stream):
+                    if end is not None and stream.tell() > end:
                         return
-                    self.messages, self.valid = sense.messages, stream.tell()
+                    if not validator.accepts(record, stream):
+                        return
+                    self.messages, self.valid = validator.messages, stream.tell()
                     yield record
-                self.intact = sense.data_ended and summary_is_whole(record, stream)
+                self.intact = validator.data_ended and _summary_is_valid(record, stream)
             except OSError:
                 raise
             except Exception:
-                # Torn or damaged bytes surface as whatever the decoder stumbles over:
+                # Damaged bytes make the decoder raise anything:
                 # McapError, struct.error, ValueError, ZstdError, MemoryError and more.
                 return
             finally:
                 if end is not None and stream.tell() >= end:
-                    self.valid = end  # with the check of the last piece
+                    self.valid = end  # includes the checksum of the last piece
 
     @property
     def torn(self) -> int:
-        """After iterating, how much at the end holds nothing valid [bytes]."""
+        """After iterating: number of bytes at the end of the file that are not valid."""
         return 0 if self.intact else self.path.stat().st_size - self.valid
 
     def _records(self, stream: BinaryIO) -> Iterator[Any]:
         from mcap.stream_reader import StreamReader
 
-        # A damaged length must not make the reader ask for gigabytes.
+        # Without a limit, a damaged length makes the reader allocate gigabytes.
         limit = self.path.stat().st_size
         yield from StreamReader(stream, validate_crcs=True, record_size_limit=limit).records
+
+
+class RecordValidator:
+    """Finds records that are invalid at their position in the file.
+
+    Attributes:
+        messages: Number of valid messages.
+        data_ended: True after a valid end of the data section.
+    """
+
+    def __init__(self) -> None:
+        self.messages = 0
+        self.data_ended = False
+        self._started = False
+        self._schemas = {0}
+        self._channels: set[int] = set()
+
+    def accepts(self, record: "McapRecord", stream: BinaryIO) -> bool:
+        """Returns whether a record is valid after the records before it.
+
+        Args:
+            record: The record.
+            stream: The file, at the end of the record.
+        """
+        from mcap.records import Attachment, Channel, DataEnd, Header, Message, Schema
+
+        if isinstance(record, Header) is self._started:
+            return False
+        self._started = True
+        match record:
+            case Message():
+                known = record.channel_id in self._channels
+                self.messages += known
+                return known
+            case Schema():
+                self._schemas.add(record.id)
+            case Channel():
+                self._channels.add(record.id)
+                return record.schema_id in self._schemas
+            case Attachment():
+                return _attachment_is_valid(record, stream)
+            case DataEnd():
+                self.data_ended = True
+        return True
+
+
+def _attachment_is_valid(attachment: "Attachment", stream: BinaryIO) -> bool:
+    """Returns whether the checksum of the attachment just read is right; mcap does not check it."""
+    names = len(attachment.name.encode()) + len(attachment.media_type.encode())
+    size = _ATTACHMENT_HEAD_BYTES + names + len(attachment.data)
+    stream.seek(-size - _CRC_BYTES, os.SEEK_CUR)
+    actual, expected = crc32(stream.read(size)), stream.read(_CRC_BYTES)
+    return int.from_bytes(expected, "little") in (0, actual)
+
+
+def _summary_is_valid(footer: "Footer", stream: BinaryIO) -> bool:
+    """Returns whether the checksum of the summary is right; mcap's stream reader skips it."""
+    left = stream.seek(0, os.SEEK_END) - len(MAGIC) - _CRC_BYTES - footer.summary_start
+    if left < 0 or not footer.summary_crc:
+        return left >= 0
+    stream.seek(footer.summary_start)
+    actual = 0
+    while left > 0 and (block := stream.read(min(left, _BLOCK_BYTES))):
+        actual = crc32(block, actual)
+        left -= len(block)
+    return footer.summary_crc == actual

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+_AT_ONCE = 0.1  # a goal that starts within this time did not wait [s]
+
 
 @dataclass(frozen=True, slots=True)
 class Description:
@@ -155,6 +157,11 @@ class Result:
     limit: float | None = None
     hint: str = ""
 
+    def queued(self, goal: Goal) -> float:
+        """Returns how long the goal waited in the queue [s]; 0 if it started at once."""
+        waited = self.duration - (self.time - goal.time)
+        return waited if waited > _AT_ONCE else 0.0
+
 
 @dataclass(frozen=True, slots=True)
 class NodeStatus:
@@ -290,9 +297,9 @@ class Note:
     facts: Mapping[str, str]
 
 
-# What is read from a recording again; the robot's description is one of its files.
-Told = (
+# What `Recording.records` yields; the robot's description is an attachment.
+RunRecord = (
     Sent | Received | Transition | Goal | Feedback | Result | NodeStatus | Plan | Schedule | LogLine
 )
-Record = Description | Told
+Record = Description | RunRecord
 Item = Record | Attachment | Note

@@ -1,4 +1,4 @@
-"""The arm's sweep, and what is around it, from two sides."""
+"""Draws a motion of the arm and the bodies around it, from the front and from above."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,20 +9,20 @@ from matplotlib.patches import Patch
 
 _START, _ARM, _BODY = "#777777", "#0072B2", "#D55E00"
 _SIDES = ((0, 2), (0, 1))
-_KEY = 0.15  # of the height, kept free for the key: to search for a free corner takes a second
+_KEY = 0.15  # share of the height for the legend; letting matplotlib find a place takes 1 s
 
 Point = tuple[float, float]
 Shape = Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True)
-class Sweep:
-    """What is drawn of a motion in space.
+class MotionDrawing:
+    """Outlines of the arm and of the bodies around it during a motion.
 
     Attributes:
-        poses: By pose, the points around every shape of the arm, in the root frame [m].
-        bodies: The points around everything that stands around it [m].
-        held: By pose, the points around every body that moves with it [m].
+        poses: Per pose, the corners of each shape of the arm, in the root frame [m].
+        bodies: Corners of each body that does not move [m].
+        held: Per pose, the corners of each body that the arm carries [m].
     """
 
     poses: Sequence[Sequence[Shape]]
@@ -30,33 +30,37 @@ class Sweep:
     held: Sequence[Sequence[Shape]] = field(default=())
 
 
-def draw_sweep(sides: Sequence[Axes], sweep: Sweep) -> None:
-    """Draws all poses over each other: the first grey, the last blue, those between faint.
+def draw_motion(sides: Sequence[Axes], motion: MotionDrawing) -> None:
+    """Draws all poses into one view: the first grey, the last blue, the others faint.
 
-    Bodies are red, those that it holds too.
+    Bodies are red.
 
     Args:
-        sides: Two, for the view from the front and that from above.
-        sweep: What to draw.
+        sides: Axes for the view from the front, and for the view from above.
+        motion: What to draw.
     """
     for axes, (across, up) in zip(sides, _SIDES, strict=True):
-        _side(axes, sweep, across, up)
+        _side(axes, motion, across, up)
 
 
-def _side(axes: Axes, sweep: Sweep, across: int, up: int) -> None:
+def _side(axes: Axes, motion: MotionDrawing, across: int, up: int) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.tick_params(labelsize=6)
     axes.locator_params(nbins=6)
     axes.set_xlabel(f"{'xyz'[across]} [m]", fontsize=7)
     axes.set_ylabel(f"{'xyz'[up]} [m]", fontsize=7)
-    axes.set_title("sweep from the front" if up == 2 else "sweep from above", fontsize=7)
+    axes.set_title("motion from the front" if up == 2 else "motion from above", fontsize=7)
     for shapes, color, alpha in (
-        (sweep.bodies, _BODY, 0.5),
-        ([shape for pose in sweep.poses[1:-1] for shape in pose], _ARM, 0.06),
-        ([shape for pose in sweep.poses[:1] for shape in pose], _START, 0.3),
-        ([shape for pose in sweep.poses[1:][-1:] for shape in pose], _ARM, 0.3),
-        ([shape for pose in sweep.held[1:-1] for shape in pose], _BODY, 0.06),
-        ([shape for pose in (*sweep.held[:1], *sweep.held[1:][-1:]) for shape in pose], _BODY, 0.5),
+        (motion.bodies, _BODY, 0.5),
+        ([shape for pose in motion.poses[1:-1] for shape in pose], _ARM, 0.06),
+        ([shape for pose in motion.poses[:1] for shape in pose], _START, 0.3),
+        ([shape for pose in motion.poses[1:][-1:] for shape in pose], _ARM, 0.3),
+        ([shape for pose in motion.held[1:-1] for shape in pose], _BODY, 0.06),
+        (
+            [shape for pose in (*motion.held[:1], *motion.held[1:][-1:]) for shape in pose],
+            _BODY,
+            0.5,
+        ),
     ):
         if not shapes:
             continue
@@ -65,9 +69,9 @@ def _side(axes: Axes, sweep: Sweep, across: int, up: int) -> None:
             PolyCollection(hulls, facecolors=color, edgecolors=color, alpha=alpha, lw=0.3)
         )
     handles = [Patch(color=_START, alpha=0.5, label="start")]
-    if len(sweep.poses) > 1:
+    if len(motion.poses) > 1:
         handles.append(Patch(color=_ARM, label="end"))
-    if sweep.bodies or any(sweep.held):
+    if motion.bodies or any(motion.held):
         handles.append(Patch(color=_BODY, alpha=0.5, label="bodies"))
     drawn = axes.dataLim
     axes.update_datalim([(drawn.x0, drawn.y1 + _KEY * drawn.height)])

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from logs.reading.file_state import being_written
 from logs.reading.recording import Recording
-from logs.reading.recovery import being_written
 from logs.records.conversions import LATE
 from logs.records.records import (
     Feedback,
@@ -17,12 +17,11 @@ from logs.records.records import (
     Plan,
     Received,
     Result,
+    RunRecord,
     Schedule,
     Sent,
-    Told,
     Transition,
 )
-from logs.writing.summary import waited
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +63,7 @@ class Overview:
         """How long the goal waited for its turn [s]; 0 where it did not, or has no end."""
         if self.goal is None or self.result is None:
             return 0.0
-        return waited(self.goal.time, self.result.time, self.result.duration)
+        return self.result.queued(self.goal)
 
     @property
     def outcome(self) -> str:
@@ -115,7 +114,7 @@ def overview(path: Path) -> Overview:
     )
 
 
-def story(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
+def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
     """What happened, line by line, with the time since the goal [s].
 
     Args:
@@ -148,7 +147,7 @@ def story(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
             yield time, in_words(record)
 
 
-def in_words(record: Told) -> str:  # noqa: C901, a table of words
+def in_words(record: RunRecord) -> str:  # noqa: C901, a table of words
     """One record as a line."""
     match record:
         case Goal() if record.elsewhere:

@@ -8,15 +8,15 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .image import save
-from .motion_figure import Sweep, draw_sweep
+from .figure_file import save
+from .motion_figure import MotionDrawing, draw_motion
 
 _LINES = ("#0072B2", "#E69F00", "#CC79A7", "#000000", "#009E73", "#D55E00", "#56B4E9")
 _LIMIT = "#999999"
 
 
 @dataclass(frozen=True)
-class PlanPicture:
+class PlanDrawing:
     """What is drawn of a plan; N samples, J joints.
 
     Attributes:
@@ -30,7 +30,7 @@ class PlanPicture:
         waypoints: Of the polyline (W, J).
         speed_limits: (J,).
         acceleration_limits: (J,).
-        sweep: The motion in space.
+        motion: The motion in space.
     """
 
     title: str
@@ -43,10 +43,10 @@ class PlanPicture:
     waypoints: Sequence[Sequence[float]]
     speed_limits: Sequence[float]
     acceleration_limits: Sequence[float]
-    sweep: Sweep
+    motion: MotionDrawing
 
 
-def draw_plan(picture: PlanPicture, output: Path) -> None:
+def draw_plan(picture: PlanDrawing, output: Path) -> None:
     """Draws a plan to a file, as its suffix says.
 
     Raises:
@@ -66,7 +66,7 @@ def draw_plan(picture: PlanPicture, output: Path) -> None:
         f"acceleration {_unit(picture, '/s²')}",
         picture.acceleration_limits,
     )
-    draw_sweep(axes[2], picture.sweep)
+    draw_motion(axes[2], picture.motion)
     figure.legend(
         *axes[0, 1].get_legend_handles_labels(),
         title=picture.title,
@@ -79,7 +79,7 @@ def draw_plan(picture: PlanPicture, output: Path) -> None:
     save(figure, output)
 
 
-def _path(axes: Axes, picture: PlanPicture) -> None:
+def _path(axes: Axes, picture: PlanDrawing) -> None:
     """The path in joint space: the second joint and those after it over the first."""
     if len(picture.joints) < 2:
         axes.set_axis_off()
@@ -98,13 +98,13 @@ def _path(axes: Axes, picture: PlanPicture) -> None:
     axes.set_title("path in joint space, dots: waypoints", fontsize=7)
 
 
-def _unit(picture: PlanPicture, per: str = "") -> str:
+def _unit(picture: PlanDrawing, per: str = "") -> str:
     return "[" + " or ".join(unit + per for unit in dict.fromkeys(picture.units)) + "]"
 
 
 def _over_time(
     axes: Axes,
-    picture: PlanPicture,
+    picture: PlanDrawing,
     rows: Sequence[Sequence[float]],
     label: str,
     limits: Sequence[float],

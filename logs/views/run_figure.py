@@ -12,10 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from logs.writing.summary import waited
-
-from .image import save, widen
-from .motion_figure import Sweep, draw_sweep
+from .figure_file import save, widen
+from .motion_figure import MotionDrawing, draw_motion
 from .timeline import Row, Timeline, Trace
 
 # Okabe and Ito's colours: told apart by colour-blind readers, and in grey print.
@@ -50,11 +48,11 @@ class Scene:
 
     Attributes:
         title: Above it.
-        sweep: What to draw.
+        motion: What to draw.
     """
 
     title: str
-    sweep: Sweep
+    motion: MotionDrawing
 
 
 def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = ()) -> None:
@@ -304,7 +302,7 @@ def _draw_scene(figure: Figure, scene: Scene, floor: float) -> None:
         )
         for side in range(2)
     ]
-    draw_sweep(sides, scene.sweep)
+    draw_motion(sides, scene.motion)
     place = (floor + _SCENE - 0.1) / tall
     figure.text(_EDGE / _WIDTH, place, scene.title, va="top")
 
@@ -312,26 +310,26 @@ def _draw_scene(figure: Figure, scene: Scene, floor: float) -> None:
 def _draw_title(figure: Figure, run: Timeline, cause: Sequence[str]) -> None:
     tall = figure.get_figheight()
     left, top = _EDGE / _WIDTH, 1 - 0.07 / tall
-    task = f"Task {run.goal['task']}" if run.goal else "No goal recorded"
-    name = f" · {run.goal['name']}" if run.goal.get("name") else ""
+    task = f"Task {run.goal.task}" if run.goal else "No goal recorded"
+    name = f" · {run.goal.name}" if run.goal and run.goal.name else ""
     figure.text(left, top, task + name, fontsize=10, weight="bold", va="top")
     figure.text(1 - left, top, _outcome(run), fontsize=10, ha="right", va="top")
     figure.text(left, 1 - 0.26 / tall, "\n".join(cause), fontsize=7.5, va="top")
 
 
 def _outcome(run: Timeline) -> str:
-    if not run.result:
+    if not run.result or not run.goal:
         return "no result recorded" if run.goal else ""
-    seconds = run.result["duration"]
+    seconds = run.result.duration
     took = f"{seconds:.2f} s" if seconds >= _SHORT_S else f"{seconds * 1e3:.1f} ms"
-    before = waited(run.goal["time"], run.result["time"], seconds)
+    before = run.result.queued(run.goal)
     queued = f", {before:.2f} s of it in the queue" if before else ""
-    return f"{run.result['state']}, {took}{queued}"
+    return f"{run.result.state}, {took}{queued}"
 
 
 def _cause(run: Timeline) -> list[str]:
     cut = "" if run.complete else "Recording cut off. "
-    return wrap(cut + run.result.get("message", ""), _LETTERS_PER_LINE)
+    return wrap(cut + (run.result.message if run.result else ""), _LETTERS_PER_LINE)
 
 
 def _clear(panel: Axes) -> None:

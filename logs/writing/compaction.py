@@ -1,82 +1,88 @@
-"""From a journal, well ended or not, to the final recording: chunked, compressed, indexed."""
+"""Compaction: makes the final recording, chunked, compressed and indexed, from a journal."""
 
-import fcntl
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from logs.errors import RecordingError, RecordingInUse
-from logs.reading.tolerant_reader import Salvage
-
-from .checksums import UNFINISHED
-from .summary import Summary
+from logs.errors import RecordingError
+from logs.reading.file_state import locked
+from logs.reading.tolerant_reader import TolerantReader
+from logs.records.file_format import DIGESTS, RECOVERED, UNFINISHED
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-# The note that tells of all else in a finished recording what it was.
-DIGESTS = "digests"
+_CHUNK_BYTES = 262144  # smaller chunks compress worse, and each has its own indexes
 
-# The note in a recording that was made of less than a whole file.
-RECOVERED = "recovered"
 
-_CHUNK_BYTES = 262144  # smaller ones compress worse, and every one has indexes
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """A finished recording.
+
+    Attributes:
+        path: The file.
+        messages: Number of messages in it.
+        bytes: Its size [bytes]; 0 if nothing was recorded and the file was removed.
+        whole: True if its source had its end and no damage.
+        torn: Number of bytes at the end of the source that were not valid.
+        damaged: Copy of the source, kept if bytes of it were lost; else None.
+    """
+
+    path: Path
+    messages: int
+    bytes: int
+    whole: bool
+    torn: int
+    damaged: Path | None = None
+
+    def text(self) -> str:
+        """Returns what was recovered, for people."""
+        if not self.bytes:
+            return f"{self.path}: was removed, for it was empty: its run had not begun"
+        if self.whole:
+            return f"{self.path}: {self.messages} messages, nothing was lost"
+        end = "the end of the run is missing"
+        if self.damaged:
+            end = f"the whole file is kept, as it was, as {self.damaged.name}"
+        return (
+            f"{self.path}: recovered {self.messages} messages; {self.torn} bytes behind them are "
+            f"torn or damaged; {end}"
+        )
 
 
 def compact(journal: Path) -> Summary:
-    """Replaces a journal by the recording of everything valid in it.
+    """Replaces a journal with a finished recording of everything valid in it.
 
-    One path for all: a journal that was closed, one that was cut off anywhere (of a file without
-    a whole header an empty recording is made), and a finished recording, which stays as it is.
-    The journal is replaced only after the new file was read back from the disk, and where bytes had
-    to be dropped, it is kept beside it.
+    It accepts any state: a closed journal, one that was cut anywhere, and a finished recording,
+    which keeps its content. A file without a complete header becomes an empty recording. The
+    journal is replaced only after the new file was read back from the disk. If bytes are lost, the
+    journal is kept beside it.
 
     Raises:
-        RecordingInUse: It is still being written.
-        RecordingError: There is no such file, it is no MCAP file, or the new file does not hold
-            what it should; nothing was changed.
+        RecordingInUse: The journal is being written.
+        RecordingError: The file does not exist, is not an MCAP file, or the new file does not hold
+            all messages; nothing was changed.
         OSError: The disk failed or is full; the journal is unchanged.
     """
     with locked(journal):
         return rewrite(journal)
 
 
-@contextmanager
-def locked(recording: Path) -> Iterator[None]:
-    """Holds the lock that whoever writes a recording has.
-
-    Raises:
-        RecordingInUse: Somebody else holds it.
-        RecordingError: There is no such file.
-    """
-    try:
-        handle = os.open(recording, os.O_RDONLY | os.O_NONBLOCK)  # it might be a pipe
-    except OSError as cause:
-        reason = cause.strerror or str(cause)
-        raise RecordingError(recording, f"cannot be read ({reason}); check the path") from cause
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
-    except BlockingIOError as cause:
-        raise RecordingInUse(recording) from cause
-    finally:
-        os.close(handle)
-
-
 def rewrite(journal: Path) -> Summary:
-    """See `compact`; for whoever holds the lock."""
-    records = Salvage(journal)
+    """Does what `compact` does; the caller holds the lock."""
+    records = TolerantReader(journal)
     new = part_of(journal)
     try:
         messages = _write(records, new)
         torn = records.torn
         _check(new, messages)
         damaged = _keep(journal) if torn else None
-        shutil.copystat(journal, new)  # a pin is a mode, and an age a time
+        shutil.copystat(journal, new)  # the mode tells whether it is pinned, the time its age
         os.replace(new, journal)
     finally:
         new.unlink(missing_ok=True)
@@ -86,12 +92,12 @@ def rewrite(journal: Path) -> Summary:
 
 
 def part_of(recording: Path) -> Path:
-    """Where the recording is made that is to replace a journal."""
+    """Returns the path at which the recording that replaces a journal is written."""
     return recording.with_name(recording.name + ".part")
 
 
 def _keep(recording: Path) -> Path:
-    """Gives a damaged recording one more name, under which it stays when it is replaced."""
+    """Gives a damaged recording a second name, which stays when the first is replaced."""
     for number in count(1):
         kept = recording.with_name(f"{recording.name}.damaged{'' if number == 1 else number}")
         with suppress(FileExistsError):
@@ -99,7 +105,7 @@ def _keep(recording: Path) -> Path:
                 os.link(recording, kept)
             except FileExistsError:
                 raise
-            except OSError:  # a file system where a file has one name only
+            except OSError:  # a file system without hard links
                 _copy(recording, kept)
             break
     return kept
@@ -117,15 +123,15 @@ def _copy(recording: Path, kept: Path) -> None:
     shutil.copystat(recording, kept)
 
 
-def _write(records: Salvage, new: Path) -> int:
+def _write(records: TolerantReader, new: Path) -> int:
     from mcap.writer import Writer
 
-    from .digests import Digests
+    from logs.reading.digests import Digests
 
     digests = Digests()
     with new.open("wb") as stream:
         writer = Writer(stream, chunk_size=_CHUNK_BYTES, enable_data_crcs=True)
-        copy = _Copy(writer)
+        copy = Copy(writer)
         messages = copy.all(digests.watch(records))
         if not records.intact:
             copy.all(digests.watch([_recovered(records.torn)]))
@@ -146,7 +152,7 @@ def _recovered(torn: int) -> Any:
 def _check(new: Path, messages: int) -> None:
     from mcap.reader import make_reader
 
-    copy = Salvage(new)
+    copy = TolerantReader(new)
     for _ in copy:
         pass
     indexed = -1
@@ -166,74 +172,48 @@ def _sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-class _Copy:
-    """Writes records again, schemas and channels under numbers of their own."""
+class Copy:
+    """Copies MCAP records to a writer; schemas and channels get new numbers."""
 
     def __init__(self, writer: "Writer") -> None:
-        from mcap import records as mcap
-
         self._writer = writer
         self._started = False
         self._schemas = {0: 0}
         self._channels: dict[int, int] = {}
         self._messages = 0
-        self._copy: dict[type, Callable[[Any], None]] = {
-            mcap.Header: self._header,
-            mcap.Schema: self._schema,
-            mcap.Channel: self._channel,
-            mcap.Message: self._message,
-            mcap.Attachment: self._attachment,
-            mcap.Metadata: self._metadata,
-        }
 
     def all(self, records: Iterable[Any]) -> int:
-        """Copies everything valid; gives the number of messages."""
+        """Copies all records but indexes and digests; returns the number of messages so far."""
         for record in records:
-            if copy := self._copy.get(type(record)):
-                copy(record)
+            self._copy(record)
         if not self._started:
-            self._writer.start("ros2", "armtree")
-            self._started = True
+            self._start("ros2", "armtree")
         return self._messages
 
-    def _header(self, header: Any) -> None:
-        self._writer.start(header.profile, header.library.removesuffix(UNFINISHED))
+    def _start(self, profile: str, library: str) -> None:
+        self._writer.start(profile, library)
         self._started = True
 
-    def _schema(self, schema: Any) -> None:
-        # The summary repeats schemas and channels.
-        if schema.id not in self._schemas:
-            number = self._writer.register_schema(schema.name, schema.encoding, schema.data)
-            self._schemas[schema.id] = number
+    def _copy(self, record: Any) -> None:
+        from mcap import records as mcap
 
-    def _channel(self, channel: Any) -> None:
-        if channel.id not in self._channels:
-            self._channels[channel.id] = self._writer.register_channel(
-                channel.topic,
-                channel.message_encoding,
-                self._schemas[channel.schema_id],
-                channel.metadata,
-            )
-
-    def _message(self, message: Any) -> None:
-        self._writer.add_message(
-            self._channels[message.channel_id],
-            message.log_time,
-            message.data,
-            message.publish_time,
-            message.sequence,
-        )
-        self._messages += 1
-
-    def _attachment(self, attachment: Any) -> None:
-        self._writer.add_attachment(
-            attachment.create_time,
-            attachment.log_time,
-            attachment.name,
-            attachment.media_type,
-            attachment.data,
-        )
-
-    def _metadata(self, metadata: Any) -> None:
-        if metadata.name != DIGESTS:  # which are made anew
-            self._writer.add_metadata(metadata.name, metadata.metadata)
+        new = self._writer
+        match record:
+            case mcap.Message(sequence=sequence, log_time=time, publish_time=published):
+                number = self._channels[record.channel_id]
+                new.add_message(number, time, record.data, published, sequence)
+                self._messages += 1
+            case mcap.Header(profile=profile, library=library):
+                self._start(profile, library.removesuffix(UNFINISHED))
+            # The summary repeats the schemas and channels.
+            case mcap.Schema() if record.id not in self._schemas:
+                number = new.register_schema(record.name, record.encoding, record.data)
+                self._schemas[record.id] = number
+            case mcap.Channel(schema_id=schema) if record.id not in self._channels:
+                self._channels[record.id] = new.register_channel(
+                    record.topic, record.message_encoding, self._schemas[schema], record.metadata
+                )
+            case mcap.Attachment(create_time=created, log_time=time, name=name):
+                new.add_attachment(created, time, name, record.media_type, record.data)
+            case mcap.Metadata(name=name) if name != DIGESTS:  # digests are computed again
+                new.add_metadata(name, record.metadata)

@@ -11,8 +11,7 @@ from functools import cache
 from pathlib import Path
 from weakref import finalize
 
-from .compaction import rewrite
-from .summary import Summary
+from .compaction import Summary, rewrite
 
 _AT_ONCE = 4  # most of its time each of them waits for the disk
 _BEHIND = 10  # niceness

@@ -1,21 +1,29 @@
-"""The file while it is being written: unchunked, and on its way to disk piece by piece."""
+"""The journal: the file of a run while it is written, without chunks, piece by piece."""
 
+import os
+import tempfile
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from io import BufferedWriter
+from pathlib import Path
+from typing import IO
+from weakref import finalize
 
 from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 
 from hardware.description.kinematics import ForwardKinematics
+from logs.errors import DISK_FULL
 from logs.records.conversions import Stamp
+from logs.records.file_format import END, MAGIC, UNFINISHED, checked
 from logs.records.records import Attachment, Description, Item, Note, Record
 from logs.records.ros_types import ros_types
 from logs.records.topics import ROSBAG2, TOPICS, Topic, offered_qos, topics_of
 
-from .checksums import END, MAGIC, UNFINISHED, checked
-from .tail import Tail
+# Kept free for the end of a run: its last records, and the compaction of a journal of 2 MB.
+_RESERVE = 1 << 20  # [bytes]
 
 _SEQUENCE_BITS = 0xFFFFFFFF
 
@@ -31,57 +39,57 @@ class _Channel:
 
 
 class Journal:
-    """Writes records as they come; `kill -9` costs at most the record being written.
+    """Writes each record immediately; `kill -9` loses at most the record being written.
 
-    For one thread. A journal that ends well is a complete file without a summary, one that does
-    not is a valid prefix; `compact` makes the final recording of either.
+    For one thread. A closed journal is a complete MCAP file without a summary. One that was not
+    closed is the valid beginning of such a file. `compact` makes the final recording from either.
     """
 
     def __init__(self, stream: BufferedWriter, epoch_ns: int) -> None:
         """Writes header, metadata, schemas and channels.
 
         Args:
-            stream: The new file; the journal owns it from here on.
+            stream: The new file; the journal closes it.
             epoch_ns: UTC at the zero of the records' clock [ns].
 
         Raises:
             OSError: The stream cannot be written.
         """
-        self._tail = Tail(stream)
+        self._file = PieceWriter(stream)
         self._epoch_ns = epoch_ns
         self._last_ns = 0
         self._kinematics: ForwardKinematics | None = None
         self._ros = ros_types()
         self._channels = {name: _Channel(number) for name, number in _CHANNELS.items()}
-        self._tail.write(checked(_head(epoch_ns)))
+        self._file.write(checked(_head(epoch_ns)))
 
     def write(self, *items: Item) -> None:
-        """Adds files, facts, and what the table of topics makes of records; all in one piece.
+        """Writes attachments, notes, and the messages of records, as one piece.
 
         Raises:
             OSError: The disk did not take it.
             Exception: One of them cannot be converted; nothing was written.
         """
-        self._tail.write(checked(b"".join(map(self._encoded, items))))
+        self._file.write(checked(b"".join(map(self._encoded, items))))
 
     def finish(self) -> None:
-        """Completes the file, brings it to the disk and closes it.
+        """Writes the end, syncs the file to the disk and closes it.
 
         Raises:
             OSError: The disk did not take it.
         """
-        self._tail.write(END)
-        self._tail.close()
+        self._file.write(END)
+        self._file.close()
 
     @property
     def closed(self) -> bool:
-        """Whether nothing more can be written: after `finish`, and after a failed write."""
-        return self._tail.closed
+        """True after `finish`, and after a failed write: nothing more can be written."""
+        return self._file.closed
 
     @property
     def full(self) -> bool:
-        """Whether the disk is full, so that only what was kept free for the end is left."""
-        return self._tail.full
+        """True if the disk is full and only the reserve for the end of the run is left."""
+        return self._file.full
 
     def _encoded(self, item: Item) -> bytes:
         if isinstance(item, Attachment):
@@ -114,9 +122,108 @@ class Journal:
         name = topic.name_for(record)
         if name not in self._channels:
             number = len(TOPICS) + len(self._channels)
-            self._tail.write(checked(_bytes(_described(topic, name, number))))
+            self._file.write(checked(_bytes(_described(topic, name, number))))
             self._channels[name] = _Channel(number)
         return self._channels[name]
+
+
+class PieceWriter:
+    """Appends to a file: a whole piece, or nothing of it.
+
+    It holds disk space in reserve. When the disk is full, it frees the reserve for the last pieces.
+
+    Attributes:
+        full: True if the disk is full and the reserve was freed.
+    """
+
+    def __init__(self, stream: BufferedWriter) -> None:
+        """Takes over a new, empty file.
+
+        Args:
+            stream: The file; only its descriptor is used.
+        """
+        self.full = False
+        self._stream = stream
+        self._written = 0
+        self._reserve = _reserve(Path(str(stream.name)).parent)
+        if self._reserve:
+            finalize(self, self._reserve.close)
+
+    def write(self, data: bytes) -> None:
+        """Hands a piece to the operating system.
+
+        Raises:
+            OSError: The disk did not take it, even without the reserve. The file is closed and
+                ends with the piece before.
+        """
+        try:
+            self._write(data)
+        except OSError as error:
+            if error.errno not in DISK_FULL or self._reserve is None:
+                self._abandon()
+                raise
+            self._release()
+            self.full = True
+            try:
+                self._write(data)
+            except OSError:
+                self._abandon()
+                raise
+
+    def close(self) -> None:
+        """Syncs the file to the disk and closes it.
+
+        Raises:
+            OSError: The disk failed.
+        """
+        os.fsync(self._stream.fileno())
+        self._stream.close()
+        self._release()
+
+    @property
+    def closed(self) -> bool:
+        """True if nothing more can be written."""
+        return self._stream.closed
+
+    def _write(self, data: bytes) -> None:
+        handle, done = self._stream.fileno(), 0
+        try:
+            while done < len(data):
+                done += os.write(handle, memoryview(data)[done:])
+        except OSError:
+            with suppress(OSError):  # the first failure is the one to report
+                os.ftruncate(handle, self._written)
+                os.lseek(handle, self._written, os.SEEK_SET)
+            raise
+        self._written += done
+
+    def _abandon(self) -> None:
+        with suppress(OSError):
+            self._stream.close()
+        self._release()
+
+    def _release(self) -> None:
+        reserve, self._reserve = self._reserve, None
+        if reserve:
+            reserve.close()
+
+
+def _reserve(folder: Path) -> IO[bytes] | None:
+    """Allocates disk space in a file without a name, which no crash can leave behind.
+
+    Returns:
+        The file; closing it frees the space. None if the disk has too little space.
+    """
+    try:
+        reserve = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115, closed by `PieceWriter`
+    except OSError:
+        return None
+    try:
+        os.posix_fallocate(reserve.fileno(), 0, _RESERVE)
+    except OSError:
+        reserve.close()
+        return None
+    return reserve
 
 
 def _described(topic: Topic, name: str, number: int) -> mcap.Channel:
@@ -129,7 +236,7 @@ def _described(topic: Topic, name: str, number: int) -> mcap.Channel:
 
 @lru_cache(maxsize=1)
 def _head(epoch_ns: int) -> bytes:
-    """What every journal of a process begins with; generates the code for every type, too."""
+    """The first piece of every journal of this process; also generates the code of all types."""
     ros = ros_types()
     ros.warm_up(_SCHEMAS)
     schemas = (
@@ -163,5 +270,5 @@ def _library() -> str:
 
 @lru_cache(maxsize=1)
 def _kinematics(urdf: str) -> ForwardKinematics:
-    """Parsed once, for a server's recordings are all of one robot."""
+    """Parsed once, because a server's recordings are all of one robot."""
     return ForwardKinematics(urdf)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from logs.errors import (
+    DISK_FULL,
     DiskFull,
     LogError,
     RecordingExists,
@@ -21,10 +22,8 @@ from logs.errors import (
 )
 from logs.records.records import Item, Sent
 
-from .compaction import rewrite
+from .compaction import Summary, rewrite
 from .jobs import Jobs
-from .summary import Summary
-from .tail import FULL
 
 if TYPE_CHECKING:
     from .compactor import Compactor
@@ -232,7 +231,7 @@ class Recorder:
 
     def _error(self, cause: Exception) -> LogError:
         finished = self._summary is not None
-        if finished and not self._lost and isinstance(cause, OSError) and cause.errno in FULL:
+        if finished and not self._lost and isinstance(cause, OSError) and cause.errno in DISK_FULL:
             return DiskFull(self.path, whole=True)
         return RecordingIncomplete(self.path, self._lost, cause, finished)
 

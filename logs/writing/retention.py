@@ -1,4 +1,4 @@
-"""Which recordings are kept, and which make room."""
+"""Deletes old recordings by a rule, and pins those that must stay."""
 
 import errno
 import os
@@ -9,23 +9,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from logs.errors import LogError
-from logs.reading.recovery import complete, is_ours
-from logs.reading.tolerant_reader import Salvage
-
-from .compaction import locked
+from logs.reading.file_state import is_complete, is_ours, locked
+from logs.reading.tolerant_reader import TolerantReader
 
 _DAY = 86400.0  # [s]
-_WRITE = 0o222  # of a file's mode, whoever may
-_DAMAGED = "*.mcap.damaged*"  # what was kept of recordings that were recovered
+_WRITE = 0o222  # write permission in a file's mode, for any user
+_DAMAGED = "*.mcap.damaged*"  # copies of damaged recordings
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What may go; nothing where both are None.
+    """Which recordings may be deleted; none if both limits are None.
 
     Attributes:
-        days: A recording older than this [days].
-        megabytes: The oldest, until all together take no more than this [MB].
+        days: Delete recordings older than this [days].
+        megabytes: Delete the oldest recordings until all together take no more than this [MB].
     """
 
     days: float | None
@@ -33,18 +31,18 @@ class Rule:
 
 
 def prune(folder: Path, rule: Rule, utc: float) -> Iterator[Path]:
-    """Deletes what a rule does not keep, the oldest first.
+    """Deletes the recordings that a rule does not keep, the oldest first.
 
-    Never one that is pinned, unfinished, being written, or no recording of ours. What was kept of
-    one that was damaged counts as a recording.
+    It never deletes a recording that is pinned, unfinished, being written, or of another program.
+    A copy of a damaged recording counts as a recording.
 
     Args:
-        folder: Where recordings are.
-        rule: What may go.
-        utc: Now, since 1970 [s].
+        folder: Folder with recordings.
+        rule: Which recordings may be deleted.
+        utc: Current time [s since 1970].
 
     Yields:
-        What was deleted.
+        Each deleted file.
     """
     files = list(_files(folder))
     left = sum(facts.st_size for facts, _ in files)
@@ -57,13 +55,17 @@ def prune(folder: Path, rule: Rule, utc: float) -> Iterator[Path]:
 
 
 def pin(recording: Path, on: bool) -> None:
-    """Keeps a recording for good: it is write-protected, as `chmod -w` does it.
+    """Protects a recording from deletion: removes its write permission, as `chmod -w` does.
+
+    Args:
+        recording: The file.
+        on: False to allow deletion again.
 
     Raises:
-        RecordingError: It is no recording, or not there.
-        OSError: The file is another user's, or its file system protects none.
+        RecordingError: The file does not exist, or is not a recording.
+        OSError: The file is another user's, or its file system has no permissions.
     """
-    Salvage(recording)
+    TolerantReader(recording)
     mode = recording.stat().st_mode
     recording.chmod(mode & ~_WRITE if on else mode | stat.S_IWUSR)
     if pinned(recording) is not on:
@@ -72,20 +74,20 @@ def pin(recording: Path, on: bool) -> None:
 
 
 def pinned(recording: Path) -> bool:
-    """Whether a recording is kept for good."""
+    """Returns whether a recording is protected from deletion."""
     return not recording.stat().st_mode & _WRITE
 
 
 def _files(folder: Path) -> Iterator[tuple[os.stat_result, Path]]:
     for path in (*folder.glob("*.mcap"), *folder.glob(_DAMAGED)):
-        with suppress(OSError):  # it has just been deleted
+        with suppress(OSError):  # it was just deleted
             yield path.stat(), path
 
 
 def _delete(path: Path) -> bool:
     try:
         with locked(path):
-            finished = path.match(_DAMAGED) or complete(path, every_byte=False)
+            finished = path.match(_DAMAGED) or is_complete(path, every_byte=False)
             if not (is_ours(path) and finished):
                 return False
             path.unlink()

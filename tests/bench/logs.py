@@ -31,7 +31,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import logs
-from executive.replay.verification import prove_all
+from executive.replay.verification import verify_all
 from hardware import RealClock, load_robot
 from logs.writing.journal import Journal
 from tests.bench.table import Row, arguments, show
@@ -193,10 +193,10 @@ def verified_per_core(count: int, jobs: int) -> float:
         runs = sorted(Path(folder).glob("*.mcap"))
         paths = [runs[number % len(runs)] for number in range(count)]
         begun = time.monotonic()
-        proofs = list(prove_all(paths, jobs))
+        verifications = list(verify_all(paths, jobs))
         spent = time.monotonic() - begun
-    assert all(proof.holds for proof in proofs)
-    return sum(proof.motion for proof in proofs) / spent / jobs
+    assert all(verification.holds for verification in verifications)
+    return sum(verification.motion for verification in verifications) / spent / jobs
 
 
 def reading(messages: int) -> tuple[float, list[float]]:

@@ -28,7 +28,7 @@ from logs import (
     Summary,
     Transition,
 )
-from logs.views.narrative import story
+from logs.views.narrative import narrative
 
 EPOCH_NS = 1_795_000_000_000_000_000
 GOAL_ID = "0123456789abcdef0123456789abcdef"
@@ -376,6 +376,6 @@ def test_a_setting_of_the_board_moves_no_joint(tmp_path: Path) -> None:
 def test_the_story_tells_that_the_arm_was_held(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["canceled"])
-    told = [words for _, words in story(path, everything=False)]
+    told = [words for _, words in narrative(path, everything=False)]
     assert len([words for words in told if words.startswith("hold: ")]) == 1
     assert not [words for words in told if words.startswith("sent: ")]

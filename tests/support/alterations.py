@@ -9,8 +9,9 @@ from typing import Any
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
+from logs.records.file_format import DIGESTS
 from logs.records.ros_types import ros_types
-from logs.writing.compaction import DIGESTS, _Copy
+from logs.writing.compaction import Copy
 
 Change = Callable[[Any], None]
 
@@ -25,7 +26,7 @@ def rewritten(path: Path, records: Sequence[Any], digests: bool = False) -> Path
     """A whole and valid recording of records; with the digests of those before, or without any."""
     with path.open("wb") as target:
         writer = Writer(target, enable_data_crcs=True)
-        _Copy(writer).all(records)
+        Copy(writer).all(records)
         for record in records if digests else ():
             if type(record).__name__ == "Metadata" and record.name == DIGESTS:
                 writer.add_metadata(DIGESTS, record.metadata)

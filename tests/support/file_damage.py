@@ -11,7 +11,7 @@ from typing import NamedTuple
 from mcap.opcode import Opcode
 
 import logs
-from logs.reading.tolerant_reader import Salvage
+from logs.reading.tolerant_reader import TolerantReader
 
 Content = tuple[str, int, bytes]  # of a message: topic, time, data
 
@@ -48,8 +48,8 @@ def take(files: dict[str, bytes]) -> None:
     """Have files, by name, of which damages are then met."""
     for name, data in files.items():
         with _file_of(data) as path:
-            salvage = Salvage(path)
-            ends = [salvage.valid for record in salvage if type(record).__name__ == "Message"]
+            reader = TolerantReader(path)
+            ends = [reader.valid for record in reader if type(record).__name__ == "Message"]
             wholes = piece_ends(data) or ends  # of the pieces they are in
             _FILES[name] = data, list(zip(wholes, _read(path)[0], strict=True))
 

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from executive.recording.recordings import is_servers
+from executive.recording.recordings import is_server_recording
 from hardware import Clock, RealClock
-from logs.reading.recovery import being_written
+from logs.reading.file_state import being_written
 
 
 def rest(clock: Clock, seconds: float) -> None:
@@ -23,7 +23,9 @@ def sweep(folder: Path) -> None:
 
 def finished(folder: Path) -> None:
     """Wait until the recordings of all goals are."""
-    while any(being_written(path) for path in folder.glob("*.mcap") if not is_servers(path)):
+    while any(
+        being_written(path) for path in folder.glob("*.mcap") if not is_server_recording(path)
+    ):
         rest(RealClock(), 0.01)
 
 

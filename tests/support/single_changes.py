@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from logs.records.file_format import DIGESTS
 from logs.records.ros_types import ros_types
-from logs.writing.compaction import DIGESTS
 
 Changed = tuple[str, Any]  # where it was changed, and what it is then
 

@@ -7,8 +7,7 @@ from textwrap import indent
 import pytest
 
 import logs
-from executive.replay.verification import prove
-from executive.replay.verification_text import in_words
+from executive.replay.verification import verify
 from hardware import SimulatedClock
 from tests.conftest import Rig, RigMaker
 from tests.support.paths import EXAMPLES
@@ -52,8 +51,8 @@ def test_an_example(examples: Rig, number: int) -> None:
     assert outcome.frames > 0
     results = [message.fields() for message in logs.read(Path(outcome.recording), ["/result"])]
     assert [result["state"] for result in results] == ["SUCCEEDED"]
-    proof = prove(Path(outcome.recording))
-    assert proof.holds, in_words(proof)
+    verification = verify(Path(outcome.recording))
+    assert verification.holds, verification.text()
 
 
 @pytest.mark.parametrize("number", [3, 4, 5, 6, 7, 8])
@@ -78,10 +77,10 @@ def test_a_recording_of_every_example_ships() -> None:
 
 @pytest.mark.parametrize("name", [path.name for path in (EXAMPLES / "recordings").iterdir()])
 def test_old_recordings_hold(name: str) -> None:
-    proof = prove(EXAMPLES / "recordings" / name)
-    frames, plans = proof.verdicts
-    assert frames.holds, in_words(proof)  # for ever
-    assert plans.holds or plans.source.startswith("version: "), in_words(proof)
+    verification = verify(EXAMPLES / "recordings" / name)
+    frames, plans = verification.checks
+    assert frames.holds, verification.text()  # for ever
+    assert plans.holds or plans.source.startswith("version: "), verification.text()
 
 
 def test_the_stubborn_one_recovers(examples: Rig) -> None:
@@ -114,8 +113,8 @@ def test_a_key_goes_from_a_function_to_a_text(examples: Rig) -> None:
 def test_parameters_at_call_time(examples: Rig) -> None:
     (outcome,) = examples.run(3, settings=["swing=5 deg", "times=1"])
     assert outcome.success
-    proof = prove(Path(outcome.recording))
-    assert proof.holds, in_words(proof)
+    verification = verify(Path(outcome.recording))
+    assert verification.holds, verification.text()
     turned = {frame[:4] for frame in examples.frames}
     assert "b095" in turned
     assert max(turned) == "b095"

@@ -73,13 +73,13 @@ def test_what_is_being_written_is_left_alone(
 
     def watch(record: logs.Record) -> None:
         if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 12:
-            seen.append(len(list(logs.left(tmp_path, 0.0))))
+            seen.append(len(list(logs.closed_recordings(tmp_path, 0.0))))
 
     arm.on_record = watch
     assert arm.executive.result(arm.executive.send(1).identity).success
     arm.executive.close()
     assert seen == [0]
-    assert len(list(logs.left(tmp_path, 0.0))) == 2
+    assert len(list(logs.closed_recordings(tmp_path, 0.0))) == 2
 
 
 def test_goals_that_waited_or_had_ended_are_known_too(

@@ -12,10 +12,9 @@ from executive.errors import NotExecuting, NotPaused, TooManyBreakpoints, Unknow
 from executive.executive import BREAKPOINTS
 from executive.goals.goal import GoalState
 from executive.goals.queue import Policy
-from executive.replay.verification import prove
-from executive.replay.verification_text import in_words
+from executive.replay.verification import verify
 from hardware import Robot, SimulatedClock
-from logs.views.narrative import story
+from logs.views.narrative import narrative
 from logs.views.timeline import timeline
 from skills.motion import Pool
 from tests.conftest import Rig, RigMaker
@@ -106,8 +105,8 @@ def test_a_pause_at_a_frame(rig: RigMaker, number: int) -> None:
     assert [schedule.resumed is None for schedule in others] == [False]
     times = [sent.time for sent in arm.told(logs.Sent)]
     assert max(b - a for a, b in pairwise(times)) >= 60.0 or number == 31
-    proof = prove(Path(outcome.recording))
-    assert proof.holds, in_words(proof)
+    verification = verify(Path(outcome.recording))
+    assert verification.holds, verification.text()
 
 
 def test_a_pause_is_told_and_drawn(rig: RigMaker) -> None:
@@ -115,7 +114,9 @@ def test_a_pause_is_told_and_drawn(rig: RigMaker) -> None:
     at_frame(arm, 9, pause_for(arm, 4.0))
     (outcome,) = arm.run(1)
     path = Path(outcome.recording)
-    told = [(time, words) for time, words in story(path, False) if words in ("paused", "resumed")]
+    told = [
+        (time, words) for time, words in narrative(path, False) if words in ("paused", "resumed")
+    ]
     assert [words for _, words in told] == ["paused", "resumed"]
     assert told[1][0] - told[0][0] == pytest.approx(4.0, abs=0.1)
     marks = [mark for mark in timeline(path).marks if mark[1] in ("paused", "resumed")]
@@ -135,8 +136,8 @@ def test_a_pause_round_a_corner(rig: RigMaker, tasks: Path, together: str, numbe
     (outcome,) = arm.run(12)
     assert outcome.success, outcome.message
     assert arm.frames[-1] == straight.frames[-1]
-    proof = prove(Path(outcome.recording))
-    assert proof.holds, in_words(proof)
+    verification = verify(Path(outcome.recording))
+    assert verification.holds, verification.text()
 
 
 def test_many_pauses(rig: RigMaker, tasks: Path) -> None:
@@ -157,8 +158,8 @@ def test_many_pauses(rig: RigMaker, tasks: Path) -> None:
     assert told == sorted(told)
     assert told.count(100) == 1
     assert "paused" in {feedback.phase for feedback in arm.told(logs.Feedback)}
-    proof = prove(Path(outcome.recording))
-    assert proof.holds, in_words(proof)
+    verification = verify(Path(outcome.recording))
+    assert verification.holds, verification.text()
 
 
 def test_a_pause_with_a_brake(
@@ -170,8 +171,8 @@ def test_a_pause_with_a_brake(
     assert outcome.success, outcome.message
     assert arm.frames[-1] == "b009,s125,e085,g000,"
     assert arm.frames.index(next(f for f in arm.frames if f.startswith("("))) > 10
-    proof = prove(Path(outcome.recording))
-    assert proof.holds, in_words(proof)
+    verification = verify(Path(outcome.recording))
+    assert verification.holds, verification.text()
 
 
 def test_what_is_left_starts_from_standstill(rig: RigMaker) -> None:

@@ -11,8 +11,7 @@ import pytest
 import logs
 from executive.cli.sending import Replay, _setpoints
 from executive.goals.goal import GoalState
-from executive.replay.verification import prove
-from executive.replay.verification_text import in_words
+from executive.replay.verification import verify
 from hardware import compile_schedule
 from tests.conftest import Rig, RigMaker
 from tests.executive.goals.test_pause import at_frame, pause_for, running, unpaused
@@ -84,8 +83,8 @@ def refused(arm: Rig, task: int, meanwhile: Callable[[], None]) -> str:
 def test_what_is_left_is_refused_where_something_stands_now(rig: RigMaker, tasks: Path) -> None:
     arm = rig(tasks)
     assert refused(arm, 14, lambda: None) == "plan.motion_collides"
-    proof = prove(Path(arm.outcomes[0].recording))
-    assert proof.holds, in_words(proof)
+    verification = verify(Path(arm.outcomes[0].recording))
+    assert verification.holds, verification.text()
 
 
 @pytest.mark.parametrize("task", [1, 15])
@@ -105,8 +104,8 @@ def test_a_replay_goes_on_from_standstill(rig: RigMaker, tasks: Path, number: in
     assert outcome.success, outcome.message
     assert unpaused(arm) == straight.frames
     assert [f for f in arm.frames if f.startswith("(")] == [f"({arm.frames[number - 1]})"]
-    proof = prove(Path(outcome.recording))
-    assert proof.holds, in_words(proof)
+    verification = verify(Path(outcome.recording))
+    assert verification.holds, verification.text()
     assert len(_setpoints(Path(outcome.recording), arm.robot.path)) == len(straight.frames)
 
     first, rest = arm.told(logs.Schedule)

@@ -12,7 +12,7 @@ from PIL import Image
 import logs
 from executive.cli.main import cli
 from executive.planning.motion_drawing import POSES, scenes_of
-from logs.views.motion_figure import Sweep
+from logs.views.motion_figure import MotionDrawing
 from logs.views.run_figure import Scene
 from tests.conftest import RigMaker
 from tests.logs.test_run import RUNS, record
@@ -83,13 +83,13 @@ def test_motions_are_drawn_world_by_world(rig: RigMaker, tmp_path: Path) -> None
     stood, held = scenes_of(recording)
     assert stood.title == "Motions 1, 2; around: post, beam, ball"
     assert held.title == "Motion 3; around: post, beam, ball on claw_support"
-    assert POSES < len(stood.sweep.poses) < 2 * POSES  # the second motion has a few frames only
-    assert len(held.sweep.poses) == POSES
-    post, beam, ball = middles(stood.sweep.bodies)
+    assert POSES < len(stood.motion.poses) < 2 * POSES  # the second motion has a few frames only
+    assert len(held.motion.poses) == POSES
+    post, beam, ball = middles(stood.motion.bodies)
     assert (post, ball) == ([0.115, 0.115, 0.15], [-0.1, 0.15, 0.3])
-    assert middles(held.sweep.bodies) == [post, beam]
-    assert not any(stood.sweep.held)
-    first, last = (middles(held.sweep.held[at])[0] for at in (0, -1))
+    assert middles(held.motion.bodies) == [post, beam]
+    assert not any(stood.motion.held)
+    first, last = (middles(held.motion.held[at])[0] for at in (0, -1))
     assert first == pytest.approx(ball, abs=0.005)  # frames are in whole degrees
     assert last[0] > 0.1
     assert plotted(recording).exit_code == 0
@@ -101,7 +101,7 @@ def test_motions_are_drawn_world_by_world(rig: RigMaker, tmp_path: Path) -> None
 def test_an_arm_that_could_not_move_is_drawn_where_it_stood(rig: RigMaker, tmp_path: Path) -> None:
     recording = recorded(rig, tmp_path, HIT)
     (scene,) = scenes_of(recording)
-    assert len(scene.sweep.poses) == 1
+    assert len(scene.motion.poses) == 1
     assert plotted(recording).exit_code == 0
 
 
@@ -127,7 +127,7 @@ def test_bodies_that_cannot_be_drawn_are_told(tmp_path: Path) -> None:
 def test_a_picture_of_many_worlds_ends_somewhere(tmp_path: Path) -> None:
     record(tmp_path / "run.mcap", RUNS["ok"])
     shape = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.1], [0.1, 0.1, 0.0]]
-    scenes = [Scene(f"Motion {n}", Sweep([[shape]], [shape])) for n in range(1, 31)]
+    scenes = [Scene(f"Motion {n}", MotionDrawing([[shape]], [shape])) for n in range(1, 31)]
     logs.plot(tmp_path / "run.mcap", tmp_path / "bare.png")
     logs.plot(tmp_path / "run.mcap", tmp_path / "run.png", scenes)
     assert height(tmp_path / "run.png") == height(tmp_path / "bare.png") + 12 * 150

@@ -16,10 +16,9 @@ from executive.cli.log_handler import LogHandler
 from executive.goals.goal import GoalState
 from executive.goals.queue import Policy
 from executive.recording import recordings
-from executive.replay.verification import prove
-from executive.replay.verification_text import in_words
-from logs.reading.recovery import being_written, complete
-from logs.views.narrative import overview, story
+from executive.replay.verification import verify
+from logs.reading.file_state import being_written, is_complete
+from logs.views.narrative import narrative, overview
 from logs.views.run_figure import _outcome
 from logs.views.timeline import timeline
 from logs.writing.compactor import compactor
@@ -38,22 +37,22 @@ def test_another_process_finishes_them(
     arm = server()
     ran = [Path(run(arm, 1).recording) for _ in range(3)]
     arm.executive.close()
-    assert all(complete(path, every_byte=True) for path in ran)
+    assert all(is_complete(path, every_byte=True) for path in ran)
 
 
 def test_a_servers_own_tells_of_goals_that_others_prove(server: RigMaker, tmp_path: Path) -> None:
     arm = server()
     assert run(arm, 1).success
     arm.executive.close()
-    (own,) = (path for path in tmp_path.glob("*.mcap") if recordings.is_servers(path))
-    proof = prove(own)
-    assert proof.holds, in_words(proof)
-    told = [words for _, words in story(own, everything=False)]
+    (own,) = (path for path in tmp_path.glob("*.mcap") if recordings.is_server_recording(path))
+    verification = verify(own)
+    assert verification.holds, verification.text()
+    told = [words for _, words in narrative(own, everything=False)]
     assert "goal: task 1" in told
     found = overview(own)
     assert (found.goal, found.result, found.outcome) == (None, None, "-")
     run_drawn = timeline(own)
-    assert (run_drawn.goal, run_drawn.result) == ({}, {})
+    assert (run_drawn.goal, run_drawn.result) == (None, None)
 
 
 class SlowBegin:
@@ -145,7 +144,7 @@ def test_where_they_are_not_finished_goals_wait_in_the_end(
     os.kill(pid, signal.SIGCONT)
     assert arm.executive.result(sent[3]).code == third.code == "goal.unknown_task"
     arm.executive.close()
-    assert all(complete(path, every_byte=True) for path in unfinished)
+    assert all(is_complete(path, every_byte=True) for path in unfinished)
 
 
 def test_the_wait_for_its_turn_is_told_apart_from_the_run(server: RigMaker, tmp_path: Path) -> None:
@@ -185,7 +184,7 @@ def test_what_was_logged_before_a_recording_heads_it(
     found = [line for line in logs.Recording(path).records() if isinstance(line, logs.LogLine)]
     assert [line.message for line in found] == ["one", "two"]
     assert [line.time for line in found] == pytest.approx([begun, begun])
-    assert prove(path).holds
+    assert verify(path).holds
 
 
 def test_the_log_line_that_begins_a_goal_is_in_its_recording(
@@ -198,6 +197,6 @@ def test_the_log_line_that_begins_a_goal_is_in_its_recording(
     monkeypatch.setattr(root, "handlers", [*root.handlers, handler])
     outcome = run(arm, 1)
     arm.executive.close()
-    lines = [words for _, words in story(Path(outcome.recording), everything=False)]
+    lines = [words for _, words in narrative(Path(outcome.recording), everything=False)]
     executing = "log: executive.goals.executor: Executing the goal"
     assert any(line.startswith(executing) for line in lines)

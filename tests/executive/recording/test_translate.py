@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import logs
-from executive.replay.verification import prove
+from executive.replay.verification import verify
 from tests.conftest import RigMaker
 from tests.support.alterations import altered, replace
 
@@ -29,6 +29,6 @@ def test_a_way_that_keeps_more_distance_holds(rig: RigMaker, tmp_path: Path) -> 
     records = logs.Recording(path).records(logs.Plan)
     spares = [record.spare for record in records if isinstance(record, logs.Plan)]
     assert sorted(spares) == [0.0, 0.0, 0.0, 0.002]
-    assert prove(path).holds
-    proof = prove(altered(path, replace("Message", b'"spare":0.002', b'"spare":0.000')))
-    assert [verdict.holds for verdict in proof.verdicts] == [True, False]
+    assert verify(path).holds
+    verification = verify(altered(path, replace("Message", b'"spare":0.002', b'"spare":0.000')))
+    assert [check.holds for check in verification.checks] == [True, False]

@@ -17,14 +17,14 @@ from executive.cli import watching
 from executive.cli.watching import Player
 from executive.errors import RecordingBehind
 from executive.recording.recorded_link import RecordedLink
-from executive.replay.verification import prove
+from executive.replay.verification import verify
 from hardware import SimulatedClock
+from logs.reading.file_state import locked
 from logs.records.ros_types import ros_types
 from logs.views.comparison import compare
-from logs.views.narrative import overview, story
+from logs.views.narrative import narrative, overview
 from logs.views.table import export
 from logs.views.timeline import timeline
-from logs.writing.compaction import locked
 from tests.conftest import RigMaker
 from tests.end_to_end.test_command_line import events, sent_frames, start
 from tests.end_to_end.test_command_line import robot as quick
@@ -175,11 +175,12 @@ def test_every_recording_says_in_which_state_it_begins(tmp_path: Path, rig: RigM
         Player(logs.Recording(path), seen, 1.0).show_until(1e-6)  # type: ignore[arg-type]
         told = [record for record in seen.told if isinstance(record, logs.Transition)]
         assert (told[0].label, told[0].goal) == ("", state)
-        (at,) = [at for at, words in story(path, everything=False) if words == f"arm: {state}"][:1]
+        lines = narrative(path, everything=False)
+        at = next(at for at, words in lines if words == f"arm: {state}")
         assert at == pytest.approx(0.0, abs=1e-6)
         assert timeline(path).lifecycle[0].state == state
     assert [span.state for span in timeline(second).lifecycle][-1] == "finalized"
-    assert prove(second).holds
+    assert verify(second).holds
 
 
 def test_scrubbing_back_begins_anew(picked: Path) -> None:
@@ -259,8 +260,8 @@ def test_every_topic_is_a_table() -> None:
         logs.table(path, "/joint_state")
 
 
-def test_the_story_tells_late_frames_and_no_node_that_never_ran(picked: Path) -> None:
-    told = [words for _, words in story(picked, everything=False)]
+def test_the_narrative_tells_late_frames_and_no_node_that_never_ran(picked: Path) -> None:
+    told = [words for _, words in narrative(picked, everything=False)]
     assert not [words for words in told if "INVALID" in words or "late" in words]
     types = ros_types()
 
@@ -273,7 +274,7 @@ def test_the_story_tells_late_frames_and_no_node_that_never_ran(picked: Path) ->
             record.data = types.encode(text)
 
     path = altered(picked, change)
-    told = [words for _, words in story(path, everything=False)]
+    told = [words for _, words in narrative(path, everything=False)]
     assert "frame 31 left 25.0 ms late" in told
     assert overview(path).late == {25.0: 31}
 

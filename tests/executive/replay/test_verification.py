@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 import logs
-from executive.replay.verification import Verification, prove, prove_all
-from executive.replay.verification_text import in_words
+from executive.replay.verification import Verification, verify, verify_all
 from logs import Recording
 from logs.records.ros_types import ros_types
 from tests.conftest import Rig, RigMaker
@@ -27,15 +26,15 @@ def picked(rig: Rig) -> Path:
     return Path(outcome.recording)
 
 
-def verdicts(proof: Verification) -> list[bool]:
-    return [verdict.holds for verdict in proof.verdicts]
+def checks(verification: Verification) -> list[bool]:
+    return [check.holds for check in verification.checks]
 
 
 def test_a_run_of_several_tasks_holds(rig: RigMaker) -> None:
     for outcome in rig().run(0, 1, 2, 0):
-        proof = prove(Path(outcome.recording))
-        assert proof.holds, in_words(proof)
-        assert proof.motion > 1.0
+        verification = verify(Path(outcome.recording))
+        assert verification.holds, verification.text()
+        assert verification.motion > 1.0
 
 
 def test_a_canceled_run_holds_with_its_hold_frame(rig: RigMaker) -> None:
@@ -46,10 +45,10 @@ def test_a_canceled_run_holds_with_its_hold_frame(rig: RigMaker) -> None:
         else None
     )
     (outcome,) = arm.run(1)
-    proof = prove(Path(outcome.recording))
+    verification = verify(Path(outcome.recording))
     assert outcome.state.name == "CANCELED"
     assert any(record.hold for record in arm.told(logs.Sent))
-    assert proof.holds, in_words(proof)
+    assert verification.holds, verification.text()
 
 
 def test_a_run_that_was_held_up_holds(rig: RigMaker, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,20 +62,20 @@ def test_a_run_that_was_held_up_holds(rig: RigMaker, monkeypatch: pytest.MonkeyP
             arm.rest(0.35)
 
     monkeypatch.setattr(arm.link, "write", held_up)
-    proof = prove(picked(arm))
+    verification = verify(picked(arm))
     late = [record.time - (record.scheduled or 0.0) for record in arm.told(logs.Sent)]
     assert max(late) > 0.2
     assert max(late[6:]) < 0.01
-    assert proof.holds, in_words(proof)
+    assert verification.holds, verification.text()
 
 
 def test_what_was_cut_before_anything_happened_is_cut_and_not_changed(rig: RigMaker) -> None:
     path = picked(rig())
     path.write_bytes(path.read_bytes()[:32_000])  # in the first chunk, behind the robot
-    proof = prove(path)
-    assert (verdicts(proof), proof.code) == ([True, True], "log.truncated")
+    verification = verify(path)
+    assert (checks(verification), verification.code) == ([True, True], "log.truncated")
     logs.recover(path)
-    assert prove(path).holds
+    assert verify(path).holds
 
 
 def test_a_run_that_was_refused_or_found_no_plan_holds(rig: RigMaker, tmp_path: Path) -> None:
@@ -85,9 +84,9 @@ def test_a_run_that_was_refused_or_found_no_plan_holds(rig: RigMaker, tmp_path: 
     reach(tasks, 8, (0.0, -1.5, -1.2))
     for number, code in ((8, "plan.goal_in_collision"), (99, "goal.unknown_task")):
         (outcome,) = rig(tasks).run(number)
-        proof = prove(Path(outcome.recording))
+        verification = verify(Path(outcome.recording))
         assert outcome.code == code
-        assert proof.holds, in_words(proof)
+        assert verification.holds, verification.text()
 
 
 @pytest.mark.parametrize(
@@ -111,9 +110,9 @@ def test_a_run_that_was_refused_or_found_no_plan_holds(rig: RigMaker, tmp_path: 
 def test_every_change_is_found_with_its_source(
     rig: RigMaker, kind: str, old: bytes, new: bytes, held: list[bool], words: str
 ) -> None:
-    proof = prove(altered(picked(rig()), replace(kind, old, new)))
-    assert verdicts(proof) == held
-    assert words in in_words(proof)
+    verification = verify(altered(picked(rig()), replace(kind, old, new)))
+    assert checks(verification) == held
+    assert words in verification.text()
 
 
 def test_a_frame_that_was_due_at_another_time(rig: RigMaker) -> None:
@@ -122,9 +121,9 @@ def test_a_frame_that_was_due_at_another_time(rig: RigMaker) -> None:
     first = f"{sent.scheduled!r}"[0]
     other = "2" if first in "01" else "1"
     old, new = (f'"scheduled":{digit}'.encode() for digit in (first, other))
-    proof = prove(altered(path, replace("Message", old, new)))
-    assert verdicts(proof) == [False, True]
-    assert "was due" in in_words(proof)
+    verification = verify(altered(path, replace("Message", old, new)))
+    assert checks(verification) == [False, True]
+    assert "was due" in verification.text()
 
 
 def test_a_frame_whose_time_was_changed(rig: RigMaker) -> None:
@@ -132,17 +131,17 @@ def test_a_frame_whose_time_was_changed(rig: RigMaker) -> None:
     changes = (("time", 0.5, True), ("time", -0.5, True), ("time", 0.001, False))
     for number in (1, 16, 31):
         for change in (*changes, ("scheduled", 0.5, False), ("scheduled", -0.5, False)):
-            proof = prove(altered(path, moved(number, *change)))
-            assert verdicts(proof) == [False, True], (number, change, in_words(proof))
+            verification = verify(altered(path, moved(number, *change)))
+            assert checks(verification) == [False, True], (number, change, verification.text())
 
 
 def test_one_byte_of_one_frame_that_was_sent(rig: RigMaker) -> None:
     def change(record: Any) -> None:
         record.data = record.data.replace(b"b080,", b"b081,", 1)
 
-    proof = prove(altered(picked(rig()), each(["/serial/tx"], change)))
-    assert verdicts(proof) == [False, True]
-    assert "b081," in in_words(proof)
+    verification = verify(altered(picked(rig()), each(["/serial/tx"], change)))
+    assert checks(verification) == [False, True]
+    assert "b081," in verification.text()
 
 
 def test_positions_that_a_frame_does_not_command(rig: RigMaker) -> None:
@@ -153,9 +152,9 @@ def test_positions_that_a_frame_does_not_command(rig: RigMaker) -> None:
         state.position = state.position - [0.1, 0, 0, 0]
         record.data = types.encode(state)
 
-    proof = prove(altered(picked(rig()), each(["/joint_states"], turn, 5)))
-    assert verdicts(proof) == [False, True]
-    assert "was sent for positions that encode to" in in_words(proof)
+    verification = verify(altered(picked(rig()), each(["/joint_states"], turn, 5)))
+    assert checks(verification) == [False, True]
+    assert "was sent for positions that encode to" in verification.text()
 
 
 def test_a_frame_that_is_missing(rig: RigMaker) -> None:
@@ -175,10 +174,10 @@ def test_a_frame_that_is_missing(rig: RigMaker) -> None:
     path = altered(picked(rig()), change)
     with pytest.raises(logs.RecordingError):
         list(logs.Recording(path).records(logs.LogLine))
-    proof = prove(path)
-    assert verdicts(proof) == [False, True]
-    assert "frame 21" in in_words(proof)
-    assert "none was sent" in in_words(proof)
+    verification = verify(path)
+    assert checks(verification) == [False, True]
+    assert "frame 21" in verification.text()
+    assert "none was sent" in verification.text()
 
 
 @pytest.mark.parametrize(
@@ -193,9 +192,9 @@ def test_a_frame_that_is_missing(rig: RigMaker) -> None:
 def test_what_is_missing_is_a_difference(
     rig: RigMaker, topics: list[str], held: list[bool], words: str
 ) -> None:
-    proof = prove(lacking(picked(rig()), *topics))
-    assert verdicts(proof) == held, in_words(proof)
-    assert words in in_words(proof)
+    verification = verify(lacking(picked(rig()), *topics))
+    assert checks(verification) == held, verification.text()
+    assert words in verification.text()
 
 
 def field(*places: Any, to: Any) -> Callable[[dict[str, Any]], None]:
@@ -237,9 +236,9 @@ def field(*places: Any, to: Any) -> Callable[[dict[str, Any]], None]:
 def test_what_is_recorded_of_a_motion_is_held_against_what_is_made(
     rig: RigMaker, change: Change, held: list[bool], words: str
 ) -> None:
-    proof = prove(altered(picked(rig()), change))
-    assert verdicts(proof) == held, in_words(proof)
-    assert words in in_words(proof)
+    verification = verify(altered(picked(rig()), change))
+    assert checks(verification) == held, verification.text()
+    assert words in verification.text()
 
 
 def test_a_branch_that_failed_later_does_not_excuse_frames_that_are_missing(
@@ -251,11 +250,11 @@ def test_a_branch_that_failed_later_does_not_excuse_frames_that_are_missing(
     (outcome,) = rig(tasks).run(7)
     assert outcome.success, outcome.message
     path = Path(outcome.recording)
-    assert prove(path).holds
-    proof = prove(lacking(path, "/serial", "/joint_states", after=3 * 4))
-    assert verdicts(proof) == [False, True]
-    assert "frame 5" in in_words(proof)
-    assert "none was sent" in in_words(proof)
+    assert verify(path).holds
+    verification = verify(lacking(path, "/serial", "/joint_states", after=3 * 4))
+    assert checks(verification) == [False, True]
+    assert "frame 5" in verification.text()
+    assert "none was sent" in verification.text()
 
 
 LATER = """task: 7
@@ -277,43 +276,43 @@ def test_new_versions_are_told_apart(rig: RigMaker) -> None:
             record.metadata = {**record.metadata, "ompl": "1.9.9"}
 
     path = altered(picked(rig()), change)
-    proof = prove(path)
-    assert proof.holds
-    assert "also with ompl" in proof.verdicts[1].words
+    verification = verify(path)
+    assert verification.holds
+    assert "also with ompl" in verification.checks[1].words
     other = altered(path, replace("Message", b'"waypoints":[[0.0', b'"waypoints":[[0.1'))
-    proof = prove(other)
-    assert verdicts(proof) == [True, False]
-    assert "instead of 1.9.9" in proof.verdicts[1].source
-    assert "waypoint 1: joint_1 = 0.1 rad is recorded, now 0.0 rad" in proof.verdicts[1].words
+    verification = verify(other)
+    assert checks(verification) == [True, False]
+    assert "instead of 1.9.9" in verification.checks[1].source
+    assert "waypoint 1: joint_1 = 0.1 rad is recorded, now 0.0 rad" in verification.checks[1].words
 
 
 def test_a_cut_file_is_judged_as_far_as_it_goes_and_does_not_hold(rig: RigMaker) -> None:
     path = picked(rig())
     path.write_bytes(path.read_bytes()[:-100])
-    proof = prove(path)
-    assert not proof.holds
-    assert verdicts(proof) == [True, True]
-    assert proof.code == "log.truncated"
+    verification = verify(path)
+    assert not verification.holds
+    assert checks(verification) == [True, True]
+    assert verification.code == "log.truncated"
 
 
 def test_many_are_verified_in_their_order(rig: RigMaker, tmp_path: Path) -> None:
     paths = [Path(outcome.recording) for outcome in rig().run(0, 1, 2)]
     paths.insert(1, tmp_path / "nope.mcap")
-    proofs = list(prove_all(paths, 2))
-    assert [proof.path for proof in proofs] == paths
-    assert [proof.holds for proof in proofs] == [True, False, True, True]
-    assert proofs[1].code == "log.unreadable"
+    verifications = list(verify_all(paths, 2))
+    assert [verification.path for verification in verifications] == paths
+    assert [verification.holds for verification in verifications] == [True, False, True, True]
+    assert verifications[1].code == "log.unreadable"
 
 
 def test_ctrl_c_does_not_reach_the_processes_that_verify(rig: RigMaker) -> None:
     path = picked(rig())
-    proofs = prove_all([path], 1)
-    assert next(proofs).holds
+    verifications = verify_all([path], 1)
+    assert next(verifications).holds
     (worker,) = multiprocessing.active_children()
     status = Path(f"/proc/{worker.pid}/status").read_text()
     blocked = int(re.findall(r"SigBlk:\s+(\w+)", status)[0], 16)
     assert blocked & 1 << signal.SIGINT - 1
-    assert list(proofs) == []
+    assert list(verifications) == []
 
 
 AROUND = """task: 7
@@ -349,21 +348,21 @@ def test_a_run_round_a_post_by_way_of_a_point(rig: RigMaker, tmp_path: Path) -> 
     arm = next(p for p in Recording(path).records(logs.Plan) if isinstance(p, logs.Plan))
     assert arm.via == ((-0.4, 0.2, 0.0), (-1.4, -0.6, -0.07))
     assert [body["name"] for body in arm.world] == ["post", "ball"]
-    proof = prove(path)
-    assert proof.holds, in_words(proof)
+    verification = verify(path)
+    assert verification.holds, verification.text()
     for old, new in ((b"0.03,0.03,0.2", b"0.05,0.05,0.2"), (b"[[-0.4,0.2,", b"[[-0.5,0.2,")):
-        proof = prove(altered(path, replace("Message", old, new)))
-        assert verdicts(proof) == [True, False], in_words(proof)
+        verification = verify(altered(path, replace("Message", old, new)))
+        assert checks(verification) == [True, False], verification.text()
 
 
 def test_a_plan_that_a_body_forbids(rig: RigMaker, tmp_path: Path) -> None:
     (outcome,) = around(rig, tmp_path, "21 cm").run(7)
     assert outcome.code == "plan.start_in_collision"
     path = Path(outcome.recording)
-    assert prove(path).holds
-    proof = prove(altered(path, replace("Message", b'"radius":0.21', b'"radius":0.01')))
-    assert verdicts(proof) == [True, False]
-    assert "plan.start_in_collision is recorded, now there is a motion" in in_words(proof)
+    assert verify(path).holds
+    verification = verify(altered(path, replace("Message", b'"radius":0.21', b'"radius":0.01')))
+    assert checks(verification) == [True, False]
+    assert "plan.start_in_collision is recorded, now there is a motion" in verification.text()
 
 
 def test_a_plan_that_was_canceled_tells_its_world(rig: RigMaker, tmp_path: Path) -> None:
@@ -382,7 +381,7 @@ def test_a_plan_that_was_canceled_tells_its_world(rig: RigMaker, tmp_path: Path)
     assert plan.code == "plan.canceled"
     assert len(plan.world) == 2
     assert plan.via
-    assert prove(Path(outcome.recording)).holds
+    assert verify(Path(outcome.recording)).holds
 
 
 def test_the_mesh_of_a_body_is_in_the_recording(rig: RigMaker, tmp_path: Path) -> None:
@@ -395,7 +394,7 @@ def test_the_mesh_of_a_body_is_in_the_recording(rig: RigMaker, tmp_path: Path) -
     (outcome,) = made.run(7)
     assert outcome.success, outcome.message
     mesh.unlink()
-    proof = prove(Path(outcome.recording))
-    assert proof.holds, in_words(proof)
-    (name,) = [name for name in Recording(proof.path).files if name.endswith("_beam.stl")]
+    verification = verify(Path(outcome.recording))
+    assert verification.holds, verification.text()
+    (name,) = [name for name in Recording(verification.path).files if name.endswith("_beam.stl")]
     assert name in {body["mesh"]["path"] for body in made.told(logs.Plan)[0].world[:1]}

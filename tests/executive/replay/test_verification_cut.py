@@ -6,10 +6,9 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.replay.verification import prove
-from executive.replay.verification_text import in_words
+from executive.replay.verification import verify
 from logs import Recording
-from logs.reading.tolerant_reader import Salvage
+from logs.reading.tolerant_reader import TolerantReader
 from tests.conftest import Rig, RigMaker
 
 
@@ -30,7 +29,7 @@ def begun(rig: Rig, folder: Path) -> bytes:
 
 def cuts(path: Path, head: int) -> Iterator[int]:
     """Sizes at which to cut a journal: at every record, and beside those of its head."""
-    salvage = Salvage(path)
+    salvage = TolerantReader(path)
     for number, _ in enumerate(salvage):
         beside = number < head
         yield from range(salvage.valid - beside, salvage.valid + beside + 1)
@@ -48,10 +47,10 @@ def test_a_run_that_was_cut_anywhere_is_recovered_and_holds(
     for size in [1, 8, 20, 60, 100, *cuts(path, head=60)]:
         path.write_bytes(journal[:size])
         logs.recover(path)
-        proof = prove(path)
-        assert proof.holds, (size, in_words(proof))
+        verification = verify(path)
+        assert verification.holds, (size, verification.text())
         sent = sum(1 for _ in Recording(path).records(logs.Sent))
         words = f"{sent} frame" if any(Recording(path).records()) else "nothing of a run is left"
-        assert proof.verdicts[0].words.startswith(words)
+        assert verification.checks[0].words.startswith(words)
         frames = max(frames, sent)
     assert frames >= 9  # the tenth may be on its way

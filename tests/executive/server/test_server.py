@@ -12,7 +12,7 @@ from executive.cli.serving import prepare
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goals.goal import GoalState, GoalStatus, Outcome
 from executive.goals.queue import Acceptance, Policy
-from executive.replay.verification import prove
+from executive.replay.verification import verify
 from hardware import NotActive, PortMissing, State, TransitionRefused
 from skills import PlanGripper
 from tests.conftest import RigMaker
@@ -249,7 +249,7 @@ def test_preempt(server: RigMaker, number: int) -> None:
     stood = arm.told(logs.Sent)[number]
     assert plan.start == dict(zip(stood.joints, stood.positions, strict=True))
     arm.executive.close()
-    assert prove(Path(arm.executive.result(second).recording)).holds
+    assert verify(Path(arm.executive.result(second).recording)).holds
 
 
 def test_preempt_while_planning(server: RigMaker) -> None:
@@ -340,14 +340,14 @@ def test_what_happens_between_goals_is_recorded_too(server: RigMaker, tmp_path: 
     arm.executive.arm_to("deactivate")
     arm.executive.close()
     (between,) = tmp_path.glob("*-server.mcap")
-    story = list(logs.Recording(between).records(logs.Transition, logs.LogLine, logs.Goal))
-    said = [line.message for line in story if isinstance(line, logs.LogLine)]
+    records = list(logs.Recording(between).records(logs.Transition, logs.LogLine, logs.Goal))
+    said = [line.message for line in records if isinstance(line, logs.LogLine)]
     assert said == ["somebody asks for 1", "somebody asks for 7"]
-    states = [record.goal for record in story if isinstance(record, logs.Transition)]
+    states = [record.goal for record in records if isinstance(record, logs.Transition)]
     assert states.pop(0) == "unconfigured"
     assert states[:4] == ["configuring", "inactive", "activating", "active"]
     assert states[-4:] == ["deactivating", "inactive", "shuttingdown", "finalized"]
-    assert [record.task for record in story if isinstance(record, logs.Goal)] == [1, 7]
+    assert [record.task for record in records if isinstance(record, logs.Goal)] == [1, 7]
     goals = [logs.Recording(path) for path in sorted(tmp_path.glob("*Z-[0-9].mcap"))]
     ends = [[r.code for r in file.records(logs.Result)] for file in goals]  # type: ignore[union-attr]
     assert sorted(ends) == [["goal.unknown_task"], ["ok"]]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from logs import RecordingError, RecordingTruncated, Result, Sent, read, table
-from logs.reading.tolerant_reader import Salvage
+from logs.reading.tolerant_reader import TolerantReader
 from logs.views.narrative import overview
 from tests.logs.test_run import RUNS, record
 
@@ -81,17 +81,17 @@ def test_an_empty_file_is_a_cut_recording(tmp_path: Path) -> None:
 def test_a_recording_is_summed_up_in_one_reading(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, records, given = tmp_path / "run.mcap", Salvage.__iter__, 0
+    path, records, given = tmp_path / "run.mcap", TolerantReader.__iter__, 0
 
-    def counted(salvage: Salvage) -> Iterator[Any]:
+    def counted(salvage: TolerantReader) -> Iterator[Any]:
         nonlocal given
         for each in records(salvage):
             given += 1
             yield each
 
     whole = record(path, RUNS["ok"])
-    total = sum(1 for _ in Salvage(path))
-    monkeypatch.setattr(Salvage, "__iter__", counted)
+    total = sum(1 for _ in TolerantReader(path))
+    monkeypatch.setattr(TolerantReader, "__iter__", counted)
     found = overview(path)
     assert (found.messages, found.complete, found.files) == (whole.messages, True, ("task.yaml",))
     assert given < total + 10  # the head is looked at before

@@ -7,7 +7,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from logs.views.motion_figure import Sweep, draw_sweep
+from logs.views.motion_figure import MotionDrawing, draw_motion
 
 SQUARE = [(x, y, z) for x in (0.0, 0.1) for y in (0.0, 0.1) for z in (0.0, 0.3)]
 HIGH = [(x, y, z + 0.2) for x, y, z in SQUARE]
@@ -20,7 +20,7 @@ def test_the_key_hides_nothing_that_is_drawn(
     figure = Figure(figsize=size)
     FigureCanvasAgg(figure)
     sides = figure.subplots(1, 2)
-    draw_sweep(sides, Sweep([[SQUARE], [SQUARE, HIGH], [HIGH]], [HIGH]))
+    draw_motion(sides, MotionDrawing([[SQUARE], [SQUARE, HIGH], [HIGH]], [HIGH]))
     figure.draw_without_rendering()
     for axes in sides:
         legend = axes.get_legend()
@@ -39,7 +39,7 @@ def test_what_the_arm_holds_is_drawn_as_bodies_are() -> None:
     figure = Figure()
     FigureCanvasAgg(figure)
     sides = figure.subplots(1, 2)
-    draw_sweep(sides, Sweep([[SQUARE], [HIGH]], [], [[HIGH], [SQUARE]]))
+    draw_motion(sides, MotionDrawing([[SQUARE], [HIGH]], [], [[HIGH], [SQUARE]]))
     for axes in sides:
         assert [text.get_text() for text in axes.get_legend().get_texts()][-1] == "bodies"
         held = axes.collections[-1]

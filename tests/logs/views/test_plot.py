@@ -153,7 +153,7 @@ def test_frames_without_plan_or_goal(tmp_path: Path) -> None:
     frames = [item for item in RUNS["ok"] if isinstance(item, Sent)]
     run, _ = drawn(tmp_path, frames)
     assert {trace.group for trace in run.traces} == {"joints"}
-    assert run.goal == {}
+    assert run.goal is None
     assert run.frames[0] == 0.0
 
 

@@ -11,7 +11,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from logs import Attachment, RecordingError, RecordingTruncated, compact, read
-from logs.writing.compaction import DIGESTS, RECOVERED
+from logs.records.file_format import DIGESTS, RECOVERED
 from logs.writing.journal import Journal
 from tests.logs.test_run import EPOCH_NS, RUNS, record
 

@@ -14,7 +14,7 @@ import pytest
 import logs
 import logs.writing.compactor
 from logs import Recorder, RecordingIncomplete, read
-from logs.reading.recovery import being_written, complete
+from logs.reading.file_state import being_written, is_complete
 from logs.writing.compactor import Compactor
 from tests.logs.test_run import EPOCH_NS, fail
 from tests.logs.writing.test_recorder import sent
@@ -41,7 +41,7 @@ def test_it_is_made_by_another_process(
     monkeypatch.setattr(logs.writing.compactor, "rewrite", fail)
     summary = recorded(tmp_path / "run.mcap").close(compactor)
     assert (summary.path, summary.messages, summary.whole) == (tmp_path / "run.mcap", 900, True)
-    assert complete(summary.path, every_byte=True)
+    assert is_complete(summary.path, every_byte=True)
     assert not being_written(summary.path)
 
 
@@ -52,7 +52,7 @@ def test_many_at_once(tmp_path: Path, compactor: Compactor) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    assert all(complete(recorder.path, every_byte=True) for recorder in recorders)
+    assert all(is_complete(recorder.path, every_byte=True) for recorder in recorders)
 
 
 def test_where_it_was_killed_the_recording_is_made_here_and_a_new_one_takes_over(
@@ -65,10 +65,10 @@ def test_where_it_was_killed_the_recording_is_made_here_and_a_new_one_takes_over
     closing.start()
     os.kill(first, signal.SIGKILL)
     closing.join()
-    assert complete(recorder.path, every_byte=True)
+    assert is_complete(recorder.path, every_byte=True)
     after = recorded(tmp_path / "after.mcap")
     after.close(compactor)
-    assert complete(after.path, every_byte=True)
+    assert is_complete(after.path, every_byte=True)
     assert compactor.pid != first
 
 
@@ -114,5 +114,5 @@ def test_where_who_asked_was_killed_it_is_finished_and_nobody_else_takes_it(tmp_
     with path.open("rb") as journal:
         os.kill(pid, signal.SIGCONT)
         fcntl.flock(journal, fcntl.LOCK_EX)  # until it is done
-    assert complete(path, every_byte=True)
+    assert is_complete(path, every_byte=True)
     assert sum(1 for _ in read(path, ["/serial/tx"])) == 300

@@ -31,7 +31,7 @@ from logs import (
     recover,
     recover_all,
 )
-from logs.reading.recovery import complete
+from logs.reading.file_state import is_complete
 from logs.writing.journal import Journal
 from tests.logs.test_run import EPOCH_NS, fail, node
 from tests.support.paths import ROOT
@@ -296,7 +296,7 @@ def test_a_full_disk_that_costs_nothing_is_said_so(
     with pytest.raises(DiskFull, match="its end was still recorded"):
         recorder.close()
     assert len(told) == 1
-    assert complete(recorder.path, every_byte=True)
+    assert is_complete(recorder.path, every_byte=True)
 
 
 def test_where_no_recording_can_be_made_the_way_out_is_named(

@@ -1,4 +1,9 @@
-"""What a recording held when it was finished: a digest of every topic, file and note."""
+"""Digests of a recording: one for every topic, attachment and note.
+
+Compaction writes them as a note. They show that the *content* of a recording is what it was when
+it was finished, also after another program rewrote the file with valid checksums of its own, and
+name the part that changed. They are no signature: who changes a part can change its digest, too.
+"""
 
 from collections.abc import Iterable, Iterator
 from hashlib import blake2b
@@ -9,19 +14,19 @@ from typing import Any
 
 from mcap import records as mcap
 
-from logs.reading.tolerant_reader import Salvage
+from logs.records.file_format import DIGESTS
 
-from .compaction import DIGESTS
+from .tolerant_reader import TolerantReader
 
 _BYTES = 8
 _TIMES = Struct("<QQQQ")
 
 
 class Digests:
-    """Made of the records of a file as they pass.
+    """Digests of the MCAP records that pass through it.
 
     Attributes:
-        noted: What the file says of itself, by name; empty where it says nothing.
+        noted: The digests that the file itself holds, by name; empty if it holds none.
     """
 
     def __init__(self) -> None:
@@ -31,16 +36,16 @@ class Digests:
         self._channels: dict[int, tuple[str, bytes]] = {}
 
     def watch(self, records: Iterable[Any]) -> Iterator[Any]:
-        """Gives the records on, and takes them in; indexes and the like do not count."""
+        """Yields the records unchanged and digests them; indexes and statistics do not count."""
         for record in records:
-            self._take(record)
+            self._add_record(record)
             yield record
 
     def made(self) -> dict[str, str]:
-        """By what they are of: a topic, `file NAME` or `note NAME`."""
+        """Returns the digests by name: a topic, `file NAME` or `note NAME`."""
         return {name: digest.hexdigest() for name, digest in self._digests.items()}
 
-    def _take(self, record: Any) -> None:
+    def _add_record(self, record: Any) -> None:
         match record:
             case mcap.Message():
                 topic, type_ = self._channels[record.channel_id]
@@ -66,16 +71,17 @@ class Digests:
         self._digests[name].update(_TIMES.pack(*times, len(data)) + data)
 
 
-def changed(path: Path) -> str:
-    """The first topic, file or note of a recording that is not what it was when it was finished.
+def changed_part(path: Path) -> str:
+    """Returns the first topic, attachment or note that changed after the recording was finished.
 
-    Empty where there is none, or where the file does not say what it was.
+    Returns:
+        Its name; empty if nothing changed, or if the file holds no digests.
 
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: The file cannot be read.
     """
     digests = Digests()
-    for _ in digests.watch(Salvage(path)):
+    for _ in digests.watch(TolerantReader(path)):
         pass
     made, noted = digests.made(), digests.noted
     every = chain(noted, made)

@@ -6,12 +6,12 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from .comparison import Comparison
-from .image import save, widen
+from .figure_file import save, widen
 
 _LOOKS = (("#0072B2", "-", 2.2), ("#D55E00", "--", 1.1))
 
 
-def draw_over(both: Comparison, output: Path) -> None:
+def draw_comparison(both: Comparison, output: Path) -> None:
     """Draws every joint of two runs to a file, as its suffix says.
 
     Raises:

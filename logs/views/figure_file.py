@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from logs.errors import RecordingError
-from logs.writing.checksums import MAGIC
+from logs.records.file_format import MAGIC
 
 _FEWEST_DEGREES = 10.0
 

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator, Sequence
 from itertools import chain
 from typing import Any
 
-from executive.recording.evidence import changed_since
+from executive.recording.archive import robot_files_changed
 from executive.recording.versions import versions
 from hardware import Robot
 from logs import Goal, Plan, Record, Recording
@@ -20,10 +20,10 @@ _CONDITIONS = {kind.condition for kind in KINDS.values()} - {""}
 
 
 def source(
-    recording: Recording, robot: Robot, story: Sequence[Record], entries: Collection[str]
+    recording: Recording, robot: Robot, records: Sequence[Record], entries: Collection[str]
 ) -> str:
     """Where a difference comes from, as far as the recording can tell."""
-    if wrong := contradiction(recording, robot, story):
+    if wrong := contradiction(recording, robot, records):
         return wrong
     if part := recording.changed:
         return f"the recording: {part} was changed after the run"
@@ -39,13 +39,13 @@ def changes(recording: Recording, entries: Collection[str]) -> str:
     return ", ".join(f"{name} {b} instead of {a}" for name, a, b in new if a != b)
 
 
-def contradiction(recording: Recording, robot: Robot, story: Sequence[Record]) -> str:
+def contradiction(recording: Recording, robot: Robot, records: Sequence[Record]) -> str:
     """The first thing in a recording that contradicts another of it, or nothing."""
-    if changed_since(recording):
+    if robot_files_changed(recording):
         return "description: the robot's files are others than those it was recorded with"
-    goals = [record for record in story if isinstance(record, Goal)]
+    goals = [record for record in records if isinstance(record, Goal)]
     targets = _targets(recording)
-    for plan in (record for record in story if isinstance(record, Plan)):
+    for plan in (record for record in records if isinstance(record, Plan)):
         wrong = _limits(plan, robot) or _seed(plan, goals) or _task(plan, targets)
         if wrong:
             return wrong

@@ -17,10 +17,11 @@ from mcap.writer import Writer
 import logs
 from logs import DiskFull, Recorder, RecordingInUse, compact, recover, recover_all
 from logs.folder import recording_path
-from logs.reading.recovery import complete
-from logs.writing.compaction import RECOVERED, locked, part_of
+from logs.reading.file_state import is_complete, locked
+from logs.records.file_format import RECOVERED
+from logs.writing.compaction import part_of
+from logs.writing.journal import PieceWriter
 from logs.writing.retention import Rule, pin, pinned, prune
-from logs.writing.tail import Tail
 from tests.logs.test_run import EPOCH_NS, RUNS, fail, record
 from tests.logs.writing.test_compaction import run_journal
 from tests.logs.writing.test_recorder import sent
@@ -39,7 +40,7 @@ def test_a_journal_that_was_cut_is_recovered_and_the_loss_counted(tmp_path: Path
     made = recover(path)
     assert made is not None
     assert (made.whole, made.torn) == (False, 6)
-    assert made.in_words().endswith(
+    assert made.text().endswith(
         " messages; 6 bytes behind them are torn or damaged; the whole file is kept, as it was, as "
         "run.mcap.damaged"
     )
@@ -116,7 +117,7 @@ def test_every_flip_in_the_footer_is_damage(tmp_path: Path) -> None:
             data = bytearray(whole)
             data[place] ^= 1 << bit
             path.write_bytes(data)
-            assert not complete(path, every_byte=True), (place - len(whole), bit)
+            assert not is_complete(path, every_byte=True), (place - len(whole), bit)
 
 
 def test_stray_parts_go_and_other_files_stay(tmp_path: Path) -> None:
@@ -162,7 +163,7 @@ def test_a_recording_that_was_killed_before_it_began_goes(tmp_path: Path) -> Non
             assert list(recover_all(tmp_path)) == []
         (made,) = act()
         assert isinstance(made, logs.Summary)
-        assert made.in_words().endswith("was removed, for it was empty: its run had not begun")
+        assert made.text().endswith("was removed, for it was empty: its run had not begun")
         assert list(tmp_path.iterdir()) == []
 
 
@@ -175,7 +176,7 @@ def test_only_a_file_is_a_recording(tmp_path: Path, make: Callable[[Path], None]
         with pytest.raises(logs.RecordingError, match="is no file; give a recording"):
             act(path)
     assert list(recover_all(tmp_path)) == []
-    assert list(logs.left(tmp_path, 0.0)) == []
+    assert list(logs.closed_recordings(tmp_path, 0.0)) == []
     assert list(prune(tmp_path, Rule(0.0, 0.0), NOW)) == []
     assert path.stat() == before
 
@@ -222,7 +223,7 @@ def test_where_files_have_one_name_only_the_damaged_one_is_copied(
     assert made.damaged is not None
     assert made.damaged.name == "run.mcap.damaged2"
     assert made.damaged.read_bytes() == torn
-    assert complete(path, every_byte=True)
+    assert is_complete(path, every_byte=True)
     assert (tmp_path / "run.mcap.damaged").read_bytes() == b"an earlier one"
 
 
@@ -294,7 +295,7 @@ def test_a_frame_that_is_not_recorded_yet_is_told(tmp_path: Path) -> None:
 def test_a_full_disk_leaves_room_for_the_end(tmp_path: Path) -> None:
     path = tmp_path / "x"
     with path.open("xb") as stream:
-        tail = Tail(stream)
+        tail = PieceWriter(stream)
         refused = iter([OSError(28, "No space left on device")])
 
         def write(handle: int, data: bytes) -> int:

@@ -1,0 +1,257 @@
+"""Plan to frames: compiles the recorded motions again and compares them with the frames sent.
+
+Each function returns the first difference in words, or an empty string if there is none.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise, takewhile, zip_longest
+
+from executive.codes import CANCELED, OK
+from executive.goals.goal import GoalState
+from hardware import HardwareError, Robot, compile_schedule
+from hardware import Schedule as Compiled
+from logs import Goal, NodeStatus, Record, Result, Schedule, Sent
+
+# Rounding of a clock that has run for months [s].
+_TOLERANCE = 1e-6
+
+_SUCCESS = "SUCCESS"
+
+
+def frames_difference(robot: Robot, records: Sequence[Record], whole: bool = True) -> str:
+    """Compiles every motion of a run again and compares frames, positions and times.
+
+    A motion that was stopped is correct if the frames sent are the beginning of its schedule,
+    followed by a hold.
+
+    Args:
+        robot: The robot as it was recorded.
+        records: The records, in file order.
+        whole: False if the recording lacks its end.
+    """
+    begins = [i for i, record in enumerate(records) if isinstance(record, Schedule)]
+    parts = [records[: begins[0]] if begins else records]
+    parts += [records[i:j] for i, j in zip_longest(begins, begins[1:])]
+    held: bytes | None = None
+    for number, (part, stopped) in enumerate(zip(parts, _stopped(parts, whole), strict=True)):
+        sent = [record for record in part if isinstance(record, Sent) and record.joints]
+        schedule = part[0] if part and isinstance(part[0], Schedule) else None
+        words = _positions_difference(robot, sent) or _holds_difference(sent, held)
+        if not words and schedule:
+            compiled, words = _compiled(robot, schedule)
+            words = words or _sent_difference(schedule, sent, stopped)
+            words = words or _timing_difference(schedule, sent, stopped)
+            words = words or _commanded_difference(compiled, sent)
+        elif not words and (moved := [each for each in sent if not each.hold]):
+            words = f"{moved[0].text} was sent without a schedule"
+        if words:
+            return f"motion {number}: {words}"
+        held = sent[-1].data if sent else held
+    return ""
+
+
+def _stopped(parts: Sequence[Sequence[Record]], whole: bool) -> Iterator[bool]:
+    """Yields for each part whether the recording shows that its motion was stopped early.
+
+    A motion was stopped if there is a hold, or if the node that sent its schedule failed or did not
+    end. That node is a leaf. It runs when the schedule is compiled, or starts to run in the same
+    tick; all changes of a tick have the same time. A recording without its end may end within that
+    tick.
+    """
+    changes = [record for part in parts for record in part if isinstance(record, NodeStatus)]
+    inner = {change.path.rpartition("/")[0] for change in changes}
+    running: set[str] = set()
+    for part in parts:
+        leaves = [r for r in part if isinstance(r, NodeStatus) and r.path not in inner]
+        first = min((r.time for r in part if isinstance(r, NodeStatus)), default=None)
+        senders, failed = set(running), False
+        for change in leaves:
+            if change.status == "RUNNING":
+                running.add(change.path)
+                senders |= {change.path} if change.time == first else set()
+                continue
+            failed |= change.status != _SUCCESS and change.path in senders
+            running.discard(change.path)
+            senders.discard(change.path)
+        held = any(isinstance(record, Sent) and record.hold for record in part)
+        ended = not whole and part is parts[-1] and all(change.time == first for change in leaves)
+        yield held or failed or bool(senders) or not leaves or ended
+
+
+def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
+    """Each frame is the encoding of its recorded positions."""
+    codec, joints = robot.wire_format, tuple(joint.name for joint in robot.actuated)
+    for frame in sent:
+        if frame.joints != joints:
+            return f"{frame.text} was sent for {', '.join(frame.joints)}"
+        try:
+            encoded = codec.encode(frame.positions).data
+        except HardwareError as error:
+            return f"{frame.text} was sent for what cannot be sent: {error}"
+        if encoded != frame.data:
+            return f"{frame.text} was sent for positions that encode to {encoded.decode()}"
+    return ""
+
+
+def _holds_difference(sent: Iterable[Sent], last: bytes | None) -> str:
+    """Each hold repeats the frame before it."""
+    for frame in sent:
+        if frame.hold and last not in (None, frame.data):
+            assert last
+            return f"the hold {frame.text} does not repeat {last.decode()}"
+        last = frame.data
+    return ""
+
+
+def _compiled(robot: Robot, recorded: Schedule) -> tuple[Compiled | None, str]:
+    """Compiles a schedule again; returns it and the first difference.
+
+    The schedule is None if it differs, or if its frames were not planned.
+    """
+    firmware = robot.firmware
+    for name, then, now in (
+        ("firmware", recorded.firmware, firmware.name),
+        ("rate_hz", recorded.rate_hz, firmware.rate),
+    ):
+        if then != now:
+            return None, f"a schedule of {name} {then} is recorded, the robot has {now}"
+    if not recorded.groups:
+        return None, ""
+    if recorded.duration * firmware.rate > len(recorded.sample_times):
+        length, count = recorded.duration, len(recorded.sample_times)
+        return None, f"a motion of {length} s is recorded with {count} samples, too few to compile"
+    rows = dict(zip(recorded.sample_times, recorded.samples, strict=True))
+    start = [recorded.start[joint.name] for joint in robot.actuated]
+
+    def sample(times: Sequence[float]) -> list[tuple[float, ...]]:
+        return [rows[time] for time in times]
+
+    try:
+        compiled = compile_schedule(robot, start, sample, recorded.duration)
+    except KeyError as time:
+        return None, f"compiling needs the motion at {time} s, of which no sample is recorded"
+    except HardwareError as error:
+        return None, f"the recorded motion cannot be compiled: {error}"
+    return compiled, _schedules_difference(recorded, compiled)
+
+
+def _schedules_difference(recorded: Schedule, compiled: Compiled) -> str:
+    then = zip(recorded.times, recorded.frames, strict=True)
+    now = ((setpoint.time, str(setpoint.frame)) for setpoint in compiled.setpoints)
+    for number, (a, b) in enumerate(zip_longest(then, now), 1):
+        if a != b:
+            return f"frame {number}: {_at(a)} is recorded as due, {_at(b)} is compiled"
+    delays = tuple(setpoint.delay for setpoint in compiled.setpoints)
+    if recorded.delays_s != delays:
+        return "the recorded delays_s are not those that are compiled"
+    if recorded.slowed_s != compiled.slowed:
+        return f"slowed_s of {recorded.slowed_s} s is recorded, {compiled.slowed} s is compiled"
+    return ""
+
+
+def _at(due: tuple[float, str] | None) -> str:
+    return f"{due[1]} at {due[0]!r} s" if due else "none"
+
+
+def _sent_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) -> str:
+    """The frames of the schedule were sent, all or up to the stop."""
+    moving = [frame.text for frame in sent if not frame.hold]
+    before_hold = len(list(takewhile(lambda frame: not frame.hold, sent)))
+    if before_hold < len(moving):
+        return f"{moving[before_hold]} was sent after the hold"
+    for number, (due, left) in enumerate(zip_longest(schedule.frames, moving), 1):
+        if left is None and stopped:
+            return ""
+        if due != left:
+            return f"frame {number}: {due or 'none'} was due, {left or 'none'} was sent"
+    return ""
+
+
+def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) -> str:
+    """Each frame was due as scheduled, and sent not before."""
+    moving = [frame for frame in sent if not frame.hold]
+    # How late the frame before was sent, and by how much late frames shifted the schedule [s].
+    before, shifted = 0.0, 0.0
+    for number, (due, frame) in enumerate(zip(schedule.times, moving, strict=False), 1):
+        first, scheduled = moving[0].scheduled, frame.scheduled
+        if first is None or scheduled is None:
+            return f"frame {number}: {frame.text} is recorded without the time it was due"
+        if first < schedule.time - _TOLERANCE:
+            return f"frame 1: {moving[0].text} was due before there was its schedule"
+        passed = due - schedule.times[0]
+        late = scheduled - first - passed - shifted
+        if 1 / schedule.rate_hz - _TOLERANCE < late <= before + _TOLERANCE:  # as the streamer does
+            shifted, late = shifted + late, 0.0
+        before = frame.time - scheduled
+        if late < -_TOLERANCE or (late > _TOLERANCE and not stopped):  # a stop may brake
+            return (
+                f"frame {number}: {frame.text} was due {passed:.6f} s after the first, "
+                f"recorded is {scheduled - first:.6f} s"
+            )
+        if frame.time < scheduled - _TOLERANCE:
+            return f"frame {number}: {frame.text} was sent before it was due"
+    for number, (one, other) in enumerate(pairwise(sent), 2):
+        if other.time < one.time:
+            return f"frame {number}: {other.text} was sent before the frame before it"
+    return ""
+
+
+def _commanded_difference(compiled: Compiled | None, sent: Iterable[Sent]) -> str:
+    """The recorded positions are the compiled ones, also below the resolution of a frame."""
+    moving = (frame for frame in sent if not frame.hold)
+    setpoints = compiled.setpoints if compiled else ()
+    for number, (due, frame) in enumerate(zip(setpoints, moving, strict=False), 1):
+        for joint, then, now in zip(frame.joints, frame.positions, due.positions, strict=True):
+            if then != now:
+                return f"frame {number}: {joint} at {then!r} rad is recorded, {now!r} is compiled"
+    return ""
+
+
+def result_difference(records: Sequence[Record]) -> str:
+    """Checks each result against itself, its goal, the frames sent and the tree.
+
+    Args:
+        records: The records, in file order.
+    """
+    goals = {
+        (record.goal_id, record.task): record for record in records if isinstance(record, Goal)
+    }
+    sent: list[Sent] = []
+    root, status = "", ""
+    for record in records:
+        match record:
+            case Sent() if record.joints:
+                sent.append(record)
+            case NodeStatus():
+                root = root or record.path
+                status = record.status if record.path == root else status
+            case Result():
+                goal = goals.get((record.goal_id, record.task))
+                if goal is None:
+                    return f"the result is of task {record.task}, of which no goal is recorded"
+                words = _state_difference(record, status)
+                words = words or ("" if goal.elsewhere else _count_difference(record, sent))
+                if words:
+                    return words
+    return ""
+
+
+def _state_difference(result: Result, root: str) -> str:
+    """The result's state fits its code, and the root's last status (empty if no tree ran)."""
+    done = result.state == GoalState.SUCCEEDED.name
+    canceled = result.state == GoalState.CANCELED.name
+    if (result.success, result.code == OK, result.code == CANCELED) != (done, done, canceled):
+        said = f"success {result.success} and {result.code}"
+        return f"the result is {result.state}, it says {said}"
+    if root and ((done and root != _SUCCESS) or (canceled and root == _SUCCESS)):
+        return f"the result is {result.state}, the tree ended {root}"
+    return ""
+
+
+def _count_difference(result: Result, sent: Sequence[Sent]) -> str:
+    """The result's number of frames is right, and no frame was sent after it."""
+    if result.frames != len(sent):
+        return f"the result tells of {result.frames} frames, {len(sent)} are recorded"
+    if sent and sent[-1].time > result.time:
+        return f"{sent[-1].text} was sent after the result before which it is recorded"
+    return ""

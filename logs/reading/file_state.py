@@ -1,0 +1,122 @@
+"""The state of a recording's file: finished, unfinished, being written, or not ours."""
+
+import fcntl
+import os
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from logs.errors import LogError, RecordingError, RecordingInUse, RecordingTruncated
+from logs.records.file_format import MAGIC, is_journal
+
+from .recording import Recording
+from .tolerant_reader import TolerantReader
+
+_HEAD = 64  # the profile and the name of the library are within the first so many bytes
+_LIBRARY = b"armtree"  # begins the library's name in our files
+_NAME = "*T*Z-*.mcap"  # as `recording_path` makes it
+_FOOTER_OPCODE, _FOOTER_CONTENT = 0x02, 20
+_FOOTER = struct.Struct(f"<BQ{_FOOTER_CONTENT}s8s")  # with the magic after it
+
+
+@contextmanager
+def locked(recording: Path) -> Iterator[None]:
+    """Holds the lock that the writer of a recording holds.
+
+    Raises:
+        RecordingInUse: Another process or thread holds it.
+        RecordingError: The file does not exist.
+    """
+    try:
+        handle = os.open(recording, os.O_RDONLY | os.O_NONBLOCK)  # it might be a pipe
+    except OSError as cause:
+        reason = cause.strerror or str(cause)
+        raise RecordingError(recording, f"cannot be read ({reason}); check the path") from cause
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError as cause:
+        raise RecordingInUse(recording) from cause
+    finally:
+        os.close(handle)
+
+
+def being_written(path: Path) -> bool:
+    """Returns whether a recording is being written now.
+
+    Raises:
+        RecordingError: The file does not exist.
+    """
+    try:
+        with locked(path):
+            return False
+    except RecordingInUse:
+        return True
+
+
+def is_ours(path: Path) -> bool:
+    """Returns whether armtree created a file: by its head or, if it is empty, by its name.
+
+    Raises:
+        OSError: The file cannot be read.
+    """
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD)
+    return _LIBRARY in head if head else path.match(_NAME)
+
+
+def is_complete(path: Path, every_byte: bool) -> bool:
+    """Returns whether a file is a finished recording.
+
+    Args:
+        path: The file.
+        every_byte: True to look for damage in the whole file, False to check its ends only.
+
+    Raises:
+        RecordingError: The file does not exist, or is not an MCAP file.
+    """
+    reader = TolerantReader(path)
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        unfinished = is_journal(stream)
+        stream.seek(max(0, size - _FOOTER.size))
+        footer = stream.read()
+    if unfinished or len(footer) < _FOOTER.size:
+        return False
+    opcode, length, _, magic = _FOOTER.unpack(footer)
+    if (opcode, length, magic) != (_FOOTER_OPCODE, _FOOTER_CONTENT, MAGIC):
+        return False
+    if every_byte:
+        for _ in reader:
+            pass
+        return reader.intact
+    return True
+
+
+def why_incomplete(recording: Recording) -> str:
+    """Returns why a recording lacks its end, with its path; empty if it is complete."""
+    if recording.complete:
+        return ""
+    if being_written(recording.path):
+        return str(RecordingInUse(recording.path))
+    return str(RecordingTruncated(recording.path, recording.messages))
+
+
+def closed_recordings(folder: Path, since: float) -> Iterator[Recording]:
+    """Yields the recordings of a folder that are not being written, ordered by name.
+
+    Args:
+        folder: Folder with recordings.
+        since: Skip files that were last changed before this time [s since 1970].
+    """
+    for path in sorted(folder.glob("*.mcap")):
+        try:
+            if path.stat().st_mtime < since:
+                continue
+            with locked(path):
+                yield Recording(path)
+        except (LogError, OSError):
+            continue  # in use, or not our recording

@@ -1,0 +1,80 @@
+"""What writing and reading a file share: its marks, and the checksums between pieces of a journal.
+
+A journal is a recording that is still being written: an MCAP file without chunks. Every piece that
+is written at once is followed by a record with the CRC-32 of the piece. The record has an opcode
+that MCAP reserves for applications, so every MCAP reader skips it.
+
+MCAP's own checksums cannot replace it. The one of the data section is at the end of the file, which
+a crash loses. The one of a chunk does not cover the chunk's header, and notes and the header of the
+file have none: one flipped bit in an opcode hides a whole chunk from a reader that checks
+everything MCAP can check. With this record all bytes up to the last valid piece are as written.
+"""
+
+import struct
+from typing import BinaryIO
+from zlib import crc32
+
+MAGIC = b"\x89MCAP0\r\n"
+
+# Note in a finished recording: a digest of everything else in it.
+DIGESTS = "digests"
+
+# Note in a recording that was made from an incomplete or damaged file.
+RECOVERED = "recovered"
+
+# Last part of the library's name in the header of a journal.
+UNFINISHED = ", checked journal"
+_HALVES = UNFINISHED[:7].encode(), UNFINISHED[7:].encode()  # one of them may be damaged
+_HEAD = 128  # the library's name is within the first so many bytes
+
+_RECORD, _CRC = struct.Struct("<BQ"), struct.Struct("<I")
+_CHECK, _DATA_END, _FOOTER = 0x80, 0x0F, 0x02
+_BLOCK = 1 << 20  # read at once [bytes]
+
+# End of a journal that was closed: no checksum of the data section, no summary.
+END = _RECORD.pack(_DATA_END, 4) + bytes(4) + _RECORD.pack(_FOOTER, 20) + bytes(20) + MAGIC
+
+
+def checked(piece: bytes) -> bytes:
+    """Returns a piece of a journal, followed by its checksum."""
+    return piece + _RECORD.pack(_CHECK, _CRC.size) + _CRC.pack(crc32(piece))
+
+
+def is_journal(stream: BinaryIO) -> bool:
+    """Returns whether a file is a journal.
+
+    Args:
+        stream: The file, at its beginning; it is left there.
+    """
+    head = stream.read(_HEAD)
+    stream.seek(0)
+    return any(half in head for half in _HALVES)
+
+
+def valid_size(stream: BinaryIO) -> int:
+    """Returns the size of the valid part of a journal [bytes].
+
+    The valid part ends with the last piece before the first piece whose checksum is wrong.
+
+    Args:
+        stream: The journal, at its beginning; it is left there.
+    """
+    size = _valid_size(stream)
+    stream.seek(0)
+    return size
+
+
+def _valid_size(stream: BinaryIO) -> int:
+    good, crc = 0, crc32(stream.read(len(MAGIC)))
+    while len(head := stream.read(_RECORD.size)) == _RECORD.size:
+        opcode, left = _RECORD.unpack(head)
+        if opcode == _CHECK:
+            if left != _CRC.size or stream.read(left) != _CRC.pack(crc):
+                break
+            good, crc = stream.tell(), 0
+            continue
+        crc = crc32(head, crc)
+        while left and (block := stream.read(min(left, _BLOCK))):
+            crc, left = crc32(block, crc), left - len(block)
+    stream.seek(good)
+    return good + len(END) if stream.read(len(END) + 1) == END else good

@@ -1,0 +1,67 @@
+"""Finishes recordings that a crash left unfinished."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+from logs.errors import LogError, RecordingInUse
+from logs.reading.file_state import is_complete, is_ours, locked
+
+from .compaction import Summary, part_of, rewrite
+
+
+def recover(recording: Path) -> Summary | None:
+    """Makes a finished recording from the valid part of a journal or of a damaged recording.
+
+    An empty file of ours is removed: its process was killed before it recorded anything.
+
+    Returns:
+        What was recovered, and how many bytes were lost; None if the recording is complete.
+
+    Raises:
+        RecordingInUse: The file is being written.
+        RecordingError: The file cannot be read.
+        OSError: The disk failed or is full; the file is unchanged.
+    """
+    _remove_part(part_of(recording))
+    return None if is_complete(recording, every_byte=True) else _finished(recording)
+
+
+def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
+    """Recovers all unfinished recordings of a folder, and removes partial copies.
+
+    It reads only the ends of each file, so it is fast if there is nothing to do. It leaves files
+    that are being written, and files of other programs, which take no lock.
+
+    Yields:
+        What was recovered, or why a file could not be recovered.
+    """
+    for part in folder.glob("*.mcap.part"):
+        with suppress(LogError, OSError):  # a copy that stays does no harm
+            _remove_part(part)
+    for path in sorted(folder.glob("*.mcap")):
+        try:
+            if is_ours(path) and not is_complete(path, every_byte=False):
+                yield _finished(path)
+        except RecordingInUse:
+            continue
+        except (LogError, OSError) as error:
+            yield error
+
+
+def _finished(recording: Path) -> Summary:
+    with locked(recording):
+        if recording.stat().st_size or not is_ours(recording):
+            return rewrite(recording)
+        recording.unlink()
+    return Summary(recording, 0, 0, whole=False, torn=0)
+
+
+def _remove_part(part: Path) -> None:
+    """Removes the partial copy that a compaction left, unless one is running."""
+    recording = part.with_suffix("")
+    if part.exists() and recording.exists():
+        with locked(recording):
+            part.unlink(missing_ok=True)
+    else:
+        part.unlink(missing_ok=True)
