@@ -16,15 +16,15 @@ from .arm.lifecycle import State
 from .arm.schedule import Schedule, Setpoint, compile_schedule, servo_path
 from .arm.streamer import Playback, PlaybackState
 from .clock import Clock, RealClock, Signal, SimulatedClock
-from .description.joints import Joint, Mimic
 from .description.robot import CollisionRules, Robot, Serial, Tool
 from .description.robot_file import load_robot
-from .drivers.arduino.frames import Codec, Frame, WireField, check_position
-from .drivers.arduino.serial_servo import VIRTUAL, virtual_board
+from .drivers.arduino.frames import Codec, WireField
+from .drivers.arduino.serial_servo import FIRMWARES, VIRTUAL
 from .drivers.arduino.virtual.arduino import VirtualArduino, VirtualLink
 from .drivers.arduino.virtual.board import Board, BoardState
 from .drivers.arduino.virtual.link import BoardLink
-from .drivers.firmware import FIRMWARES, Firmware
+from .drivers.driver import Frame
+from .drivers.firmware import Firmware
 from .errors import (
     ActivationStopped,
     BadPosition,
@@ -53,9 +53,11 @@ from .errors import (
     WriteRefused,
     WrongFirmware,
 )
+from .joints import Joint, Mimic, check_position
 from .link.link import Link
 from .link.ports import Check, SerialPort, check_port, serial_ports
 from .link.serial_link import SerialLink
+from .simulation import virtual_board
 
 __all__ = [
     "FIRMWARES",

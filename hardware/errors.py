@@ -34,8 +34,6 @@ Every error carries a stable `code`, and its message says what to do next.
 from collections.abc import Sequence
 from pathlib import Path
 
-from .description.joints import Joint
-
 
 class HardwareError(Exception):
     """Root of everything this room raises."""
@@ -234,10 +232,10 @@ class PoseOutsideLimits(BoardError):
     meaning = "The board holds what is outside a joint's limits"
     hint = "switch the board off and on"
 
-    def __init__(self, joint: Joint, angle: int, nearest: int) -> None:
+    def __init__(self, joint: str, lower: float, upper: float, angle: int, nearest: int) -> None:
         super().__init__(
-            f"The board holds the servo of {joint.name} at {angle} degrees. Its limits "
-            f"[{joint.lower:g}, {joint.upper:g}] rad end at {nearest} degrees, and the first frame "
+            f"The board holds the servo of {joint} at {angle} degrees. Its limits "
+            f"[{lower:g}, {upper:g}] rad end at {nearest} degrees, and the first frame "
             "would make it jump there. Clear the space around the arm and switch the board off "
             "and on, so that it goes to its boot pose; or widen the limits in the URDF"
         )

@@ -14,8 +14,9 @@ _PLANNING = ("numpy", "ompl", "pin", "coal", "toppra")
 _SCHEDULING = (
     "arm/schedule.py",
     "drivers/firmware.py",
+    "drivers/pacing.py",
     "drivers/arduino/frames.py",
-    "drivers/arduino/pacing.py",
+    "drivers/arduino/serial_servo.py",
 )
 
 

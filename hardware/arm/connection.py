@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
-from hardware.drivers.arduino.acknowledgements import Acknowledgements
 from hardware.errors import BoardSilent, FrameLost, HardwareError, NotActive, PoseOutsideLimits
 from hardware.link.link import Link
 
+from .acknowledgements import Acknowledgements
 from .events import PATIENCE, BytesReceived, Observer
 from .streamer import Streamer
 from .write_guard import WriteGuard
@@ -140,7 +140,7 @@ class Connection:
         nearest = wire_format.encode(pose).servos
         for joint, angle, near in zip(robot.actuated, held.servos, nearest, strict=True):
             if angle != near:
-                raise PoseOutsideLimits(joint, angle, near)
+                raise PoseOutsideLimits(joint.name, joint.lower, joint.upper, angle, near)
         return pose
 
     def _listen(self) -> None:

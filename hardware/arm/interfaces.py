@@ -7,9 +7,9 @@ follow another included, has the state interface of the same name.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from hardware.description.joints import Joint
 from hardware.description.robot import Robot
 from hardware.errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration
+from hardware.joints import Joint
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from hardware.description.robot import Robot
-from hardware.drivers.arduino.frames import Frame
-from hardware.drivers.arduino.pacing import Pace
-from hardware.drivers.driver import WireFormat
+from hardware.drivers.driver import Frame, WireFormat
+from hardware.drivers.pacing import Pace
 from hardware.errors import TooFast
 
 # Rows of joint positions [rad] at the given times [s], one value per actuated joint.

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from enum import Enum
 
 from hardware.clock import Clock
-from hardware.drivers.arduino.acknowledgements import Acknowledgements
 from hardware.errors import HardwareError, NotActive, StaleGeneration, WriteRefused
 
+from .acknowledgements import Acknowledgements
 from .interfaces import Claim
 from .schedule import Schedule
 from .write_guard import WriteGuard

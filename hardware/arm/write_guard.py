@@ -11,12 +11,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
-from hardware.drivers.arduino.acknowledgements import Acknowledgements
-from hardware.drivers.arduino.frames import Frame, check_position
-from hardware.drivers.arduino.pacing import Pace
+from hardware.drivers.driver import Frame
+from hardware.drivers.pacing import Pace
 from hardware.errors import BadPosition, DriverFailed, LinkError, NotActive, PortStalled, TooFast
+from hardware.joints import check_position
 from hardware.link.link import Link
 
+from .acknowledgements import Acknowledgements
 from .events import PATIENCE, CommandSent, FrameSent, Observer, Outbox
 from .interfaces import Claim, Claims, command_interfaces
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, sin
 
-from .joints import Mimic
+from hardware.joints import Mimic
+
 from .urdf import UrdfJoint, Vector, parse_urdf
 
 Quaternion = tuple[float, float, float, float]  # x, y, z, w

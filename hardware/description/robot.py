@@ -8,9 +8,8 @@ from pathlib import Path
 from hardware.drivers.driver import Driver, WireFormat
 from hardware.drivers.firmware import Firmware
 from hardware.drivers.null_driver import NullDriver
+from hardware.joints import Joint
 from hardware.link.link import Link
-
-from .joints import Joint
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 from hardware.drivers.driver import Driver, load_driver
-from hardware.drivers.firmware import NO_FIRMWARE, Firmware
-from hardware.drivers.null_driver import NullDriver
+from hardware.drivers.firmware import Firmware
+from hardware.drivers.null_driver import NO_FIRMWARE, NullDriver
 from hardware.errors import DescriptionError
+from hardware.joints import Joint
+from hardware.toml_table import TomlTable
 
-from .joints import Joint
 from .robot import CollisionRules, Robot, Serial, Tool
-from .toml_table import TomlTable
 from .urdf import Urdf, UrdfError, UrdfJoint, read_urdf
 
 _ROUNDING = 1.0 + 1e-9  # of a follower's velocity, times its limit

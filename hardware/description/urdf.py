@@ -14,7 +14,7 @@ from typing import NoReturn
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from .joints import Mimic
+from hardware.joints import Mimic
 
 Vector = tuple[float, float, float]
 

@@ -7,17 +7,33 @@ with another one leaves `banner` empty, and what it says is recorded but not und
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import Protocol
 
-from hardware.description.joints import Joint
-from hardware.description.toml_table import TomlTable
+from hardware.joints import Joint
 from hardware.link.link import Link
+from hardware.toml_table import TomlTable
 
-from .arduino.frames import Frame
 from .firmware import Firmware
 
 GROUP = "armtree.hardware"
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One command to all servos.
+
+    Attributes:
+        servos: Servo angles in the order of the fields [deg].
+        data: The bytes that travel.
+    """
+
+    servos: tuple[int, ...]
+    data: bytes
+
+    def __str__(self) -> str:
+        return self.data.decode()
 
 
 class WireFormat(Protocol):

@@ -54,20 +54,3 @@ class Firmware:
         """
         steps = [abs(b - a) + 1 for a, b in zip(before, after, strict=True)]
         return self.degree_time * sum(steps) + self.turn_time * len(steps)
-
-
-# The published sketch, built by avr-gcc 5.4.0 with Arduino's core and Servo library (as of 2026)
-# and run on simavr, takes 5.058 ms a degree: delay(5) and Servo.write, which divides. A turn takes
-# 0.12 ms more (atoi, and Servo.read twice) and the reading of its five bytes 0.03 ms. The figures
-# here are higher by what the resonator of an Uno may be slow, 0.5 %. 10 Hz leaves 100 ms a frame,
-# which 4 servos and 15 degrees need; frames of more come slower.
-STOCK = Firmware("stock", 10.0, 0.0051, 16, 63, 1.0, b"", turn_time=0.00015)
-# The same largest step: it bounds how far the arm still moves after a stop.
-ARMTREE = Firmware(
-    "armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ", letters="bseg", baud=115200
-)
-
-# Of a robot file that names no driver.
-NO_FIRMWARE = Firmware("none", 10.0, 0.0, 0, 0, 0.0, b"")
-
-FIRMWARES = {firmware.name: firmware for firmware in (STOCK, ARMTREE)}

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from hardware.description.joints import Joint
-from hardware.description.toml_table import TomlTable
 from hardware.errors import NoDriver
+from hardware.joints import Joint
+from hardware.toml_table import TomlTable
 
-from .firmware import NO_FIRMWARE, Firmware
+from .firmware import Firmware
+
+# Of a robot file that names no driver.
+NO_FIRMWARE = Firmware("none", 10.0, 0.0, 0, 0, 0.0, b"")
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from hardware import (
     load_robot,
     virtual_board,
 )
+from hardware.arm.acknowledgements import Acknowledgements
 from hardware.arm.events import Observer
 from hardware.arm.interfaces import Claim
 from hardware.arm.write_guard import WriteGuard
-from hardware.drivers.arduino.acknowledgements import Acknowledgements
 from hardware.drivers.driver import Driver
 
 ROBOT = load_robot()

@@ -4,14 +4,13 @@ The order of the operations is that of the published driver and must stay: the v
 so an equal formula in another order gives other bytes.
 """
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Real
 
-from hardware.description.joints import Joint
+from hardware.drivers.driver import Frame
 from hardware.errors import BadPosition
+from hardware.joints import Joint, check_position
 
 ANGLE_MAX = 180  # of a servo [deg]
 
@@ -35,22 +34,6 @@ class WireField:
     offset: float
     span: float
     reversed: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """One command to all servos.
-
-    Attributes:
-        servos: Servo angles in the order of the fields [deg].
-        data: The bytes that travel.
-    """
-
-    servos: tuple[int, ...]
-    data: bytes
-
-    def __str__(self) -> str:
-        return self.data.decode()
 
 
 class Codec:
@@ -111,29 +94,6 @@ class Codec:
             min(max(_joint(wire, angle), joint.lower), joint.upper)
             for (joint, wire), angle in zip(self._fields, frame.servos, strict=True)
         )
-
-
-def check_position(joint: Joint, q: object) -> float:
-    """Refuse a joint value that must never travel.
-
-    Returns:
-        The value as a float [rad], whatever kind of number it was.
-
-    Raises:
-        BadPosition: Not a number, not finite, or outside the limits.
-    """
-    try:
-        value = float(q) if isinstance(q, Real) and not isinstance(q, bool) else math.nan
-    except OverflowError:  # an integer beyond all floats
-        value = math.inf
-    if not math.isfinite(value):
-        raise BadPosition(f"{joint.name} = {q!r} is not a finite number", joint.name, q)
-    if not joint.lower <= value <= joint.upper:
-        limits = f"[{joint.lower!r}, {joint.upper!r}] {joint.unit}"
-        limit = min(max(value, joint.lower), joint.upper)
-        words = f"{joint.name} = {q} {joint.unit} is outside its limits {limits}"
-        raise BadPosition(words, joint.name, q, limit)
-    return value
 
 
 def servo_angle(wire: WireField, q: float) -> int:

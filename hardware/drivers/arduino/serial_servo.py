@@ -4,19 +4,30 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from hardware.description.joints import Joint
-from hardware.description.robot import Robot
-from hardware.description.toml_table import TomlTable
-from hardware.drivers.firmware import FIRMWARES, Firmware
+from hardware.drivers.firmware import Firmware
+from hardware.drivers.pacing import unread_bytes
+from hardware.joints import Joint
 from hardware.link.link import Link
 from hardware.link.serial_link import SerialLink
+from hardware.toml_table import TomlTable
 
 from .frames import Codec, WireField, servo_angle
-from .pacing import unread_bytes
 from .virtual.arduino import VirtualLink
-from .virtual.board import Board
 
 VIRTUAL = "virtual"
+
+# The published sketch, built by avr-gcc 5.4.0 with Arduino's core and Servo library (as of 2026)
+# and run on simavr, takes 5.058 ms a degree: delay(5) and Servo.write, which divides. A turn takes
+# 0.12 ms more (atoi, and Servo.read twice) and the reading of its five bytes 0.03 ms. The figures
+# here are higher by what the resonator of an Uno may be slow, 0.5 %. 10 Hz leaves 100 ms a frame,
+# which 4 servos and 15 degrees need; frames of more come slower.
+STOCK = Firmware("stock", 10.0, 0.0051, 16, 63, 1.0, b"", turn_time=0.00015)
+# The same largest step: it bounds how far the arm still moves after a stop.
+ARMTREE = Firmware(
+    "armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ", letters="bseg", baud=115200
+)
+
+FIRMWARES = {firmware.name: firmware for firmware in (STOCK, ARMTREE)}
 
 
 @dataclass(frozen=True)
@@ -72,12 +83,6 @@ class SerialServo:
         if port != VIRTUAL:
             return SerialLink(port, baud)
         return VirtualLink(Codec(joints).letters, _boot_angles(joints), firmware, baud)
-
-
-def virtual_board(robot: Robot) -> Board:
-    """The model of the board that a robot description names."""
-    letters, angles = Codec(robot.actuated).letters, _boot_angles(robot.actuated)
-    return Board(letters, angles, robot.firmware, robot.serial.baud)
 
 
 def _boot_angles(joints: Sequence[Joint]) -> tuple[int, ...]:

@@ -18,9 +18,9 @@ from hardware import (
     StaleGeneration,
     TooFast,
 )
-from hardware.drivers.arduino.acknowledgements import ANSWER
-from hardware.drivers.arduino.frames import Frame
+from hardware.arm.acknowledgements import ANSWER
 from hardware.drivers.arduino.serial_servo import SerialServo
+from hardware.drivers.driver import Frame
 from tests.support.write_guard_rig import HOME, Rig, degrees
 
 

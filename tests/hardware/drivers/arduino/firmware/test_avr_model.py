@@ -8,8 +8,8 @@ import random
 import pytest
 
 from hardware import FIRMWARES, Board, Codec, load_robot
-from hardware.drivers.arduino.frames import Frame
-from hardware.drivers.arduino.pacing import Pace
+from hardware.drivers.driver import Frame
+from hardware.drivers.pacing import Pace
 from tests.avr import rig
 from tests.avr.rig import BAUD, BOOT, MakeBoard, frame
 from tests.support.frame_damage import damaged

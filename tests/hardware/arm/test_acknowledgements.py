@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware import FIRMWARES, BoardReset, Codec, FrameLost, WrongFirmware, load_robot
-from hardware.drivers.arduino.acknowledgements import ANSWER, Acknowledgements
+from hardware.arm.acknowledgements import ANSWER, Acknowledgements
 
 OURS = FIRMWARES["armtree"]
 OTHER = dataclasses.replace(OURS, name="other", banner=b"other 1 ")

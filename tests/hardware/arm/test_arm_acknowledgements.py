@@ -37,7 +37,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from hardware.drivers.arduino.acknowledgements import ANSWER
+from hardware.arm.acknowledgements import ANSWER
 from tests.support.hardware_rigs import HOME, PICK, motion
 from tests.support.paths import ROOT
 

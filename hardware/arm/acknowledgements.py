@@ -6,9 +6,8 @@ import threading
 from collections import deque
 
 from hardware.description.robot import Robot
+from hardware.drivers.driver import Frame
 from hardware.errors import BoardReset, FrameLost, WrongFirmware
-
-from .frames import Frame
 
 # A line of ours is shorter; what never ends a line is none [bytes].
 _LONGEST = 200

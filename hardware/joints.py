@@ -5,6 +5,9 @@ Positions are in rad, and in m for a joint that slides; wherever these files say
 
 import math
 from dataclasses import dataclass
+from numbers import Real
+
+from .errors import BadPosition
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,3 +60,26 @@ class Joint:
     def continuous(self) -> bool:
         """Whether it turns without end, so that it stands the same a whole turn on."""
         return self.unit == "rad" and self.lower == -math.inf and self.upper == math.inf
+
+
+def check_position(joint: Joint, q: object) -> float:
+    """Refuse a joint value that must never travel.
+
+    Returns:
+        The value as a float [rad], whatever kind of number it was.
+
+    Raises:
+        BadPosition: Not a number, not finite, or outside the limits.
+    """
+    try:
+        value = float(q) if isinstance(q, Real) and not isinstance(q, bool) else math.nan
+    except OverflowError:  # an integer beyond all floats
+        value = math.inf
+    if not math.isfinite(value):
+        raise BadPosition(f"{joint.name} = {q!r} is not a finite number", joint.name, q)
+    if not joint.lower <= value <= joint.upper:
+        limits = f"[{joint.lower!r}, {joint.upper!r}] {joint.unit}"
+        limit = min(max(value, joint.lower), joint.upper)
+        words = f"{joint.name} = {q} {joint.unit} is outside its limits {limits}"
+        raise BadPosition(words, joint.name, q, limit)
+    return value

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware import FIRMWARES, Board
-from hardware.drivers.arduino.frames import Frame
-from hardware.drivers.arduino.pacing import Pace, unread_bytes
+from hardware.drivers.driver import Frame
+from hardware.drivers.pacing import Pace, unread_bytes
 
 BAUD = 115200
 LETTERS = "bsegtw"

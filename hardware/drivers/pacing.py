@@ -2,10 +2,10 @@
 
 import math
 
-from hardware.drivers.firmware import Firmware
 from hardware.link.link import BITS_PER_BYTE
 
-from .frames import Frame
+from .driver import Frame
+from .firmware import Firmware
 
 
 class Pace:

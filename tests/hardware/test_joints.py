@@ -1,0 +1,46 @@
+"""Joints as values: what they follow, and which positions they accept."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from hardware import BadPosition, Mimic, check_position, load_robot
+
+ROBOT = load_robot()
+CONTINUOUS = dataclasses.replace(ROBOT.joint("joint_1"), lower=-math.inf, upper=math.inf)
+
+
+def test_a_mimic_joint_follows_by_multiplier_and_offset() -> None:
+    assert Mimic("a", -2.0, 0.5).value(1.5) == -2.5
+
+
+def test_only_a_joint_without_both_limits_that_turns_is_continuous() -> None:
+    assert CONTINUOUS.continuous
+    assert not dataclasses.replace(CONTINUOUS, upper=1.0).continuous
+    assert not dataclasses.replace(CONTINUOUS, lower=-1.0).continuous
+    assert not dataclasses.replace(CONTINUOUS, unit="m").continuous
+    assert dataclasses.replace(CONTINUOUS, unit="rad").continuous
+    assert ROBOT.joint("joint_1").unit == "rad"
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_joint_without_limits_takes_finite_numbers_only(bad: float) -> None:
+    check_position(CONTINUOUS, 1e300)
+    with pytest.raises(BadPosition, match=f"^joint_1 = {bad} is not a finite number$"):
+        check_position(CONTINUOUS, bad)
+
+
+def test_a_coarse_number_is_not_rounded_into_the_limits() -> None:
+    joint = ROBOT.joint("joint_1")
+    above = np.float32(joint.upper)
+    assert float(above) > joint.upper  # though numpy takes the two for equal
+    with pytest.raises(BadPosition, match="outside its limits"):
+        check_position(joint, above)
+
+
+def test_a_refusal_names_value_and_limits() -> None:
+    why = r"joint_1 = -1.58 rad is outside its limits \[-1.570796326795, 1.570796326795\] rad"
+    with pytest.raises(BadPosition, match=why):
+        check_position(ROBOT.joint("joint_1"), np.float64(-1.58))
