@@ -16,13 +16,17 @@ INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo test lint types rooms damage mutation firmware lock
+.PHONY: demo test quick lint types rooms damage mutation firmware lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
 
 test: lint types rooms $(PEERS) $(GROOT)
 	$(VENV)/bin/pytest
+
+# All but what is slow by nature, in less than a minute on 2 cores.
+quick: $(TOOLS)
+	$(VENV)/bin/pytest -m "not slow"
 
 lint: $(TOOLS)
 	$(VENV)/bin/ruff format --check .

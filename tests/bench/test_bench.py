@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 BENCH = Path(__file__).parent
 SUBJECTS = {path.stem for path in BENCH.glob("*.py")} - {"table", Path(__file__).stem}
 

@@ -25,6 +25,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from tests.support.paths import EXAMPLES, ROBOT_FILE, ROOT
 from tests.support.typed import typed
 
+pytestmark = pytest.mark.slow
+
 ROBOT = ROBOT_FILE.parent
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 

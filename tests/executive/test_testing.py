@@ -54,6 +54,7 @@ def test_the_operator_answers_by_heart(tmp_path: Path) -> None:
     assert "Free?: no answer within 60 s" in outcome.message
 
 
+@pytest.mark.slow
 def test_the_class_of_the_page_and_its_test(tmp_path: Path) -> None:
     page = (EXAMPLES.parent / "README.md").read_text()
     blocks = re.findall(r"```python\n# ([\w/.]+)[^\n]*\n(.*?)```", page, re.DOTALL)

@@ -20,6 +20,8 @@ from tests.logs.writing.test_compaction import run_journal
 from tests.support.javascript import without_node
 from tests.support.paths import EXAMPLES, PEERS, ROBOT_FILE
 
+pytestmark = pytest.mark.slow
+
 WITHOUT = without_node("@mcap/core")
 BAG = {
     "version",

@@ -12,6 +12,8 @@ from executive.cli.main import cli
 from hardware import SerialLink, load_robot
 from tests.support.hardware_rigs import Pty
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Path:

@@ -7,6 +7,8 @@ from hardware.arm.connection import Connection
 from tests.conftest import RigMaker
 from tests.support.server_acts import at_frame, run
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("transition", ["deactivate", "shutdown"])
 def test_leaving_active_ends_a_goal_for_that_reason(

@@ -15,6 +15,8 @@ from skills import BadTarget
 from skills.motion import GoalInCollision, Unreachable
 from trees import UnknownTask
 
+pytestmark = pytest.mark.slow
+
 PICK = ("joint_1=-1.4", "joint_2=-0.6", "joint_3=-0.07")
 POST = [{"name": "post", "box": {"size": [0.03, 0.03, 0.2]}, "position": [0.115, 0.115, 0.1]}]
 

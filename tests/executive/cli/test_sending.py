@@ -19,6 +19,8 @@ from tests.support.alterations import Change, altered, retold
 from tests.support.paths import EXAMPLES
 from tests.support.typed import typed
 
+pytestmark = pytest.mark.slow
+
 __all__ = ["quick"]
 
 ROBOT = load_robot().path

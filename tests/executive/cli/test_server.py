@@ -20,6 +20,8 @@ from tests.logs.writing.test_compaction import run_journal
 from tests.support.paths import ROBOT_FILE
 from tests.support.serving import TASKS, Served, Typed
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.server_fixtures"]
 
 ARMTREE = [sys.executable, "-P", "-m", "executive"]

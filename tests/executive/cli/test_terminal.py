@@ -12,6 +12,8 @@ import pytest
 
 from tests.end_to_end.test_command_line import robot
 
+pytestmark = pytest.mark.slow
+
 __all__ = ["robot"]
 
 ARMTREE = [sys.executable, "-P", "-m", "executive"]

@@ -57,6 +57,7 @@ tree:
 """
 
 
+@pytest.mark.slow
 def test_a_cancel_at_every_node_at_every_tick(
     server: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -32,6 +32,8 @@ from tests.support.alterations import altered, lacking, replace, retold
 from tests.support.paths import ROOT
 from tests.support.typed import typed as finish
 
+pytestmark = pytest.mark.slow
+
 __all__ = ["quick"]
 
 

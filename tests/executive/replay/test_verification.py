@@ -19,6 +19,8 @@ from tests.executive.test_executive import reach
 from tests.support.alterations import Change, altered, each, lacking, moved, replace, retold
 from tests.support.paths import DATA
 
+pytestmark = pytest.mark.slow
+
 
 def picked(rig: Rig) -> Path:
     (outcome,) = rig.run(1)

@@ -17,6 +17,8 @@ from tests.support.alterations import Change, altered, each, records_of, retold,
 from tests.support.paths import EXAMPLES
 from tests.support.single_changes import single_changes
 
+pytestmark = pytest.mark.slow
+
 EXAMPLE = EXAMPLES / "recordings" / "7_measure.mcap"
 
 # What follows from nothing else in a recording: that it was changed is told by its digests alone.

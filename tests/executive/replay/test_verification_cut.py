@@ -11,6 +11,8 @@ from logs import Recording
 from logs.reading.tolerant_reader import TolerantReader
 from tests.conftest import Rig, RigMaker
 
+pytestmark = pytest.mark.slow
+
 
 def begun(rig: Rig, folder: Path) -> bytes:
     """A real journal, as it was when its tenth frame was sent; the run then ends."""

@@ -17,6 +17,8 @@ import pytest
 from tests.support.paths import PEERS
 from tests.support.serving import Serve, Served
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.server_fixtures"]
 
 PAGE = PEERS / "page.html"

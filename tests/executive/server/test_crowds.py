@@ -15,6 +15,8 @@ from executive.server.limits import connections, fair_queue
 from tests.support.foreign_clients import GOAL, answer, head, raw, stops
 from tests.support.serving import Serve
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.server_fixtures"]
 
 

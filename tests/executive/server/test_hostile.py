@@ -20,6 +20,8 @@ from executive.server.limits import connections
 from tests.support.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
 from tests.support.serving import Serve
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.server_fixtures"]
 
 

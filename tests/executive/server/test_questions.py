@@ -11,6 +11,8 @@ from executive.client import OpenQuestion, Refused
 from executive.goals.goal import QuestionStatus
 from tests.support.serving import Serve, Served
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.server_fixtures"]
 
 

@@ -17,6 +17,8 @@ from executive.server import event_hub
 from tests.support.foreign_clients import head, raw
 from tests.support.serving import Serve
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.server_fixtures"]
 
 

@@ -8,6 +8,8 @@ import threading
 import tty
 from contextlib import closing
 
+import pytest
+
 from hardware import (
     Arm,
     ArmEvent,
@@ -21,6 +23,8 @@ from hardware import (
     load_robot,
 )
 from tests.support.hardware_rigs import motion, nothing, open_files, settled_for
+
+pytestmark = pytest.mark.slow
 
 SHIPPED = load_robot()
 # A board that never blocks and boots at once, so that a thousand of them take no time.

@@ -7,6 +7,8 @@ import pytest
 from hardware import Firmware, Link, PortLost
 from tests.support.virtual_shells import BAUD, BOOT, PATIENCE, Process, Shell
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.virtual_shell_fixtures"]
 
 

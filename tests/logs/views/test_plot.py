@@ -12,6 +12,8 @@ from logs import NodeStatus, Plan, RecordingError, Sent, plot
 from logs.views.timeline import Timeline, timeline
 from tests.logs.test_run import ARM, GRIPPER, RUNS, frame, node, plan, record
 
+pytestmark = pytest.mark.slow
+
 RUNNING, SUCCESS = (0x56, 0xB4, 0xE9), (0x00, 0x9E, 0x73)
 FAILURE, INVALID = (0xD5, 0x5E, 0x00), (0x99, 0x99, 0x99)
 

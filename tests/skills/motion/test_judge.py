@@ -17,6 +17,8 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 
 # Found by search: on the shipped robot the line between these would pass through its base.

@@ -28,6 +28,8 @@ from skills.motion.planner import Planner
 from tests.support.arms import free_poses
 from tests.support.real_arms import FILES, real
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 POST = Box((0.1, 0.1, 1.2))
 POST_AT = (0.35, 0.35, 0.4)

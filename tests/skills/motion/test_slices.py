@@ -17,6 +17,8 @@ from skills.motion.planner import Planner
 from tests.support.arms import free_poses
 from tests.support.real_arms import real
 
+pytestmark = pytest.mark.slow
+
 POST = World((Body("post", Box((0.1, 0.1, 1.2)), (0.35, 0.35, 0.4)),))
 
 

@@ -21,6 +21,8 @@ from tests.trees.analysis.test_check_files import ONCE
 from tests.trees.compile.test_builder import WRONG as LINES
 from trees.analysis.check import check
 
+pytestmark = pytest.mark.slow
+
 PAIRS = int(os.environ.get("ARMTREE_PAIRS", "60"))  # of each sort
 HEAD = "task: {}\nname: x\ndescription: y\n"
 SUB = "subtree: {}\ndescription: y\nports: {}\ntree: {}\n"

@@ -13,6 +13,8 @@ from skills import BadTarget
 from trees import FileError
 from trees.analysis.check import check
 
+pytestmark = pytest.mark.slow
+
 HEAD = "task: 7\nname: x\ndescription: y\ntree:\n  sequence:\n"
 POST = "AddBox: {body: post, size: [3 cm, 3 cm, 3 cm], position: [0.12, 0.04, 0.07]}"
 TALL = "AddBox: {body: tall, size: [3 cm, 3 cm, 20 cm], position: [0.115, 0.115, 0.1]}"

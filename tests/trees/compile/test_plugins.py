@@ -12,6 +12,8 @@ import pytest
 from trees.compile.plugins import load_skills
 from trees.compile.port_types import known_skills
 
+pytestmark = pytest.mark.slow
+
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 PROJECT = """\
 [build-system]

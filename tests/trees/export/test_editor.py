@@ -10,6 +10,8 @@ from tests.support.javascript import without_node
 from tests.support.language_server import LanguageServer
 from tests.support.paths import EXAMPLES, TASKS
 
+pytestmark = pytest.mark.slow
+
 MISTAKEN = """\
 # yaml-language-server: $schema=task.schema.json
 task: 3

@@ -160,6 +160,7 @@ ANY = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(ANY)
 def test_any_json_is_read_or_refused_in_words_that_can_be_written(value: Any) -> None:

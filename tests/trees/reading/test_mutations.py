@@ -20,6 +20,8 @@ from trees.compile.plugins import load_skills
 from trees.compile.resolved import RESOLVED
 from trees.reading.document import read_document
 
+pytestmark = pytest.mark.slow
+
 FILES = sorted([*TASKS.glob("**/*.yaml"), *EXAMPLES.glob("*.yaml")])
 EACH = int(os.environ.get("ARMTREE_SLIPS", "6"))  # changes per file
 SIGNS = "abz019 -:{}[],$#\t'\"&*!|>%@.\n"

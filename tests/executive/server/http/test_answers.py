@@ -15,6 +15,8 @@ from hardware import State
 from logs.writing import recorder
 from tests.support.serving import Serve, Served
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.server_fixtures"]
 
 NOBODY = "0123456789abcdef" * 2

@@ -5,11 +5,14 @@ import sys
 from pathlib import Path
 
 import fastjsonschema
+import pytest
 
 import executive.server as server
 from executive.server.http.operations import OPERATIONS
 from tests.executive.server.rosbridge.test_bridge import GOAL, heard, say, websocket
 from tests.support.serving import Serve
+
+pytestmark = pytest.mark.slow
 
 pytest_plugins = ["tests.support.server_fixtures"]
 

@@ -24,6 +24,8 @@ from tests.support.javascript import without_node
 from tests.support.paths import PEERS
 from tests.support.serving import Serve, Served
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.server_fixtures"]
 
 NODE = ["node", "with_roslib.mjs"]

@@ -14,6 +14,8 @@ from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.skills.motion.collision.test_inside import AWAY, STAND, cube
 
+pytestmark = pytest.mark.slow
+
 ROBOT = load_robot()
 EDGE = 0.1
 HIGH = (0.0, 0.0, 0.8)  # where the arm is not

@@ -27,6 +27,8 @@ from skills.motion.collision.solid import Solid
 from skills.motion.planner import Planner
 from tests.support.arms import foreign
 
+pytestmark = pytest.mark.slow
+
 ROBOT = load_robot()
 PLANNER = Planner(ROBOT)
 STAND, AWAY = (0.0,) * 4, (0.5, 0.0, 0.0)

@@ -16,6 +16,8 @@ from skills.motion.planner import Planner
 from tests.support.arms import ARMS, foreign, free_poses
 from tests.support.real_arms import FILES, real
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 RADIUS = 0.0005
 LINES = 20

@@ -16,7 +16,10 @@ from tests.avr.rig import BAUD, BOOT, TASKS, AvrArduino, AvrBoard, Built, MakeBo
 from tests.support.paths import ROBOT_FILE
 
 pytest_plugins = ["tests.avr.fixtures"]
-pytestmark = pytest.mark.skipif(bool(rig.missing()), reason=rig.missing())
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(rig.missing()), reason=rig.missing()),
+]
 
 BYTE = 10 / BAUD  # [s]
 # What the published sketch takes, measured, and how far from it machine code of it may be.

@@ -22,7 +22,10 @@ from tests.support.frame_damage import CORRUPTIONS, Corruptions, pieces
 from tests.support.paths import FIRMWARE
 
 pytest_plugins = ["tests.avr.fixtures"]
-pytestmark = pytest.mark.skipif(bool(rig.missing()), reason=rig.missing())
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(rig.missing()), reason=rig.missing()),
+]
 
 
 def test_the_committed_hex_is_what_the_source_gives(built: Built) -> None:

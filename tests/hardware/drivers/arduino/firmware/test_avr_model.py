@@ -16,7 +16,10 @@ from tests.support.frame_damage import damaged
 from tests.support.hardware_rigs import motion
 
 pytest_plugins = ["tests.avr.fixtures"]
-pytestmark = pytest.mark.skipif(bool(rig.missing()), reason=rig.missing())
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(rig.missing()), reason=rig.missing()),
+]
 
 BYTE = 10 / BAUD  # [s]
 CYCLE = 0.02  # [s]

@@ -32,6 +32,8 @@ from hardware import (
 from tests.support.hardware_rigs import ROBOT, open_files
 from tests.support.paths import ROOT
 
+pytestmark = pytest.mark.slow
+
 BAUD = 115200
 STATUS = 131  # length of our firmware's answer to a question [bytes]
 PATIENCE = 10.0  # longer than anything here takes [s]

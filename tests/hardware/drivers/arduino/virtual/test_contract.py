@@ -2,9 +2,13 @@
 
 import random
 
+import pytest
+
 from hardware import Board, Firmware
 from tests.avr.rig import checksum, frame
 from tests.support.virtual_shells import BAUD, BOOT, BOOT_TIME, Process, Shell
+
+pytestmark = pytest.mark.slow
 
 pytest_plugins = ["tests.support.virtual_shell_fixtures"]
 
