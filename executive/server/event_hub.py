@@ -1,4 +1,4 @@
-"""What happens, handed from the executive's threads to the network's one."""
+"""Events, passed from the executive's threads to the network's event loop and its subscribers."""
 
 import asyncio
 import json
@@ -11,140 +11,146 @@ from executive.executive import Event
 from executive.goals.events import as_event, kind_of
 from executive.goals.goal import GoalStatus, QuestionStatus
 
-HEARTBEAT = 15.0  # [s] of silence after which a subscriber hears that the server is there
-MAX_BACKLOG = 4 * 1024 * 1024  # bytes of events that a subscriber may be behind
+HEARTBEAT = 15.0  # a subscriber receives a comment after this time without an event [s]
+MAX_BACKLOG = 4 * 1024 * 1024  # unread bytes after which a subscriber is dropped
 
 
 class Subscriber:
-    """Somebody who watches, and keeps up or is dropped.
+    """The unread events of one client.
 
     Args:
-        kinds: Of events that are wanted; empty for all.
-        known: Whether they show the token.
+        kinds: Kinds of events it receives; empty for all.
+        authenticated: True if the client has the token.
     """
 
-    def __init__(self, kinds: frozenset[str], known: bool) -> None:
-        self.kinds, self.known = kinds, known
-        self._waiting: deque[bytes] = deque()
+    def __init__(self, kinds: frozenset[str], authenticated: bool) -> None:
+        self.kinds, self.authenticated = kinds, authenticated
+        self._unread: deque[bytes] = deque()
         self._bytes = 0
-        self._some = asyncio.Event()
+        self._changed = asyncio.Event()
         self._ended = self.dropped = False
 
     def put(self, text: bytes) -> None:
-        """One more event; drops the subscriber where too much is waiting."""
+        """Add an event, or drop the subscriber if it is too far behind."""
         self._bytes += len(text)
         self.dropped = self.dropped or self._bytes > MAX_BACKLOG
         if not self.dropped:
-            self._waiting.append(text)
-        self._some.set()
+            self._unread.append(text)
+        self._changed.set()
 
     def end(self) -> None:
-        """There is nothing more."""
+        """End the stream after the unread events."""
         self._ended = True
-        self._some.set()
+        self._changed.set()
 
     async def take(self) -> bytes:
-        """All that is waiting, as soon as there is something; empty at the end, or once dropped.
+        """Wait for events and return all unread ones.
 
-        After a long silence it is a comment.
+        Returns:
+            The events, a comment if none came for `HEARTBEAT`, or nothing at the end of the stream
+            and for a dropped subscriber.
         """
         if not self._ended:
             try:
                 async with asyncio.timeout(HEARTBEAT):
-                    await self._some.wait()
+                    await self._changed.wait()
             except TimeoutError:
                 return b": still here\n\n"
-            self._some.clear()
-        taken, self._bytes = b"".join(self._waiting), 0
-        self._waiting.clear()
+            self._changed.clear()
+        taken, self._bytes = b"".join(self._unread), 0
+        self._unread.clear()
         return b"" if self.dropped else taken
 
 
 class EventHub:
-    """Takes events from any thread and tells of them on the loop, in order.
+    """Takes events from any thread and passes them on in the event loop, in order.
 
-    Whoever joins late is first told what still holds: the goal under way, its nodes, its progress,
-    the last warning.
+    A new subscriber first receives the current state: the running goal, its nodes, its progress and
+    its questions, and the last warning.
 
     Args:
-        loop: On which everybody is told.
+        loop: Event loop in which listeners are called.
+
+    Attributes:
+        subscribers: Receive events as texts.
+        listeners: Callbacks for every event.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
         self._arrived: deque[Event] = deque()
-        self._called = False
-        self._holds: dict[str, Event] = {}
+        self._scheduled = False
+        self._current: dict[str, Event] = {}
         self.subscribers: set[Subscriber] = set()
         self.listeners: list[Callable[[Event], None]] = []
 
     def publish(self, event: Event) -> None:
         """Take an event, from any thread."""
         self._arrived.append(event)
-        if not self._called:
-            self._called = True
+        if not self._scheduled:
+            self._scheduled = True
             self._loop.call_soon_threadsafe(self._deliver)
 
-    def subscribe(self, kinds: frozenset[str], known: bool) -> Subscriber:
-        """Begin to watch."""
-        subscriber = Subscriber(kinds, known)
-        for event in self._holds.values():
+    def subscribe(self, kinds: frozenset[str], authenticated: bool) -> Subscriber:
+        """Add a subscriber, which receives the current state first."""
+        subscriber = Subscriber(kinds, authenticated)
+        for event in self._current.values():
             if not kinds or kind_of(event) in kinds:
                 subscriber.put(_as_text(event))
         self.subscribers.add(subscriber)
         return subscriber
 
     def end(self) -> None:
-        """Tell what has arrived, and let the subscribers go; on the loop."""
+        """Deliver what has arrived and end all streams; call it in the event loop."""
         self._deliver()
         for subscriber in self.subscribers:
             subscriber.end()
 
     def _deliver(self) -> None:
-        self._called = False
+        self._scheduled = False
         while self._arrived:
             event = self._arrived.popleft()
-            self._remember(event)
+            self._update_current(event)
             for listener in self.listeners:
                 listener(event)
-            self._show(event)
+            self._send(event)
 
-    def _show(self, event: Event) -> None:
+    def _send(self, event: Event) -> None:
         kind = kind_of(event)
-        wanting = [each for each in self.subscribers if not each.kinds or kind in each.kinds]
-        if kind and wanting:
+        interested = [each for each in self.subscribers if not each.kinds or kind in each.kinds]
+        if kind and interested:
             text = _as_text(event)
-            for subscriber in wanting:
+            for subscriber in interested:
                 subscriber.put(text)
 
-    def _remember(self, event: Event) -> None:
+    def _update_current(self, event: Event) -> None:
         match event:
             case logs.Goal():
                 self._keep("lifecycle")
-                self._holds["goal"] = event
-            case GoalStatus() if event.outcome and self._shows(event.identity):
+                self._current["goal"] = event
+            case GoalStatus() if event.outcome and self._is_current(event.identity):
                 self._keep("lifecycle", "question")
             case logs.Transition():
-                self._holds["lifecycle"] = event
+                self._current["lifecycle"] = event
             case logs.NodeStatus():
-                self._holds[f"node {event.path}"] = event
+                self._current[f"node {event.path}"] = event
             case logs.Feedback():
-                self._holds["feedback"] = event
+                self._current["feedback"] = event
             case logs.LogLine() if event.level >= logging.WARNING:
-                self._holds["warning"] = event
+                self._current["warning"] = event
             case QuestionStatus(open=True):
-                self._holds[f"question {event.question_id}"] = event
+                self._current[f"question {event.question_id}"] = event
             case QuestionStatus():
-                self._holds.pop(f"question {event.question_id}", None)
+                self._current.pop(f"question {event.question_id}", None)
 
-    def _shows(self, identity: str) -> bool:
-        goal = self._holds.get("goal")
+    def _is_current(self, identity: str) -> bool:
+        goal = self._current.get("goal")
         return isinstance(goal, logs.Goal) and goal.goal_id == identity
 
     def _keep(self, *kinds: str) -> None:
-        """Hold only these kinds of events any longer."""
-        self._holds = {
-            key: event for key, event in self._holds.items() if key.partition(" ")[0] in kinds
+        """Forget all but these kinds of events."""
+        self._current = {
+            key: event for key, event in self._current.items() if key.partition(" ")[0] in kinds
         }
 
 

@@ -1,22 +1,22 @@
-"""Closed by default: who may ask at all, and what every answer says to browsers."""
+"""Who may call the server: Host, Origin and token, and headers that protect browsers."""
 
 import hmac
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from ipaddress import ip_address
+from typing import Any
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.types import Message, Send
+from starlette.types import Message, Scope, Send
 
 from executive.errors import Unauthorized, WrongHost, WrongOrigin
 
 from .token_file import HTTP_PORT
 
-HAS_TOKEN = "has_token"  # of a request's state: whether its sender does
-
+_HAS_TOKEN = "has_token"  # key in a request's state
 _HAS_PORT = re.compile(r"[^:]:\d+$")
-_FOR_BROWSERS = {
+_SECURITY_HEADERS = {
     "cache-control": "no-store",
     "content-security-policy": "default-src 'none'; frame-ancestors 'none'",
     "cross-origin-resource-policy": "same-origin",
@@ -27,13 +27,13 @@ _FOR_BROWSERS = {
 
 @dataclass(frozen=True, slots=True)
 class AccessRules:
-    """Who may ask.
+    """Who may call.
 
     Attributes:
-        hosts: What Host may say, in lower case.
-        origins: What Origin may say, where there is one.
-        token: For whatever changes state.
-        exposed: Whether others than this machine can connect; then reading needs the token too.
+        hosts: Accepted values of the Host header, in lower case.
+        origins: Accepted values of the Origin header; requests without one are accepted too.
+        token: Token for every request that changes something.
+        exposed: True if other machines can connect; reading then needs the token too.
     """
 
     hosts: frozenset[str]
@@ -42,64 +42,81 @@ class AccessRules:
     exposed: bool
 
     def check_source(self, headers: Headers, authority: str | None = None) -> None:
-        """Refuse names that are not ours, as a rebound DNS name is, and foreign pages.
+        """Refuse requests of other sites' pages, and of names that DNS rebinding points here.
 
         Args:
-            headers: Of the request.
-            authority: What its target names as the server; None where it is a path alone.
+            headers: Headers of the request.
+            authority: Server named by the request's target, or None if the target is a path.
 
         Raises:
-            Forbidden: The Host or the Origin is another one.
+            WrongHost: The Host is not accepted.
+            WrongOrigin: The Origin is not accepted.
         """
-        named = [host.lower() for host in headers.getlist("host")]
-        one = len(named) == 1
-        named += [] if authority is None else [authority.lower()]
-        if not one or not self.hosts.issuperset(named):
+        hosts = [host.lower() for host in headers.getlist("host")]
+        single = len(hosts) == 1
+        hosts += [] if authority is None else [authority.lower()]
+        if not single or not self.hosts.issuperset(hosts):
             raise WrongHost(
-                f"Host {', '.join(named) or 'missing'} is not this server",
-                f"ask {' or '.join(sorted(self.hosts))}; serve --host NAME adds one",
+                f"Host {', '.join(hosts) or 'missing'} is not this server",
+                f"send {' or '.join(sorted(self.hosts))}; serve --host NAME adds one",
             )
         origins = headers.getlist("origin")
         if any(origin not in self.origins for origin in origins) or len(origins) > 1:
             raise WrongOrigin(
-                f"pages of {', '.join(origins)} may not ask this server",
-                "serve --origin URL lets them",
+                f"pages of {', '.join(origins)} may not use this server",
+                "serve --origin URL allows them",
             )
 
     def has_token(self, headers: Headers) -> bool:
-        """Whether somebody shows the token."""
+        """True if the headers contain the right token."""
         scheme, _, given = headers.get("authorization", "").partition(" ")
         right = hmac.compare_digest(given.strip().encode(), self.token.encode())
         return scheme.lower() == "bearer" and right
 
     def check_token(self, headers: Headers) -> None:
-        """Refuse whoever does not show the token.
+        """Refuse a request without the token.
 
         Raises:
-            Unauthorized: It is missing or wrong.
+            Unauthorized: The token is missing or wrong.
         """
         if not self.has_token(headers):
             given = headers.get("authorization")
             raise Unauthorized(
                 "the token is wrong" if given else "this needs the server's token",
-                "give it as ARMTREE_TOKEN, or in HTTP send Authorization: Bearer TOKEN; the server "
-                "printed it when it started",
+                "set ARMTREE_TOKEN, or send the HTTP header Authorization: Bearer TOKEN; the "
+                "server printed the token when it started",
             )
 
 
-def names(addresses: Iterable[str], port: int) -> frozenset[str]:
-    """What Host may say for these names and addresses on a port, or on the one they name."""
+def mark_authenticated(scope: Scope) -> None:
+    """Note that a request contains the token."""
+    scope["state"][_HAS_TOKEN] = True
+
+
+def is_authenticated(scope: Mapping[str, Any]) -> bool:
+    """True if a request contains the token."""
+    return _HAS_TOKEN in scope["state"]
+
+
+def host_names(addresses: Iterable[str], port: int) -> frozenset[str]:
+    """Return the values of Host for names and addresses that may contain their own port.
+
+    Args:
+        addresses: Names, IP addresses, or one of them with `:port`.
+        port: TCP port of those without one.
+    """
     known = {_bracketed(name.lower()) for name in addresses}
-    here = {host for host in known if not _HAS_PORT.search(host)}
-    with_port = {f"{host}:{port}" for host in here}
-    return frozenset((known - here) | with_port | (here if port == HTTP_PORT else set()))
+    without_port = {host for host in known if not _HAS_PORT.search(host)}
+    with_port = {f"{host}:{port}" for host in without_port}
+    default = without_port if port == HTTP_PORT else set()
+    return frozenset((known - without_port) | with_port | default)
 
 
 def is_loopback(address: str) -> bool:
-    """Whether only this machine can connect to an address.
+    """True if only this machine can connect to an IP address.
 
     Raises:
-        ValueError: It is no address.
+        ValueError: It is not an IP address.
     """
     return ip_address(address).is_loopback
 
@@ -109,13 +126,13 @@ def _bracketed(name: str) -> str:
 
 
 def with_security_headers(send: Send) -> Send:
-    """Have every answer tell browsers to keep to the strict side."""
+    """Return a `send` that adds the headers against browsers' abuse to every answer."""
 
-    async def send_hardened(message: Message) -> None:
+    async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
-            for name, value in _FOR_BROWSERS.items():
+            for name, value in _SECURITY_HEADERS.items():
                 headers.setdefault(name, value)
         await send(message)
 
-    return send_hardened
+    return send_with_headers

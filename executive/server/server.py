@@ -1,4 +1,4 @@
-"""The server: a socket, a thread for the network, and an order in which to end."""
+"""The server: its socket, its thread, and the order of its shutdown."""
 
 import asyncio
 import logging
@@ -19,34 +19,34 @@ from hardware import Clock, Robot
 
 from . import token_file
 from .event_hub import EventHub
-from .http.answers import Api
+from .http.answers import Answers
 from .http.app import App
 from .http.strict_json import MAX_BYTES
 from .limits.cancel_thread import CancelThread
 from .limits.connections import HttpConnection, SharedState, WebSocketConnection
 from .limits.fair_queue import FairQueue
 from .rosbridge.bridge import Bridge
-from .security import AccessRules, is_loopback, names
+from .security import AccessRules, host_names, is_loopback
 
 logger = logging.getLogger(__name__)
 
 _BACKLOG = 128
-_ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # as browsers write one
-_SEND_BUFFER = 128 * 1024  # [bytes] that may be on their way to a client that reads nothing
-_LAST_ANSWERS = 0.05  # [s] for what is being answered when the server ends
+_ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # as browsers send it
+_SEND_BUFFER = 128 * 1024  # bytes in flight to a client that does not read
+_SHUTDOWN_TIMEOUT = 0.05  # longest time for open answers at shutdown [s]
 
 
 @dataclass(frozen=True, slots=True)
 class ListenOptions:
-    """Where a server listens, and to whom.
+    """Where a server listens, and for which clients.
 
     Attributes:
-        address: Of the interface.
-        port: Of TCP; 0 for any that is free.
-        hosts: Names it has beside its address.
-        origins: Of pages that may use it, beside its own.
-        expose: Whether others than this machine may connect.
-        rosbridge: Whether rosbridge clients may.
+        address: IP address of the interface.
+        port: TCP port; 0 for any free one.
+        hosts: Names of the server besides its address.
+        origins: Origins of other sites' pages that may use it.
+        expose: True if other machines may connect.
+        rosbridge: True to serve rosbridge clients.
     """
 
     address: str = "127.0.0.1"
@@ -56,9 +56,47 @@ class ListenOptions:
     expose: bool = False
     rosbridge: bool = False
 
+    def check(self) -> None:
+        """Check the options against each other.
+
+        Raises:
+            ServerError: They are unsafe or invalid.
+        """
+        try:
+            loopback = is_loopback(self.address)
+        except ValueError as error:
+            raise ServerError(f"--bind {self.address} is no address, such as 127.0.0.1") from error
+        if not loopback and not self.expose:
+            raise ServerError(
+                f"--bind {self.address} would let other machines move the arm; add --expose to "
+                "allow it, and keep the token secret"
+            )
+        for page in self.origins:
+            if not _ORIGIN.fullmatch(page):
+                raise ServerError(f"--origin {page} is no origin, such as http://name:port")
+        if self.expose and self.rosbridge:
+            raise ServerError("rosbridge has no token, so --rosbridge cannot go with --expose")
+
+    def rules(self, port: int, token: str) -> AccessRules:
+        """Return who may call a server with these options.
+
+        Args:
+            port: TCP port on which it listens.
+            token: Its token.
+        """
+        known = [*self.hosts, self.address]
+        if is_loopback(self.address) or self.address in ("0.0.0.0", "::"):
+            known += ["127.0.0.1", "localhost"]
+        hosts = host_names(known, port)
+        origins = {f"http://{host}" for host in hosts} | set(self.origins)
+        # A proxy may pass on Host without our port. Pages of that name may be of another server,
+        # so it is no origin.
+        hosts |= host_names(self.hosts, token_file.HTTP_PORT)
+        return AccessRules(hosts, frozenset(origins), token, self.expose)
+
 
 class _Uvicorn(uvicorn.Server):
-    """uvicorn without its ten looks a second at whether it is to end."""
+    """uvicorn that waits for its end instead of polling ten times a second."""
 
     def __init__(self, config: uvicorn.Config, queue: FairQueue) -> None:
         super().__init__(config)
@@ -75,36 +113,39 @@ class _Uvicorn(uvicorn.Server):
         for connection in tuple(self.server_state.connections):
             connection.shutdown()
         if tasks := tuple(self.server_state.tasks):
-            _, late = await asyncio.wait(tasks, timeout=_LAST_ANSWERS)
+            _, late = await asyncio.wait(tasks, timeout=_SHUTDOWN_TIMEOUT)
             for task in late:
                 task.cancel()
         for connection in tuple(self.server_state.connections):
             connection.transport.abort()
-        await asyncio.sleep(0)  # lets what was closed be told so
+        await asyncio.sleep(0)  # runs the callbacks of closed connections
 
     def end(self) -> None:
-        """Shut down; on the loop."""
+        """Shut down; call it in the event loop."""
         self._end.set()
 
 
 class Server:
-    """Listens from the moment it is made; answers from `start` to `stop`, or its context's end.
+    """The HTTP and rosbridge server of an executive.
+
+    It listens once it is created, and answers from `start` to `stop` or the end of its context.
 
     Args:
-        executive: What it serves.
-        library: The tasks there are.
-        robot: Whose arm.
-        clock: Whose time.
-        place: Where it listens, and to whom.
-        questions: The operator of the executive.
+        executive: Runs the goals.
+        library: The tasks.
+        robot: Description of the robot.
+        clock: Time source.
+        listen: Where it listens, and for which clients.
+        questions: Open questions of tasks.
 
     Attributes:
-        url: Where it is.
-        token: For whatever changes state.
+        url: URL of the server.
+        port: TCP port.
+        token: Token for every request that changes something.
 
     Raises:
-        ServerError: It would be open to more than was said.
-        AddressInUse: Another program listens there.
+        ServerError: The options are unsafe or invalid, or the token file cannot be written.
+        AddressInUse: Another program listens on the port.
     """
 
     def __init__(
@@ -113,23 +154,23 @@ class Server:
         library: LiveLibrary,
         robot: Robot,
         clock: Clock,
-        place: ListenOptions,
+        listen: ListenOptions,
         questions: Questions,
     ) -> None:
-        _check(place)
-        self._socket = _listen(place.address, place.port)
+        listen.check()
+        self._socket = _listen(listen.address, listen.port)
         self.port: int = self._socket.getsockname()[1]
         self._executive, self._library = executive, library
-        self._robot, self._clock, self._place = robot, clock, place
+        self._robot, self._clock, self._options = robot, clock, listen
         self._questions = questions
-        own = next(iter(names((place.address,), self.port)))
-        self.url, self.token = f"http://{own}", token_file.new_token()
-        self._access = token_file.ServerInfo(self.url, self.token, os.getpid())
+        host = next(iter(host_names((listen.address,), self.port)))
+        self.url, self.token = f"http://{host}", token_file.new_token()
+        self._info = token_file.ServerInfo(self.url, self.token, os.getpid())
         try:
-            token_file.publish(self.port, self._access)
+            token_file.write(self.port, self._info)
         except OSError as error:
             self._socket.close()
-            raise ServerError(f"the token cannot be left for our own clients: {error}") from error
+            raise ServerError(f"cannot write the token file: {error}") from error
         self._loop = asyncio.new_event_loop()
         self._hub = EventHub(self._loop)
         self._thread: threading.Thread | None = None
@@ -142,85 +183,59 @@ class Server:
 
     @property
     def connections(self) -> int:
-        """How many there are."""
+        """Number of open connections."""
         return len(self._server.server_state.connections)
 
     def start(self) -> None:
-        """Begin to answer."""
-        self._end_events = self._executive.subscribe(self._hub.publish)
+        """Start to answer."""
+        self._unsubscribe = self._executive.subscribe(self._hub.publish)
         self._questions.watch = self._hub.publish
-        self._stops = stops = CancelThread(self._executive, self._clock)
-        api = Api(self._executive, stops, self._library, self._hub, self._questions)
-        bridge = Bridge(self._executive, stops, self._hub, self._robot, self._clock)
-        app = App(api, self._rules(), self._clock, bridge.serve if self._place.rosbridge else None)
+        self._canceler = canceler = CancelThread(self._executive, self._clock)
+        answers = Answers(self._executive, canceler, self._library, self._hub, self._questions)
+        bridge = Bridge(self._executive, canceler, self._hub, self._robot, self._clock)
+        serve_rosbridge = bridge.serve if self._options.rosbridge else None
+        rules = self._options.rules(self.port, self.token)
+        app = App(answers, rules, self._clock, serve_rosbridge)
         self._server = _Uvicorn(_config(app), FairQueue(self._loop))
         self._thread = self._clock.spawn(self._run, "network")
         self._server.ready.wait()
 
     def stop(self) -> None:
-        """Answer no more, also where it never did; whoever waits or watches is let go."""
+        """End all answers and streams, and remove the token file; also if it never started."""
         if self._thread:
-            self._end_events()
+            self._unsubscribe()
             self._questions.watch = nobody
             self._loop.call_soon_threadsafe(self._hub.end)
             self._loop.call_soon_threadsafe(self._server.end)
             self._thread.join()
-            self._stops.close()
+            self._canceler.close()
         self._socket.close()
         self._loop.close()
-        token_file.withdraw(self.port, self._access)
+        token_file.remove(self.port, self._info)
 
     def _run(self) -> None:
         with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
             runner.run(self._server.serve([self._socket]))
 
-    def _rules(self) -> AccessRules:
-        place = self._place
-        known = [*place.hosts, place.address]
-        if is_loopback(place.address) or place.address in ("0.0.0.0", "::"):
-            known += ["127.0.0.1", "localhost"]
-        hosts = names(known, self.port)
-        origins = {f"http://{host}" for host in hosts} | set(place.origins)
-        # A proxy in front passes on what it was asked by. Pages of that name may be another's.
-        hosts |= names(place.hosts, token_file.HTTP_PORT)
-        return AccessRules(hosts, frozenset(origins), self.token, place.expose)
-
-
-def _check(place: ListenOptions) -> None:
-    try:
-        loopback = is_loopback(place.address)
-    except ValueError as error:
-        raise ServerError(f"--bind {place.address} is no address, such as 127.0.0.1") from error
-    if not loopback and not place.expose:
-        raise ServerError(
-            f"--bind {place.address} would let other machines move the arm; add --expose if they "
-            "shall, and give the token to nobody else"
-        )
-    for page in place.origins:
-        if not _ORIGIN.fullmatch(page):
-            raise ServerError(f"--origin {page} is no origin, such as http://name:port")
-    if place.expose and place.rosbridge:
-        raise ServerError("rosbridge knows no token, so --rosbridge does not go with --expose")
-
 
 def _listen(address: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    # asyncio spares answers the wait for more only where a socket says that it is TCP's.
-    made = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
-    for option in token_file.KEEPALIVE:  # connections have them from here
-        made.setsockopt(*option)
+    # asyncio sets TCP_NODELAY only on sockets that name this protocol.
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
+    for option in token_file.KEEPALIVE:  # connections inherit them
+        listener.setsockopt(*option)
     try:
-        made.bind((address, port))
+        listener.bind((address, port))
     except OSError as error:
-        made.close()
+        listener.close()
         raise AddressInUse(
-            f"cannot listen on {address} port {port}: {error.strerror}; is another server there? "
-            "--tcp-port takes another one"
+            f"cannot listen on {address} port {port}: {error.strerror}; if another server runs "
+            "there, end it, or choose another port with --tcp-port"
         ) from error
-    made.listen(_BACKLOG)
-    return made
+    listener.listen(_BACKLOG)
+    return listener
 
 
 def _config(app: Any) -> uvicorn.Config:

@@ -1,4 +1,4 @@
-"""Where a server is found by our own clients, and the token they show it."""
+"""The file in which a server leaves its URL and token for clients of the same user."""
 
 import json
 import os
@@ -6,13 +6,13 @@ import secrets
 import socket
 import stat
 import tempfile
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 PORT = 8765
 HTTP_PORT = 80  # clients leave it out
 
-# Of both ends of a connection: a machine that is gone without a word is noticed within 30 s.
+# For both ends of a connection: a machine that disappeared is noticed within 30 s.
 KEEPALIVE = (
     (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
     (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 15),
@@ -23,12 +23,12 @@ KEEPALIVE = (
 
 @dataclass(frozen=True, slots=True)
 class ServerInfo:
-    """How to reach a server, as it stands in a file that only its user can read.
+    """How to reach a server: the content of its file.
 
     Attributes:
-        url: Such as http://127.0.0.1:8765.
-        token: For whatever changes state.
-        pid: Of the server.
+        url: URL, such as http://127.0.0.1:8765.
+        token: Token for every request that changes something.
+        pid: Process id of the server.
     """
 
     url: str
@@ -36,55 +36,55 @@ class ServerInfo:
     pid: int
 
     @property
-    def serves(self) -> bool:
-        """Whether its process is there."""
+    def is_running(self) -> bool:
+        """True if its process exists."""
         return Path("/proc", str(self.pid)).exists()
 
 
 def new_token() -> str:
-    """A token that nobody guesses."""
+    """Return a random token of 256 bits."""
     return secrets.token_urlsafe(32)
 
 
 def file_of(port: int) -> Path:
-    """The file of the server on a port."""
+    """Return the path of the file of the server on a port."""
     return _folder() / f"server-{port}.json"
 
 
-def publish(port: int, info: ServerInfo) -> Path:
-    """Write the file anew, readable by its user alone; remove those of servers that are gone.
+def write(port: int, info: ServerInfo) -> Path:
+    """Write the file, readable only by this user, and remove the files of servers that ended.
 
     Raises:
-        OSError: It cannot be written, or its folder is not ours alone.
+        OSError: The file cannot be written, or other users have access to its folder.
     """
     folder, file = _folder(), file_of(port)
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = folder.stat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
-        raise PermissionError(f"{folder} belongs to others too; chmod 700 it, or remove it")
+        raise PermissionError(f"other users have access to {folder}; chmod 700 it, or remove it")
     for other in folder.glob("server-*.json"):
-        if (left := _read(other)) and not left.serves:
+        if (left := _read(other)) and not left.is_running:
             other.unlink(missing_ok=True)
-    handle, name = tempfile.mkstemp(dir=folder)  # made with mode 0600
+    handle, name = tempfile.mkstemp(dir=folder)  # creates it with mode 0600
     with os.fdopen(handle, "w") as stream:
-        json.dump({"url": info.url, "token": info.token, "pid": info.pid}, stream)
+        json.dump(asdict(info), stream)
     os.replace(name, file)
     return file
 
 
-def withdraw(port: int, info: ServerInfo) -> None:
-    """Remove the file, unless another server has written it since."""
+def remove(port: int, info: ServerInfo) -> None:
+    """Remove the file, unless another server has replaced it."""
     if read(port) == info:
         file_of(port).unlink(missing_ok=True)
 
 
 def read(port: int) -> ServerInfo | None:
-    """What the file of a server says; None where there is none of this user's, or it is gone.
+    """Return the content of the file of a running server of this user, or None.
 
-    Whoever listens in the place of a server that was killed shall not be shown its token.
+    The token of a killed server must not be sent to a program that now listens on its port.
     """
     found = _read(file_of(port))
-    return found if found and found.serves else None
+    return found if found and found.is_running else None
 
 
 def _read(file: Path) -> ServerInfo | None:

@@ -1,4 +1,4 @@
-"""Requests taken apart, checked by the table, and handed to the one who answers."""
+"""The ASGI application: checks each request against its row of `operations`, then answers it."""
 
 import asyncio
 import logging
@@ -30,21 +30,27 @@ from executive.errors import (
     TooSlow,
 )
 from executive.server.limits.token_bucket import TokenBucket
-from executive.server.security import HAS_TOKEN, AccessRules, with_security_headers
+from executive.server.security import (
+    AccessRules,
+    is_authenticated,
+    mark_authenticated,
+    with_security_headers,
+)
 from hardware import Clock
 
 from . import strict_json
-from .answers import Api, Call
-from .errors import as_json, status_of
-from .operations import OPERATIONS, Operation, Parameter
+from .answers import Answers
+from .errors import as_json, http_status
+from .operations import OPERATIONS, Access, Operation
+from .schemas import Schema
 
 logger = logging.getLogger(__name__)
 
-BODY_SECONDS = 5.0  # a body must be whole by then
+BODY_SECONDS = 5.0  # longest time a body may take to arrive [s]
 MAX_STREAMS = 40  # requests that may last as long as their client stays
-# Requests a second, and at once, by whether they show the token; stops are not counted.
+# Requests per second and burst, by whether they contain the token. Stops are not counted.
 RATE_LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
-ANONYMOUS_BYTES = 1024  # of the body of a cancel, from whoever does not show the token
+ANONYMOUS_BYTES = 1024  # longest body of a cancel without the token
 
 _URL = re.compile(r"(?i:http)://(?P<authority>[^/]*)(?P<path>/.*)?", re.DOTALL)
 _INTEGER = re.compile(r"-?[0-9]{1,20}")
@@ -54,41 +60,44 @@ _NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?")  # as in JSON
 class App:
     """The ASGI application.
 
+    Requests with and without the token have separate limits, so that clients without it cannot use
+    up what the others need.
+
     Args:
-        api: Who answers.
-        rules: Who may ask.
-        clock: Whose time.
-        rosbridge: Serves a WebSocket at `/`; None to have none.
+        answers: Answers the requests.
+        rules: Who may call.
+        clock: Time source.
+        rosbridge: Serves a WebSocket at `/`; None to serve none.
     """
 
     def __init__(
         self,
-        api: Api,
+        answers: Answers,
         rules: AccessRules,
         clock: Clock,
         rosbridge: Callable[[WebSocket], Awaitable[None]] | None,
     ) -> None:
-        self._api, self._rules = api, rules
-        # Strangers must not use up what is meant for those who know the token.
+        self._answers, self._rules = answers, rules
         self._buckets = {
-            known: TokenBucket(*each, clock.now) for known, each in RATE_LIMITS.items()
+            known: TokenBucket(*rate, clock.now) for known, rate in RATE_LIMITS.items()
         }
-        self._said = TokenBucket(0.1, 3.0, clock.now)  # strangers must not fill the log
-        self._streams = {True: 0, False: 0}  # of those who know the token, and of all others
+        self._log_bucket = TokenBucket(0.1, 3.0, clock.now)  # strangers must not fill the log
+        self._streams = {True: 0, False: 0}
+        operations = OPERATIONS.values()
         routes: list[Any] = [
-            self._route(path) for path in dict.fromkeys(o.path for o in OPERATIONS)
+            self._route(path) for path in dict.fromkeys(o.path for o in operations)
         ]
         routes += [
             Route(f"{o.path}/", self._endpoint(o), methods=[o.method])
-            for o in OPERATIONS
-            if o.blind
+            for o in operations
+            if o.ignores_input
         ]
         if rosbridge:
             routes.append(WebSocketRoute("/", rosbridge))
         starlette = Starlette(routes=routes, exception_handlers={HTTPException: _not_routed})
         starlette.router.redirect_slashes = False
-        # Has a browser show the answers to pages that may ask; others are refused before.
-        self._answers = CORSMiddleware(
+        # Browsers show the answers to pages of accepted origins; other pages are refused earlier.
+        self._with_cors = CORSMiddleware(
             starlette,
             allow_origins=list(rules.origins),
             allow_methods=("GET", "POST"),
@@ -100,66 +109,72 @@ class App:
         """Serve one request, or one WebSocket."""
         headers = Headers(scope=scope)
         if self._rules.has_token(headers):
-            scope["state"][HAS_TOKEN] = True
+            mark_authenticated(scope)
         try:
-            self._rules.check_source(headers, _authority(scope))
+            self._rules.check_source(headers, _take_authority(scope))
         except Forbidden as error:
             if scope["type"] == "websocket":
-                if self._said.take():
-                    logger.warning("A WebSocket is refused: %s; %s", error, error.hint)
+                if self._log_bucket.take():
+                    logger.warning("Refused a WebSocket: %s; %s", error, error.hint)
                 await send({"type": "websocket.close", "code": 1008})
             else:
-                await _refused(error)(scope, receive, with_security_headers(send))
+                await _refusal(error)(scope, receive, with_security_headers(send))
             return
-        await self._answers(scope, receive, with_security_headers(send))
+        await self._with_cors(scope, receive, with_security_headers(send))
 
     def _route(self, path: str) -> Route:
-        """All that can be asked at a path; as one route, it knows which methods there are."""
-        there = {o.method: self._endpoint(o) for o in OPERATIONS if o.path == path}
+        """Return one route for all methods of a path, so that Starlette knows all of them."""
+        endpoints = {o.method: self._endpoint(o) for o in OPERATIONS.values() if o.path == path}
 
         async def answer(request: Request) -> Response:
-            return await there["GET" if request.method == "HEAD" else request.method](request)
+            method = "GET" if request.method == "HEAD" else request.method
+            return await endpoints[method](request)
 
-        return Route(path, answer, methods=list(there))
+        return Route(path, answer, methods=list(endpoints))
 
     def _endpoint(self, operation: Operation) -> Callable[[Request], Awaitable[Response]]:
-        check = None if operation.body is None else fastjsonschema.compile(dict(operation.body))
-        parameters = {each.name: _Checked(each) for each in operation.parameters}
-        answer = getattr(self._api, operation.name)
+        arguments = _Arguments(operation)
+        answer = getattr(self._answers, operation.name)
 
         async def endpoint(request: Request) -> Response:
             try:
                 self._admit(operation, request)
-                given = {} if operation.blind else _given(parameters, request)
-                body = await _body(request, check) if check else {}
+                given = await arguments.read(request)
                 with self._counted(operation, request):
-                    response: Response = await answer(Call(request, given, body))
-                    return response
+                    value = await (
+                        answer(request, **given) if operation.streams else answer(**given)
+                    )
+                if isinstance(value, Response):
+                    return value
+                if operation.answer is None:
+                    return Response(value, operation.status, media_type=operation.media)
+                return JSONResponse(value, operation.status)
             except ClientDisconnect:
                 return Response()
             except RequestError as error:
-                return _refused(error)
+                return _refusal(error)
             except Exception as error:
                 # The outermost place of a request: a bug costs its answer, not the connection.
-                told = as_json(error)
-                if told["code"] == INTERNAL:
-                    logger.exception("a bug of ours, asked for %s", operation.path)
-                return JSONResponse(told, status_of(told["code"]))
+                fields = as_json(error)
+                if fields["code"] == INTERNAL:
+                    logger.exception("Bug in armtree while answering %s", operation.path)
+                return JSONResponse(fields, http_status(fields["code"]))
 
         return endpoint
 
     def _admit(self, operation: Operation, request: Request) -> None:
         if operation.stops:
             return
-        known = HAS_TOKEN in request.scope["state"]
+        known = is_authenticated(request.scope)
         if not self._buckets[known].take():
-            raise TooMuch(f"more than {RATE_LIMITS[known][0]:g} requests a second", "wait a moment")
-        if self._rules.exposed or operation.method != "GET":
+            rate, _ = RATE_LIMITS[known]
+            raise TooMuch(f"more than {rate:g} requests per second", "wait a moment")
+        if self._rules.exposed or operation.access is Access.CHANGE:
             self._rules.check_token(request.headers)
 
     @contextmanager
     def _counted(self, operation: Operation, request: Request) -> Iterator[None]:
-        known = HAS_TOKEN in request.scope["state"]
+        known = is_authenticated(request.scope)
         if operation.streams and self._streams[known] >= MAX_STREAMS:
             raise TooMuch(f"{MAX_STREAMS} clients wait or watch already", "close one of them")
         self._streams[known] += operation.streams
@@ -169,8 +184,41 @@ class App:
             self._streams[known] -= operation.streams
 
 
-def _authority(scope: Scope) -> str | None:
-    """What a target that is a whole URL names as its server; leaves the path alone in the scope."""
+class _Arguments:
+    """Reads and checks the parameters and the body of requests for one operation."""
+
+    def __init__(self, operation: Operation) -> None:
+        self._operation = operation
+        self._parameters = {name: _checker(each) for name, each in operation.parameters.items()}
+        self._body = None if operation.body is None else _checker(operation.body)
+
+    async def read(self, request: Request) -> dict[str, Any]:
+        """Return the arguments by name.
+
+        Raises:
+            RequestError: An argument is wrong, unknown or given twice.
+        """
+        if self._operation.ignores_input:
+            return {}
+        arguments = self._in_address(request)
+        return arguments | await _read_body(request, self._body) if self._body else arguments
+
+    def _in_address(self, request: Request) -> dict[str, Any]:
+        schemas, texts = self._operation.parameters, dict[str, str](request.path_params)
+        in_query = [name for name in schemas if not self._operation.in_path(name)]
+        for name, text in request.query_params.multi_items():
+            if name in texts or name not in in_query:
+                known = ", ".join(in_query) or "none"
+                raise BadRequest(f"the parameter {name} is unknown or given twice; known: {known}")
+            texts[name] = text
+        return {
+            name: _checked(self._parameters[name], _value(text, schemas[name]["type"]), name)
+            for name, text in texts.items()
+        }
+
+
+def _take_authority(scope: Scope) -> str | None:
+    """If the target is a whole URL, return the server it names, and leave only its path."""
     found = _URL.fullmatch(scope["path"])
     if found is None:
         return None
@@ -178,47 +226,29 @@ def _authority(scope: Scope) -> str | None:
     return found["authority"]
 
 
-class _Checked:
-    """A parameter, and how it is checked."""
-
-    def __init__(self, parameter: Parameter) -> None:
-        self.in_query = parameter.where == "query"
-        self._type = parameter.schema["type"]
-        self._check = fastjsonschema.compile(dict(parameter.schema))
-
-    def read(self, name: str, text: str) -> Any:
-        """Its value."""
-        return _checked(self._check, self._value(text), name)
-
-    def _value(self, text: str) -> float | str:
-        if self._type == "integer" and _INTEGER.fullmatch(text):
-            return int(text)
-        return float(text) if self._type == "number" and _NUMBER.fullmatch(text) else text
+def _value(text: str, kind: str) -> float | str:
+    if kind == "integer" and _INTEGER.fullmatch(text):
+        return int(text)
+    return float(text) if kind == "number" and _NUMBER.fullmatch(text) else text
 
 
-def _given(parameters: dict[str, _Checked], request: Request) -> dict[str, Any]:
-    """The parameters in the address, checked."""
-    given: dict[str, Any] = dict(request.path_params)
-    for name, text in request.query_params.multi_items():
-        if name in given or name not in parameters or not parameters[name].in_query:
-            there = ", ".join(n for n, p in parameters.items() if p.in_query) or "none"
-            raise BadRequest(f"the parameter {name} is unknown or twice there; there are {there}")
-        given[name] = text
-    return {name: parameters[name].read(name, text) for name, text in given.items()}
+def _checker(schema: Schema) -> Callable[[Any], Any]:
+    checker: Callable[[Any], Any] = fastjsonschema.compile(dict(schema))
+    return checker
 
 
-async def _body(request: Request, check: Callable[[Any], Any]) -> Any:
-    """The JSON object that was sent, checked; an empty body is an empty object."""
-    known = HAS_TOKEN in request.scope["state"]
+async def _read_body(request: Request, checker: Callable[[Any], Any]) -> Any:
+    """Return the checked JSON object of a body. An empty body counts as an empty object."""
+    known = is_authenticated(request.scope)
     data = await _read(request, strict_json.MAX_BYTES if known else ANONYMOUS_BYTES)
     kind = request.headers.get("content-type")
     if data and not _is_json(kind or ""):
-        raise BadRequest(f"a body is application/json, not {kind or 'of no type'}", status=415)
+        raise BadRequest(f"a body must be application/json, not {kind or 'untyped'}", status=415)
     try:
         value = strict_json.parse(data) if data else {}
     except strict_json.NotJson as error:
-        raise BadRequest(f"no JSON: {error}") from error
-    return _checked(check, value, "the body")
+        raise BadRequest(f"invalid JSON: {error}") from error
+    return _checked(checker, value, "the body")
 
 
 def _is_json(kind: str) -> bool:
@@ -229,9 +259,9 @@ def _is_json(kind: str) -> bool:
     )
 
 
-def _checked(check: Callable[[Any], Any], value: Any, whole: str) -> Any:
+def _checked(checker: Callable[[Any], Any], value: Any, whole: str) -> Any:
     try:
-        return check(value)
+        return checker(value)
     except fastjsonschema.JsonSchemaValueException as error:
         name = str(error.name)
         where = name.removeprefix("data").lstrip(".") or whole
@@ -240,26 +270,25 @@ def _checked(check: Callable[[Any], Any], value: Any, whole: str) -> Any:
         raise BadRequest(f"{where} {words}", status=422) from error
 
 
-async def _read(request: Request, most: int) -> bytes:
+async def _read(request: Request, limit: int) -> bytes:
     declared = request.headers.get("content-length", "0")
-    large = TooLarge(f"a body may have {most} bytes")
-    if int(declared) > most:
-        raise large
+    too_large = TooLarge(f"a body may have at most {limit} bytes")
+    if int(declared) > limit:
+        raise too_large
     data = bytearray()
     try:
         async with asyncio.timeout(BODY_SECONDS):
             async for chunk in request.stream():
                 data += chunk
-                if len(data) > most:
-                    raise large
+                if len(data) > limit:
+                    raise too_large
     except TimeoutError as error:
-        words = f"the body was not whole after {BODY_SECONDS:g} s"
-        raise TooSlow(words) from error
+        raise TooSlow(f"the body was incomplete after {BODY_SECONDS:g} s") from error
     return bytes(data)
 
 
-def _refused(error: RequestError) -> Response:
-    # A client that is refused may be in the middle of a body nobody will read.
+def _refusal(error: RequestError) -> Response:
+    # The client may still be sending a body that will not be read.
     headers = {"connection": "close"}
     if error.status == 401:
         headers["www-authenticate"] = "Bearer"
@@ -270,6 +299,6 @@ async def _not_routed(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     words = f"{request.method} {request.url.path}: {error.detail}"
     kind = {404: NotFound, 405: BadMethod}.get(error.status_code, RequestError)
-    told = kind(words, "GET /openapi.json lists all there is", error.status_code)
+    fields = as_json(kind(words, "GET /openapi.json lists all operations", error.status_code))
     headers = {**(error.headers or {}), "connection": "close"}
-    return JSONResponse(as_json(told), error.status_code, headers)
+    return JSONResponse(fields, error.status_code, headers)

@@ -5,12 +5,12 @@ from typing import Any
 
 from executive.goals.causes import cause_of
 
-# A code is looked up whole, then by what stands before its dot.
-STATUS = {
+# The whole code is looked up first, then its family: the part before the dot.
+HTTP_STATUS = {
     "goal": 422,
     "goal.unknown": 404,
     "goal.unknown_task": 404,
-    "goal.bad_arguments": 409,  # of the right form, but not what the task takes as it is now
+    "goal.bad_arguments": 409,  # well-formed, but not what the task accepts now
     "goal.unknown_question": 404,
     "goal.duplicate": 409,
     "goal.busy": 409,
@@ -28,11 +28,11 @@ STATUS = {
 }
 
 
-def status_of(code: str) -> int:
-    """The HTTP status that goes with a code of the executive."""
-    return STATUS.get(code) or STATUS.get(code.partition(".")[0]) or 500
+def http_status(code: str) -> int:
+    """Return the HTTP status for a code of the executive."""
+    return HTTP_STATUS.get(code) or HTTP_STATUS.get(code.partition(".")[0]) or 500
 
 
 def as_json(error: Exception) -> dict[str, Any]:
-    """Any error in the one shape: that of a cause."""
+    """Return any error as a JSON object with the fields of a cause."""
     return dataclasses.asdict(cause_of(error))

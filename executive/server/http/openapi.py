@@ -1,174 +1,80 @@
-"""The OpenAPI document, made from the table of operations."""
+"""The OpenAPI document, generated from the rows of `operations`."""
 
+from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from typing import Any
 
-from executive.goals.goal import GoalState
-from hardware import State
-
-from .operations import IDENTITY, OPERATIONS, QUESTION, Operation, Parameter
-
-_TEXT = {"type": "string"}
-_NUMBER = {"type": "number"}
-_COUNT = {"type": "integer", "minimum": 0}
-_GIVEN_TASK = {
-    "type": "integer",
-    "minimum": -(2**31),
-    "maximum": 2**31 - 1,
-    "description": "As it was asked for; clients of rosbridge may give any int32.",
-}
-_YES = {"type": "boolean"}
-_STATE = {"type": "string", "enum": [state.name for state in GoalState]}
-_ENDS = {"type": "string", "enum": ["SUCCEEDED", "CANCELED", "ABORTED"]}
-_ARM = {"type": "string", "enum": [state.value for state in State]}
+from .operations import Access, Operation
+from .schemas import ERROR, TEXT, Component
 
 
-def _object(**properties: Any) -> dict[str, Any]:
-    return {"type": "object", "properties": properties, "required": list(properties)}
-
-
-def _list(items: Any) -> dict[str, Any]:
-    return {"type": "array", "items": items}
-
-
-def _or_null(schema: Any) -> dict[str, Any]:
-    return {"anyOf": [schema, {"type": "null"}]}
-
-
-def _ref(name: str) -> dict[str, str]:
-    return {"$ref": f"#/components/schemas/{name}"}
-
-
-_CAUSE = _object(
-    code={**_TEXT, "description": "Stable name; executive/README.md lists all."},
-    message=_TEXT,
-    node={**_TEXT, "description": "Path in the tree; empty where none is to blame."},
-    joint=_TEXT,
-    value={**_or_null(_NUMBER), "description": "What was wrong [rad], [m] or [s]."},
-    limit={**_or_null(_NUMBER), "description": "What it is held against, in the same unit."},
-    hint=_TEXT,
-)
-SCHEMAS = {
-    "Error": _CAUSE,
-    "Health": _object(ok=_YES, version=_TEXT),
-    "Result": _object(
-        goal_id=IDENTITY,
-        task=_GIVEN_TASK,
-        state=_ENDS,
-        success=_YES,
-        frames=_COUNT,
-        duration_s=_NUMBER,
-        recording=_TEXT,
-        code=_TEXT,
-        message=_TEXT,
-        cause=_or_null(_ref("Error")),
-    ),
-    "Goal": _object(
-        goal_id=IDENTITY,
-        task=_GIVEN_TASK,
-        state=_STATE,
-        stamp_ns=_COUNT,
-        result=_or_null(_ref("Result")),
-    ),
-    "Goals": _object(goals=_list(_ref("Goal"))),
-    "Accepted": _object(goal_id=IDENTITY, stamp_ns=_COUNT),
-    "Released": _object(goal_id=IDENTITY, canceled=_YES),
-    "Canceled": _object(
-        return_code={
-            "type": "integer",
-            "enum": [0, 1, 2, 3],
-            "description": "As in action_msgs/srv/CancelGoal: none, rejected, unknown, ended.",
-        },
-        goals=_list(IDENTITY),
-    ),
-    "Status": _object(
-        arm=_ARM,
-        fault={
-            **_or_null(_ref("Error")),
-            "description": "What took the arm out of active, until it is activated again.",
-        },
-        port=_TEXT,
-        commanded=_or_null({"type": "object", "additionalProperties": _NUMBER}),
-        goal=_or_null(_ref("Goal")),
-        percentage=_or_null({"type": "integer", "minimum": 0, "maximum": 100}),
-        phase=_TEXT,
-        node=_TEXT,
-        attempt=_COUNT,
-        waiting=_list(IDENTITY),
-        policy={"type": "string", "enum": ["reject", "queue", "preempt"]},
-        paused=_YES,
-        breakpoints=_list(_TEXT),
-        uptime_s=_NUMBER,
-    ),
-    "Breakpoints": _object(breakpoints=_list(_TEXT)),
-    "Task": _object(
-        task=_COUNT,
-        name=_TEXT,
-        description=_TEXT,
-        source=_TEXT,
-        parameters={"type": "object", "additionalProperties": _TEXT},
-        wrong=_TEXT,
-    ),
-    "Tasks": _object(tasks=_list(_ref("Task"))),
-    "Questions": _object(
-        questions=_list(_object(question_id=QUESTION, text=_TEXT, choices=_list(_TEXT)))
-    ),
-    "Answer": _object(question_id=QUESTION, answer=_TEXT),
-    "Arm": _object(arm=_ARM),
-    "OpenApi": {"type": "object"},
-}
-
-
-def document() -> dict[str, Any]:
-    """The document."""
+def document(operations: Iterable[Operation]) -> dict[str, Any]:
+    """Return the OpenAPI 3.1 document of these operations."""
+    components: dict[str, Any] = {}
     paths: dict[str, dict[str, Any]] = {}
-    for operation in OPERATIONS:
-        paths.setdefault(operation.path, {})[operation.method.lower()] = _described(operation)
+    for operation in operations:
+        described = _resolved(_described(operation), components)
+        paths.setdefault(operation.path, {})[operation.method.lower()] = described
     return {
         "openapi": "3.1.0",
         "info": {
             "title": "armtree",
             "version": version("armtree"),
-            "description": "Goals for a robot arm. Positions are commanded, in rad; the stop is "
-            "no emergency stop.",
+            "description": "Goals for a robot arm. Positions are commanded, in rad. The stop is "
+            "not an emergency stop.",
         },
         "paths": paths,
         "components": {
-            "schemas": SCHEMAS,
+            "schemas": components,
             "securitySchemes": {"token": {"type": "http", "scheme": "bearer"}},
         },
     }
 
 
 def _described(operation: Operation) -> dict[str, Any]:
-    good: dict[str, Any] = {"description": operation.summary}
-    schema = _ref(operation.answer) if operation.answer else _TEXT
-    good["content"] = {operation.media: {"schema": schema}}
-    error = {
-        "description": "Refused; `code` says why.",
-        "content": {"application/json": {"schema": _ref("Error")}},
-    }
-    made: dict[str, Any] = {
+    codes = ", ".join((*operation.errors, "request"))
+    described: dict[str, Any] = {
         "operationId": operation.name,
         "summary": operation.summary,
-        "responses": {str(operation.status): good, "4XX": error},
+        "responses": {
+            str(operation.status): {
+                "description": operation.summary,
+                "content": {operation.media: {"schema": operation.answer or TEXT}},
+            },
+            "4XX": {
+                "description": f"Refused; `code` is one of, or begins with: {codes}.",
+                "content": {"application/json": {"schema": ERROR}},
+            },
+        },
     }
     if operation.parameters:
-        made["parameters"] = [_parameter(each) for each in operation.parameters]
+        described["parameters"] = [
+            {
+                "name": name,
+                "in": "path" if operation.in_path(name) else "query",
+                "required": operation.in_path(name),
+                "schema": schema,
+            }
+            for name, schema in operation.parameters.items()
+        ]
     if operation.body is not None:
-        made["requestBody"] = {
+        described["requestBody"] = {
             "required": bool(operation.body.get("required")),
             "content": {"application/json": {"schema": operation.body}},
         }
-    if operation.method == "POST" and not operation.stops:
-        made["security"] = [{"token": []}]
-    return made
+    if operation.access is Access.CHANGE:
+        described["security"] = [{"token": []}]
+    return described
 
 
-def _parameter(parameter: Parameter) -> dict[str, Any]:
-    return {
-        "name": parameter.name,
-        "in": parameter.where,
-        "required": parameter.where == "path",
-        "schema": parameter.schema,
-    }
+def _resolved(value: Any, components: dict[str, Any]) -> Any:
+    """Replace every component in a value by a reference, and collect its schema."""
+    match value:
+        case Component():
+            components[value.name] = _resolved(value.schema, components)
+            return {"$ref": f"#/components/schemas/{value.name}"}
+        case Mapping():
+            return {key: _resolved(each, components) for key, each in value.items()}
+        case list():
+            return [_resolved(each, components) for each in value]
+    return value

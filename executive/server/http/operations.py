@@ -1,293 +1,285 @@
-"""What can be asked over HTTP, as one table; the routes, the checks and the document follow it."""
+"""Every operation of the HTTP interface, one row each.
+
+The routes, the checks of a request, the OpenAPI document and the requests of the clients are made
+from these rows. The method of `Answers` with the name of a row answers it.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import Enum
+from functools import partial
 from typing import Any
 
-Schema = Mapping[str, Any]
-
-LISTED = 150  # goals in a list, the newest: all that run or wait, and what has just ended
-
-IDENTITY = {
-    "title": "32 lower-case hexadecimal digits",
-    "type": "string",
-    "pattern": "^[0-9a-f]{32}$",
-    "maxLength": 32,
-    "minLength": 32,
-}
-_STAMP = {"type": "integer", "minimum": 0, "maximum": 2**63 - 1}
+from . import schemas as s
+from .schemas import Component, Schema
 
 
-def _object(required: tuple[str, ...] = (), **properties: Schema) -> Schema:
-    shape = {"type": "object", "properties": properties, "additionalProperties": False}
-    return {**shape, "required": list(required)} if required else shape
+class Access(Enum):
+    """Who may call an operation."""
 
-
-NOTHING = _object()
-TASK = _object(
-    ("task",),
-    task={"type": "integer", "minimum": 0, "maximum": 2**31 - 1, "description": "Its number."},
-    arguments={
-        "type": "object",
-        "maxProperties": 64,
-        "additionalProperties": {"type": ["string", "number", "boolean", "array", "object"]},
-        "description": "Values of the task's parameters; a text is read as it would be in a file.",
-    },
-    goal_id={**IDENTITY, "description": "Made here where it is missing."},
-    deadman={
-        "type": "boolean",
-        "description": "Cancel the goal when its hold ends; hold it before you send it.",
-    },
-)
-WHICH = _object(
-    goal_id={**IDENTITY, "description": "This goal, whenever it was accepted."},
-    stamp_ns={**_STAMP, "description": "All that were accepted at or before this [ns]."},
-)
-UP_TO = _object(stamp_ns=WHICH["properties"]["stamp_ns"])
-STANDS = _object(
-    pose={
-        "type": "string",
-        "enum": ["boot", "last"],
-        "description": "Where the arm stands, to activate one whose board is not reset: in its "
-        "boot pose, or where it was commanded to last.",
-    }
-)
-ANSWER = _object(
-    ("answer",),
-    answer={
-        "type": "string",
-        "maxLength": 1024,
-        "minLength": 1,
-        "description": "One of its choices, which may be abbreviated where it stays clear.",
-    },
-)
-BREAKPOINT = _object(
-    ("node",),
-    node={
-        "type": "string",
-        "maxLength": 1024,
-        "minLength": 1,
-        "description": "Its path, such as `pick/Execute`.",
-    },
-    on={"type": "boolean", "description": "False to have it no longer."},
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """A part of the address.
-
-    Attributes:
-        name: As it is written there.
-        schema: What it may be.
-        where: `path` or `query`.
-    """
-
-    name: str
-    schema: Schema
-    where: str = "query"
-
-
-_GOAL = Parameter("goal_id", IDENTITY, "path")
-QUESTION = {"type": "string", "pattern": "^[0-9a-f]{8}$", "maxLength": 8, "minLength": 8}
-_QUESTION = Parameter("question_id", QUESTION, "path")
-_TIMEOUT = Parameter(
-    "timeout",
-    {"type": "number", "minimum": 0, "maximum": 3600, "description": "How long to wait [s]."},
-)
-_EVENTS = Parameter(
-    "events",
-    {
-        "type": "string",
-        "pattern": "^[a-z]+(,[a-z]+)*$",
-        "maxLength": 200,
-        "description": "Only these kinds, such as `goal,status`; all where it is missing.",
-    },
-)
-_PAGE = (
-    Parameter(
-        "limit",
-        {
-            "type": "integer",
-            "minimum": 1,
-            "maximum": LISTED,
-            "description": f"So many at most, the newest; {LISTED} where it is missing.",
-        },
-    ),
-    Parameter(
-        "before",
-        {**_STAMP, "description": "Only those that were accepted before this [ns since 1970]."},
-    ),
-)
-_TRANSITION = Parameter(
-    "transition",
-    {"type": "string", "enum": ["configure", "activate", "deactivate", "cleanup", "shutdown"]},
-    "path",
-)
+    READ = "any program on this machine; from other machines only with the token"
+    CHANGE = "only with the token"
+    STOP = "every program, without a token and without a rate limit"
 
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """One thing that can be asked.
+    """One operation.
 
     Attributes:
-        method: GET reads, POST changes.
-        path: Its address.
-        name: Of the method of `Api` that answers, and its id in the document.
-        summary: What it does.
-        answer: Name of the answer's schema in the document; empty for another media type.
-        body: What may be sent; None for an operation that takes nothing.
-        parameters: In the address.
-        stops: Whether it stops the arm: it needs no token, and nothing limits it.
-        streams: Whether its body is read, or its answer written, as long as the client stays.
-        status: Of a good answer.
-        media: Type of the answer.
+        method: HTTP method.
+        access: Who may call it.
+        path: Path of its URL, with path parameters in braces.
+        name: Name of the method that answers, and `operationId` of the OpenAPI document.
+        summary: One sentence for the documentation.
+        answer: Schema of the answer; None if the answer is not JSON.
+        parameters: Schema of every path and query parameter, by name.
+        body: Schema of the JSON body; None if a body is ignored.
+        errors: Codes of errors, or their families, that it may answer besides `request.*`.
+        status: HTTP status of a good answer.
+        media: Media type of a good answer.
+        streams: True if its request or its answer lasts as long as the client stays.
     """
 
     method: str
+    access: Access
     path: str
     name: str
     summary: str
-    answer: str = ""
+    answer: Component | None = None
+    parameters: Mapping[str, Schema] = field(default_factory=dict)
     body: Schema | None = None
-    parameters: tuple[Parameter, ...] = field(default=())
-    stops: bool = False
-    streams: bool = False
+    errors: tuple[str, ...] = ()
     status: int = 200
     media: str = "application/json"
+    streams: bool = False
 
     @property
-    def blind(self) -> bool:
-        """Whether nothing that is sent along is looked at."""
+    def stops(self) -> bool:
+        """True if every program may call it, because it stops the arm."""
+        return self.access is Access.STOP
+
+    @property
+    def ignores_input(self) -> bool:
+        """True if it is carried out whatever parameters and body come with it."""
         return self.stops and self.body is None
 
+    def in_path(self, parameter: str) -> bool:
+        """True for a parameter in the path, False for one in the query."""
+        return f"{{{parameter}}}" in self.path
 
-OPERATIONS = (
-    Operation("GET", "/api/health", "health", "Whether the server answers.", "Health"),
-    Operation("GET", "/api/status", "status", "What the arm and the goals are at.", "Status"),
-    Operation("GET", "/api/tasks", "tasks", "The tasks there are.", "Tasks"),
-    Operation(
-        "GET",
+    def split(
+        self, arguments: Mapping[str, Any]
+    ) -> tuple[str, dict[str, Any], dict[str, Any] | None]:
+        """Put arguments where the operation expects them; those that are None are left out.
+
+        Returns:
+            The path, the query, and the JSON body, or None if the operation takes no body.
+        """
+        given = {name: value for name, value in arguments.items() if value is not None}
+        in_address = {name: given.pop(name) for name in self.parameters if name in given}
+        query = {name: value for name, value in in_address.items() if not self.in_path(name)}
+        return self.path.format(**in_address), query, None if self.body is None else given
+
+
+_read = partial(Operation, "GET", Access.READ)
+_change = partial(Operation, "POST", Access.CHANGE)
+_stop = partial(Operation, "POST", Access.STOP)
+
+_GOAL = {"goal_id": s.GOAL_ID}
+_TIMEOUT = {
+    "type": "number",
+    "minimum": 0,
+    "maximum": 3600,
+    "description": "Longest time to wait [s].",
+}
+_LIMIT = {
+    "type": "integer",
+    "minimum": 1,
+    "maximum": s.MAX_LISTED,
+    "description": f"Most goals to list; default {s.MAX_LISTED}.",
+}
+_KINDS = {
+    "type": "string",
+    "pattern": "^[a-z]+(,[a-z]+)*$",
+    "maxLength": 200,
+    "description": "Kinds of events to send, such as `goal,status`; default all.",
+}
+_TRANSITION = {
+    "type": "string",
+    "enum": ["configure", "activate", "deactivate", "cleanup", "shutdown"],
+}
+_PAUSE_ERRORS = ("goal.unknown", "goal.not_executing")
+
+_ROWS = (
+    _read(
+        "/api/health",
+        "health",
+        "Report that the server answers.",
+        s.answer("Health", ok=s.BOOLEAN, version=s.TEXT),
+    ),
+    _read("/api/status", "status", "Return the state of the arm and of the goals.", s.STATUS),
+    _read("/api/tasks", "tasks", "List the tasks.", s.answer("Tasks", tasks=s.array(s.TASK))),
+    _read(
         "/api/goals",
         "goals",
-        "The goals that are known, the newest of them, page by page.",
-        "Goals",
-        parameters=_PAGE,
+        "List the newest goals, one page at a time.",
+        s.answer("Goals", goals=s.array(s.GOAL)),
+        {
+            "limit": _LIMIT,
+            "before": {
+                **s.STAMP,
+                "description": "List only goals accepted before this time [ns since 1970].",
+            },
+        },
     ),
-    Operation("POST", "/api/goals", "send", "Run a task.", "Accepted", TASK, status=201),
-    Operation(
-        "GET", "/api/goals/{goal_id}", "goal", "What a goal is at.", "Goal", parameters=(_GOAL,)
+    _change(
+        "/api/goals",
+        "send",
+        "Run a task.",
+        s.answer("Accepted", goal_id=s.GOAL_ID, stamp_ns=s.COUNT),
+        body=s.body(
+            "task",
+            task=s.TASK_NUMBER,
+            arguments=s.ARGUMENTS,
+            goal_id={**s.GOAL_ID, "description": "Id of the new goal; default a random one."},
+            deadman={
+                **s.BOOLEAN,
+                "description": "True to cancel the goal when its hold ends; hold it first.",
+            },
+        ),
+        errors=("goal", "file", "log", "server"),
+        status=201,
     ),
-    Operation(
-        "GET",
+    _read(
+        "/api/goals/{goal_id}",
+        "goal",
+        "Return the state of a goal.",
+        s.GOAL,
+        _GOAL,
+        errors=("goal.unknown",),
+    ),
+    _read(
         "/api/goals/{goal_id}/result",
         "result",
-        "How a goal ended; waits for it.",
-        "Result",
-        parameters=(_GOAL, _TIMEOUT),
+        "Wait for the end of a goal and return its result.",
+        s.RESULT,
+        {**_GOAL, "timeout": _TIMEOUT},
+        errors=("goal.unknown", "goal.result_timeout"),
         streams=True,
     ),
-    Operation(
-        "POST",
+    _change(
         "/api/goals/{goal_id}/hold",
         "hold",
-        "Hold a goal: it is canceled when this body ends, or nothing of it comes for a second.",
-        "Released",
-        parameters=(_GOAL,),
+        "Hold a goal: it is canceled when this body ends, or sends nothing for a second.",
+        s.answer("Released", goal_id=s.GOAL_ID, canceled=s.BOOLEAN),
+        _GOAL,
         streams=True,
     ),
-    Operation(
-        "POST",
+    _stop(
         "/api/goals/{goal_id}/cancel",
         "cancel_goal",
-        "Cancel a goal, and with a stamp all that were accepted until then.",
-        "Canceled",
-        UP_TO,
-        (_GOAL,),
-        stops=True,
+        "Cancel a goal, and with `stamp_ns` every goal accepted until then.",
+        s.CANCELED,
+        _GOAL,
+        s.body(stamp_ns=s.UNTIL),
     ),
-    Operation(
-        "POST",
+    _stop(
         "/api/cancel",
         "cancel",
-        "Cancel all goals, or those that are named; the arm stops.",
-        "Canceled",
-        WHICH,
-        stops=True,
+        "Cancel the named goals, or all, and stop the arm.",
+        s.CANCELED,
+        body=s.body(
+            goal_id={**s.GOAL_ID, "description": "Cancel this goal, whatever `stamp_ns` is."},
+            stamp_ns=s.UNTIL,
+        ),
     ),
-    Operation(
-        "POST",
+    _stop(
         "/api/stop",
         "stop",
-        "Stop the arm, cancel all. Whatever else is sent along is not looked at.",
-        "Canceled",
-        stops=True,
+        "Stop the arm and cancel all goals. The body and the query are ignored.",
+        s.CANCELED,
     ),
-    Operation(
-        "POST",
+    _change(
         "/api/goals/{goal_id}/pause",
         "pause",
         "Stop the arm and keep the goal.",
-        "Goal",
-        NOTHING,
-        (_GOAL,),
+        s.GOAL,
+        _GOAL,
+        s.EMPTY,
+        _PAUSE_ERRORS,
     ),
-    Operation(
-        "POST",
+    _change(
         "/api/goals/{goal_id}/resume",
         "resume",
-        "Go on with a goal.",
-        "Goal",
-        NOTHING,
-        (_GOAL,),
+        "Resume a paused goal.",
+        s.GOAL,
+        _GOAL,
+        s.EMPTY,
+        (*_PAUSE_ERRORS, "goal.not_paused"),
     ),
-    Operation(
-        "POST",
+    _change(
         "/api/goals/{goal_id}/step",
         "step",
-        "Let one node of a goal begin, then pause again.",
-        "Goal",
-        NOTHING,
-        (_GOAL,),
+        "Resume a paused goal until the next node starts.",
+        s.GOAL,
+        _GOAL,
+        s.EMPTY,
+        (*_PAUSE_ERRORS, "goal.not_paused"),
     ),
-    Operation(
-        "POST",
+    _change(
         "/api/breakpoints",
         "break_at",
-        "Have every goal pause before a node begins, or no longer.",
-        "Breakpoints",
-        BREAKPOINT,
+        "Set or clear a breakpoint: every goal pauses before that node starts.",
+        s.answer("Breakpoints", breakpoints=s.array(s.TEXT)),
+        body=s.body(
+            "node",
+            node=s.words("Path of the node, such as `pick/Execute`."),
+            on={**s.BOOLEAN, "description": "False to clear the breakpoint; default true."},
+        ),
+        errors=("goal.no_such_node", "goal.too_many_breakpoints", "file"),
     ),
-    Operation("GET", "/api/questions", "questions", "What tasks ask now.", "Questions"),
-    Operation(
-        "POST",
+    _read(
+        "/api/questions",
+        "questions",
+        "List the open questions of tasks.",
+        s.answer("Questions", questions=s.array(s.QUESTION)),
+    ),
+    _change(
         "/api/questions/{question_id}/answer",
         "answer",
         "Answer a question; the first answer counts.",
-        "Answer",
-        ANSWER,
-        (_QUESTION,),
+        s.answer("Answer", question_id=s.QUESTION_ID, answer=s.TEXT),
+        {"question_id": s.QUESTION_ID},
+        s.body("answer", answer=s.words("One of the choices, or an unambiguous abbreviation.")),
+        errors=("goal.unknown_question", "goal.bad_answer"),
     ),
-    Operation(
-        "POST",
+    _change(
         "/api/arm/{transition}",
         "arm",
         "Take the arm through its lifecycle; activate opens the port, which moves the arm.",
-        "Arm",
-        STANDS,
-        (_TRANSITION,),
+        s.answer("Arm", arm=s.ARM_STATE),
+        {"transition": _TRANSITION},
+        s.body(pose=s.START_POSE),
+        errors=("hw", "file.robot", "log"),
     ),
-    Operation(
-        "GET",
+    _read(
         "/api/events",
         "events",
-        "What happens, as server-sent events, each a JSON object as `armtree run --json` prints.",
-        parameters=(_EVENTS,),
-        streams=True,
+        "Stream events as server-sent events, each a JSON object as `armtree run --json` prints.",
+        parameters={"events": _KINDS},
         media="text/event-stream",
+        streams=True,
     ),
-    Operation(
-        "GET", "/metrics", "metrics", "Figures for Prometheus.", media="text/plain; version=0.0.4"
+    _read(
+        "/metrics", "metrics", "Return metrics for Prometheus.", media="text/plain; version=0.0.4"
     ),
-    Operation("GET", "/openapi.json", "openapi", "This document.", "OpenApi"),
+    _read(
+        "/openapi.json",
+        "openapi",
+        "Return this document.",
+        Component("OpenApi", {"type": "object"}),
+    ),
 )
+
+OPERATIONS = {row.name: row for row in _ROWS}

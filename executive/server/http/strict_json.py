@@ -1,4 +1,4 @@
-"""JSON from strangers: one meaning, or none."""
+"""JSON from the network. Texts that different readers understand differently are refused."""
 
 import json
 import math
@@ -9,15 +9,15 @@ MAX_BYTES = 64 * 1024  # of a body or a message
 
 
 class NotJson(ValueError):
-    """It is no JSON, or JSON that different readers understand differently."""
+    """The text is not JSON, or it is ambiguous."""
 
 
 def parse(data: bytes | str) -> Any:
     """Read JSON in UTF-8.
 
     Raises:
-        NotJson: It is none; or it has a key twice, a number that is not finite, half a surrogate
-            pair, or brackets without end.
+        NotJson: The text is not JSON, is nested too deep, or has a duplicate key, a number that is
+            not finite, or half a surrogate pair.
     """
     try:
         text = data.decode() if isinstance(data, bytes) else data
@@ -25,7 +25,7 @@ def parse(data: bytes | str) -> Any:
             text, object_pairs_hook=_unique, parse_constant=_no_constant, parse_float=_finite
         )
         if "\\u" in text:
-            json.dumps(value, ensure_ascii=False).encode()  # refuses half a surrogate pair
+            json.dumps(value, ensure_ascii=False).encode()  # raises for half a surrogate pair
     except RecursionError as error:
         raise NotJson("too deep") from error
     except ValueError as error:
@@ -36,17 +36,17 @@ def parse(data: bytes | str) -> Any:
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     made = dict(pairs)
     if len(made) < len(pairs):
-        (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
-        raise NotJson(f"the key {twice!r} is given twice")
+        (key, _), *_ = Counter(key for key, _ in pairs).most_common(1)
+        raise ValueError(f"the key {key!r} is given twice")
     return made
 
 
 def _no_constant(name: str) -> None:
-    raise NotJson(f"{name} is no JSON")
+    raise ValueError(f"{name} is not JSON")
 
 
 def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        raise NotJson(f"{text} is too large")
+        raise ValueError(f"{text} is too large")
     return value

@@ -1,4 +1,4 @@
-"""Stops and cancels: they wait for no other request, and the network waits for none of them."""
+"""Stops and cancels, on a thread of their own: they never wait for other requests."""
 
 import asyncio
 import logging
@@ -14,16 +14,16 @@ logger = logging.getLogger(__name__)
 
 
 class CancelThread:
-    """Asks the executive to cancel, on a thread that does nothing else.
+    """Cancels goals on a thread that does nothing else, so that the event loop never blocks.
 
     Args:
-        executive: Which.
-        clock: Whose time.
+        executive: Runs the goals.
+        clock: Time source.
     """
 
     def __init__(self, executive: Executive, clock: Clock) -> None:
         self._executive = executive
-        self._said = TokenBucket(0.1, 3.0, clock.now)  # strangers must not fill the log
+        self._log_bucket = TokenBucket(0.1, 3.0, clock.now)  # strangers must not fill the log
         self._thread = ThreadPoolExecutor(1, "stop")
 
     async def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelAnswer:
@@ -31,10 +31,10 @@ class CancelThread:
         loop = asyncio.get_running_loop()
         cancel = self._executive.cancel
         answer = await loop.run_in_executor(self._thread, cancel, identity, stamp_ns)
-        if not (identity or stamp_ns or answer.goals) and self._said.take():
+        if not (identity or stamp_ns or answer.goals) and self._log_bucket.take():
             logger.info("Received a stop of the arm; no goal was under way")
         return answer
 
     def close(self) -> None:
-        """Let the thread go."""
+        """End the thread."""
         self._thread.shutdown()

@@ -1,7 +1,7 @@
-"""Connections that cannot hold the server up: uvicorn's protocols, with patience that ends.
+"""uvicorn's connections with limits, so that no client can block the server.
 
-uvicorn waits for ever for the head of a request, and for a client that reads nothing; and it takes
-in whatever comes, at once.
+uvicorn alone waits without limit for the head of a request and for a client that does not read, and
+processes all data as soon as it arrives.
 """
 
 import asyncio
@@ -18,22 +18,33 @@ from websockets.utils import apply_mask
 
 from executive.errors import BadRequest
 from executive.server.http.errors import as_json
-from executive.server.security import HAS_TOKEN
+from executive.server.http.operations import OPERATIONS, Operation
+from executive.server.security import is_authenticated
 
 from .fair_queue import CHUNK, FairQueue
 
-MAX_CONNECTIONS = 128  # more than may stay: those who wait, who watch, and rosbridge clients
-HEAD_SECONDS = 5.0  # a request's head must be whole by then, from its connection's last answer
-STALL_SECONDS = 5.0  # a client that reads nothing for so long is cut off
+MAX_CONNECTIONS = 128  # more than all streams, subscribers and rosbridge clients together
+HEAD_SECONDS = 5.0  # longest time for the head of a request, counted from the last answer [s]
+STALL_SECONDS = 5.0  # a client that does not read for this time is disconnected [s]
 
-_STOP = re.compile(rb"POST (?:http://[^/ ]*)?/api/stop[/? ]")
-_CANCEL = re.compile(rb"POST (?:http://[^/ ]*)?/api/(cancel|goals/[0-9a-f]{32}/cancel)[? ]")
-_BRIDGED_CANCEL = re.compile(rb"cancel_action_goal|_action/cancel_goal")
-_TEXT = 0x81  # what the frame of a whole message of text begins with
+
+def _request_line(operation: Operation) -> str:
+    path = operation.path
+    for name, schema in operation.parameters.items():
+        path = path.replace(f"{{{name}}}", schema["pattern"].strip("^$"))
+    ends = "[/? ]" if operation.ignores_input else "[? ]"
+    return f"{operation.method} (?:http://[^/ ]*)?{path}{ends}"
+
+
+_STOPS = [operation for operation in OPERATIONS.values() if operation.stops]
+_STOP = re.compile("|".join(_request_line(o) for o in _STOPS if o.ignores_input).encode())
+_CANCEL = re.compile("|".join(_request_line(o) for o in _STOPS if not o.ignores_input).encode())
+_ROSBRIDGE_CANCEL = re.compile(rb"cancel_action_goal|_action/cancel_goal")
+_TEXT_FRAME = 0x81  # first byte of a WebSocket frame with a whole text message
 
 
 class SharedState(ServerState):
-    """What uvicorn's connections share, and ours.
+    """What all connections share.
 
     Args:
         queue: Queue of received data.
@@ -45,85 +56,88 @@ class SharedState(ServerState):
 
 
 class _QueuedProtocol(asyncio.Protocol):
-    """Waits its turn with what comes, and cuts off a client that takes nothing."""
+    """Queues received data, and disconnects a client that does not read."""
 
     transport: asyncio.Transport
-    _stalled: asyncio.TimerHandle | None = None
+    _stall_timer: asyncio.TimerHandle | None = None
 
     def __init__(self, *, server_state: SharedState, **more: Any) -> None:
         super().__init__(server_state=server_state, **more)  # type: ignore[call-arg]
         self.fair_queue = server_state.fair_queue
 
     def data_received(self, data: bytes) -> None:
-        """Something has come; a stop is taken in at once, unless it is behind something else."""
-        stop = 0 if self.fair_queue.has(self) else self.stop_in(data)
+        """Process a stop at once, unless other data is queued before it; queue all other data."""
+        stop = 0 if self.fair_queue.has(self) else self.stop_length(data)
         if stop:
             self.process(data[:stop])
         if more := data[stop:]:
             self.transport.pause_reading()
-            self.fair_queue.put(self, more, self.is_first(more))
+            self.fair_queue.put(self, more, self.has_priority(more))
 
     def process(self, data: bytes) -> None:
-        """Its turn has come."""
+        """Process queued data."""
         super().data_received(data)
-        if not self.full:
+        if not self.is_full:
             self.transport.resume_reading()
 
-    def is_first(self, data: bytes) -> bool:
-        """Whether it need not stand in line with everybody."""
+    def has_priority(self, data: bytes) -> bool:
+        """True if data is queued in the line with fewer connections."""
         return False
 
-    def stop_in(self, data: bytes) -> int:
-        """How long the stop is that this begins with [bytes]; 0 where it begins with none."""
+    def stop_length(self, data: bytes) -> int:
+        """Return the length of the stop at the start of data [bytes], or 0 if there is none."""
         raise NotImplementedError
 
     @property
-    def full(self) -> bool:
-        """Whether uvicorn wants to read no more for now."""
+    def is_full(self) -> bool:
+        """True while uvicorn does not want to read more."""
         raise NotImplementedError
 
     def pause_writing(self) -> None:
-        """The transport's buffer is full."""
+        """Start the timer when the transport's buffer is full."""
         super().pause_writing()
         loop = asyncio.get_running_loop()
-        self._stalled = loop.call_later(STALL_SECONDS, self.transport.abort)
+        self._stall_timer = loop.call_later(STALL_SECONDS, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """The transport's buffer has room."""
+        """End the timer when the transport's buffer has room."""
         super().resume_writing()
-        self._end_patience()
+        self._end_stall_timer()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """It is over."""
+        """Drop queued data when the connection ends."""
         self.fair_queue.remove(self)
         super().connection_lost(exc)
-        self._end_patience()
+        self._end_stall_timer()
 
-    def _end_patience(self) -> None:
-        if self._stalled:
-            self._stalled.cancel()
-            self._stalled = None
+    def _end_stall_timer(self) -> None:
+        if self._stall_timer:
+            self._stall_timer.cancel()
+            self._stall_timer = None
 
 
 class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
     """A WebSocket."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Somebody has connected."""
+        """Limit how much is read at once when a client connects."""
         super().connection_made(transport)
-        # As much as asyncio reads at a time, so that not too many messages come in one turn.
+        # asyncio reads this much at once, so that few messages are processed together.
         self.transport.max_size = CHUNK  # type: ignore[attr-defined]
 
-    def stop_in(self, data: bytes) -> int:
-        """The first message, where it cancels goals.
+    def stop_length(self, data: bytes) -> int:
+        """Return the length of the first message if it cancels goals, else 0.
 
-        What only looks like one, in the midst of a longer message, gets no further than that piece.
+        Data inside a longer message may look like a cancel. Then only this data is processed early.
         """
         length, message = _first_message(data)
-        return length if _BRIDGED_CANCEL.search(message) else 0
+        return length if _ROSBRIDGE_CANCEL.search(message) else 0
 
     def send_receive_event_to_app(self) -> None:
-        """A message is whole. Text that is not UTF-8 ends the connection; uvicorn logs each."""
+        """Pass on a whole message, or close the connection if its text is not UTF-8.
+
+        uvicorn would log an error for each such text.
+        """
         if self.curr_msg_data_type == "text" and not _is_utf8(b"".join(self.frames)):
             self.frames = []
             self.conn.fail(CloseCode.INVALID_DATA)
@@ -132,68 +146,67 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
             super().send_receive_event_to_app()
 
     @property
-    def full(self) -> bool:
-        """Whether a message waits to be read."""
+    def is_full(self) -> bool:
+        """True if a message waits for the application."""
         return self.read_paused
 
 
 class HttpConnection(_QueuedProtocol, H11Protocol):
     """An HTTP connection.
 
-    Where there are too many, one that asks for nothing makes room: of those who do not show the
-    token, if there is any.
+    If there are too many connections, an idle one is closed, first one without the token.
     """
 
-    _waiting: asyncio.TimerHandle | None = None
-    since = 0.0  # when it was accepted, or last answered [s]
+    _head_timer: asyncio.TimerHandle | None = None
+    idle_since = 0.0  # when it was accepted or last answered [s]
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Somebody has connected."""
+        """Start to wait for a request, and close an idle connection if there are too many."""
         super().connection_made(transport)
-        self.since = self.loop.time()
-        self._watch()
+        self.idle_since = self.loop.time()
+        self._update_head_timer()
         if len(self.connections) > MAX_CONNECTIONS:
-            self._make_room()
+            self._close_an_idle_connection()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """It is over."""
+        """End the timer when the connection ends."""
         super().connection_lost(exc)
-        self._asked()
+        self._end_head_timer()
 
     def process(self, data: bytes) -> None:
-        """Its turn has come."""
+        """Process queued data."""
         super().process(data)
-        if self.transport.get_protocol() is self:  # else a WebSocket has taken over
-            self._watch()
+        if self.transport.get_protocol() is self:  # not a WebSocket by now
+            self._update_head_timer()
 
-    def stop_in(self, data: bytes) -> int:
-        """All of it, where it asks for a stop."""
-        return len(data) if _STOP.match(data) and not self._under_way else 0
+    def stop_length(self, data: bytes) -> int:
+        """Return the length of data if it is a request to stop, else 0."""
+        return len(data) if _STOP.match(data) and not self._is_answering else 0
 
-    def is_first(self, data: bytes) -> bool:
-        """Whether it is a cancel, or of somebody who has shown the token."""
+    def has_priority(self, data: bytes) -> bool:
+        """True for a cancel, and for a client that has sent the token."""
         return self.has_token or bool(_CANCEL.match(data))
 
     @property
-    def full(self) -> bool:
-        """Whether enough of a body waits to be read."""
+    def is_full(self) -> bool:
+        """True if enough of a body waits for the application."""
         return self.flow.read_paused and self.transport.get_protocol() is self
 
     def on_response_complete(self) -> None:
-        """A request is answered; what was sent before that is no request."""
-        if self.conn.trailing_data[0]:  # they would all be answered in one turn
+        """Close the connection if more was sent before the answer was complete."""
+        if self.conn.trailing_data[0]:  # uvicorn would answer all of it at once
             self.transport.close()
         super().on_response_complete()
-        self.since = self.loop.time()
-        self._watch()
+        self.idle_since = self.loop.time()
+        self._update_head_timer()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Another protocol takes over."""
-        self._asked()
+        """End the timer when a WebSocket takes over."""
+        self._end_head_timer()
         super().handle_websocket_upgrade(event)
 
     def send_400_response(self, msg: str) -> None:
-        """Answer what is no HTTP, as the application would."""
+        """Answer invalid HTTP with the same JSON as other errors."""
         body = json.dumps(as_json(BadRequest(msg))).encode()
         headers = [
             (b"content-type", b"application/json"),
@@ -207,43 +220,45 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         self.transport.close()
 
     @property
-    def asks(self) -> bool:
-        """Whether a request is under way whose body has come in whole."""
-        return self._under_way and not self.cycle.more_body
+    def awaits_answer(self) -> bool:
+        """True if a request has arrived completely and is not answered yet."""
+        return self._is_answering and not self.cycle.more_body
 
     @property
     def has_token(self) -> bool:
-        """Whether its last request did."""
-        return self.cycle is not None and HAS_TOKEN in self.cycle.scope["state"]
+        """True if its last request contained the token."""
+        return self.cycle is not None and is_authenticated(self.cycle.scope)
 
     @property
-    def leaving(self) -> bool:
-        """Whether it is closed already."""
+    def is_closing(self) -> bool:
+        """True if it is being closed."""
         return self.transport.is_closing()
 
     @property
-    def _under_way(self) -> bool:
+    def _is_answering(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
 
-    def _watch(self) -> None:
-        """Be patient only while a request is under way; its body is the application's matter."""
-        if self._under_way:
-            self._asked()
-        elif self._waiting is None:
-            self._waiting = self.loop.call_later(HEAD_SECONDS, self.transport.abort)
+    def _update_head_timer(self) -> None:
+        """Run the timer while no request is being answered; the application times its body."""
+        if self._is_answering:
+            self._end_head_timer()
+        elif self._head_timer is None:
+            self._head_timer = self.loop.call_later(HEAD_SECONDS, self.transport.abort)
 
-    def _asked(self) -> None:
-        if self._waiting:
-            self._waiting.cancel()
-            self._waiting = None
+    def _end_head_timer(self) -> None:
+        if self._head_timer:
+            self._head_timer.cancel()
+            self._head_timer = None
 
-    def _make_room(self) -> None:
+    def _close_an_idle_connection(self) -> None:
         idle = [
             each
             for each in self.connections
-            if isinstance(each, HttpConnection) and not (each is self or each.asks or each.leaving)
+            if isinstance(each, HttpConnection)
+            and not (each is self or each.awaits_answer or each.is_closing)
         ]
-        min(idle, key=lambda each: (each.has_token, each.since), default=self).transport.abort()
+        oldest = min(idle, key=lambda each: (each.has_token, each.idle_since), default=self)
+        oldest.transport.abort()
 
 
 def _is_utf8(text: bytes) -> bool:
@@ -255,8 +270,8 @@ def _is_utf8(text: bytes) -> bool:
 
 
 def _first_message(data: bytes) -> tuple[int, bytes]:
-    """The frame of a short message that this begins with: its length [bytes], and the message."""
-    if len(data) < 2 or data[0] != _TEXT:
+    """Return the length of the short text frame at the start of data [bytes], and its message."""
+    if len(data) < 2 or data[0] != _TEXT_FRAME:
         return 0, b""
     length, head = data[1] & 0x7F, 2
     if length == 126:

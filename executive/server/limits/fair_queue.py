@@ -1,33 +1,32 @@
-"""Who is heard next: what connections bring in waits its turn, and only a stop does not."""
+"""The order in which received data is processed. Only a stop is not queued."""
 
 import asyncio
 import time
 from collections.abc import Callable
 from typing import Protocol
 
-CHUNK = 1024  # [bytes] of messages that are read at a time, so that no turn is long
-REST_FACTOR = (
-    3.0  # times the work of a turn, before the next one: the loop is there for the arm, too
-)
-MAX_DEBT = 0.02  # [s] of rest that may be owed, so that who asks little need not wait for it
+CHUNK = 1024  # bytes of a WebSocket that are read at once, so that processing them is short
+REST_FACTOR = 3.0  # rest after processing, per second of work, so that the loop can serve the arm
+MAX_DEBT = 0.02  # rest that may be postponed [s], so that clients that send little do not wait
 
 
 class Connection(Protocol):
-    """What brings something in."""
+    """A source of data."""
 
     def process(self, data: bytes) -> None:
-        """Its turn has come."""
+        """Process data that was queued."""
 
 
 class FairQueue:
-    """Lets in one piece after another, and rests after each in proportion to the work it was.
+    """Processes one piece of data at a time and rests afterwards, in proportion to the work.
 
-    So strangers may occupy the loop, and the interpreter, for a part of the time only, whatever
-    they send and however many they are.
+    Clients therefore occupy the event loop and the interpreter for a quarter of the time at most,
+    however many they are and whatever they send. There are two lines, served alternately; within a
+    line connections are served round robin.
 
     Args:
-        loop: On which the work is done.
-        worked: What the loop's thread has worked so far [s].
+        loop: Event loop in which the data is processed.
+        worked: Returns the CPU time that the loop's thread has used [s].
     """
 
     def __init__(
@@ -35,43 +34,49 @@ class FairQueue:
     ) -> None:
         self._loop, self._worked = loop, worked
         self._lines: list[dict[Connection, list[bytes]]] = [{}, {}]
-        self._first, self._others = self._lines
-        self._under_way = False
-        self._rested = 0.0  # when all that is owed will have been rested [s]
+        self._priority, self._ordinary = self._lines
+        self._running = False
+        self._rested = 0.0  # time when the whole rest due so far will be over [s]
 
-    def put(self, connection: Connection, data: bytes, first: bool) -> None:
-        """Have a piece wait; those who are `first` and all others are heard by turns."""
-        behind = next((line for line in self._lines if connection in line), None)
-        line = (self._first if first else self._others) if behind is None else behind
+    def put(self, connection: Connection, data: bytes, priority: bool) -> None:
+        """Add data, behind other data of its connection.
+
+        Args:
+            connection: Source of the data.
+            data: The data.
+            priority: True for the line with fewer connections.
+        """
+        queued = next((line for line in self._lines if connection in line), None)
+        line = (self._priority if priority else self._ordinary) if queued is None else queued
         line.setdefault(connection, []).append(data)
-        if not self._under_way:
-            self._next()
+        if not self._running:
+            self._process_next()
 
     def has(self, connection: Connection) -> bool:
-        """Whether something of a connection waits."""
+        """True if data of a connection is queued."""
         return any(connection in line for line in self._lines)
 
     def remove(self, connection: Connection) -> None:
-        """Forget what waits of a connection."""
+        """Drop the data of a connection."""
         for line in self._lines:
             line.pop(connection, None)
 
-    def _next(self) -> None:
+    def _process_next(self) -> None:
         self._lines.reverse()
         line = next(filter(None, self._lines), None)
-        self._under_way = line is not None
+        self._running = line is not None
         if line:
             connection = next(iter(line))
             piece, *more = line.pop(connection)
             if more:
                 line[connection] = more
-            begun = self._worked()
+            start = self._worked()
             try:
                 connection.process(piece)
-            finally:  # what is done for it has its place on the loop before the rest
-                self._loop.call_soon(self._rest, begun)
+            finally:  # callbacks that the processing has scheduled run before the rest
+                self._loop.call_soon(self._rest, start)
 
-    def _rest(self, begun: float) -> None:
+    def _rest(self, start: float) -> None:
         now = self._loop.time()
-        self._rested = max(self._rested, now) + REST_FACTOR * (self._worked() - begun)
-        self._loop.call_later(max(0.0, self._rested - MAX_DEBT - now), self._next)
+        self._rested = max(self._rested, now) + REST_FACTOR * (self._worked() - start)
+        self._loop.call_later(max(0.0, self._rested - MAX_DEBT - now), self._process_next)

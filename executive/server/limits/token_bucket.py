@@ -1,27 +1,27 @@
-"""How often something may be asked."""
+"""A limit on how often something may happen."""
 
 from collections.abc import Callable
 
 
 class TokenBucket:
-    """Lets so many through at once, and then so many a second.
+    """Allows a burst, and then a constant rate.
 
     Args:
-        rate: How many a second.
-        burst: How many at once.
-        now: The time [s].
+        rate: Allowed rate [1/s].
+        burst: Allowed number at once.
+        now: Returns the time [s].
     """
 
     def __init__(self, rate: float, burst: float, now: Callable[[], float]) -> None:
         self._rate, self._burst, self._now = rate, burst, now
-        self._left, self._at = burst, now()
+        self._tokens, self._updated = burst, now()
 
     def take(self) -> bool:
-        """Whether one more may pass."""
+        """Take a token; return False if there is none."""
         now = self._now()
-        self._left = min(self._burst, self._left + (now - self._at) * self._rate)
-        self._at = now
-        if self._left < 1.0:
+        self._tokens = min(self._burst, self._tokens + (now - self._updated) * self._rate)
+        self._updated = now
+        if self._tokens < 1.0:
             return False
-        self._left -= 1.0
+        self._tokens -= 1.0
         return True

@@ -1,7 +1,7 @@
-"""The rosbridge protocol, as far as one action server needs it: messages in, texts out.
+"""The part of the rosbridge protocol that one action server needs, without any network.
 
-Read from ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite. One JSON object per message;
-`id` names an interaction, is the client's own, and comes back in every answer to it.
+The reference is ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite. A message is one JSON
+object. The client chooses `id`, which every answer to the message repeats.
 """
 
 import base64
@@ -21,32 +21,32 @@ STATUS = f"{ACTION}/_action/status"
 CANCEL_SERVICE = f"{ACTION}/_action/cancel_goal"
 TOPICS = {JOINT_STATES: "sensor_msgs/msg/JointState", STATUS: "action_msgs/msg/GoalStatusArray"}
 
-_MOST_TASKS = 2**31 - 1
-_MOST_TEXT = 1024  # of an id or a name
-_QUOTED = 300  # characters of what was wrong, in an answer
-# Said by clients on the way, and nothing that an action server needs to know.
-_IDLE = {"advertise", "unadvertise", "publish", "set_level", "unadvertise_action", "auth"}
+_MAX_TASK = 2**31 - 1
+_MAX_TEXT = 1024  # characters of an id or a name
+_MAX_ERROR = 300  # characters; an error may quote what the client sent
+# Clients send these too; an action server ignores them.
+_IGNORED = {"advertise", "unadvertise", "publish", "set_level", "unadvertise_action", "auth"}
 
 
 class BadMessage(Exception):
-    """A message that cannot be understood or carried out; nothing was begun for it.
+    """A message that cannot be understood or carried out.
 
     Args:
         text: What is wrong.
-        identity: The `id` it had, if any.
+        identity: The `id` of the message, or None if it has none.
     """
 
     def __init__(self, text: str, identity: str | None = None) -> None:
-        super().__init__(text if len(text) <= _QUOTED else f"{text[:_QUOTED]} …")
+        super().__init__(text if len(text) <= _MAX_ERROR else f"{text[:_MAX_ERROR]} …")
         self.identity = identity
 
 
 class BadGoal(BadMessage):
-    """A goal that is no goal for this server; its sender waits for a result."""
+    """A goal that this server cannot accept. Its client waits for a result."""
 
 
 class BadCall(BadMessage):
-    """A call of a service that cannot be done; its sender waits for a response."""
+    """A service call that cannot be carried out. Its client waits for a response."""
 
     def __init__(self, text: str, call: "CallService") -> None:
         super().__init__(text, call.identity)
@@ -55,7 +55,7 @@ class BadCall(BadMessage):
 
 @dataclass(frozen=True, slots=True)
 class SendGoal:
-    """Run a task; `feedback` is told only where asked for."""
+    """Run a task, and send feedback if `feedback` is true."""
 
     identity: str
     task: int
@@ -71,7 +71,7 @@ class CancelGoal:
 
 @dataclass(frozen=True, slots=True)
 class CallService:
-    """Call a service; of those there is one, `CANCEL_SERVICE`."""
+    """Call a service; `CANCEL_SERVICE` is the only one."""
 
     identity: str | None
     service: str
@@ -80,16 +80,16 @@ class CallService:
 
 @dataclass(frozen=True, slots=True)
 class Subscribe:
-    """Tell one subscriber of a topic from now on, at most every so many seconds [s]."""
+    """Send a topic to one subscriber, at most once per `period` [s]."""
 
     topic: str
-    throttle: float
+    period: float
     identity: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Unsubscribe:
-    """Tell one subscriber of a topic no more; without identity, all that this client has."""
+    """End one subscription of a topic, or all of this client if `identity` is None."""
 
     topic: str
     identity: str | None = None
@@ -99,33 +99,37 @@ Message = SendGoal | CancelGoal | CallService | Subscribe | Unsubscribe | None
 
 
 def parse(text: str | None) -> Message:
-    """Read a message; None for one that asks for nothing here.
+    """Read a message.
 
     Args:
-        text: The message; None for one of bytes.
+        text: The message, or None for a binary message.
+
+    Returns:
+        The message, or None if it can be ignored.
 
     Raises:
-        BadMessage: It cannot be understood.
-        BadGoal: The same, of a goal.
+        BadMessage: The message cannot be understood.
+        BadGoal: The message is a goal that cannot be understood.
+        BadCall: The message is a service call that cannot be understood.
     """
     if text is None:
-        raise BadMessage("a message is JSON text; bytes are not understood")
+        raise BadMessage("a message must be JSON text, not binary")
     try:
         message = strict_json.parse(text)
     except strict_json.NotJson as error:
-        raise _unread(text, f"no JSON: {error}") from error
+        raise _unreadable(text, f"invalid JSON: {error}") from error
     if not isinstance(message, dict):
-        raise BadMessage("a message is a JSON object")
+        raise BadMessage("a message must be a JSON object")
     operation, identity = message.get("op"), message.get("id")
     if identity is not None:
         _text(message, "id")
-    if not isinstance(operation, str) or operation not in _IDLE | _READERS.keys():
-        raise BadMessage(f"op {operation!r} is not known here", identity)
-    return None if operation in _IDLE else _READERS[operation](message)
+    if not isinstance(operation, str) or operation not in _IGNORED | _READERS.keys():
+        raise BadMessage(f"op {operation!r} is unknown", identity)
+    return None if operation in _IGNORED else _READERS[operation](message)
 
 
-def _unread(text: str, why: str) -> BadMessage:
-    """What strict JSON refuses, by the names that its sender waits for."""
+def _unreadable(text: str, why: str) -> BadMessage:
+    """Return the error for text that strict JSON refuses, with the id that its client expects."""
     with suppress(ValueError, RecursionError, AttributeError, BadMessage):
         message = json.loads(text)
         operation, identity = message.get("op"), _text(message, "id")
@@ -145,15 +149,15 @@ def _send_goal(message: dict[str, Any]) -> SendGoal:
             f"{ACTION} is of type {ACTION_TYPE}, not {message.get('action_type')!r}", identity
         )
     if message.get("compression", "none") != "none" or message.get("fragment_size") is not None:
-        raise BadGoal("neither compression nor fragments are known here", identity)
+        raise BadGoal("compression and fragments are not supported", identity)
     arguments = message.get("args")
     if not isinstance(arguments, dict) or set(arguments) != {"task_number"}:
-        raise BadGoal("args of a goal are {task_number: N}", identity)
+        raise BadGoal("args of a goal must be {task_number: N}", identity)
     task, feedback = arguments["task_number"], message.get("feedback", False)
-    if type(task) is not int or not -_MOST_TASKS - 1 <= task <= _MOST_TASKS:
-        raise BadGoal(f"task_number {task!r} is no int32", identity)
+    if type(task) is not int or not -_MAX_TASK - 1 <= task <= _MAX_TASK:
+        raise BadGoal(f"task_number {task!r} is not an int32", identity)
     if not isinstance(feedback, bool):
-        raise BadGoal(f"feedback is true or false, not {feedback!r}", identity)
+        raise BadGoal(f"feedback must be true or false, not {feedback!r}", identity)
     return SendGoal(identity, task, feedback)
 
 
@@ -168,7 +172,7 @@ def _call_service(message: dict[str, Any]) -> CallService:
     identity = message.get("id")
     service, arguments = _slashed(_text(message, "service")), message.get("args") or {}
     if not isinstance(arguments, dict):
-        raise BadCall("args of a service are an object", CallService(identity, service, {}))
+        raise BadCall("args of a service must be an object", CallService(identity, service, {}))
     return CallService(identity, service, arguments)
 
 
@@ -181,7 +185,7 @@ def _subscribe(message: dict[str, Any]) -> Subscribe:
         raise BadMessage(f"{topic} is of type {TOPICS[topic]}, not {kind!r}", identity)
     throttle = message.get("throttle_rate", 0)
     if type(throttle) not in (int, float) or not 0 <= throttle <= 3_600_000:
-        raise BadMessage(f"throttle_rate {throttle!r} is no time in ms", identity)
+        raise BadMessage(f"throttle_rate {throttle!r} is not a time from 0 to 3600000 ms", identity)
     return Subscribe(topic, throttle / 1000.0, identity)
 
 
@@ -200,34 +204,34 @@ _READERS: dict[str, Callable[[dict[str, Any]], Message]] = {
 
 def _text(message: Mapping[str, Any], key: str) -> str:
     value = message.get(key)
-    if not isinstance(value, str) or not 0 < len(value) <= _MOST_TEXT:
-        raise BadMessage(f"{key} {value!r} is no text of 1 to {_MOST_TEXT} characters")
+    if not isinstance(value, str) or not 0 < len(value) <= _MAX_TEXT:
+        raise BadMessage(f"{key} {value!r} is not a text of 1 to {_MAX_TEXT} characters")
     return value
 
 
 def _slashed(name: object) -> str:
-    """A name as the graph has it, with a slash before it."""
+    """Return a name with one leading slash."""
     return f"/{name.removeprefix('/')}" if isinstance(name, str) else ""
 
 
 def _same_type(given: object, known: str) -> bool:
-    """Whether it is a type's name, `pkg/action/Name` or, as of old, `pkg/Name`."""
+    """True if a type's name is `pkg/action/Name` or, as in ROS 1, `pkg/Name`."""
     package, _, name = known.split("/")
     return given in (known, f"{package}/{name}")
 
 
 def result(identity: str, status: int, success: bool) -> str:
-    """The end of a goal that was accepted: 4 SUCCEEDED, 5 CANCELED, 6 ABORTED."""
+    """The result of an accepted goal; status is 4 SUCCEEDED, 5 CANCELED or 6 ABORTED."""
     return _action("action_result", identity, values={"success": success}, status=status, done=True)
 
 
 def refusal(identity: str, why: str) -> str:
-    """The answer to a goal that was not accepted; clients take it as an error."""
+    """The answer to a refused goal. Clients treat it as an error."""
     return _action("action_result", identity, values=why, status=0, done=False)
 
 
 def feedback(identity: str, percentage: int) -> str:
-    """How far a goal is [%]; never to be sent after its result."""
+    """The progress of a goal [%]. It must not be sent after the result."""
     return _dump(
         op="action_feedback", id=identity, action=ACTION, values={"percentage": percentage}
     )
@@ -244,14 +248,14 @@ def service_response(call: CallService, values: object, done: bool) -> str:
     return _dump(op="service_response", service=call.service, values=values, result=done, **named)
 
 
-def complaint(error: BadMessage) -> str:
-    """What is said of a message that cannot be understood."""
+def error_status(error: BadMessage) -> str:
+    """The answer to a message that cannot be understood."""
     named = {} if error.identity is None else {"id": error.identity}
     return _dump(op="status", level="error", msg=str(error), **named)
 
 
 def joint_state(utc_ns: int, positions: Mapping[str, float]) -> dict[str, Any]:
-    """A sensor_msgs/JointState of the commanded positions [rad] by joint."""
+    """A sensor_msgs/JointState of commanded positions by joint [rad]."""
     return {
         "header": {"stamp": stamp(utc_ns), "frame_id": ""},
         "name": list(positions),
@@ -262,24 +266,29 @@ def joint_state(utc_ns: int, positions: Mapping[str, float]) -> dict[str, Any]:
 
 
 def goal_status(identity: str, stamp_ns: int, status: int) -> str:
-    """An action_msgs/GoalStatus of a goal that was accepted then [ns]."""
+    """An action_msgs/GoalStatus of a goal; `stamp_ns` is its time of acceptance [ns]."""
     return _dump(goal_info=_goal_info(identity, stamp_ns), status=status)
 
 
 def status_array(goals: Iterable[str]) -> str:
-    """An action_msgs/GoalStatusArray as published, of statuses by `goal_status`.
+    """A published action_msgs/GoalStatusArray.
 
-    There may be a thousand, of which one has changed: only that one is put into JSON anew.
+    Args:
+        goals: JSON of each status, by `goal_status`. There may be a thousand, and only one of them
+            has changed, so the others are not encoded again.
     """
     empty = published(STATUS, {"status_list": []})
     return empty.replace("[]", f"[{','.join(goals)}]")
 
 
 def cancel_request(call: CallService) -> tuple[str, int]:
-    """Which goals a CancelGoal request means: an identity, empty for all, and a stamp [ns].
+    """Read a CancelGoal request.
+
+    Returns:
+        The goal id, empty for all goals, and the stamp [ns].
 
     Raises:
-        BadCall: It is no such request.
+        BadCall: The arguments are not a CancelGoal request.
     """
     arguments = call.arguments
     try:
@@ -290,17 +299,22 @@ def cancel_request(call: CallService) -> tuple[str, int]:
         if type(seconds) is not int or type(nanoseconds) is not int or len(identity) != 32:
             raise ValueError(arguments)
     except (AttributeError, TypeError, ValueError) as error:
-        raise BadCall("args are no action_msgs/srv/CancelGoal request", call) from error
+        raise BadCall("args are not an action_msgs/srv/CancelGoal request", call) from error
     return identity if any(bytes.fromhex(identity)) else "", seconds * 10**9 + nanoseconds
 
 
 def cancel_response(code: int, goals: Sequence[tuple[str, int]]) -> dict[str, Any]:
-    """A CancelGoal response: its return code, and the goals that are canceling."""
+    """A CancelGoal response.
+
+    Args:
+        code: Return code.
+        goals: Id and stamp [ns] of every goal that is canceling.
+    """
     return {"return_code": code, "goals_canceling": [_goal_info(*goal) for goal in goals]}
 
 
 def stamp(time_ns: int) -> dict[str, int]:
-    """A time as ROS writes it."""
+    """A builtin_interfaces/Time."""
     return {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}
 
 
@@ -310,7 +324,7 @@ def _goal_info(identity: str, stamp_ns: int) -> dict[str, Any]:
 
 
 def _bytes(value: object) -> bytes:
-    """An uint8[], as base64 or as a list."""
+    """Read a uint8[], which is base64 or a list."""
     if isinstance(value, str):
         try:
             return base64.b64decode(value, validate=True)

@@ -113,7 +113,7 @@ def test_the_ways_to_a_server_elsewhere_are_named(
 ) -> None:
     _, type_in = typed
     monkeypatch.setenv("ARMTREE_TOKEN", "x")
-    assert "; give it as ARMTREE_TOKEN, " in type_in("send", "11")[2]
+    assert "; set ARMTREE_TOKEN, " in type_in("send", "11")[2]
     monkeypatch.setenv("ARMTREE_SERVER", "http://127.0.0.1:1")
     assert "--server URL or ARMTREE_SERVER" in type_in("status")[2]
 

@@ -145,7 +145,7 @@ def test_strangers_who_watch_leave_room_for_others(
 
 
 def test_a_list_of_goals_has_an_end(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(api, "LISTED", 2)
+    monkeypatch.setattr(api, "MAX_LISTED", 2)
     served = serve()
     with served.client() as client:
         assert all(client.run(11).success for _ in range(5))

@@ -31,7 +31,7 @@ def path_of(template: str) -> str:
 
 def test_only_a_stop_needs_no_token(serve: Serve) -> None:
     served = serve()
-    for operation in OPERATIONS:
+    for operation in OPERATIONS.values():
         if operation.method == "GET":
             continue
         status, error = served.ask("POST", path_of(operation.path), token=False)
@@ -45,7 +45,7 @@ def test_only_a_stop_needs_no_token(serve: Serve) -> None:
 
 def test_beyond_this_machine_reading_needs_it_too(serve: Serve) -> None:
     served = serve(expose=True)
-    for operation in OPERATIONS:
+    for operation in OPERATIONS.values():
         status = served.ask(operation.method, path_of(operation.path), token=False)[0]
         assert (status == 401) != operation.stops, operation.path
     assert served.ask("GET", "/api/status")[0] == 200
@@ -63,7 +63,7 @@ def test_beyond_this_machine_reading_needs_it_too(serve: Serve) -> None:
 def test_a_foreign_page_or_name_may_do_nothing(serve: Serve, headers: dict[str, str]) -> None:
     served = serve()
     goal = served.executive.send(10).identity
-    for operation in OPERATIONS:
+    for operation in OPERATIONS.values():
         path = operation.path.format(goal_id=goal, transition="deactivate", question_id="01234567")
         status, error = served.ask(operation.method, path, headers=headers)
         assert (status, error["code"].partition(".")[0]) == (403, "request")

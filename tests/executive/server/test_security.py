@@ -5,13 +5,13 @@ from starlette.datastructures import Headers
 
 from executive.errors import RequestError
 from executive.server.limits.token_bucket import TokenBucket
-from executive.server.security import AccessRules, is_loopback, names
+from executive.server.security import AccessRules, host_names, is_loopback
 from tests.support.serving import Serve
 
 pytest_plugins = ["tests.support.server_fixtures"]
 
 RULES = AccessRules(
-    names(("127.0.0.1", "localhost", "::1"), 8765),
+    host_names(("127.0.0.1", "localhost", "::1"), 8765),
     frozenset({"http://127.0.0.1:8765"}),
     "the-token",
     exposed=False,
@@ -48,12 +48,17 @@ def test_another_host_is_refused(host: str) -> None:
 
 
 def test_http_s_own_port_goes_without_saying() -> None:
-    assert names(("localhost", "::1"), 80) == {"localhost", "localhost:80", "[::1]", "[::1]:80"}
+    assert host_names(("localhost", "::1"), 80) == {
+        "localhost",
+        "localhost:80",
+        "[::1]",
+        "[::1]:80",
+    }
 
 
 def test_a_name_with_a_port_stays_as_it_is() -> None:
     given = ("Robot.Example:8443", "[::1]:8443", "[::1]")
-    assert names(given, 8765) == {"robot.example:8443", "[::1]:8443", "[::1]:8765"}
+    assert host_names(given, 8765) == {"robot.example:8443", "[::1]:8443", "[::1]:8765"}
 
 
 def test_behind_a_proxy_host_is_the_name_that_was_given(serve: Serve) -> None:

@@ -54,9 +54,9 @@ class Connection:
     def __init__(self, rig: Rig, name: str) -> None:
         self.rig, self.name = rig, name
 
-    def send(self, *pieces: str, first: bool = False) -> None:
+    def send(self, *pieces: str, priority: bool = False) -> None:
         for piece in pieces:
-            self.rig.queue.put(self, piece.encode(), first)
+            self.rig.queue.put(self, piece.encode(), priority)
 
     def process(self, data: bytes) -> None:
         self.rig.worked += self.rig.work
@@ -80,7 +80,7 @@ def test_who_is_first_waits_for_one_turn_and_takes_none_from_the_others() -> Non
     for each in others:
         each.send("1")
     first = rig.connection("x")
-    first.send("1", "2", "3", first=True)
+    first.send("1", "2", "3", priority=True)
     for _ in range(6):
         rig.loop.go_on()
     assert rig.let_in[0] == "a1"

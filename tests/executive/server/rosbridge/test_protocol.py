@@ -67,11 +67,11 @@ def test_a_goal_that_is_none_can_be_answered_by_its_id(wrong: dict[str, Any], wh
      '{"op": "call_service", "service": "/x", "args": [1]}', '{"op": "call_service"}',
      '{"op": "publish", "id": 7}', '{"op": "subscribe", "op": "publish"}'],
 )  # fmt: skip
-def test_anything_else_is_a_complaint(text: str) -> None:
+def test_anything_else_is_an_error_status(text: str) -> None:
     with pytest.raises(ros.BadMessage) as caught:
         ros.parse(text)
     assert not isinstance(caught.value, ros.BadGoal)
-    assert json.loads(ros.complaint(caught.value))["op"] == "status"
+    assert json.loads(ros.error_status(caught.value))["op"] == "status"
 
 
 @given(
@@ -171,7 +171,7 @@ def test_what_is_no_json_is_answered_to_whom_it_names(wrong: str) -> None:
     with pytest.raises(ros.BadCall) as call:
         ros.parse(f'{{"op": "call_service", "id": "7", "service": "a", {wrong}}}')
     assert call.value.call == ros.CallService("7", "/a", {})
-    with pytest.raises(ros.BadMessage, match="no JSON"):
+    with pytest.raises(ros.BadMessage, match="invalid JSON"):
         ros.parse(f'{{"op": "call_service", "id": 7, {wrong}}}')
 
 

@@ -1,0 +1,180 @@
+"""JSON Schemas of what the server accepts and answers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from executive.goals.goal import GoalState
+from hardware import State
+
+Schema = Mapping[str, Any]
+
+MAX_LISTED = 150  # goals in one answer
+
+
+@dataclass(frozen=True, slots=True)
+class Component:
+    """A schema that the OpenAPI document lists under its name.
+
+    Attributes:
+        name: Name in the document.
+        schema: The schema. It may contain other components.
+    """
+
+    name: str
+    schema: Schema
+
+
+def body(*required: str, **properties: Any) -> Schema:
+    """The schema of a request's body: an object without any other keys.
+
+    Args:
+        required: Keys that must be present.
+        properties: Schema of every key.
+    """
+    schema = {"type": "object", "properties": properties, "additionalProperties": False}
+    return {**schema, "required": list(required)} if required else schema
+
+
+def answer(name: str, /, **properties: Any) -> Component:
+    """The schema of an answer: an object that has all of these keys."""
+    return Component(name, _object(properties))
+
+
+def array(items: Any) -> dict[str, Any]:
+    """The schema of a list."""
+    return {"type": "array", "items": items}
+
+
+def _object(properties: Mapping[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "properties": properties, "required": list(properties)}
+
+
+def _or_null(schema: Any) -> dict[str, Any]:
+    return {"anyOf": [schema, {"type": "null"}]}
+
+
+TEXT = {"type": "string"}
+NUMBER = {"type": "number"}
+COUNT = {"type": "integer", "minimum": 0}
+BOOLEAN = {"type": "boolean"}
+
+GOAL_ID = {
+    "title": "32 lower-case hexadecimal digits",
+    "type": "string",
+    "pattern": "^[0-9a-f]{32}$",
+    "maxLength": 32,
+    "minLength": 32,
+}
+QUESTION_ID = {"type": "string", "pattern": "^[0-9a-f]{8}$", "maxLength": 8, "minLength": 8}
+STAMP = {"type": "integer", "minimum": 0, "maximum": 2**63 - 1}
+ARM_STATE = {"type": "string", "enum": [state.value for state in State]}
+
+# Requests
+
+EMPTY = body()
+UNTIL = {**STAMP, "description": "Cancel every goal accepted at or before this time [ns]."}
+TASK_NUMBER = {
+    "type": "integer",
+    "minimum": 0,
+    "maximum": 2**31 - 1,
+    "description": "Number of the task.",
+}
+ARGUMENTS = {
+    "type": "object",
+    "maxProperties": 64,
+    "additionalProperties": {"type": ["string", "number", "boolean", "array", "object"]},
+    "description": "Values of the task's parameters. A text is read as in a task file.",
+}
+START_POSE = {
+    "type": "string",
+    "enum": ["boot", "last"],
+    "description": "Pose of the arm when it is activated and its board does not reset: "
+    "the boot pose, or the last commanded pose.",
+}
+
+
+def words(description: str) -> Schema:
+    """The schema of a text of 1 to 1024 characters."""
+    return {"type": "string", "maxLength": 1024, "minLength": 1, "description": description}
+
+
+# Answers
+
+ERROR = answer(
+    "Error",
+    code={**TEXT, "description": "Stable name; executive/README.md lists all."},
+    message=TEXT,
+    node={**TEXT, "description": "Path in the tree; empty if the cause is outside the tree."},
+    joint=TEXT,
+    value={**_or_null(NUMBER), "description": "The wrong value [rad], [m] or [s]."},
+    limit={**_or_null(NUMBER), "description": "The limit of the value, in the same unit."},
+    hint=TEXT,
+)
+_ANY_TASK = {
+    "type": "integer",
+    "minimum": -(2**31),
+    "maximum": 2**31 - 1,
+    "description": "Number in the request; clients of rosbridge may send any int32.",
+}
+RESULT = answer(
+    "Result",
+    goal_id=GOAL_ID,
+    task=_ANY_TASK,
+    state={"type": "string", "enum": ["SUCCEEDED", "CANCELED", "ABORTED"]},
+    success=BOOLEAN,
+    frames=COUNT,
+    duration_s=NUMBER,
+    recording=TEXT,
+    code=TEXT,
+    message=TEXT,
+    cause=_or_null(ERROR),
+)
+GOAL = answer(
+    "Goal",
+    goal_id=GOAL_ID,
+    task=_ANY_TASK,
+    state={"type": "string", "enum": [state.name for state in GoalState]},
+    stamp_ns=COUNT,
+    result=_or_null(RESULT),
+)
+CANCELED = answer(
+    "Canceled",
+    return_code={
+        "type": "integer",
+        "enum": [0, 1, 2, 3],
+        "description": "As in action_msgs/srv/CancelGoal: 0 none, 1 rejected, 2 unknown goal, "
+        "3 goal has ended.",
+    },
+    goals=array(GOAL_ID),
+)
+STATUS = answer(
+    "Status",
+    arm=ARM_STATE,
+    fault={
+        **_or_null(ERROR),
+        "description": "The fault that deactivated the arm; null after the next activation.",
+    },
+    port=TEXT,
+    commanded=_or_null({"type": "object", "additionalProperties": NUMBER}),
+    goal=_or_null(GOAL),
+    percentage=_or_null({"type": "integer", "minimum": 0, "maximum": 100}),
+    phase=TEXT,
+    node=TEXT,
+    attempt=COUNT,
+    waiting=array(GOAL_ID),
+    policy={"type": "string", "enum": ["reject", "queue", "preempt"]},
+    paused=BOOLEAN,
+    breakpoints=array(TEXT),
+    uptime_s=NUMBER,
+)
+TASK = answer(
+    "Task",
+    task=COUNT,
+    name=TEXT,
+    description=TEXT,
+    source=TEXT,
+    parameters={"type": "object", "additionalProperties": TEXT},
+    wrong=TEXT,
+)
+QUESTION = _object({"question_id": QUESTION_ID, "text": TEXT, "choices": array(TEXT)})
