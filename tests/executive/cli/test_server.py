@@ -211,7 +211,7 @@ def test_exit_statuses_are_those_of_run(typed: tuple[Served, Typed]) -> None:
 def test_what_a_server_may_not_be(typed: tuple[Served, Typed]) -> None:
     served, type_in = typed
     for words, status, said in [
-        (("--tcp-port", str(served.server.port)), 13, "--tcp-port takes another one"),
+        (("--tcp-port", str(served.server.port)), 13, "another port with --tcp-port"),
         (("--bind", "0.0.0.0"), 13, "add --expose"),
         (("--bind", "here"), 13, "is no address"),
         (("--trees", "nowhere"), 3, "nowhere"),
