@@ -1,4 +1,4 @@
-"""The recorder: takes records from every thread, and writes them in one of its own."""
+"""The recorder: takes records from any thread and writes them in a thread of its own."""
 
 import errno
 import fcntl
@@ -10,6 +10,7 @@ from collections.abc import Callable
 from functools import cache, partial
 from io import BufferedWriter
 from pathlib import Path
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Self
 
 from logs.errors import (
@@ -23,7 +24,6 @@ from logs.errors import (
 from logs.records.records import Item, Sent
 
 from .compaction import Summary, rewrite
-from .jobs import Jobs
 
 if TYPE_CHECKING:
     from .compactor import Compactor
@@ -31,20 +31,21 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-# What a loss of power may cost at most, in a run whose process goes on.
+# Longest time between writing a record and syncing it to the disk [s].
 FSYNC_S = 1.0
 
-# Loading what writes the file takes 0.3 s, and far longer on a busy machine.
+# Longest time to create the first file: imports take 0.3 s, far longer on a busy machine [s].
 _BEGIN_S = 10.0
+
+Job = Callable[[], object]
 
 
 class Recorder:
-    """Records one run into one file, without ever keeping the run waiting.
+    """Records one run into one file; never blocks the run.
 
-    `put` is one queue put, from any thread. One thread writes all that is recorded in this process,
-    another brings it to the disk. While it runs the file is a locked journal, handed to the
-    operating system after every record, a frame that keeps its beat within 1 ms, and brought to
-    the disk within `FSYNC_S`; `close` makes the final recording of it.
+    All recorders of a process share two threads: one writes, one syncs files to the disk. During
+    the run the file is a locked journal. Each record is handed to the operating system immediately,
+    and synced to the disk within `FSYNC_S`. `close` makes the final recording from the journal.
     """
 
     def __init__(self, path: Path, epoch_ns: int, on_failure: Callable[[Exception], None]) -> None:
@@ -53,12 +54,12 @@ class Recorder:
         Args:
             path: The new file; its folder exists.
             epoch_ns: UTC at the zero of the records' clock [ns].
-            on_failure: Called once, from the recorder's thread, with the first thing that could
-                not be written, or when the disk is full; it must not close the recorder itself.
+            on_failure: Callback for the first error, or for a full disk; called once, from the
+                recorder's thread. It must not close the recorder.
 
         Raises:
-            RecordingExists: The name is taken.
-            RecordingNotCreated: The file cannot be made.
+            RecordingExists: A file of that name exists.
+            RecordingNotCreated: The operating system refused to create the file.
         """
         self.path = path
         self._epoch_ns = epoch_ns
@@ -71,54 +72,52 @@ class Recorder:
         self._journal: Journal | None = None
         self._begun, self._ended = threading.Event(), threading.Event()
         self._unsynced, self._syncing = False, threading.Lock()
-        self._slow = False  # whether the disk was, and that is told
+        self._slow = False  # a warning of a slow disk was logged
         stream = _create(path)
-        self._file = os.dup(stream.fileno())  # holds the lock until the recording is made
-        self._jobs, self._syncs = _thread("recorder"), _thread("fsync")
+        self._file = os.dup(stream.fileno())  # holds the lock until the final recording is made
+        self._jobs, self._syncs = _queue("recorder"), _queue("fsync")
         self._jobs.put(partial(self._begin, stream))
 
     def put(self, *items: Item) -> None:
-        """Records something; never blocks, never raises. Ignored after `close`.
+        """Records items; never blocks and never raises. Does nothing after `close`.
 
         Args:
-            items: One, or what is to be written together; a frame by itself.
+            items: Items to write as one piece. A frame (`Sent`) is put alone, and only by the
+                streamer's thread.
         """
-        job = partial(self._take, items)
-        frame = items[0] if type(items[0]) is Sent else None
-        if frame:
-            self._sent += 1  # by the streamer alone
-        if frame and not frame.hold:
-            self._jobs.put_at_beat(job)
-        else:
-            self._jobs.put(job)
+        if type(items[0]) is Sent:
+            self._sent += 1
+        self._jobs.put(partial(self._take, items))
 
     def caught_up(self, timeout: float) -> bool:
-        """Whether every frame that was put is on its way to the disk.
+        """Returns whether every frame that was put was handed to the operating system.
 
-        Costs a comparison where that is so; else waits for it. The first time it waits until the
-        file has begun, too.
+        Waits for it if necessary. The first call also waits until the file was created.
 
         Args:
-            timeout: How long to wait at most [s].
+            timeout: Longest time to wait [s].
         """
         begun = self._begun.is_set() or self._begun.wait(_BEGIN_S)
         return (begun and self._kept == self._sent) or self.wait(timeout)
 
     def wait(self, timeout: float = _BEGIN_S) -> bool:
-        """Waits until all that was put so far is on its way to the disk; whether it is.
+        """Waits until everything put so far was handed to the operating system.
 
         Args:
-            timeout: How long at most [s].
+            timeout: Longest time to wait [s].
+
+        Returns:
+            False if the time was too short.
         """
         mark = threading.Event()
         self._jobs.put(mark.set)
         return mark.wait(timeout)
 
     def settle(self) -> None:
-        """Waits until all that was put so far is on its way to the disk.
+        """Waits until everything put so far was handed to the operating system.
 
         Raises:
-            RecordingIncomplete: It is not.
+            RecordingIncomplete: It could not be written, or not in time.
         """
         caught_up = self.wait()
         if cause := self._cause or (None if caught_up else TimeoutError("the disk is too slow")):
@@ -128,10 +127,10 @@ class Recorder:
         """Writes what is queued, and makes the final recording.
 
         Args:
-            compactor: What makes it; None to do it here.
+            compactor: Process that makes the final recording; None to make it in this process.
 
         Raises:
-            DiskFull: The disk is, but nothing is missing from the file.
+            DiskFull: The disk is full, but nothing is missing from the file.
             RecordingIncomplete: Something is missing from the file, or it stayed a journal.
         """
         if not self._closed:
@@ -149,16 +148,16 @@ class Recorder:
         return self._summary
 
     def __enter__(self) -> Self:
-        """The recorder itself."""
+        """Returns the recorder."""
         return self
 
     def __exit__(self, *raised: object) -> None:
-        """Closes."""
+        """Closes the recorder."""
         self.close()
 
     def _begin(self, stream: BufferedWriter) -> None:
         try:
-            from .journal import Journal  # here, for rosbags and mcap take 0.3 s to import
+            from .journal import Journal  # here, because rosbags and mcap take 0.3 s to import
 
             self._journal = Journal(stream, self._epoch_ns)
         except Exception as cause:
@@ -208,12 +207,12 @@ class Recorder:
         self._warn_of(time.monotonic() - due)
 
     def _warn_of(self, late: float) -> None:
-        """Tell, once, that the disk does not keep the rhythm; it holds no frame up."""
+        """Logs once that the disk is slow; it delays no frame."""
         if late > FSYNC_S and not self._slow:
             self._slow = True
             _log.warning(
-                "%s: it took %.1f s to bring what was recorded to the disk, so that a loss of "
-                "power may cost more than %g s; record to a faster disk",
+                "%s: it took %.1f s to sync the recording to the disk, so a loss of power may "
+                "lose more than %g s; record to a faster disk",
                 self.path,
                 late,
                 FSYNC_S,
@@ -221,7 +220,7 @@ class Recorder:
 
     def _fail(self, cause: Exception) -> None:
         if self._cause is not None:
-            return  # told once: log lines may themselves come here as records
+            return  # reported once: log lines are themselves recorded here
         self._cause = cause
         _log.error("%s: cannot record: %s", self.path, cause)
         try:
@@ -267,6 +266,14 @@ def _is_at(path: Path, stream: BufferedWriter) -> bool:
 
 
 @cache
-def _thread(name: str) -> Jobs:
-    """One for all recorders, for to start a thread keeps a goal waiting."""
-    return Jobs(name)
+def _queue(name: str) -> SimpleQueue[Job]:
+    """Returns the queue of a thread that all recorders share; starting one delays a goal."""
+    jobs = SimpleQueue[Job]()
+
+    def work() -> None:
+        while True:
+            jobs.get()()
+
+    # A daemon: a process that ends without `close` leaves a journal, which can be recovered.
+    threading.Thread(target=work, name=name, daemon=True).start()
+    return jobs

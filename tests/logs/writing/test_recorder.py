@@ -210,7 +210,7 @@ def test_a_slow_disk_is_told_once_and_holds_nothing_up(
     monkeypatch.setattr(os, "fsync", sync)
     recorder.close()
     (told,) = caplog.records
-    assert "took 3.0 s to bring what was recorded to the disk" in told.getMessage()
+    assert "took 3.0 s to sync the recording to the disk" in told.getMessage()
 
 
 def test_a_disk_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

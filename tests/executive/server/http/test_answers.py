@@ -350,7 +350,7 @@ def test_who_waits_for_a_result_gets_it_where_none_is_kept(
 def test_a_goal_is_answered_once_a_server_started_again_would_know_it(serve: Serve) -> None:
     served = serve()
     held, answered = threading.Event(), list[str]()
-    recorder._thread("recorder").put(held.wait)
+    recorder._queue("recorder").put(held.wait)
     asking = threading.Thread(target=lambda: answered.append(send(served, 10)))
     asking.start()
     while not served.executive.goals():
