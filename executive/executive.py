@@ -24,22 +24,19 @@ from skills.motion import Pool
 from trees import Library, Located
 
 from .errors import NotExecuting, NotPaused, TooManyBreakpoints
-from .goals.causes import cause_of
+from .goals.events import Event, EventSubscribers, Status
 from .goals.executor import GoalExecutor
-from .goals.goal import Goal, GoalState, GoalStatus, Outcome
-from .goals.history import earlier
+from .goals.goal import Goal
+from .goals.history import load_goal_history
 from .goals.mailbox import Mailbox
-from .goals.queue import Acceptance, CancelAnswer, Goals, Policy
-from .goals.snapshot import Snapshot
+from .goals.outcome import Acceptance, CancelResult, GoalState, GoalStatus, Outcome, cause_of
+from .goals.queue import GoalQueue, Policy
 from .goals.start_pose import StartPose
-from .goals.subscribers import Event, EventSubscribers
 from .recording.archive import configuration_note
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 
 logger = logging.getLogger(__name__)
-
-__all__ = ["TRANSITIONS", "Event", "Executive", "Snapshot"]
 
 BREAKPOINTS = 100  # so many may be marked
 TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
@@ -59,10 +56,10 @@ class Executive:
         timeout: How long a planner may take [s].
         watch: The first that is told of everything, as by `subscribe`.
         policy: What becomes of a goal that comes while another one is under way.
-        result_timeout: How long the result of an ended goal is kept [s]; see `Goals`.
-        solo: Whether it is there for the goals of one caller alone: then a goal activates the arm
-            by itself, and what follows a goal belongs to its recording, until `finish_recording`.
-            Otherwise only `arm_to` activates the arm.
+        result_timeout: How long the result of an ended goal is kept [s]; see `GoalQueue`.
+        single_user: True if only one caller sends goals. A goal then activates the arm, and its
+            recording stays open until `finish_recording`. Otherwise only `arm_to` activates the
+            arm. Default: False.
         operator: Who answers what tasks ask.
         pose: What a person says of where the arm stands at its first activation; see `pose.py`.
     """
@@ -80,22 +77,22 @@ class Executive:
         watch: Callable[[Event], None],
         policy: Policy = Policy.REJECT,
         result_timeout: float = 900.0,
-        solo: bool = False,
+        single_user: bool = False,
         operator: Operator | None = None,
         pose: str | None = None,
     ) -> None:
-        self._robot, self._clock, self._solo = robot, clock, solo
+        self._robot, self._clock, self._single_user = robot, clock, single_user
         self._port, self._began = link.port if link else "", clock.now()
-        self._watchers = EventSubscribers()
-        self._watchers.add(watch)
+        self._subscribers = EventSubscribers()
+        self._subscribers.add(watch)
         self._progress: logs.Feedback | None = None
         self._standing = StartPose(robot, self._port, recordings, pose)
         self._folder, self._marked = recordings, set[str]()
-        noted = configuration_note(self._port, seed, timeout, policy.value, solo)
+        noted = configuration_note(self._port, seed, timeout, policy.value, single_user)
         self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail, noted)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
         self._arm = arm = Arm(robot, recorded, clock, self._arm_did)
-        self._goals = Goals(clock, policy, result_timeout, self._goal_changed)
+        self._queue = GoalQueue(clock, policy, result_timeout, self._goal_changed)
         context = Context(
             robot,
             arm,
@@ -108,8 +105,16 @@ class Executive:
             wake_at=_nobody,
             operator=operator or NoOperator(),
         )
-        self._owner = GoalExecutor(
-            self._goals, arm, library, pool, self._recordings, context, clock, self._marked, solo
+        self._executor = GoalExecutor(
+            self._queue,
+            arm,
+            library,
+            pool,
+            self._recordings,
+            context,
+            clock,
+            self._marked,
+            single_user,
         )
 
     def start(self) -> None:
@@ -119,21 +124,21 @@ class Executive:
             LogError: A server's recording cannot be made.
             PoseUnconfirmed: Nobody has said where the arm stands, and it is to run at once.
         """
-        if self._solo:
+        if self._single_user:
             self._arm.robot = self._standing.taken(None)
         else:
             utc = self._clock.epoch_ns() / 1e9 + self._clock.now()
-            for goal in earlier(self._folder, utc - self._goals.keep):
-                self._goals.add_ended(*goal)
+            for goal in load_goal_history(self._folder, utc - self._queue.keep):
+                self._queue.add_ended(*goal)
             self._recordings.open_server_recording()
-        self._owner.start()
+        self._executor.start()
 
     def refused(self, tasks: Sequence[int], arguments: Mapping[str, str | Located]) -> int | None:
         """The first task of which it can be said without the arm that it will not be done.
 
         Only before `start`.
         """
-        return next((task for task in tasks if self._owner.judge(task, arguments)), None)
+        return next((task for task in tasks if self._executor.judge(task, arguments)), None)
 
     def close(self) -> None:
         """Take no more goals, cancel those there are, wait for them, and shut the arm down.
@@ -141,10 +146,10 @@ class Executive:
         Raises:
             LogError: A recording could not be finished.
         """
-        self._goals.close()
-        *_, running = self._goals.cancel("", 0)
+        self._queue.close()
+        *_, running = self._queue.cancel("", 0)
         self._stop_for(running)
-        self._owner.join()
+        self._executor.join()
         try:
             if self._arm.state is not State.UNCONFIGURED:
                 self._arm.shutdown()
@@ -166,10 +171,10 @@ class Executive:
             identity: 32 hexadecimal digits, made here where there are none.
             strict: Whether it is refused, not aborted, where it is asked for wrongly.
         """
-        preempts = self._goals.policy is Policy.PREEMPT
-        judge = self._owner.judge if preempts else self._owner.judge_request
+        preempts = self._queue.policy is Policy.PREEMPT
+        judge = self._executor.judge if preempts else self._executor.judge_request
         wrong = judge(task, arguments) if preempts or strict else None
-        acceptance, preempted = self._goals.send(task, arguments, identity, wrong)
+        acceptance, preempted = self._queue.send(task, arguments, identity, wrong)
         self._stop_for(preempted)
         did = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
         logger.info("Received a goal for task %d (%s): %s", task, acceptance.identity, did)
@@ -183,7 +188,7 @@ class Executive:
         self._recordings.wait()
         return acceptance
 
-    def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelAnswer:
+    def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelResult:
         """Cancel goals, and stop the arm if it moves for one of them. Returns at once.
 
         Args:
@@ -191,7 +196,7 @@ class Executive:
             stamp_ns: All that were accepted up to then, UTC [ns since 1970]; 0 to name none. All
                 there are where neither is named; then the arm is stopped in any case.
         """
-        answer, canceled, running = self._goals.cancel(identity, stamp_ns)
+        answer, canceled, running = self._queue.cancel(identity, stamp_ns)
         if not (identity or stamp_ns or running):
             self._arm.stop()
         self._stop_for(running, canceled)
@@ -208,7 +213,7 @@ class Executive:
             UnknownGoal: There is none, or it is forgotten.
             ResultTimeout: It has not ended in that time.
         """
-        return self._goals.result(identity, timeout)
+        return self._queue.result(identity, timeout)
 
     def on_result(self, identity: str, callback: Callable[[Outcome], None]) -> None:
         """Have the outcome of a goal told once, from any thread; at once if it has ended.
@@ -216,7 +221,7 @@ class Executive:
         Raises:
             UnknownGoal: There is none, or it is forgotten.
         """
-        self._goals.on_result(identity, callback)
+        self._queue.on_result(identity, callback)
 
     def goal(self, identity: str) -> GoalStatus:
         """What a goal is at.
@@ -224,11 +229,11 @@ class Executive:
         Raises:
             UnknownGoal: There is none, or it is forgotten.
         """
-        return self._goals.find(identity).status
+        return self._queue.find(identity).status
 
     def goals(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
         """All goals that are known, or the newest of them; ended ones until they are forgotten."""
-        return self._goals.all(newest)
+        return self._queue.all(newest)
 
     def pause(self, identity: str) -> None:
         """Stop the arm where a goal has brought it, and keep the goal. Time-outs stand still too.
@@ -297,7 +302,7 @@ class Executive:
             self._recordings.wait()  # the board boots next, and may move the arm
             self._arm.robot = self._standing.taken(pose)
         if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
-            self._owner.arm_leaves()  # first: the stop that comes with it is not the cause
+            self._executor.arm_leaves()  # first: the stop that comes with it is not the cause
         getattr(self._arm, transition)()
         if transition == "activate":
             self._standing.commanded(self._arm.commanded)
@@ -313,23 +318,27 @@ class Executive:
         Returns:
             What ends it.
         """
-        return self._watchers.add(callback)
+        return self._subscribers.add(callback)
 
-    def snapshot(self) -> Snapshot:
-        """How things are now."""
-        running, failure, progress = self._goals.running, self._arm.failure, self._progress
-        ours = running and progress and progress.goal_id == running.identity
-        return Snapshot(
+    def status(self) -> Status:
+        """Status of the arm and the goals at this moment."""
+        running, failure, progress = self._queue.running, self._arm.failure, self._progress
+        if progress and not (running and progress.goal_id == running.identity):
+            progress = None
+        return Status(
             arm=self._arm.state,
             fault=cause_of(failure) if failure else None,
             port=self._port,
             commanded=self._commanded(),
             goal=running.status if running else None,
-            progress=progress if ours else None,
+            percentage=progress.percentage if progress else None,
+            phase=progress.phase if progress else "",
+            node=progress.node if progress else "",
+            attempt=progress.attempt if progress else 1,
+            waiting=self._queue.waiting,
+            policy=self._queue.policy,
             paused=running is not None and running.mailbox.paused,
             breakpoints=tuple(sorted(self._marked)),
-            waiting=self._goals.waiting,
-            policy=self._goals.policy,
             uptime=self._clock.now() - self._began,
         )
 
@@ -355,11 +364,11 @@ class Executive:
                 logger.info("Received %s", did)
         finally:
             if running:
-                self._goals.stopped(running)
-                self._owner.stop_in_time(running)
+                self._queue.stopped(running)
+                self._executor.stop_in_time(running)
 
     def _executing(self, identity: str) -> Mailbox:
-        goal = self._goals.find(identity)
+        goal = self._queue.find(identity)
         if goal.state is not GoalState.EXECUTING:
             raise NotExecuting(identity, goal.state.name)
         return goal.mailbox
@@ -379,10 +388,10 @@ class Executive:
             case Faulted():
                 self._fail(event.error)
             case StateChanged(start=State.ACTIVE, goal=State.DEACTIVATING | State.SHUTTINGDOWN):
-                self._owner.arm_leaves()
+                self._executor.arm_leaves()
 
     def _fail(self, error: Exception) -> None:
-        self._owner.interrupt(error)
+        self._executor.interrupt(error)
 
     def _goal_changed(self, status: GoalStatus) -> None:
         self._recordings.goal_changed(status)
@@ -391,7 +400,7 @@ class Executive:
     def _publish(self, event: Event) -> None:
         if isinstance(event, logs.Feedback):
             self._progress = event
-        self._watchers.tell(event)
+        self._subscribers.publish(event)
 
 
 def _nobody(*_: float) -> None:

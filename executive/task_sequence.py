@@ -8,9 +8,8 @@ from hardware import State
 from logs import LogError
 from trees import Located
 
-from .codes import CANCELED, look_up
 from .executive import Executive
-from .goals.goal import GoalState, Outcome
+from .goals.outcome import CANCELED_CAUSE, GoalState, Outcome
 
 
 class TaskSequence:
@@ -63,13 +62,12 @@ class TaskSequence:
 
     def _one(self, task: int, arguments: Mapping[str, str | Located], last: bool) -> Outcome:
         if self._canceled:
-            heading = look_up(CANCELED).heading
-            return Outcome(task, GoalState.CANCELED, CANCELED, heading, 0, 0.0, "")
+            return Outcome.of(task, GoalState.CANCELED, CANCELED_CAUSE)
         identity = self._executive.send(task, arguments).identity
         if self._canceled:  # in between
             self._executive.cancel(identity)
         outcome = self._executive.result(identity)
-        active = self._executive.snapshot().arm is not State.UNCONFIGURED
+        active = self._executive.status().arm is not State.UNCONFIGURED
         if active and (last or not outcome.success):
             self._executive.arm_to("shutdown")  # before its recording closes, so that it is in it
         return self._recorded(outcome)

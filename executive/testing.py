@@ -20,8 +20,9 @@ from trees.compile.arguments import read_arguments
 from trees.compile.plugins import load_skills
 from trees.compile.port_types import known_skills
 
-from .executive import Event, Executive
-from .goals.goal import GoalStatus, Outcome, QuestionStatus
+from .executive import Executive
+from .goals.events import Event, QuestionStatus
+from .goals.outcome import GoalStatus, Outcome
 from .task_sequence import TaskSequence
 
 _TIMEOUT = 5.0  # of a planner [s]
@@ -127,7 +128,7 @@ class SimulatedArm:
                 1,
                 _TIMEOUT,
                 self._watch,
-                solo=True,
+                single_user=True,
                 operator=_Script(self.answers),
             )
             given = read_arguments(settings, [task])

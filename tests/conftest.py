@@ -11,8 +11,9 @@ from hypothesis import HealthCheck, settings
 from py_trees.blackboard import Blackboard
 
 import logs
-from executive.executive import Event, Executive
-from executive.goals.goal import GoalStatus, Outcome, QuestionStatus
+from executive.executive import Executive
+from executive.goals.events import Event, QuestionStatus
+from executive.goals.outcome import GoalStatus, Outcome
 from executive.task_sequence import TaskSequence
 from executive.testing import SharedPool
 from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board
@@ -52,7 +53,7 @@ class Rig:
         recordings: Path,
         tasks: Path | None = None,
         timeout: float = 5.0,
-        solo: bool = True,
+        single_user: bool = True,
         **options: Any,
     ) -> None:
         self.robot, self.clock = robot, clock
@@ -71,7 +72,7 @@ class Rig:
             1,
             timeout,
             self._watch,
-            solo=solo,
+            single_user=single_user,
             **options,
         )
         self._in_turn = TaskSequence(self.executive)
@@ -168,7 +169,7 @@ def server(rig: RigMaker, shared_clock: SimulatedClock) -> Iterator[RigMaker]:
     made: list[Rig] = []
 
     def make(active: bool = True, **options: Any) -> Rig:
-        one = rig(solo=False, **options)
+        one = rig(single_user=False, **options)
         made.append(one)
         one.executive.start()
         if active:

@@ -12,7 +12,8 @@ from rich.text import Text
 from rich.tree import Tree as Branch
 
 import logs
-from executive.goals.goal import Outcome, QuestionStatus
+from executive.goals.events import QuestionStatus
+from executive.goals.outcome import Outcome
 
 from .view import asked_in_words, in_words
 

@@ -12,14 +12,10 @@ import click
 
 import logs
 from executive.client.errors import ClientError, Refused
-from executive.client.requests import Status
 from executive.client.synchronous import Client
 from executive.codes import CLOSING
-from executive.executive import Event
-from executive.goals.causes import cause_of
-from executive.goals.events import as_goal
-from executive.goals.goal import GoalState, GoalStatus, Outcome, QuestionStatus
-from executive.goals.queue import CancelCode
+from executive.goals.events import Event, QuestionStatus, Status
+from executive.goals.outcome import CancelCode, GoalState, GoalStatus, Outcome, cause_of
 from hardware import RealClock
 from trees import TreeError
 from trees.compile.arguments import read_arguments
@@ -78,7 +74,7 @@ def errors_told(as_json: bool) -> Iterator[None]:
         if as_json:
             cause = error.cause if isinstance(error, Refused) else cause_of(error)
             told = {"code": cause.code, "message": cause.message}
-            click.echo(json.dumps({"event": "error", **told, "cause": dataclasses.asdict(cause)}))
+            click.echo(json.dumps({"event": "error", **told, "cause": cause.to_json()}))
         raise
 
 
@@ -134,8 +130,7 @@ def reply(client: Client, words: Sequence[str], as_json: bool) -> str:
 
 
 def _refused(task: int, error: Refused, view: View) -> Outcome:
-    cause, aborted = error.cause, GoalState.ABORTED
-    outcome = Outcome(task, aborted, cause.code, cause.message, 0, 0.0, "", cause)
+    outcome = Outcome.of(task, GoalState.ABORTED, error.cause)
     view.report(outcome)
     return outcome
 
@@ -225,8 +220,7 @@ def status_lines(status: Status) -> Iterator[str]:
 
 def status_json(status: Status) -> str:
     """The same for programs."""
-    fields = dataclasses.asdict(status) | {"goal": status.goal and as_goal(status.goal)}
-    return json.dumps(fields | {"uptime_s": fields.pop("uptime")})
+    return json.dumps(status.to_json())
 
 
 CANCEL_WORDS = {

@@ -10,7 +10,7 @@ from typing import Any
 
 from py_trees.ports import PortInformation
 
-from executive.goals.goal import Outcome
+from executive.goals.outcome import Outcome
 from hardware import Frame, HardwareError, Robot, Schedule, Setpoint, load_robot
 from logs import Goal as RecordedGoal
 from logs import Recording

@@ -264,7 +264,6 @@ def arm(transition: str, pose: str | None, as_json: bool, server: str | None) ->
 def _change(verb: str, goal_id: str, as_json: bool, server: str | None) -> None:
     from executive.client.errors import Refused
     from executive.client.synchronous import Client
-    from executive.goals.events import as_goal
 
     from .remote import errors_told
 
@@ -273,7 +272,7 @@ def _change(verb: str, goal_id: str, as_json: bool, server: str | None) -> None:
         if not goal_id and running is None:
             raise Refused({"code": "goal.not_executing", "message": "no goal is under way"})
         goal = getattr(client, verb)(goal_id or (running and running.identity))
-    click.echo(json.dumps(as_goal(goal)) if as_json else f"task {goal.task} ({goal.identity})")
+    click.echo(json.dumps(goal.to_json()) if as_json else f"task {goal.task} ({goal.identity})")
 
 
 @click.command()

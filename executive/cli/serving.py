@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from executive.errors import PoseUnconfirmed
-from executive.executive import Event, Executive
+from executive.executive import Executive
+from executive.goals.events import Event
 from executive.goals.questions import Questions
 from executive.goals.queue import Policy
 from executive.goals.start_pose import standing

@@ -8,8 +8,8 @@ from queue import SimpleQueue
 from typing import Protocol, Self, TextIO
 
 import logs
-from executive.goals.events import as_event, as_result
-from executive.goals.goal import Outcome, QuestionStatus
+from executive.goals.events import QuestionStatus, event_to_json
+from executive.goals.outcome import Outcome
 
 _Item = logs.Record | QuestionStatus | Outcome | str
 
@@ -89,9 +89,9 @@ class JsonView(_Lines):
         if isinstance(item, (str, logs.Result)):
             return ""
         if isinstance(item, Outcome):
-            event = {"event": "result", **as_result(item)}
+            event = {"event": "result", **item.to_json()}
         else:
-            event = as_event(item)
+            event = event_to_json(item)
         return json.dumps(event, allow_nan=False)
 
 

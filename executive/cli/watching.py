@@ -10,7 +10,7 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 
-from executive.goals.results import outcome_of
+from executive.goals.outcome import Outcome
 from hardware import RealClock
 from logs import Record, Recording, Result
 
@@ -64,7 +64,7 @@ class Player:
     def _show(self, record: Record) -> None:
         self._view.watch(record)
         if isinstance(record, Result):
-            self._view.report(outcome_of(record, str(self._recording.path)))
+            self._view.report(Outcome.from_record(record, str(self._recording.path)))
 
 
 def watch(path: Path, speed: float, at: float | None, view: View) -> None:

@@ -9,9 +9,9 @@ from functools import partial
 from pathlib import Path
 
 import logs
-from executive.executive import Event, Executive
-from executive.goals.causes import cause_of
-from executive.goals.goal import GoalState, GoalStatus, Outcome
+from executive.executive import Executive
+from executive.goals.events import Event
+from executive.goals.outcome import GoalState, GoalStatus, Outcome, cause_of
 from executive.goals.start_pose import standing
 from executive.task_sequence import TaskSequence
 from hardware import VIRTUAL, HardwareError, RealClock, Robot, load_robot
@@ -75,9 +75,7 @@ def execute(options: Options) -> list[Outcome]:
             standing(robot, port, options.pose, options.recordings)  # refused before all else
             link = robot.link(port) if port else None
         except (HardwareError, TreeError) as error:
-            task = options.numbers[0]
-            aborted, cause = GoalState.ABORTED, cause_of(error)
-            outcome = Outcome(task, aborted, cause.code, cause.message, 0, 0.0, "", cause)
+            outcome = Outcome.of(options.numbers[0], GoalState.ABORTED, cause_of(error))
             view.report(outcome)
             return [outcome]
         view.say(port_line(robot, port))
@@ -97,7 +95,7 @@ def execute(options: Options) -> list[Outcome]:
                 options.seed,
                 PLANNING_TIMEOUT,
                 partial(_show, view),
-                solo=True,
+                single_user=True,
                 pose=options.pose,
                 operator=Terminal(_to_errors if options.json else view.say),
             )

@@ -7,18 +7,18 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from executive.goals.events import to_event
-from executive.goals.goal import GoalStatus, Outcome
+from executive.goals.events import Status, event_from_json
+from executive.goals.outcome import CancelResult, GoalStatus, Outcome
 from executive.server.token_file import KEEPALIVE
 
 from . import requests
 from .errors import GoalFailed, Refused, ServerUnreachable
 from .replies import check, reached
-from .requests import CancelResult, OpenQuestion, Request, Status, Task
+from .requests import OpenQuestion, Request, Task
 from .synchronous import ANSWER_TIMEOUT, BEAT_PERIOD, NOTHING, SILENCE_TIMEOUT
 
 if TYPE_CHECKING:
-    from executive.executive import Event
+    from executive.goals.events import Event
 
 T = TypeVar("T")
 
@@ -187,7 +187,7 @@ class AsyncClient:
         with reached(self.url, SILENCE_TIMEOUT):
             async for line in lines:
                 if line.startswith("data: "):
-                    yield to_event(json.loads(line.removeprefix("data: ")))
+                    yield event_from_json(json.loads(line.removeprefix("data: ")))
 
     async def _do(self, ask: Request[T]) -> T:
         with reached(self.url):

@@ -11,7 +11,7 @@ Every error carries a stable `code`.
 from collections.abc import Mapping
 from typing import Any
 
-from executive.goals.goal import Cause, Outcome
+from executive.goals.outcome import Cause, Outcome
 
 
 class ClientError(Exception):

@@ -1,6 +1,5 @@
 """What can be asked of a server, without the asking: both clients send these."""
 
-import dataclasses
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -9,10 +8,8 @@ from typing import Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
 from executive.errors import ResultTimeout
-from executive.goals.causes import cause_of
-from executive.goals.events import to_goal, to_outcome
-from executive.goals.goal import Cause, GoalStatus, Outcome
-from executive.goals.queue import CancelCode
+from executive.goals.events import Status
+from executive.goals.outcome import CancelResult, GoalStatus, Outcome, cause_of
 from executive.server import token_file
 
 from .errors import Refused
@@ -23,43 +20,6 @@ POLL_PERIOD = 15.0  # [s] that an answer may wait for a goal's end; then it is a
 NOT_YET = ResultTimeout.code
 
 _OUR_NAMES = ("127.0.0.1", "localhost", "::1")
-
-
-@dataclass(frozen=True, slots=True)
-class Status:
-    """What a server is at.
-
-    Attributes:
-        arm: State of the hardware, such as `active`.
-        fault: What took the arm out of active, until it is activated again; None for nothing.
-        port: Of the board.
-        commanded: Where the arm was last commanded to, by joint [rad]; None while not active.
-        goal: The goal under way.
-        percentage: How far it is [%]; None while that cannot be said.
-        phase: What is going on, such as `planning`.
-        node: Name of the tree's node at work.
-        attempt: Which one it is, from 1.
-        waiting: Identities of those that wait for their turn.
-        policy: What becomes of a second goal.
-        paused: Whether the goal under way stands still.
-        breakpoints: Paths of the nodes that are paused before.
-        uptime: Since the server's start [s].
-    """
-
-    arm: str
-    fault: Cause | None
-    port: str
-    commanded: Mapping[str, float] | None
-    goal: GoalStatus | None
-    percentage: int | None
-    phase: str
-    node: str
-    attempt: int
-    waiting: tuple[str, ...]
-    policy: str
-    paused: bool
-    breakpoints: tuple[str, ...]
-    uptime: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,19 +60,6 @@ class OpenQuestion:
     def __str__(self) -> str:
         choices = f" [{'/'.join(self.choices)}]" if self.choices else ""
         return f"{self.question_id}  {self.text}{choices}"
-
-
-@dataclass(frozen=True, slots=True)
-class CancelResult:
-    """The answer to a cancel.
-
-    Attributes:
-        code: As ROS 2 has it.
-        goals: Identities of those that are being canceled by it.
-    """
-
-    code: CancelCode
-    goals: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,24 +137,29 @@ def waits(timeout: float | None) -> Iterator[float]:
 def result(goal_id: str, timeout: float) -> Request[Outcome]:
     """Wait for the outcome of a goal [s]."""
     query = {"timeout": timeout}
-    return Request("GET", f"/api/goals/{goal_id}/result", to_outcome, query=query, patience=timeout)
+    return Request(
+        "GET", f"/api/goals/{goal_id}/result", Outcome.from_json, query=query, patience=timeout
+    )
 
 
 def not_ended(goal_id: str, timeout: float | None) -> Refused:
     """What a server says of a goal that has not ended in so long [s]."""
-    return Refused(dataclasses.asdict(cause_of(ResultTimeout(goal_id, timeout or 0.0))))
+    return Refused(cause_of(ResultTimeout(goal_id, timeout or 0.0)).to_json())
 
 
 def goal(goal_id: str) -> Request[GoalStatus]:
     """What a goal is at."""
-    return Request("GET", f"/api/goals/{goal_id}", to_goal)
+    return Request("GET", f"/api/goals/{goal_id}", GoalStatus.from_json)
 
 
 def goals(after: tuple[GoalStatus, ...]) -> Request[tuple[GoalStatus, ...]]:
     """The page of goals that comes before those that are there already."""
     query = {"before": after[0].stamp_ns} if after else {}
     return Request(
-        "GET", "/api/goals", lambda told: tuple(map(to_goal, told["goals"])), query=query
+        "GET",
+        "/api/goals",
+        lambda told: tuple(map(GoalStatus.from_json, told["goals"])),
+        query=query,
     )
 
 
@@ -217,17 +169,17 @@ def cancel(goal_id: str, stamp_ns: int) -> Request[CancelResult]:
         **({"goal_id": goal_id} if goal_id else {}),
         **({"stamp_ns": stamp_ns} if stamp_ns else {}),
     }
-    return Request("POST", "/api/cancel", _canceled, body)
+    return Request("POST", "/api/cancel", CancelResult.from_json, body)
 
 
 def stop() -> Request[CancelResult]:
     """Stop the arm."""
-    return Request("POST", "/api/stop", _canceled, {})
+    return Request("POST", "/api/stop", CancelResult.from_json, {})
 
 
 def change(goal_id: str, verb: str) -> Request[GoalStatus]:
     """Pause, resume or step a goal."""
-    return Request("POST", f"/api/goals/{goal_id}/{verb}", to_goal, {})
+    return Request("POST", f"/api/goals/{goal_id}/{verb}", GoalStatus.from_json, {})
 
 
 def break_at(node: str, on: bool) -> Request[tuple[str, ...]]:
@@ -257,7 +209,7 @@ def arm(transition: str, pose: str | None) -> Request[str]:
 
 def status() -> Request[Status]:
     """What the server is at."""
-    return Request("GET", "/api/status", _status)
+    return Request("GET", "/api/status", Status.from_json)
 
 
 def tasks() -> Request[tuple[Task, ...]]:
@@ -267,29 +219,6 @@ def tasks() -> Request[tuple[Task, ...]]:
 
 def _question(told: Any) -> OpenQuestion:
     return OpenQuestion(told["question_id"], told["text"], tuple(told["choices"]))
-
-
-def _canceled(told: Any) -> CancelResult:
-    return CancelResult(CancelCode(told["return_code"]), tuple(told["goals"]))
-
-
-def _status(told: Any) -> Status:
-    return Status(
-        arm=told["arm"],
-        fault=told["fault"] and Cause(**told["fault"]),
-        port=told["port"],
-        commanded=told["commanded"],
-        goal=told["goal"] and to_goal(told["goal"]),
-        percentage=told["percentage"],
-        phase=told["phase"],
-        node=told["node"],
-        attempt=told["attempt"],
-        waiting=tuple(told["waiting"]),
-        policy=told["policy"],
-        paused=told["paused"],
-        breakpoints=tuple(told["breakpoints"]),
-        uptime=told["uptime_s"],
-    )
 
 
 def _task(told: Any) -> Task:

@@ -8,17 +8,17 @@ from contextlib import contextmanager, suppress
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from executive.goals.events import to_event
-from executive.goals.goal import GoalStatus, Outcome
+from executive.goals.events import Status, event_from_json
+from executive.goals.outcome import CancelResult, GoalStatus, Outcome
 from executive.server.token_file import KEEPALIVE
 
 from . import requests
 from .errors import GoalFailed, Refused, ServerUnreachable
 from .replies import check, reached
-from .requests import CancelResult, OpenQuestion, Request, Status, Task
+from .requests import OpenQuestion, Request, Task
 
 if TYPE_CHECKING:
-    from executive.executive import Event
+    from executive.goals.events import Event
 
 T = TypeVar("T")
 
@@ -223,7 +223,7 @@ class Client:
         with reached(self.url, SILENCE_TIMEOUT):
             for line in lines:
                 if line.startswith("data: "):
-                    yield to_event(json.loads(line.removeprefix("data: ")))
+                    yield event_from_json(json.loads(line.removeprefix("data: ")))
 
     def _do(self, ask: Request[T]) -> T:
         with reached(self.url):

@@ -1,15 +1,46 @@
-"""What happens, as plain values: one shape for `--json`, the network and its clients."""
+"""What the executive reports: events as they happen, and its status at one moment.
+
+Both have one form in JSON, for `--json`, the server and its clients.
+"""
 
 import dataclasses
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, cast
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, cast
 
 import logs
+from hardware import State
 
-from .goal import Cause, GoalState, GoalStatus, Outcome, QuestionStatus
+from .outcome import Cause, GoalStatus, from_fields
+from .queue import Policy
 
-if TYPE_CHECKING:
-    from executive.executive import Event, Snapshot
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class QuestionStatus:
+    """State of a question to the operator.
+
+    Attributes:
+        time: Time of this state [s].
+        question_id: 8 hexadecimal digits.
+        text: Text of the question.
+        choices: Allowed answers; empty if any text is allowed.
+        open: True while the question waits for its answer.
+    """
+
+    time: float
+    question_id: str
+    text: str
+    choices: tuple[str, ...]
+    open: bool
+
+
+Event = logs.Record | GoalStatus | QuestionStatus
+Subscriber = Callable[[Event], None]
 
 EVENTS: dict[type, str] = {
     logs.Goal: "goal",
@@ -32,15 +63,109 @@ _RECORDS = {name: kind for kind, name in EVENTS.items()}
 _FIELDS = {unit: name for name, unit in UNITS.items()}
 
 
-def kind_of(event: "Event") -> str:
-    """The name of an event; empty for what is recorded but not told."""
+class EventSubscribers:
+    """Passes every event to all subscribers. Any thread may call."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._subscribers: tuple[Subscriber, ...] = ()
+
+    def add(self, subscriber: Subscriber) -> Callable[[], None]:
+        """Add a subscriber.
+
+        Returns:
+            Function that removes the subscriber.
+        """
+        with self._lock:
+            self._subscribers = (*self._subscribers, subscriber)
+        return partial(self._remove, subscriber)
+
+    def publish(self, event: Event) -> None:
+        """Pass an event to all subscribers; one that raises an exception is removed."""
+        for subscriber in self._subscribers:
+            try:
+                subscriber(event)
+            except Exception:  # code of others; it must not stop the arm's own threads
+                self._remove(subscriber)  # first: the log is an event, too
+                logger.exception("a subscriber of events failed, and was removed")
+
+    def _remove(self, subscriber: Subscriber) -> None:
+        with self._lock:
+            left = (each for each in self._subscribers if each is not subscriber)
+            self._subscribers = tuple(left)
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """Status of the executive at one moment.
+
+    Attributes:
+        arm: State of the hardware; it equals its name, such as `active`.
+        fault: Fault that took the arm out of *active*; None after the next activation.
+        port: Serial port of the board; empty if there is none.
+        commanded: Last commanded position by joint [rad]; None if the arm is not active.
+        goal: Goal under way; None if there is none.
+        percentage: Progress of that goal [%]; None while it is unknown.
+        phase: What the goal does, such as `planning`.
+        node: Name of the running node.
+        attempt: Number of the attempt, from 1.
+        waiting: Identities of the goals in the queue.
+        policy: What happens to a second goal.
+        paused: True if the goal under way is paused.
+        breakpoints: Paths of the nodes with a breakpoint.
+        uptime: Time since the start [s].
+    """
+
+    arm: State
+    fault: Cause | None
+    port: str
+    commanded: Mapping[str, float] | None
+    goal: GoalStatus | None
+    percentage: int | None
+    phase: str
+    node: str
+    attempt: int
+    waiting: tuple[str, ...]
+    policy: Policy
+    paused: bool
+    breakpoints: tuple[str, ...]
+    uptime: float
+
+    def to_json(self) -> dict[str, Any]:
+        """The status as a JSON object."""
+        plain = dataclasses.asdict(self) | {"goal": self.goal and self.goal.to_json()}
+        plain["uptime_s"] = round(plain.pop("uptime"), 3)
+        return plain
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "Status":
+        """The status from what `to_json` returned.
+
+        Raises:
+            KeyError: A key is missing.
+        """
+        values = {
+            **plain,
+            "arm": State(plain["arm"]),
+            "fault": plain["fault"] and Cause.from_json(plain["fault"]),
+            "goal": plain["goal"] and GoalStatus.from_json(plain["goal"]),
+            "waiting": tuple(plain["waiting"]),
+            "policy": Policy(plain["policy"]),
+            "breakpoints": tuple(plain["breakpoints"]),
+            "uptime": plain["uptime_s"],
+        }
+        return from_fields(cls, values)
+
+
+def kind_of(event: Event) -> str:
+    """The name of an event; empty if the event is recorded but not published."""
     return STATUS if isinstance(event, GoalStatus) else EVENTS.get(type(event), "")
 
 
-def as_event(event: "Event") -> dict[str, Any]:
-    """An event that has a name."""
+def event_to_json(event: Event) -> dict[str, Any]:
+    """An event that has a name, as a JSON object."""
     if isinstance(event, GoalStatus):
-        return {"event": STATUS, **as_goal(event)}
+        return {"event": STATUS, **event.to_json()}
     fields = {UNITS.get(key, key): value for key, value in dataclasses.asdict(event).items()}
     for key, value in fields.items():
         if isinstance(value, bytes):
@@ -48,94 +173,18 @@ def as_event(event: "Event") -> dict[str, Any]:
     return {"event": EVENTS[type(event)], **fields}
 
 
-def as_result(outcome: Outcome) -> dict[str, Any]:
-    """How a goal ended."""
-    return {
-        "task": outcome.task,
-        "state": outcome.state.name,
-        "success": outcome.success,
-        "code": outcome.code,
-        "message": outcome.message,
-        "frames": outcome.frames,
-        "duration_s": round(outcome.duration, 6),
-        "recording": outcome.recording,
-        "cause": dataclasses.asdict(outcome.cause) if outcome.cause else None,
-    }
-
-
-def as_goal(goal: GoalStatus) -> dict[str, Any]:
-    """What a goal is at."""
-    result = goal.outcome and {"goal_id": goal.identity, **as_result(goal.outcome)}
-    return {
-        "goal_id": goal.identity,
-        "task": goal.task,
-        "state": goal.state.name,
-        "stamp_ns": goal.stamp_ns,
-        "result": result,
-    }
-
-
-def as_status(snapshot: "Snapshot") -> dict[str, Any]:
-    """How things are at one moment."""
-    progress = snapshot.progress
-    return {
-        "arm": snapshot.arm.value,
-        "fault": snapshot.fault and dataclasses.asdict(snapshot.fault),
-        "port": snapshot.port,
-        "commanded": snapshot.commanded and dict(snapshot.commanded),
-        "goal": snapshot.goal and as_goal(snapshot.goal),
-        "percentage": progress.percentage if progress else None,
-        "phase": progress.phase if progress else "",
-        "node": progress.node if progress else "",
-        "attempt": progress.attempt if progress else 1,
-        "waiting": list(snapshot.waiting),
-        "policy": snapshot.policy.value,
-        "paused": snapshot.paused,
-        "breakpoints": list(snapshot.breakpoints),
-        "uptime_s": round(snapshot.uptime, 3),
-    }
-
-
-def to_event(plain: Mapping[str, Any]) -> "Event":
-    """An event from what `as_event` made of it.
+def event_from_json(plain: Mapping[str, Any]) -> Event:
+    """An event from what `event_to_json` returned.
 
     Raises:
-        KeyError: It is none, or one of another version.
+        KeyError: It is no event, or an event of another version.
     """
     if plain["event"] == STATUS:
-        return to_goal(plain)
-    kind = _RECORDS[plain["event"]]
+        return GoalStatus.from_json(plain)
     values = {_FIELDS.get(key, key): _frozen(value) for key, value in plain.items()}
-    names = [field.name for field in dataclasses.fields(kind)]
-    if "data" in names:
+    if "data" in values:
         values["data"] = values["data"].encode()
-    return cast("Event", kind(**{name: values[name] for name in names}))
-
-
-def to_goal(plain: Mapping[str, Any]) -> GoalStatus:
-    """The same of a goal."""
-    result = plain["result"]
-    return GoalStatus(
-        plain["goal_id"],
-        plain["task"],
-        GoalState[plain["state"]],
-        plain["stamp_ns"],
-        result and to_outcome(result),
-    )
-
-
-def to_outcome(plain: Mapping[str, Any]) -> Outcome:
-    """The same of a result."""
-    return Outcome(
-        task=plain["task"],
-        state=GoalState[plain["state"]],
-        code=plain["code"],
-        message=plain["message"],
-        frames=plain["frames"],
-        duration=plain["duration_s"],
-        recording=plain["recording"],
-        cause=plain["cause"] and Cause(**plain["cause"]),
-    )
+    return cast("Event", from_fields(_RECORDS[plain["event"]], values))
 
 
 def _frozen(value: Any) -> Any:

@@ -8,7 +8,6 @@ from functools import partial
 from threading import Lock, Thread
 
 import logs
-from executive.codes import OK
 from executive.errors import ExecutorBlocked, GoalError
 from executive.recording.recordings import Recordings
 from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError, NotActive, State
@@ -21,13 +20,11 @@ from trees.errors import BadArguments
 
 from .blocked_node import blocked_node
 from .breakpoints import Breakpoints
-from .causes import cause_of
-from .goal import Cause, Goal, GoalState, Outcome
+from .goal import Goal
 from .mailbox import Mailbox
-from .outcome import judge
-from .queue import NOBODY, Goals
-from .results import record_of
-from .run import CANCEL_DEADLINE, Run
+from .outcome import Cause, GoalState, Outcome, cause_of
+from .queue import NOBODY, GoalQueue
+from .run import CANCEL_DEADLINE, Run, decide_outcome
 
 logger = logging.getLogger(__name__)
 
@@ -68,12 +65,12 @@ class GoalExecutor:
         context: What skills work with, but for the mailbox of their run.
         clock: Whose time.
         marked: Paths of the nodes that every run holds before; may change meanwhile.
-        solo: Whether goals activate the arm by themselves.
+        single_user: Whether goals activate the arm by themselves.
     """
 
     def __init__(
         self,
-        goals: Goals,
+        goals: GoalQueue,
         arm: Arm,
         library: Library,
         pool: Pool,
@@ -81,11 +78,11 @@ class GoalExecutor:
         context: Context,
         clock: Clock,
         marked: set[str],
-        solo: bool,
+        single_user: bool,
     ) -> None:
         self._goals, self._arm, self._library, self._pool = goals, arm, library, pool
         self._recordings, self._context, self._clock = recordings, context, clock
-        self._marked, self._solo = marked, solo
+        self._marked, self._single_user = marked, single_user
         self._signal = clock.signal()
         self._blackboard = Lock()  # py_trees has one for all, and no lock
         self._ended = self._held = False
@@ -95,7 +92,7 @@ class GoalExecutor:
 
     def start(self) -> None:
         """Begin to execute."""
-        if not self._solo:
+        if not self._single_user:
             self._pool.start()
         self._thread = self._clock.spawn(self._own, "owner")
 
@@ -182,7 +179,7 @@ class GoalExecutor:
             self._context,
             wake=mailbox.wake,
             wake_at=mailbox.wake_at,
-            paused_time=lambda: mailbox.lost,
+            paused_time=lambda: mailbox.paused_time,
             at_breakpoint=breakpoints.holds,
         )
         namespace = f"run_{goal.identity}"
@@ -216,7 +213,7 @@ class GoalExecutor:
         """See that the arm is active."""
         if goal.mailbox.canceled:
             raise ActivationStopped("canceled before the arm moved")
-        if self._solo:
+        if self._single_user:
             self._activate()
         self._arm.check_active()  # first: a fault that is still being told hit the goal before
         if goal.mailbox.fault:
@@ -236,14 +233,16 @@ class GoalExecutor:
     def _end(self, attempt: _Attempt) -> None:
         """Judge a goal, record its outcome, and tell whoever waits for it."""
         goal, recordings, now = attempt.goal, self._recordings, self._clock.now()
-        outcome = self._outcome(goal, *judge(attempt.tree, attempt.error, goal.mailbox.canceled))
+        outcome = self._outcome(
+            goal, *decide_outcome(attempt.tree, attempt.error, goal.mailbox.canceled)
+        )
         self._goals.settle(goal)
         if goal.outcome is None:
             _log_end(goal, outcome)
-            recordings.record(record_of(goal.identity, outcome, now))
+            recordings.record(outcome.to_record(goal.identity, now))
         self._goals.finish(goal, outcome)
         self._held = False
-        if not self._solo:
+        if not self._single_user:
             recordings.goal_ended()
 
     def _watch(self, goal: Goal) -> None:
@@ -271,7 +270,7 @@ class GoalExecutor:
         if self._goals.give_up(goal, outcome):
             _log_end(goal, outcome)
             if fault:  # else it has no recording of its own yet
-                self._recordings.record(record_of(goal.identity, outcome, self._clock.now()))
+                self._recordings.record(outcome.to_record(goal.identity, self._clock.now()))
             with self._signal:
                 self._held = True
                 self._signal.notify()
@@ -282,16 +281,9 @@ class GoalExecutor:
         return blocked_node(thread, tree.root) if thread and tree else ""
 
     def _outcome(self, goal: Goal, state: GoalState, cause: Cause | None) -> Outcome:
-        return Outcome(
-            task=goal.task,
-            state=state,
-            code=cause.code if cause else OK,
-            message=cause.message if cause else "Done",
-            frames=self._recordings.frames,
-            duration=self._clock.now() - goal.accepted,
-            recording=self._recordings.path,
-            cause=cause,
-        )
+        spent = self._clock.now() - goal.accepted
+        frames, recording = self._recordings.frames, self._recordings.path
+        return Outcome.of(goal.task, state, cause, frames, spent, recording)
 
     def _discard(self, attempt: _Attempt) -> None:
         if attempt.tree:

@@ -8,9 +8,7 @@ import logs
 from executive.errors import ServerRestarted
 from executive.recording.recordings import is_server_recording
 
-from .causes import cause_of
-from .goal import GoalState, Outcome
-from .results import outcome_of
+from .outcome import GoalState, Outcome, cause_of
 
 
 class _Goal:
@@ -27,23 +25,16 @@ class _Goal:
         """How it ended; where nothing says so, its server ended before it did."""
         path = str(self.own.path) if self.own else ""
         if self.result:
-            return outcome_of(self.result, path)
+            return Outcome.from_record(self.result, path)
         sent = self.own.records(logs.Sent) if self.own else ()
         frames = [r for r in sent if isinstance(r, logs.Sent) and r.joints]
+        duration = max(0.0, frames[-1].time - self.record.time) if frames else 0.0
         cause = cause_of(ServerRestarted())
-        return Outcome(
-            task=self.record.task,
-            state=GoalState.ABORTED,
-            code=cause.code,
-            message=cause.message,
-            frames=len(frames),
-            duration=max(0.0, frames[-1].time - self.record.time) if frames else 0.0,
-            recording=path,
-            cause=cause,
-        )
+        task = self.record.task
+        return Outcome.of(task, GoalState.ABORTED, cause, len(frames), duration, path)
 
 
-def earlier(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
+def load_goal_history(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
     """The goals of servers before this one, and those that were cut off.
 
     Args:

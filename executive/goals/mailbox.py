@@ -22,7 +22,7 @@ class Mailbox:
         self._woken = self._canceled = self._paused = self._stepping = False
         self._fault: Exception | None = None
         self._deadline = math.inf
-        self._lost = 0.0  # in pauses [s]
+        self._paused_time = 0.0  # in pauses [s]
         self.ticking = False
 
     def wake_at(self, time: float) -> None:
@@ -93,15 +93,15 @@ class Mailbox:
         return self._canceled or self._fault is not None
 
     @property
-    def lost(self) -> float:
+    def paused_time(self) -> float:
         """For how long it stood still so far [s]."""
-        return self._lost
+        return self._paused_time
 
     def wait(self) -> None:
         """Wait until somebody posts, or the earliest time that was asked for has come."""
         with self._signal:
             while not (self._woken or self._paused or self.stopping or self._due):
-                until = None if self._deadline == math.inf else self._deadline + self._lost
+                until = None if self._deadline == math.inf else self._deadline + self._paused_time
                 self._signal.wait(until)
             self._woken = False
             if self._due:
@@ -113,11 +113,11 @@ class Mailbox:
         with self._signal:
             while self._paused and not self.stopping:
                 self._signal.wait(None)
-            self._lost += self._clock.now() - since
+            self._paused_time += self._clock.now() - since
 
     @property
     def _due(self) -> bool:
-        return self._clock.now() - self._lost >= self._deadline
+        return self._clock.now() - self._paused_time >= self._deadline
 
     def wait_until(self, settled: Callable[[], bool], seconds: float) -> bool:
         """Wait until something is so; False when it took longer than that [s]."""

@@ -1,59 +1,330 @@
-"""What became of a goal, and why."""
+"""What is reported of a goal: its state, the cause of a failure, its outcome, and the answers.
 
-from collections.abc import Iterator
+Each of these values has one way to JSON and back, here. An outcome also has one to a record and
+back. The numbers of `GoalState` and `CancelCode` are those of ROS 2.
+"""
 
-from py_trees.behaviour import Behaviour
-from py_trees.common import Status
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from enum import Enum
+from typing import Any, TypeVar
 
-from hardware import ActivationStopped
-from skills import TaskFailed
-from trees.compile.builder import Tree
-from trees.compile.paths import paths
+import logs
+from executive.codes import CANCELED, INTERNAL, OK, look_up
 
-from .causes import CANCELED_CAUSE, cause_of
-from .goal import Cause, GoalState
+T = TypeVar("T")
+
+# Attributes of errors that hold the wrong value, and those that hold its limit.
+_VALUES = ("value", "distance")
+_LIMITS = ("limit", "margin", "timeout")
 
 
-def judge(
-    tree: Tree | None, error: Exception | None, canceled: bool
-) -> tuple[GoalState, Cause | None]:
-    """Judge a goal.
+class GoalState(Enum):
+    """States of a ROS 2 goal; the values are ROS 2's numbers."""
+
+    ACCEPTED = 1
+    EXECUTING = 2
+    CANCELING = 3
+    SUCCEEDED = 4
+    CANCELED = 5
+    ABORTED = 6
+
+
+class CancelCode(Enum):
+    """Return codes of a cancel; the values are ROS 2's numbers."""
+
+    NONE = 0
+    REJECTED = 1
+    UNKNOWN_GOAL_ID = 2
+    GOAL_TERMINATED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """Why a goal, or a request, failed.
+
+    Attributes:
+        code: Stable name.
+        message: Description for people.
+        node: Path of the failed node in the tree; empty if the cause is outside the tree.
+        joint: Name of the joint; empty if the cause concerns none.
+        value: Wrong value: a position [rad], a distance [m] or a time [s].
+        limit: Limit of the value, in the same unit.
+        hint: What to do next.
+    """
+
+    code: str
+    message: str
+    node: str = ""
+    joint: str = ""
+    value: float | None = None
+    limit: float | None = None
+    hint: str = ""
+
+    def __str__(self) -> str:
+        """The message, with the code and the node."""
+        return f"{self.message} [{self.code}{f' at {self.node}' if self.node else ''}]"
+
+    def to_json(self) -> dict[str, Any]:
+        """The cause as a JSON object."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "Cause":
+        """The cause from what `to_json` returned.
+
+        Raises:
+            KeyError: A key is missing.
+        """
+        return from_fields(cls, plain)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a goal ended.
+
+    Attributes:
+        task: Task number.
+        state: SUCCEEDED, ABORTED or CANCELED.
+        code: Stable name of the cause, `ok` for success.
+        message: Description for people.
+        frames: Number of frames sent.
+        duration: Time from acceptance to the end [s].
+        recording: Path of the recording; empty if there is none.
+        cause: Why the goal failed; None if it succeeded.
+    """
+
+    task: int
+    state: GoalState
+    code: str
+    message: str
+    frames: int
+    duration: float
+    recording: str
+    cause: Cause | None = None
+
+    @classmethod
+    def of(
+        cls,
+        task: int,
+        state: GoalState,
+        cause: Cause | None,
+        frames: int = 0,
+        duration: float = 0.0,
+        recording: str = "",
+    ) -> "Outcome":
+        """The outcome with the code and message of its cause."""
+        code, message = (cause.code, cause.message) if cause else (OK, "Done")
+        return cls(task, state, code, message, frames, duration, recording, cause)
+
+    @property
+    def success(self) -> bool:
+        """True if the task was done."""
+        return self.state is GoalState.SUCCEEDED
+
+    def to_json(self) -> dict[str, Any]:
+        """The outcome as a JSON object."""
+        first = {"task": self.task, "state": self.state.name, "success": self.success}
+        plain: dict[str, Any] = {**first, **asdict(self), **first}
+        return plain | {"duration_s": round(plain.pop("duration"), 6)}
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "Outcome":
+        """The outcome from what `to_json` returned.
+
+        Raises:
+            KeyError: A key is missing.
+        """
+        values = {
+            **plain,
+            "state": GoalState[plain["state"]],
+            "duration": plain["duration_s"],
+            "cause": plain["cause"] and Cause.from_json(plain["cause"]),
+        }
+        return from_fields(cls, values)
+
+    def to_record(self, identity: str, time: float) -> logs.Result:
+        """The record of the end of a goal.
+
+        Args:
+            identity: Identity of the goal.
+            time: When the goal ended [s].
+        """
+        values = asdict(self.cause or Cause(OK, "")) | asdict(self)
+        values |= {"time": time, "goal_id": identity}
+        values |= {"state": self.state.name, "success": self.success}
+        return from_fields(logs.Result, values)
+
+    @classmethod
+    def from_record(cls, record: logs.Result, recording: str) -> "Outcome":
+        """The outcome that was recorded.
+
+        Args:
+            record: Record of the end of the goal.
+            recording: Path of the goal's own recording; empty if there is none.
+        """
+        values = asdict(record) | {"state": GoalState[record.state], "recording": recording}
+        cause = None if record.success else from_fields(Cause, values)
+        return from_fields(cls, values | {"cause": cause})
+
+
+@dataclass(frozen=True, slots=True)
+class GoalStatus:
+    """State of a goal at one moment.
+
+    Attributes:
+        identity: 32 hexadecimal digits.
+        task: Task number.
+        state: State of the goal.
+        stamp_ns: Time of acceptance, UTC [ns since 1970].
+        outcome: How the goal ended; None until then.
+    """
+
+    identity: str
+    task: int
+    state: GoalState
+    stamp_ns: int
+    outcome: Outcome | None
+
+    def to_json(self) -> dict[str, Any]:
+        """The status as a JSON object."""
+        return {
+            "goal_id": self.identity,
+            "task": self.task,
+            "state": self.state.name,
+            "stamp_ns": self.stamp_ns,
+            "result": self.outcome and {"goal_id": self.identity, **self.outcome.to_json()},
+        }
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "GoalStatus":
+        """The status from what `to_json` returned.
+
+        Raises:
+            KeyError: A key is missing.
+        """
+        return cls(
+            plain["goal_id"],
+            plain["task"],
+            GoalState[plain["state"]],
+            plain["stamp_ns"],
+            plain["result"] and Outcome.from_json(plain["result"]),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Acceptance:
+    """The answer to a goal that was sent.
+
+    Attributes:
+        identity: Identity of the goal, 32 hexadecimal digits.
+        stamp_ns: Time of acceptance, UTC [ns since 1970]; 0 if the goal was refused.
+        cause: Why the goal was refused; None if it was accepted.
+    """
+
+    identity: str
+    stamp_ns: int
+    cause: Cause | None = None
+
+    @property
+    def accepted(self) -> bool:
+        """True if the goal will be executed."""
+        return self.cause is None
+
+    @property
+    def code(self) -> str:
+        """Stable name of the cause, `ok` if the goal was accepted."""
+        return self.cause.code if self.cause else OK
+
+    @property
+    def message(self) -> str:
+        """Description for people."""
+        return self.cause.message if self.cause else "accepted"
+
+
+@dataclass(frozen=True, slots=True)
+class CancelResult:
+    """The answer to a cancel.
+
+    Attributes:
+        code: Return code, as in ROS 2.
+        goals: Identities of the goals that it cancels.
+    """
+
+    code: CancelCode
+    goals: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The answer as a JSON object."""
+        return {"return_code": self.code.value, "goals": list(self.goals)}
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "CancelResult":
+        """The answer from what `to_json` returned.
+
+        Raises:
+            KeyError: A key is missing.
+        """
+        return cls(CancelCode(plain["return_code"]), tuple(plain["goals"]))
+
+
+def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
+    """The cause that describes an error.
 
     Args:
-        tree: What was run; None where it could not even be built.
-        error: What failed outside the tree, if anything did.
-        canceled: Whether a cancel was asked for.
-
-    Returns:
-        Its last state, and the cause where it was not done.
+        error: What failed; its joint, value and limit are kept.
+        node: Path of the node that failed; default: the node that the error names.
+        message: Description for people; default: the message of the error.
     """
-    if error is not None and not (canceled and isinstance(error, ActivationStopped)):
-        return GoalState.ABORTED, cause_of(error)
-    if tree is not None and tree.root.status is Status.SUCCESS:
-        return GoalState.SUCCEEDED, None
-    if tree is not None and tree.root.status is Status.FAILURE:
-        return GoalState.ABORTED, _of_tree(tree.root)
-    return GoalState.CANCELED, CANCELED_CAUSE
+    code = getattr(error, "code", INTERNAL)
+    known = look_up(code)
+    words = message or str(error)
+    return Cause(
+        code=code,
+        message=f"{known.heading}: {words}" if known.heading else words,
+        node=node or str(getattr(error, "node", None) or ""),
+        joint=str(getattr(error, "joint", "")),
+        value=_number(error, _VALUES),
+        limit=_limit(error),
+        hint=str(getattr(error, "hint", "")) if code != INTERNAL else known.hint,
+    )
 
 
-def _of_tree(root: Behaviour) -> Cause:
-    """The first failed node that knows why, with what every one of them says."""
-    failed = list(_failed(root))
-    if not failed:
-        return cause_of(TaskFailed(f"{root.name} failed, as its tree has it"))
-    node, error = failed[0]
-    planning = getattr(error, "code", "").startswith("plan.")
-    said = (f"{node.name}: {error}" if planning else str(error) for node, error in failed)
-    return cause_of(error, dict(paths(root))[node], "; ".join(said))
+def cause_for(code: str, message: str = "") -> Cause:
+    """The cause with a code that no exception carries.
+
+    Args:
+        code: One of `executive.codes`.
+        message: Description for people; default: the heading of the code.
+    """
+    known = look_up(code)
+    return Cause(code, message or known.heading, hint=known.hint)
 
 
-def _failed(node: Behaviour) -> Iterator[tuple[Behaviour, Exception]]:
-    """The nodes that a failure came from; what others have made good is none."""
-    if node.status is not Status.FAILURE:
-        return
-    failure: Exception | None = getattr(node, "failure", None)
-    if failure:
-        yield node, failure
-        return
-    for child in node.children:
-        yield from _failed(child)
+CANCELED_CAUSE = cause_for(CANCELED)
+
+
+def from_fields(kind: type[T], values: Mapping[str, Any]) -> T:
+    """A dataclass from the values of its fields; other values are ignored.
+
+    Raises:
+        KeyError: The value of a field is missing.
+    """
+    return kind(**{field.name: values[field.name] for field in fields(kind)})  # type: ignore[arg-type]
+
+
+def _number(error: Exception, names: tuple[str, ...]) -> float | None:
+    """The first of these attributes that the error has, if it is a finite number."""
+    value = next((getattr(error, name) for name in names if hasattr(error, name)), None)
+    fits = isinstance(value, (int, float)) and abs(value) <= sys.float_info.max
+    return float(value) if fits and value is not None else None
+
+
+def _limit(error: Exception) -> float | None:
+    """The limit that the value exceeds; of two limits the nearer one."""
+    value = _number(error, _VALUES)
+    lower, upper = _number(error, ("lower",)), _number(error, ("upper",))
+    if value is None or lower is None or upper is None:
+        return _number(error, _LIMITS)
+    return lower if value < lower else upper

@@ -8,7 +8,7 @@ from executive.errors import BadAnswer, UnknownQuestion
 from hardware import Clock
 from skills import Question
 
-from .goal import QuestionStatus
+from .events import QuestionStatus
 
 
 def nobody(_: QuestionStatus) -> None:

@@ -9,18 +9,28 @@ import re
 import uuid
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from enum import Enum
+from enum import StrEnum
 from itertools import islice
 
-from executive.codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, OK, QUEUE_FULL, look_up
+from executive.codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, QUEUE_FULL
 from executive.errors import ExecutorBlocked, GoalPreempted, ResultTimeout, UnknownGoal
 from hardware import Clock
 from trees import Located
 
-from .causes import CANCELED_CAUSE, cause_of
-from .goal import Cause, Goal, GoalState, GoalStatus, Outcome
+from .goal import Goal
 from .mailbox import Mailbox
+from .outcome import (
+    CANCELED_CAUSE,
+    Acceptance,
+    CancelCode,
+    CancelResult,
+    Cause,
+    GoalState,
+    GoalStatus,
+    Outcome,
+    cause_for,
+    cause_of,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -30,7 +40,7 @@ KEPT = 1000  # so many ended goals are known, the newest, so that a server does 
 NOBODY = "0" * 32  # names no goal where one is to be canceled
 
 
-class Policy(Enum):
+class Policy(StrEnum):
     """What becomes of a goal that comes while another one is under way."""
 
     REJECT = "reject"
@@ -38,50 +48,7 @@ class Policy(Enum):
     PREEMPT = "preempt"
 
 
-class CancelCode(Enum):
-    """Answers to a cancel; the values are ROS 2's numbers."""
-
-    NONE = 0
-    REJECTED = 1
-    UNKNOWN_GOAL_ID = 2
-    GOAL_TERMINATED = 3
-
-
-@dataclass(frozen=True, slots=True)
-class Acceptance:
-    """The answer to a goal that was sent.
-
-    Attributes:
-        identity: Of the goal, 32 hexadecimal digits.
-        accepted: Whether it will be executed.
-        stamp_ns: When it was accepted, UTC [ns since 1970]; 0 where it was refused.
-        code: Stable name of the cause of a refusal; `ok` where there is none.
-        message: In words.
-        cause: Of a refusal.
-    """
-
-    identity: str
-    accepted: bool
-    stamp_ns: int
-    code: str
-    message: str
-    cause: Cause | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class CancelAnswer:
-    """The answer to a cancel.
-
-    Attributes:
-        code: As ROS 2 has it.
-        goals: Identities of those that are being canceled by it.
-    """
-
-    code: CancelCode
-    goals: tuple[str, ...]
-
-
-class Goals:
+class GoalQueue:
     """All goals that are known. Any thread may call.
 
     Args:
@@ -127,8 +94,8 @@ class Goals:
         with self._signal:
             self._forget()
             identity = identity or uuid.uuid4().hex
-            if refused := self._refusal(identity, wrong):
-                return refused, None
+            if refusal := self._refusal(identity, wrong):
+                return Acceptance(identity, 0, refusal), None
             preempted = self._preempt(identity) if self.policy is Policy.PREEMPT else None
             now, mailbox = self._clock.now(), Mailbox(self._clock)
             goal = Goal(identity, task, arguments, now, self._stamp(now), mailbox)
@@ -136,7 +103,7 @@ class Goals:
             self._waiting.append(goal)
             self._changed(goal.status)
             self._signal.notify()
-            return Acceptance(identity, True, goal.stamp_ns, OK, "accepted"), preempted
+            return Acceptance(identity, goal.stamp_ns), preempted
 
     def add_ended(self, identity: str, stamp_ns: int, outcome: Outcome) -> None:
         """Know a goal of an earlier server."""
@@ -148,7 +115,7 @@ class Goals:
             self._enter(goal, GoalState.CANCELING if canceled else GoalState.EXECUTING)
             self._end(goal, outcome)
 
-    def cancel(self, identity: str, stamp_ns: int) -> tuple[CancelAnswer, list[Goal], Goal | None]:
+    def cancel(self, identity: str, stamp_ns: int) -> tuple[CancelResult, list[Goal], Goal | None]:
         """Ask to cancel goals.
 
         Args:
@@ -164,7 +131,7 @@ class Goals:
             self._forget()
             identity = "" if identity == NOBODY else identity
             if identity and not stamp_ns and (code := self._uncancelable(identity)):
-                return CancelAnswer(code, ()), [], None
+                return CancelResult(code, ()), [], None
             chosen = [
                 goal
                 for goal in self._goals.values()
@@ -175,7 +142,7 @@ class Goals:
             canceled = [goal for goal in chosen if goal.cancelable]
             for goal in canceled:
                 self._cancel(goal)
-            answer = CancelAnswer(CancelCode.NONE, tuple(goal.identity for goal in canceled))
+            answer = CancelResult(CancelCode.NONE, tuple(goal.identity for goal in canceled))
             return answer, canceled, self._running if self._running in canceled else None
 
     def stopped(self, goal: Goal) -> None:
@@ -299,26 +266,26 @@ class Goals:
         while goal.stops:
             self._signal.wait(None)
 
-    def _refusal(self, identity: str, wrong: Exception | None) -> Acceptance | None:
+    def _refusal(self, identity: str, wrong: Exception | None) -> Cause | None:
         if self._closed:
-            return _refused(identity, Cause(CLOSING, "the server is ending; start it again"))
+            return cause_for(CLOSING, "the server is ending; start it again")
         if not _IDENTITY.fullmatch(identity):
             words = f"{identity!r} names no goal: 32 lower-case hexadecimal digits do"
-            return _refused(identity, Cause(BAD_IDENTITY, words))
+            return cause_for(BAD_IDENTITY, words)
         if identity in self._goals:
             words = f"there is a goal {identity} already; every goal needs a name of its own"
-            return _refused(identity, Cause(DUPLICATE, words))
+            return cause_for(DUPLICATE, words)
         busy = self._running or next(iter(self._waiting), None)
         if busy and busy.outcome:
-            return _refused(identity, cause_of(_held(busy)))
+            return cause_of(_held(busy))
         if wrong:  # before what waiting would help against
-            return _refused(identity, cause_of(wrong))
+            return cause_of(wrong)
         if busy and self.policy is Policy.REJECT:
             words = f"goal {busy.identity} for task {busy.task} is under way; wait, or cancel it"
-            return _refused(identity, Cause(BUSY, words))
+            return cause_for(BUSY, words)
         if self.policy is Policy.QUEUE and len(self._waiting) >= WAITING:
             words = f"{WAITING} goals wait for their turn already; wait, or cancel some"
-            return _refused(identity, Cause(QUEUE_FULL, words))
+            return cause_for(QUEUE_FULL, words)
         return None
 
     def _preempt(self, identity: str) -> Goal | None:
@@ -354,7 +321,7 @@ class Goals:
 
     def _end_waiting(self, goal: Goal, state: GoalState, cause: Cause) -> None:
         spent = self._clock.now() - goal.accepted
-        outcome = Outcome(goal.task, state, cause.code, cause.message, 0, spent, "", cause)
+        outcome = Outcome.of(goal.task, state, cause, duration=spent)
         _call(self._end(goal, outcome), outcome)
 
     def _end(self, goal: Goal, outcome: Outcome) -> list[Callable[[Outcome], None]]:
@@ -385,11 +352,6 @@ class Goals:
 def _held(goal: Goal) -> ExecutorBlocked:
     cause = goal.outcome and goal.outcome.cause
     return ExecutorBlocked(goal.identity, goal.task, cause.node if cause else "")
-
-
-def _refused(identity: str, cause: Cause) -> Acceptance:
-    told = replace(cause, hint=look_up(cause.code).hint)
-    return Acceptance(identity, False, 0, cause.code, cause.message, told)
 
 
 def _call(waiters: list[Callable[[Outcome], None]], outcome: Outcome) -> None:

@@ -32,7 +32,7 @@ def robot_note(robot: Robot) -> dict[str, str]:
 
 
 def configuration_note(
-    port: str, seed: int, timeout: float, policy: str, solo: bool
+    port: str, seed: int, timeout: float, policy: str, single_user: bool
 ) -> dict[str, str]:
     """Returns the executive's settings that affect a run.
 
@@ -41,14 +41,14 @@ def configuration_note(
         seed: Seed of the planners.
         timeout: Longest time for planning [s].
         policy: What happens to a second goal.
-        solo: True if only one caller sends goals.
+        single_user: True if only one caller sends goals.
     """
     return {
         "port": port,
         "seed": str(seed),
         "planning_timeout_s": str(timeout),
         "policy": policy,
-        "solo": str(solo),
+        "solo": str(single_user),
     }
 
 

@@ -9,8 +9,8 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import logs
-from executive.goals.goal import Goal, GoalState, GoalStatus
-from executive.goals.results import record_of
+from executive.goals.goal import Goal
+from executive.goals.outcome import GoalState, GoalStatus
 from hardware import ArmEvent, Clock, Robot, State
 from logs.writing.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
@@ -117,7 +117,7 @@ class Recordings:
             self._between.put(logs.Goal(accepted, status.identity, status.task, "", 0))
         elif status.outcome:
             now = self._clock.now()
-            self._between.put(record_of(status.identity, status.outcome, now))
+            self._between.put(status.outcome.to_record(status.identity, now))
 
     def wait(self) -> None:
         """Wait until what was told of goals so far, and between them, is on its way to the disk."""

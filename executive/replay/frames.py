@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise, takewhile, zip_longest
 
 from executive.codes import CANCELED, OK
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from hardware import HardwareError, Robot, compile_schedule
 from hardware import Schedule as Compiled
 from logs import Goal, NodeStatus, Record, Result, Schedule, Sent

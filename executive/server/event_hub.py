@@ -7,9 +7,8 @@ from collections import deque
 from collections.abc import Callable
 
 import logs
-from executive.executive import Event
-from executive.goals.events import as_event, kind_of
-from executive.goals.goal import GoalStatus, QuestionStatus
+from executive.goals.events import Event, QuestionStatus, event_to_json, kind_of
+from executive.goals.outcome import GoalStatus
 
 HEARTBEAT = 15.0  # a subscriber receives a comment after this time without an event [s]
 MAX_BACKLOG = 4 * 1024 * 1024  # unread bytes after which a subscriber is dropped
@@ -155,6 +154,6 @@ class EventHub:
 
 
 def _as_text(event: Event) -> bytes:
-    fields = as_event(event)
+    fields = event_to_json(event)
     text = json.dumps(fields, allow_nan=False, separators=(",", ":"))
     return f"event: {fields['event']}\ndata: {text}\n\n".encode()

@@ -7,8 +7,8 @@ from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 import logs
-from executive.executive import Event, Snapshot
-from executive.goals.goal import GoalStatus
+from executive.goals.events import Event, Status
+from executive.goals.outcome import GoalStatus
 from hardware import State
 
 _LATENESS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)  # upper bounds of the buckets [s]
@@ -17,7 +17,7 @@ _LATENESS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)  # upper bounds of
 class _Gauges(Collector):
     """Gauges that are read when Prometheus asks for them."""
 
-    def __init__(self, snapshot: Callable[[], Snapshot], subscribers: Callable[[], int]) -> None:
+    def __init__(self, snapshot: Callable[[], Status], subscribers: Callable[[], int]) -> None:
         self._snapshot, self._subscribers = snapshot, subscribers
 
     def collect(self) -> Iterator[Metric]:
@@ -52,7 +52,7 @@ class Metrics:
         subscribers: Returns the number of clients that watch the event stream.
     """
 
-    def __init__(self, snapshot: Callable[[], Snapshot], subscribers: Callable[[], int]) -> None:
+    def __init__(self, snapshot: Callable[[], Status], subscribers: Callable[[], int]) -> None:
         self._registry = CollectorRegistry()
         self._registry.register(_Gauges(snapshot, subscribers))
         self._goals = Counter(

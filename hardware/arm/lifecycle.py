@@ -7,7 +7,7 @@ design article on managed nodes: an error raised while active.
 import logging
 import threading
 from collections.abc import Callable
-from enum import Enum
+from enum import Enum, StrEnum
 
 from transitions import Machine
 
@@ -16,7 +16,7 @@ from hardware.errors import HardwareError, TransitionRefused
 logger = logging.getLogger(__name__)
 
 
-class State(Enum):
+class State(StrEnum):
     """Primary states, then transition states; the values are what logs and pages show."""
 
     UNCONFIGURED = "unconfigured"

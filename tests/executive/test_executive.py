@@ -9,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 
 import logs
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from hardware import FIRMWARES, Robot, SimulatedClock
 from skills.motion import NoPath, Pool, Query, Result
 from tests.conftest import Rig, RigMaker

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from hardware import Robot, SimulatedClock, State
 from skills import Execute, PlanGripper, Skill
 from skills.motion import Pool

@@ -1,7 +1,8 @@
 """Goals, and somebody who executes them when a test says so."""
 
-from executive.goals.goal import Goal, GoalState, GoalStatus, Outcome
-from executive.goals.queue import Acceptance, CancelCode, Goals, Policy
+from executive.goals.goal import Goal
+from executive.goals.outcome import Acceptance, CancelCode, GoalState, GoalStatus, Outcome
+from executive.goals.queue import GoalQueue, Policy
 from hardware import SimulatedClock
 
 
@@ -11,7 +12,7 @@ class Table:
     def __init__(self, policy: Policy = Policy.QUEUE, keep: float = 900.0) -> None:
         self.clock = SimulatedClock()
         self.history: dict[str, list[int]] = {}
-        self.goals = Goals(self.clock, policy, keep, self._changed)
+        self.goals = GoalQueue(self.clock, policy, keep, self._changed)
 
     def _changed(self, status: GoalStatus) -> None:
         if status.state is GoalState.ACCEPTED:  # a name that is forgotten may be used again

@@ -1,7 +1,7 @@
 """What tests do with an executive that serves."""
 
 import logs
-from executive.goals.goal import Outcome
+from executive.goals.outcome import Outcome
 from tests.conftest import Rig
 
 

@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping
-from dataclasses import asdict
 from importlib.metadata import version
 from json import dumps
 from types import MappingProxyType
@@ -12,11 +11,10 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from executive.errors import BadRequest, NotHeld, ResultTimeout, TooMuch
-from executive.executive import Event, Executive
-from executive.goals.events import KINDS, as_goal, as_result, as_status
-from executive.goals.goal import GoalStatus, Outcome
+from executive.executive import Executive
+from executive.goals.events import KINDS, Event
+from executive.goals.outcome import GoalStatus, Outcome
 from executive.goals.questions import Questions
-from executive.goals.queue import CancelAnswer
 from executive.live_library import LiveLibrary
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
@@ -60,7 +58,7 @@ class Answers:
     ) -> None:
         self._executive, self._canceler = executive, canceler
         self._library, self._hub, self._questions = library, hub, questions
-        self._metrics = Metrics(executive.snapshot, lambda: len(hub.subscribers))
+        self._metrics = Metrics(executive.status, lambda: len(hub.subscribers))
         self._document = document(OPERATIONS.values())
         self._listing = asyncio.Lock()
         self._ended: dict[str, asyncio.Future[Outcome]] = {}
@@ -73,7 +71,7 @@ class Answers:
 
     async def status(self) -> Json:
         """Return the state of the arm and of the goals."""
-        return as_status(self._executive.snapshot())
+        return self._executive.status().to_json()
 
     async def tasks(self) -> Json:
         """List the tasks."""
@@ -86,7 +84,7 @@ class Answers:
         found = self._executive.goals(newest if before is None else None)
         if before is not None:
             found = tuple(goal for goal in found if goal.stamp_ns < before)[-newest:]
-        return {"goals": [as_goal(goal) for goal in found]}
+        return {"goals": [goal.to_json() for goal in found]}
 
     async def send(
         self, task: float, arguments: Json = _NO_ARGUMENTS, goal_id: str = "", deadman: bool = False
@@ -99,7 +97,7 @@ class Answers:
             self._executive.send_and_record, int(task), texts, goal_id
         )
         if acceptance.cause:
-            return JSONResponse(asdict(acceptance.cause), http_status(acceptance.code))
+            return JSONResponse(acceptance.cause.to_json(), http_status(acceptance.code))
         held = self._held.get(goal_id)
         if deadman and not (held and held.is_set()):  # released before the goal was accepted
             await self._canceler.cancel(goal_id)
@@ -107,7 +105,7 @@ class Answers:
 
     async def goal(self, goal_id: str) -> Json:
         """Return the state of a goal."""
-        return as_goal(self._executive.goal(goal_id))
+        return self._executive.goal(goal_id).to_json()
 
     async def result(self, request: Request, goal_id: str, timeout: float | None = None) -> Json:
         """Wait for the end of a goal, at most as long as the client does."""
@@ -117,7 +115,7 @@ class Answers:
             if not await _before_leaving(request, asyncio.shield(ended), timeout):
                 raise ResultTimeout(goal_id, timeout or 0.0)
             outcome = ended.result()  # the executive may have forgotten the goal by now
-        return {"goal_id": goal_id, **as_result(outcome)}
+        return {"goal_id": goal_id, **outcome.to_json()}
 
     async def hold(self, request: Request, goal_id: str) -> Json:
         """Hold a goal until its client sends nothing more, then cancel it."""
@@ -138,11 +136,11 @@ class Answers:
 
     async def cancel(self, goal_id: str = "", stamp_ns: float = 0) -> Json:
         """Cancel the named goals, or all."""
-        return _canceled(await self._canceler.cancel(goal_id, int(stamp_ns)))
+        return (await self._canceler.cancel(goal_id, int(stamp_ns))).to_json()
 
     async def stop(self) -> Json:
         """Stop the arm and cancel all goals."""
-        return _canceled(await self._canceler.cancel())
+        return (await self._canceler.cancel()).to_json()
 
     async def pause(self, goal_id: str) -> Json:
         """Stop the arm and keep the goal."""
@@ -161,7 +159,7 @@ class Answers:
         if on:
             await asyncio.to_thread(self._library.check_node, node)
         self._executive.break_at(node, on)
-        return {"breakpoints": self._executive.snapshot().breakpoints}
+        return {"breakpoints": self._executive.status().breakpoints}
 
     async def questions(self) -> Json:
         """List the open questions of tasks."""
@@ -210,7 +208,7 @@ class Answers:
 
     async def _change(self, act: Callable[[str], None], goal_id: str) -> Json:
         await asyncio.to_thread(act, goal_id)
-        return as_goal(self._executive.goal(goal_id))
+        return self._executive.goal(goal_id).to_json()
 
     async def _is_held(self, goal_id: str) -> bool:
         """True if a client holds a goal. The hold may arrive after the goal."""
@@ -232,10 +230,6 @@ class Answers:
 def _as_text(value: Any) -> str:
     """Return a value as a task file contains it; JSON is valid YAML."""
     return value if isinstance(value, str) else dumps(value)
-
-
-def _canceled(answer: CancelAnswer) -> Json:
-    return {"return_code": answer.code.value, "goals": list(answer.goals)}
 
 
 async def _read_to_end(request: Request) -> None:

@@ -1,9 +1,8 @@
 """How errors are sent to a client: the HTTP status of each code, and the error as JSON."""
 
-import dataclasses
 from typing import Any
 
-from executive.goals.causes import cause_of
+from executive.goals.outcome import cause_of
 
 # The whole code is looked up first, then its family: the part before the dot.
 HTTP_STATUS = {
@@ -35,4 +34,4 @@ def http_status(code: str) -> int:
 
 def as_json(error: Exception) -> dict[str, Any]:
     """Return any error as a JSON object with the fields of a cause."""
-    return dataclasses.asdict(cause_of(error))
+    return cause_of(error).to_json()

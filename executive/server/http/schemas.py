@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from hardware import State
 
 Schema = Mapping[str, Any]

@@ -5,7 +5,7 @@ import logging
 from concurrent.futures import ThreadPoolExecutor
 
 from executive.executive import Executive
-from executive.goals.queue import CancelAnswer
+from executive.goals.outcome import CancelResult
 from hardware import Clock
 
 from .token_bucket import TokenBucket
@@ -26,7 +26,7 @@ class CancelThread:
         self._log_bucket = TokenBucket(0.1, 3.0, clock.now)  # strangers must not fill the log
         self._thread = ThreadPoolExecutor(1, "stop")
 
-    async def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelAnswer:
+    async def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelResult:
         """Cancel goals, as `Executive.cancel` does."""
         loop = asyncio.get_running_loop()
         cancel = self._executive.cancel

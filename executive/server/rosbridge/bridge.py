@@ -14,8 +14,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 import logs
 from executive.errors import UnknownGoal
-from executive.executive import Event, Executive
-from executive.goals.goal import GoalStatus
+from executive.executive import Executive
+from executive.goals.events import Event
+from executive.goals.outcome import GoalStatus
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from hardware import Clock, Robot, state_interfaces
@@ -90,7 +91,7 @@ class Bridge:
             case logs.Sent() if event.joints:
                 self._commanded(event.time, dict(zip(event.joints, event.positions, strict=True)))
             case logs.Transition(goal="active"):
-                self._commanded(event.time, self.executive.snapshot().commanded)
+                self._commanded(event.time, self.executive.status().commanded)
 
     def _commanded(self, time: float, commanded: Mapping[str, float] | None) -> None:
         if commanded is None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from hardware.arm.connection import Connection
 from tests.conftest import RigMaker
 from tests.support.server_acts import at_frame, run

@@ -7,7 +7,7 @@ import pytest
 from py_trees.common import Status
 
 import logs
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from executive.goals.queue import Policy
 from hardware import Clock, RealClock, State
 from skills import Skill, skill
@@ -197,7 +197,7 @@ def test_what_never_returns_does_not_outlive_a_cancel(server: RigMaker, tasks: P
     assert outcome.cause
     assert outcome.cause.node == "t43/Hangs"
     assert "the code of t43/Hangs does not return" in outcome.message
-    assert arm.executive.snapshot().arm is State.UNCONFIGURED
+    assert arm.executive.status().arm is State.UNCONFIGURED
     refused = arm.executive.send(1)
     assert (refused.code, arm.executive.goals()[-1].identity) == ("server.held", goal)
     words = f"the code of t43/Hangs of goal {goal} for task 43 does not return"
@@ -250,7 +250,7 @@ def test_what_judges_for_ever_does_not_outlive_a_cancel(
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "server.held")
     assert "does not return" in outcome.message
     assert arm.executive.send(1).code == "server.held"
-    assert arm.executive.snapshot().arm is State.ACTIVE
+    assert arm.executive.status().arm is State.ACTIVE
     arm.rest(7200.0)
     assert run(arm, 1).success
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.goals.goal import GoalState, Outcome
-from executive.goals.queue import CancelCode, Policy
+from executive.goals.outcome import CancelCode, GoalState, Outcome
+from executive.goals.queue import Policy
 from hardware import State
 from skills import PlanGripper, Skill
 from tests.conftest import Rig, RigMaker
@@ -163,7 +163,7 @@ def test_what_does_not_stop_takes_the_arm_down(
         at_frame(arm, 5, arm.executive.cancel)
         outcome = run(arm, 1)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.cancel_timeout")
-    assert arm.executive.snapshot().arm is State.UNCONFIGURED
+    assert arm.executive.status().arm is State.UNCONFIGURED
     assert run(arm, 1).code == "hw.not_active"
     arm.executive.arm_to("configure")
     arm.executive.arm_to("activate")

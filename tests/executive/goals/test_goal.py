@@ -7,8 +7,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from executive.goals.goal import NEXT, Goal, GoalState, Outcome
+from executive.goals.goal import NEXT, Goal
 from executive.goals.mailbox import Mailbox
+from executive.goals.outcome import GoalState, Outcome
 from hardware import SimulatedClock
 
 TERMINAL = {GoalState.SUCCEEDED, GoalState.CANCELED, GoalState.ABORTED}

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import logs
 from executive.cli.main import cli
 from executive.errors import PoseUnconfirmed
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from executive.goals.queue import Policy
 from executive.goals.start_pose import standing
 from hardware import DescriptionError, Robot, State, load_robot
@@ -39,7 +39,7 @@ def killed(server: RigMaker, tmp_path: Path) -> tuple[Path, str]:
 
 def again(rig: RigMaker, folder: Path) -> Rig:
     """A server that is started in that folder."""
-    arm = rig(solo=False, recordings=folder)
+    arm = rig(single_user=False, recordings=folder)
     arm.executive.start()
     return arm
 
@@ -165,15 +165,15 @@ def test_a_later_activation_goes_on_from_where_the_arm_was_left(
     arm.executive.arm_to("deactivate")
     with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* --pose last .* --pose boot"):
         arm.executive.arm_to("activate")
-    assert arm.executive.snapshot().arm is State.INACTIVE
+    assert arm.executive.status().arm is State.INACTIVE
     assert arm.executive.arm_to("activate", "last") is State.ACTIVE
-    assert tuple((arm.executive.snapshot().commanded or {}).values()) == left
+    assert tuple((arm.executive.status().commanded or {}).values()) == left
     count = len(arm.frames)
     assert arm.executive.result(arm.executive.send(1).identity).success
     assert len(arm.frames) == count  # it is there already
     arm.executive.arm_to("deactivate")
     assert arm.executive.arm_to("activate", "boot") is State.ACTIVE
-    assert set((arm.executive.snapshot().commanded or {}).values()) == {0.0}
+    assert set((arm.executive.status().commanded or {}).values()) == {0.0}
     arm.executive.arm_to("deactivate")
     with pytest.raises(PoseUnconfirmed, match=r"joint_1 0\.000"):
         arm.executive.arm_to("activate")

@@ -8,9 +8,8 @@ from py_trees.common import Status
 from py_trees.composites import Sequence
 from py_trees.decorators import FailureIsSuccess
 
-from executive.goals.causes import cause_of
-from executive.goals.goal import GoalState
-from executive.goals.outcome import judge
+from executive.goals.outcome import GoalState, cause_of
+from executive.goals.run import decide_outcome
 from hardware import ActivationStopped, BadPosition, NotActive, PortNotGiven
 from skills import OutOfBounds
 from skills.motion import MotionCollides, PlanCanceled, PlanTimeout
@@ -38,7 +37,7 @@ def tree(status: Status, *skills: Behaviour) -> Tree:
 def said(
     judged: Tree | None, error: Exception | None, canceled: bool
 ) -> tuple[GoalState, str, str]:
-    state, cause = judge(judged, error, canceled)
+    state, cause = decide_outcome(judged, error, canceled)
     assert cause
     return state, cause.code, cause.message
 
@@ -47,11 +46,11 @@ OUT = OutOfBounds([BadPosition("joint_1 is out", "joint_1", 2.0, 1.5)])
 
 
 def test_done() -> None:
-    assert judge(tree(Status.SUCCESS), None, False) == (GoalState.SUCCEEDED, None)
+    assert decide_outcome(tree(Status.SUCCESS), None, False) == (GoalState.SUCCEEDED, None)
 
 
 def test_done_before_the_cancel_was_seen() -> None:
-    assert judge(tree(Status.SUCCESS), None, True)[0] is GoalState.SUCCEEDED
+    assert decide_outcome(tree(Status.SUCCESS), None, True)[0] is GoalState.SUCCEEDED
 
 
 def test_canceled() -> None:
@@ -64,7 +63,7 @@ def test_canceled() -> None:
 
 def test_canceled_while_the_board_booted() -> None:
     stopped = ActivationStopped("stopped")
-    assert judge(tree(Status.INVALID), stopped, True)[0] is GoalState.CANCELED
+    assert decide_outcome(tree(Status.INVALID), stopped, True)[0] is GoalState.CANCELED
     assert said(tree(Status.INVALID), stopped, False)[:2] == (
         GoalState.ABORTED,
         "hw.activation_stopped",
@@ -134,7 +133,7 @@ def test_what_was_made_good_is_not_the_cause() -> None:
 
 
 def test_what_is_known_of_it_is_told() -> None:
-    _, cause = judge(tree(Status.FAILURE, Failed("CheckBounds", OUT)), None, False)
+    _, cause = decide_outcome(tree(Status.FAILURE, Failed("CheckBounds", OUT)), None, False)
     assert cause
     assert (cause.node, cause.joint) == ("task/CheckBounds", "joint_1")
     assert (cause.value, cause.limit) == (2.0, 1.5)

@@ -10,7 +10,7 @@ import pytest
 import logs
 from executive.errors import NotExecuting, NotPaused, TooManyBreakpoints, UnknownGoal
 from executive.executive import BREAKPOINTS
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from executive.goals.queue import Policy
 from executive.replay.verification import verify
 from hardware import Robot, SimulatedClock
@@ -69,7 +69,7 @@ def at_frame(rig: Rig, number: int, act: Callable[[], None]) -> None:
 
 
 def running(rig: Rig) -> str:
-    status = rig.executive.snapshot().goal
+    status = rig.executive.status().goal
     assert status
     return status.identity
 
@@ -79,7 +79,7 @@ def pause_for(rig: Rig, seconds: float) -> Callable[[], None]:
         goal = running(rig)
         rig.executive.pause(goal)
         rig.rest(seconds)
-        assert rig.executive.snapshot().paused
+        assert rig.executive.status().paused
         rig.executive.resume(goal)
 
     return act
@@ -269,7 +269,7 @@ def test_steps(rig: RigMaker) -> None:
     arm.executive.break_at("pick")
     (outcome,) = arm.run(1)
     assert outcome.success, outcome.message
-    assert arm.executive.snapshot().breakpoints == ("pick",)
+    assert arm.executive.status().breakpoints == ("pick",)
     planners = ["PlanArm", "PlanGripper"]
     assert begun == [["SetStart"], ["CheckBounds"], planners, ["Execute"], ["Succeed"]]
 
@@ -343,7 +343,7 @@ def test_a_paused_goal_gives_way(server: RigMaker) -> None:
     first = arm.executive.send(1).identity
     assert arm.executive.result(first).code == "goal.preempted"
     assert arm.executive.result(arm.executive.goals()[-1].identity).success
-    assert not arm.executive.snapshot().paused
+    assert not arm.executive.status().paused
 
 
 def test_a_step_in_the_middle_of_a_motion_ends_before_the_next_skill(rig: RigMaker) -> None:

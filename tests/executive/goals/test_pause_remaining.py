@@ -10,7 +10,7 @@ import pytest
 
 import logs
 from executive.cli.sending import Replay, _setpoints
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from executive.replay.verification import verify
 from hardware import compile_schedule
 from tests.conftest import Rig, RigMaker

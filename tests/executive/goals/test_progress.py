@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from hardware import FIRMWARES, Robot
 from tests.conftest import Rig, RigMaker
 

@@ -6,8 +6,8 @@ import threading
 import pytest
 
 from executive.errors import ResultTimeout, UnknownGoal
-from executive.goals.goal import GoalState, Outcome
-from executive.goals.queue import KEPT, WAITING, Acceptance, CancelCode, Policy
+from executive.goals.outcome import Acceptance, CancelCode, GoalState, Outcome
+from executive.goals.queue import KEPT, WAITING, Policy
 from tests.support.goals_table import Table
 
 S, C = GoalState, CancelCode

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from executive.errors import ResultTimeout
-from executive.goals.goal import GoalState
-from executive.goals.queue import CancelCode, Policy
+from executive.goals.outcome import CancelCode, GoalState
+from executive.goals.queue import Policy
 from tests.support.goals_table import Table
 
 S, C = GoalState, CancelCode

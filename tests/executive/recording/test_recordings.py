@@ -13,7 +13,7 @@ import pytest
 
 import logs
 from executive.cli.log_handler import LogHandler
-from executive.goals.goal import GoalState
+from executive.goals.outcome import GoalState
 from executive.goals.queue import Policy
 from executive.recording import recordings
 from executive.replay.verification import verify
@@ -71,12 +71,12 @@ class SlowBegin:
         return made
 
 
-@pytest.mark.parametrize("solo", [True, False])
+@pytest.mark.parametrize("single_user", [True, False])
 def test_what_a_run_is_to_do_is_recorded_before_the_board_boots(
-    rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, solo: bool
+    rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, single_user: bool
 ) -> None:
     SlowBegin(monkeypatch)
-    arm = rig(solo=solo)
+    arm = rig(single_user=single_user)
     real, kept = arm.link.open, tmp_path / "kept.mcap"
 
     def boot() -> None:
@@ -85,7 +85,7 @@ def test_what_a_run_is_to_do_is_recorded_before_the_board_boots(
         real()
 
     monkeypatch.setattr(arm.link, "open", boot)
-    if solo:
+    if single_user:
         assert arm.run(1)[0].success
         assert len(list(logs.Recording(kept).records(logs.Goal))) == 1
     else:
@@ -140,7 +140,7 @@ def test_where_they_are_not_finished_goals_wait_in_the_end(
     third = arm.executive.result(sent[2])
     unfinished = [Path(arm.executive.result(goal).recording) for goal in sent[:3]]
     assert all(map(being_written, unfinished))
-    assert arm.executive.snapshot().waiting == (sent[3],)
+    assert arm.executive.status().waiting == (sent[3],)
     os.kill(pid, signal.SIGCONT)
     assert arm.executive.result(sent[3]).code == third.code == "goal.unknown_task"
     arm.executive.close()
@@ -166,16 +166,16 @@ def test_the_wait_for_its_turn_is_told_apart_from_the_run(server: RigMaker, tmp_
     assert drawn == f"SUCCEEDED, {found.result.duration:.2f} s, {words.replace(' in', ' of it in')}"
 
 
-@pytest.mark.parametrize("solo", [True, False])
+@pytest.mark.parametrize("single_user", [True, False])
 def test_what_was_logged_before_a_recording_heads_it(
-    rig: RigMaker, tmp_path: Path, solo: bool
+    rig: RigMaker, tmp_path: Path, single_user: bool
 ) -> None:
-    arm = rig(solo=solo)
+    arm = rig(single_user=single_user)
     begun = arm.clock.now()
     for words in ("one", "two"):
         arm.executive.tell(logs.LogLine(begun, 30, "logs", words))
     arm.rest(1.0)
-    if solo:
+    if single_user:
         assert arm.run(0)[0].success
     else:
         arm.executive.start()

@@ -102,4 +102,4 @@ def test_a_page_that_may_and_a_page_that_may_not(serve: Serve, site: Site, tmp_p
     assert [told[name] for name in asked] == [refused] * 5
     assert (told["stream"], told["events"], told["socket"]) == ("refused", [], "refused")
     assert [status.state.name for status in served.executive.goals()] == ["SUCCEEDED", "EXECUTING"]
-    assert served.executive.snapshot().goal.identity == goal  # type: ignore[union-attr]
+    assert served.executive.status().goal.identity == goal  # type: ignore[union-attr]

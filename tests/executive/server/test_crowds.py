@@ -7,7 +7,7 @@ import threading
 import pytest
 
 import logs
-from executive.executive import Event
+from executive.goals.events import Event
 from executive.server import event_hub
 from executive.server.http import answers as api
 from executive.server.http import app

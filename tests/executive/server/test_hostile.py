@@ -68,7 +68,7 @@ def test_a_foreign_page_or_name_may_do_nothing(serve: Serve, headers: dict[str, 
         status, error = served.ask(operation.method, path, headers=headers)
         assert (status, error["code"].partition(".")[0]) == (403, "request")
     assert served.executive.goals()[0].outcome is None
-    assert served.executive.snapshot().arm.value == "active"
+    assert served.executive.status().arm.value == "active"
 
 
 @pytest.mark.parametrize(

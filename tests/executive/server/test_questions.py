@@ -8,7 +8,7 @@ import pytest
 
 from executive import Client
 from executive.client import OpenQuestion, Refused
-from executive.goals.goal import QuestionStatus
+from executive.goals.events import QuestionStatus
 from tests.support.serving import Serve, Served
 
 pytestmark = pytest.mark.slow

@@ -10,8 +10,8 @@ import logs
 from executive.cli.log_handler import LogHandler
 from executive.cli.serving import prepare
 from executive.errors import ResultTimeout, UnknownGoal
-from executive.goals.goal import GoalState, GoalStatus, Outcome
-from executive.goals.queue import Acceptance, Policy
+from executive.goals.outcome import Acceptance, GoalState, GoalStatus, Outcome
+from executive.goals.queue import Policy
 from executive.replay.verification import verify
 from hardware import NotActive, PortMissing, State, TransitionRefused
 from skills import PlanGripper
@@ -58,9 +58,9 @@ def test_parameters_as_texts(server: RigMaker) -> None:
 def test_an_arm_of_which_a_person_takes_care(server: RigMaker) -> None:
     arm = server(active=False).executive
     assert arm.arm_to("configure") is State.INACTIVE
-    assert arm.snapshot().commanded is None
+    assert arm.status().commanded is None
     assert arm.arm_to("activate") is State.ACTIVE
-    assert arm.snapshot().commanded == dict.fromkeys(("joint_1", "joint_2", "joint_3"), 0.0) | {
+    assert arm.status().commanded == dict.fromkeys(("joint_1", "joint_2", "joint_3"), 0.0) | {
         "joint_4": 0.0
     }
     with pytest.raises(TransitionRefused, match="legal: deactivate, shutdown"):
@@ -157,7 +157,7 @@ def test_a_port_that_is_missing_is_logged_once(
 
     monkeypatch.setattr(arm.link, "open", missing)
     prepare(arm.executive, activate=True)
-    assert arm.executive.snapshot().arm is State.INACTIVE
+    assert arm.executive.status().arm is State.INACTIVE
     assert len([each for each in caplog.records if each.levelno >= logging.ERROR]) == 1
 
 
@@ -171,20 +171,20 @@ def test_what_is_loaded_is_not_looked_through_for_garbage(server: RigMaker) -> N
 def test_how_things_are(server: RigMaker) -> None:
     arm = server(policy=Policy.QUEUE)
     seen = []
-    at_frame(arm, 20, lambda: seen.append(arm.executive.snapshot()))
+    at_frame(arm, 20, lambda: seen.append(arm.executive.status()))
     first, second = (arm.executive.send(n).identity for n in (1, 2))
     arm.executive.result(second)
     (snapshot,) = seen
     assert snapshot.goal
     assert (snapshot.goal.identity, snapshot.goal.state) == (first, GoalState.EXECUTING)
-    assert snapshot.progress
-    assert 0 < (snapshot.progress.percentage or 0) < 100
+    assert 0 < (snapshot.percentage or 0) < 100
+    assert (snapshot.phase, snapshot.node, snapshot.attempt) == ("executing", "Execute", 1)
     assert snapshot.waiting == (second,)
     assert (snapshot.arm, snapshot.port, snapshot.paused) == (State.ACTIVE, "board", False)
     assert snapshot.commanded
     assert snapshot.commanded["joint_1"] < 0.0
-    after = arm.executive.snapshot()
-    assert (after.goal, after.progress, after.waiting) == (None, None, ())
+    after = arm.executive.status()
+    assert (after.goal, after.percentage, after.phase, after.waiting) == (None, None, "", ())
     assert after.uptime > 2.0
 
 
@@ -327,7 +327,7 @@ def test_closing_cancels_what_runs_and_what_waits(server: RigMaker, tmp_path: Pa
     assert states == ["CANCELED", "CANCELED"]
     assert arm.executive.send(1).code == "server.closing"
     assert arm.frames[-1] == f"({arm.frames[-2]})"
-    assert arm.executive.snapshot().arm is State.FINALIZED
+    assert arm.executive.status().arm is State.FINALIZED
     assert all(logs.Recording(path).complete for path in tmp_path.glob("*.mcap"))
 
 
@@ -393,4 +393,4 @@ def test_where_the_arm_stands_is_known_while_active_only(server: RigMaker) -> No
     arm = server(active=False)
     with pytest.raises(NotActive):
         _ = arm.executive._arm.commanded
-    assert arm.executive.snapshot().commanded is None
+    assert arm.executive.status().commanded is None

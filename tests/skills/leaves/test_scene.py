@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import logs
-from executive.goals.goal import Outcome
+from executive.goals.outcome import Outcome
 from hardware import Robot
 from skills import AddBox, Attach, Detach, Skill
 from skills.motion.planner import Planner

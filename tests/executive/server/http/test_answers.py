@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 import logs
-from executive.goals.goal import GoalStatus
-from executive.goals.queue import Acceptance, Policy
+from executive.goals.outcome import Acceptance, GoalStatus
+from executive.goals.queue import Policy
 from executive.server.http import answers as api
 from executive.server.http.operations import OPERATIONS
 from hardware import State
@@ -172,7 +172,7 @@ def test_the_lifecycle(serve: Serve) -> None:
     ]:
         assert served.ask("POST", f"/api/arm/{transition}")[1] == {"arm": state}
     assert served.ask("POST", "/api/arm/explode")[0] == 422
-    assert served.executive.snapshot().arm is State.FINALIZED
+    assert served.executive.status().arm is State.FINALIZED
 
 
 def test_pause_and_resume(serve: Serve) -> None:
@@ -330,7 +330,7 @@ def test_who_waits_for_a_result_gets_it_where_none_is_kept(
 
     monkeypatch.setattr(api, "_before_leaving", noted)
     served = serve()
-    served.executive._goals.keep = 0.0
+    served.executive._queue.keep = 0.0
     goal = send(served, 10)
     found: list[tuple[int, Any]] = []
 
