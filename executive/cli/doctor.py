@@ -1,155 +1,60 @@
-"""`armtree doctor`: is everything there that a run needs? It looks, and moves nothing."""
+"""`armtree doctor`."""
 
-import tempfile
+import shlex
+import sys
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
-from queue import SimpleQueue
 
-from hardware import (
-    VIRTUAL,
-    Arm,
-    Check,
-    HardwareError,
-    NoDriver,
-    PortNotGiven,
-    RealClock,
-    Robot,
-    SerialLink,
-    check_port,
-    load_robot,
+import click
+from click.core import ParameterSource
+
+from executive.codes import look_up
+
+from .options import port_option, recordings_option, robot_option, trees_option
+
+
+@click.command()
+@port_option
+@robot_option
+@trees_option
+@recordings_option
+@click.option(
+    "--open", "opens_port", is_flag=True, help="Open the port too. This may move the arm."
 )
-from logs import LogError, check_space
-from skills.motion import MotionCollides, MotionError, Pool, Result, Verify
-from trees import FileError, Library, TreeError
-
-
-def examine(
-    robot_file: Path | None,
+@click.pass_context
+def doctor(
+    context: click.Context,
     port: str | None,
+    robot: Path | None,
     trees: Path | None,
     recordings: Path,
-    really_open: bool,
-) -> Iterator[Check]:
-    """Check one thing after the other.
+    opens_port: bool,
+) -> None:
+    """Check everything that a run needs: robot file, tasks, planner, recordings and port.
 
-    Args:
-        robot_file: None for the shipped robot.
-        port: None to take the robot file's.
-        trees: Folder with more tasks.
-        recordings: Folder for recordings.
-        really_open: Whether to open the port, which resets the board and may move the arm.
+    Nothing moves, and the port is not opened unless --open is given. The last line is the command
+    to type next. The exit status is 0 if all checks pass, else that of the first failure.
     """
-    try:
-        robot = load_robot(robot_file)
-    except HardwareError as error:
-        yield Check("robot", False, str(error), "mend that line", error.code)
-        return
-    yield Check("robot", True, f"{robot.name}, firmware {robot.firmware.name}")
-    port = robot.serial.port if port is None else port
-    if robot.has_driver:
-        yield _pose(robot, port)
-        yield _boot_wait(robot)
-    else:
-        yield Check("driver", False, str(NoDriver(robot.path)), code=NoDriver.code)
-    yield _tasks(trees)
-    yield _planner(robot)
-    yield from _recordings(recordings)
-    if robot.has_driver:
-        yield from _port(robot, port, really_open)
+    from executive.readiness import check_readiness
+    from hardware import serial_ports
+
+    failures = []
+    for check in check_readiness(robot, port, trees, recordings, opens_port):
+        failures += [] if check.ok else [check.code]
+        click.echo(f"{'ok' if check.ok else 'NO':<4}{check.name:<12}{check.detail}")
+        if not check.ok and check.remedy:
+            click.echo(f"{'':<16}-> {check.remedy}")
+    found = serial_ports()
+    click.echo(f"\nSerial ports: {'' if found else 'none'}")
+    for each in found:
+        click.echo("  " + "  ".join(filter(None, (each.device, each.usb, each.name, each.by_id))))
+    command = ["armtree", "run", "0", *_given(context, "port", "robot", "trees", "recordings")]
+    click.echo("\nFix what says NO." if failures else f"\nNext, type: {shlex.join(command)}")
+    sys.exit(look_up(failures[0]).exit_status if failures else 0)
 
 
-def _resets(robot: Robot, port: str) -> bool:
-    return robot.serial.resets or port == VIRTUAL
-
-
-def _pose(robot: Robot, port: str) -> Check:
-    if not _resets(robot, port):
-        what = "nothing resets the board: a run asks where the arm stands, with --pose"
-        return Check("pose", True, what)
-    if robot.firmware.banner:
-        return Check("pose", True, "the board says where the arm stands, and a reset leaves it")
-    frame = robot.wire_format.encode(robot.boot_pose)
-    return Check("pose", True, f"after a reset the board stands at {frame}")
-
-
-def _boot_wait(robot: Robot) -> Check:
-    wait, firmware = robot.serial.boot_wait, robot.firmware
-    what = f"{wait:g} s after the port opens; {firmware.name} needs {firmware.boot_time:g} s"
-    return Check("boot wait", True, what)
-
-
-def _tasks(trees: Path | None) -> Check:
-    try:
-        library = Library(trees)
-        for number in library.numbers():
-            library.task(number)
-        if library.mistakes:
-            raise FileError(library.mistakes)
-    except TreeError as error:
-        return Check("tasks", False, str(error), "mend that file", error.code)
-    return Check("tasks", True, f"{', '.join(map(str, library.numbers()))} can be read")
-
-
-def _planner(robot: Robot) -> Check:
-    answers: SimpleQueue[Result] = SimpleQueue()
-    with closing(Pool(robot, 1, RealClock())) as pool:
-        pool.start()
-        pool.submit(Verify([robot.boot_pose], 0.0), answers.put)
-        answer = answers.get()
-    if isinstance(answer, MotionCollides):
-        remedy = "choose another boot pose in the robot file, or mend its URDF"
-        why = f"in its boot pose, {answer.contact}"
-        return Check("planner", False, why, remedy, answer.code)
-    if isinstance(answer, MotionError):
-        remedy = "mend the robot file or its URDF"
-        return Check("planner", False, str(answer), remedy, answer.code)
-    return Check("planner", True, "a worker has loaded the robot; its boot pose is free")
-
-
-def _recordings(folder: Path) -> Iterator[Check]:
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    try:
-        with tempfile.TemporaryFile(dir=there):
-            yield Check("recorder", True, f"{folder} can be written")
-    except OSError as error:
-        remedy = "give another folder with --recordings"
-        yield Check("recorder", False, f"{folder}: {error.strerror}", remedy, LogError.code)
-        return
-    try:
-        yield Check("free disk", True, f"{check_space(folder) / 1e6:.0f} MB")
-    except LogError as error:
-        yield Check("free disk", False, str(error), code=error.code)
-
-
-def _port(robot: Robot, port: str, really_open: bool) -> Iterator[Check]:
-    if not port:
-        remedy = "give --port PORT, or --port virtual"
-        yield Check("port", False, "none is named", remedy, PortNotGiven.code)
-        return
-    if port == VIRTUAL:
-        yield Check("port", True, "virtual: nothing real moves")
-    elif not isinstance(robot.link(port), SerialLink):
-        yield Check("port", True, f"{port}: its driver looks at it when it opens it")
-    else:
-        checks = check_port(port)
-        yield from checks
-        if not all(check.ok for check in checks):
-            return
-    if really_open:
-        does = "it resets the board" if _resets(robot, port) else "the board goes on as it is"
-        yield Check("opening", True, f"{does}, and the arm {robot.open_effect}")
-        yield _open(robot, port)
-
-
-def _open(robot: Robot, port: str) -> Check:
-    try:
-        with Arm(robot, robot.link(port), RealClock()) as arm:
-            arm.configure()
-            arm.activate()
-            stands = ", ".join(f"{name} {q:.3f}" for name, q in arm.read().items())
-    except HardwareError as error:
-        return Check("board", False, str(error), code=error.code)
-    if not _resets(robot, port):
-        return Check("board", True, "opened; where the arm stands only a person can say")
-    return Check("board", True, f"booted; commanded to {stands} rad")
+def _given(context: click.Context, *names: str) -> Iterator[str]:
+    """Yield those of the options that were given on the command line, with their values."""
+    for name in names:
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            yield from (f"--{name}", str(context.params[name]))

@@ -1,4 +1,4 @@
-"""Motions in space, to be drawn: of a plan, and of a recording."""
+"""Shapes of a moving robot, for drawings of plans and recordings."""
 
 import json
 from dataclasses import dataclass, field
@@ -17,17 +17,17 @@ from skills.motion import World
 from skills.motion.collision.outline import convex_outlines
 from skills.motion.collision.scene import PlanningScene
 
-POSES = 14  # of a motion
+POSES = 14  # drawn poses of one motion
 _MOST_POSES = 4 * POSES
 
 
 def motion_drawing(robot: Robot, world: World, configurations: ArrayLike) -> MotionDrawing:
-    """A motion among bodies.
+    """Return the shapes of the robot and of the bodies, for each configuration of a motion.
 
     Args:
-        robot: Whose.
-        world: Around it, and in its hand.
-        configurations: What is drawn of it: all actuated joints (N, A) [rad].
+        robot: Description of the robot.
+        world: Bodies around the robot and attached to it.
+        configurations: Positions of all A actuated joints, shape (N, A) [rad].
 
     Raises:
         BadWorld: The world cannot be loaded.
@@ -45,31 +45,31 @@ def motion_drawing(robot: Robot, world: World, configurations: ArrayLike) -> Mot
 
 @dataclass
 class _Motion:
-    """What was commanded from one planning to the next, by joint [rad]."""
+    """Positions commanded between two planning phases, by joint [rad]."""
 
     plan: Plan
     start: dict[str, float] = field(default_factory=dict)
     commanded: list[dict[str, float]] = field(default_factory=list)
 
-    def take(self, plan: Plan) -> None:
-        """A plan of one of the groups; it knows best where its own joints stood."""
+    def add(self, plan: Plan) -> None:
+        """Add the plan of a group. It has the valid start positions of its own joints."""
         own = {name: q for name, q in plan.start.items() if name in plan.joints}
         self.start = plan.start | self.start | own
 
     def poses(self) -> list[dict[str, float]]:
-        """A few of them, from the first to the last."""
+        """Return at most POSES of them, from the first to the last."""
         every = [self.start, *self.commanded]
         chosen = np.linspace(0, len(every) - 1, min(POSES, len(every))).round().astype(int)
         return [self.start | every[index] for index in chosen]
 
 
 def scenes_of(path: Path) -> list[Scene]:
-    """The motions of a run that had bodies around them, those in one world in one picture.
+    """Return one scene per world: its bodies, and the motions of the run in it.
 
     Raises:
-        RecordingError: The recording cannot be read, or does not hold the robot.
-        DescriptionError: It holds one that makes no sense.
-        BadWorld: The bodies make no sense, or the file of one is not there.
+        RecordingError: The recording cannot be read, or does not contain the robot.
+        DescriptionError: The recorded robot is invalid.
+        BadWorld: A body is invalid, or its file is missing.
     """
     recording = Recording(path)
     worlds: dict[str, list[tuple[int, _Motion]]] = {}
@@ -87,7 +87,7 @@ def _motions(recording: Recording) -> list[_Motion]:
         elif isinstance(record, Plan):
             if not motions or motions[-1].commanded:
                 motions.append(_Motion(record))
-            motions[-1].take(record)
+            motions[-1].add(record)
         elif isinstance(record, Sent) and record.joints and motions:
             motions[-1].commanded.append(dict(zip(record.joints, record.positions, strict=True)))
     return motions

@@ -1,4 +1,4 @@
-"""The bodies around the arm, from a file of their own."""
+"""World files: bodies around the arm, as JSON."""
 
 import json
 from pathlib import Path
@@ -12,10 +12,10 @@ from trees import Mistake, Place
 
 
 def read_world(file: Path) -> World:
-    """The bodies of a JSON file, as the README has it.
+    """Return the bodies of a JSON file. README.md describes its format.
 
     Raises:
-        BadWorldFile: It cannot be read, or holds no list of bodies.
+        BadWorldFile: The file cannot be read, or does not contain a list of bodies.
     """
     try:
         text = file.read_text(encoding="utf-8")
@@ -25,36 +25,36 @@ def read_world(file: Path) -> World:
     except OSError as error:
         raise _wrong(Place(file, 0, 0), f"cannot be read: {error.strerror}") from error
     except json.JSONDecodeError as error:
-        why = f"is no JSON: {error.msg}"
+        why = f"is not JSON: {error.msg}"
         lines = error.doc.splitlines()
         raise _wrong(Place(file, error.lineno, error.colno, lines=lines), why) from error
-    except (ValueError, RecursionError) as error:  # no UTF-8, a huge number, nested too deep
-        raise _wrong(Place(file, 0, 0), f"is no JSON: {error}") from error
+    except (ValueError, RecursionError) as error:  # not UTF-8, a huge number, nested too deep
+        raise _wrong(Place(file, 0, 0), f"is not JSON: {error}") from error
 
 
 def check_world(file: Path, world: World, robot: Robot, planner: Planner) -> None:
-    """See that the bodies of a file fit the robot, wherever it stands.
+    """Check that the bodies of a file fit the robot.
 
     Raises:
-        BadWorldFile: A body names a link or body that is not there, or a file that is no mesh.
+        BadWorldFile: A body names an unknown link or body, or a file that is not a mesh.
     """
     try:
         planner.verify(Verify([robot.boot_pose], 0.0, world=world))
     except BadWorld as error:
         raise _wrong(Place(file, 0, 0), str(error)) from error
-    except MotionError:  # it stands elsewhere
+    except MotionError:  # a collision in the boot pose says nothing about the file
         pass
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object; json itself would take the last of equal keys, and say nothing."""
+    """Return an object. `json` itself would silently take the last of equal keys."""
     found = dict(pairs)
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
         name = found.get("name")
         where = name if isinstance(name, str) and twice != "name" else "one object"
-        raise BadWorld(f"{json.dumps(twice)} stands twice in {where}; leave one out")
+        raise BadWorld(f"{json.dumps(twice)} is given twice in {where}; leave one out")
     return found
 
 

@@ -77,12 +77,12 @@ def test_what_stands_in_the_environment_need_not_be_typed(tmp_path: Path, robot:
     [
         (
             "stock",
-            "after a reset the board stands at b090,s090,e090,g000,",
+            "after a reset the board is at b090,s090,e090,g000,",
             "it resets the board, and the arm moves to its boot pose",
         ),
         (
             "armtree",
-            "the board says where the arm stands, and a reset leaves it",
+            "the board reports its pose, and a reset does not change it",
             "it resets the board, and the arm stays where it is",
         ),
     ],
@@ -108,7 +108,7 @@ def test_it_opens_when_told_to_and_says_before_what_that_does(
     [
         ("/dev/ttyNOPE", 6, "/dev/ttyNOPE: No such file or directory", "plug the board in"),
         ("/dev/null", 6, "/dev/null is no serial port", "give another --port"),
-        ("", 3, "none is named", "give --port PORT, or --port virtual"),
+        ("", 3, "no port is given", "give --port PORT, or --port virtual"),
     ],
 )
 def test_a_port_that_will_not_do(
@@ -117,7 +117,7 @@ def test_a_port_that_will_not_do(
     result = doctor(tmp_path, "--port", port)
     assert result.exit_code == status
     assert f"NO  port        {what}\n                -> {remedy}" in result.output
-    assert result.output.splitlines()[-1] == "Mend what says NO."
+    assert result.output.splitlines()[-1] == "Fix what says NO."
 
 
 def test_a_board_that_opening_does_not_reset(tmp_path: Path, robot: Path) -> None:
@@ -132,9 +132,9 @@ def test_a_board_that_opening_does_not_reset(tmp_path: Path, robot: Path) -> Non
     os.close(line.slave)
     assert result.exit_code == 0
     said = lines(result)
-    assert said["pose"] == "nothing resets the board: a run asks where the arm stands, with --pose"
-    assert said["opening"] == "the board goes on as it is, and the arm stays where it is"
-    assert said["board"] == "opened; where the arm stands only a person can say"
+    assert said["pose"] == "nothing resets the board: a run needs --pose"
+    assert said["opening"] == "the board is not reset, and the arm stays where it is"
+    assert said["board"] == "opened; only a person knows the pose of the arm"
 
 
 def test_a_port_of_another_armtree(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def test_round_a_body(tmp_path: Path) -> None:
     without = (tmp_path / "plan.png").read_bytes()
     result = plan(tmp_path, *PICK, *world)
     assert result.exit_code == bare.exit_code == 0
-    assert re.search(r"Path      round something, \d waypoints\n", result.output)
+    assert re.search(r"Path      around an obstacle, \d waypoints\n", result.output)
     times = r"Duration  (.*) s; a straight line would take (.*) s, this one (.*) % longer\n"
     (found,) = re.findall(times, result.output)
     duration, straight, percent = map(float, found)
@@ -110,7 +110,7 @@ def test_a_change_relative_to_the_start(tmp_path: Path) -> None:
 def test_points_on_the_way(tmp_path: Path) -> None:
     result = plan(tmp_path, "right", "--via", "joint_2=-0.3 joint_1=-0.2", "--via", "joint_1+=-1")
     assert result.exit_code == 0, result.exception
-    assert "Path      by way of 2 points, 4 waypoints" in result.output
+    assert "Path      through 2 points, 4 waypoints" in result.output
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -160,24 +160,24 @@ def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
     [
         (("joint_1=70dag",), "joint_1: '70dag': no unit dag; there are deg, rad; did you mean deg"),
         (("joint_1=5cm",), "joint_1: '5cm': no unit cm; there are deg, rad"),
-        (("joint_1=",), "joint_1 is given no value"),
+        (("joint_1=",), "joint_1 has no value"),
         (("joint_1=.nan",), "joint_1: nan is not finite"),
         (("joint_1=[1",), "joint_1: .*expected ',' or ']'"),
         (("1", "2", "3deg"), "point: '3deg': no unit deg; there are cm, m, mm"),
         (("1", "2", "x"), "point: 'x' is not a length in m, cm or mm"),
-        (("right", "--relative"), "--relative goes with a point for the tool"),
-        (("1", "--tool", "claw_support"), "--tool goes with a point for the tool"),
+        (("right", "--relative"), "--relative needs a point for the tool"),
+        (("1", "--tool", "claw_support"), "--tool needs a point for the tool"),
         (("0", "0", "0", "--axis", "0", "x", "0"), "--axis: 'x' is not a number"),
         (("0.1", "0", "0.1", "--tool", "claw"), "^--tool: the robot has no link claw; it has"),
-        (("0.1", "0", "8", "cm"), "'cm' stands apart from its number; write 8cm in one word, or"),
+        (("0.1", "0", "8", "cm"), "'cm' is separated from its number; write 8cm as one word, or"),
         (("0.1", "0", "0.1", "--direction", "0", "0", "0"), "^--direction: direction points now"),
-        (("joint_1=70", "deg"), "'deg' stands apart from its number; write joint_1=70deg"),
+        (("joint_1=70", "deg"), "'deg' is separated from its number; write joint_1=70deg"),
         (("joint_1+=-0.1", "joint_1+=-0.1"), "joint_1 is given twice"),
         (("right", "--start", "joint_1=1 joint_1=1"), "joint_1 is given twice"),
         (("right", "--start", "joint_1=1 joint_2"), "--start: 'joint_2' is no pose"),
         (("right", "--start", "joint_1=7"), "start of joint_1, 7 rad, is outside"),
-        (("right", "--start", "joint_7=7"), "joint_7 is no joint"),
-        (("joint_5=0.1",), "joint_5 is no joint that can be set"),
+        (("right", "--start", "joint_7=7"), "joint_7 is not an actuated joint"),
+        (("joint_5=0.1",), "joint_5 is not an actuated joint"),
         (("right", "--via", "1"), "or x y z of the tool, all of it in one pair of quotes"),
     ],
 )
@@ -217,7 +217,7 @@ def test_a_task_of_several_motions(tmp_path: Path) -> None:
 
 def test_a_task_that_moves_nothing(tmp_path: Path) -> None:
     said = plan(tmp_path, "2", "--start", "folded closed").output
-    assert "Path      none: it is there already" in said
+    assert "Path      none: the arm is there already" in said
     assert "Motion" not in said
 
 

@@ -34,7 +34,7 @@ def test_the_example_of_the_readme(tmp_path: Path) -> None:
     assert (post.link, ball.link) == ("", "claw_support")
     result = plan("right", "--world", str(file), "-o", str(tmp_path / "plan.png"))
     assert result.exit_code == 0, result.exception
-    assert "Path      round something" in result.output
+    assert "Path      around an obstacle" in result.output
     assert "Around    post, ball on claw_support" in result.output
 
 
@@ -54,12 +54,15 @@ def test_the_keys_of_the_readme() -> None:
     [
         (f'[{POST}, {{"name": "b", "spere": 1}}]', 'Body 2: "spere" is no key of b; .* sphere?'),
         ('{"a": 1}', '{"a": 1} is no list of bodies'),
-        ('[{"name": "b", "link": "x", "link": "y"}]', '"link" stands twice in b; leave one out'),
-        ('[{"name": "b", "box": {"size": 1, "size": 2}}]', '"size" stands twice in one object; l'),
-        ('[{"link": "x", "link": "y", "name": 7}]', '"link" stands twice in one object; leave one'),
-        (f"[{POST},\n", ":2:1: is no JSON: Expecting value"),
-        ("[" * 100_000, "is no JSON"),
-        ("[\xff]".encode("latin-1").decode("utf-8", "surrogateescape"), "is no JSON"),
+        ('[{"name": "b", "link": "x", "link": "y"}]', '"link" is given twice in b; leave one out'),
+        (
+            '[{"name": "b", "box": {"size": 1, "size": 2}}]',
+            '"size" is given twice in one object',
+        ),
+        ('[{"link": "x", "link": "y", "name": 7}]', '"link" is given twice in one object; leave'),
+        (f"[{POST},\n", ":2:1: is not JSON: Expecting value"),
+        ("[" * 100_000, "is not JSON"),
+        ("[\xff]".encode("latin-1").decode("utf-8", "surrogateescape"), "is not JSON"),
         (f"[{POST}, {POST}]", "Two bodies are called post"),
     ],
 )

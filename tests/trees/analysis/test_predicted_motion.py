@@ -88,7 +88,7 @@ def planned(folder: Path, *steps: str, above: str = "") -> list[str]:
 def test_plan_goes_round_what_the_task_puts_there(tmp_path: Path) -> None:
     first, second = planned(tmp_path, COME, TALL, GO)
     assert "Around" not in first
-    assert "Path      round something" in second
+    assert "Path      around an obstacle" in second
     assert "Around    tall" in second
     assert "Left out" not in first + second
 
@@ -130,7 +130,7 @@ def test_plan_follows_targets_of_some_joints(
 def test_plan_tells_all_of_a_task_that_carries(tmp_path: Path) -> None:
     told = planned(tmp_path, TALL, BALL, HOLD, TURN)
     assert goals(told) == [-80]
-    assert "Path      round something" in told[0]
+    assert "Path      around an obstacle" in told[0]
     assert "Around    tall, ball on claw_support\n" in told[0]
 
 
@@ -208,7 +208,7 @@ def test_plan_says_what_it_leaves_out(
 ) -> None:
     told = planned(tmp_path, *steps, above=above)[-1]
     assert "Path      straight" in told
-    assert f"Left out  {names}: only a run of the task tells" in told
+    assert f"Left out  {names}: their place is known only in a run" in told
     assert f"Around    {names}" not in told
 
 
@@ -249,7 +249,7 @@ def test_a_plan_follows_points_for_the_tool_and_on_the_way(tmp_path: Path) -> No
     said = all_said(tmp_path, REACH, FOLLOW, COME)
     goals = re.findall("Goal      joint_1 (.*), joint_2", said)
     assert goals == ["-1.242", "-1.400", "0.000"]
-    assert "Path      by way of 1 point" in said
+    assert "Path      through 1 point" in said
     assert "Not seen" not in said
     assert "Start" not in said
 
@@ -262,6 +262,6 @@ def test_a_plan_names_the_moves_that_it_leaves_out(tmp_path: Path) -> None:
         "Not seen  x/move_joints/Target: only a run of the task tells from where, or where to"
         in said
     )
-    start = "Start     taken to be joint_1 -1.400, joint_2 -0.600, joint_3 -0.070"
+    start = "Start     assumed to be joint_1 -1.400, joint_2 -0.600, joint_3 -0.070"
     assert said.count("Start     ") == 1
     assert said.index("Motion 2 of 3") < said.index(start) < said.index("Motion 3 of 3")

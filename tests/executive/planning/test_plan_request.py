@@ -34,24 +34,26 @@ def test_a_urdf_that_cannot_be_planned_with_is_a_wrong_file(tmp_path: Path) -> N
     [
         (
             ("right", "--start", "joint_4=-0.5", "--via", "joint_4=-0.2"),
-            "--via: joint_4 is of the gripper, and what moves is the arm; leave it out, or give "
+            "--via: joint_4 belongs to the gripper, but the arm moves; leave it out, or give "
             "--group gripper",
         ),
         (
             ("right", "--group", "gripper"),
-            "joint_1 is of the arm, and what moves is the gripper; leave it out, or "
-            "give --group arm",
+            "joint_1 belongs to the arm, but the gripper moves; leave it out, or give --group arm",
         ),
-        (("joint_1 = 0.5",), "'joint_1 = 0.5' has blanks in it; write joint_1=0.5"),
-        (("joint_1 += 0.5",), "'joint_1 += 0.5' has blanks in it; write joint_1+=0.5"),
-        (("joint_1", "=", "0.5"), "'=' names no joint; write it in one word, such as joint_1=0.5"),
-        (("=1",), "'=1' names no joint; write it in one word, such as joint_1=0.5"),
+        (("joint_1 = 0.5",), "'joint_1 = 0.5' contains spaces; write joint_1=0.5"),
+        (("joint_1 += 0.5",), "'joint_1 += 0.5' contains spaces; write joint_1+=0.5"),
+        (("joint_1", "=", "0.5"), "'=' names no joint; write one word, such as joint_1=0.5"),
+        (("=1",), "'=1' names no joint; write one word, such as joint_1=0.5"),
         (("right", "--via", "+=1"), "--via: '+=1' names no joint"),
-        (("1", "2"), "'1' is the number of a task, and goes alone; plan one task at a time, or"),
+        (
+            ("1", "2"),
+            "'1' is the number of a task, which must be the only word; plan one",
+        ),
         (("right", "--via", "joint_1=9"), "--via: joint_1 = 9.0 rad is outside its limits"),
         (("right", "--via", "9 9 9"), "--via: The tool cannot reach (9.0000, 9.0000, 9.0000) m"),
         (("right", "--start", "9 9 9"), "--start: The tool cannot reach (9.0000, 9.0000, 9.0000)"),
-        (("right", "--start", "joint_9=1"), "--start: joint_9 is no joint that can be set"),
+        (("right", "--start", "joint_9=1"), "--start: joint_9 is not an actuated joint"),
     ],
 )
 def test_what_is_asked_wrongly_is_named_with_its_option(goal: tuple[str, ...], why: str) -> None:

@@ -1,0 +1,305 @@
+"""What the arguments of `armtree plan` mean: joints, a pose, a point for the tool, or a task."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any
+
+from hardware import Robot
+from skills import (
+    TOOL_PORTS,
+    BadTarget,
+    Positions,
+    SkillError,
+    check_distances,
+    check_targets,
+    check_tool,
+    xyz,
+)
+from skills.motion import MotionError, Query, Reached, ToolQuery, World
+from skills.motion.planner import Planner
+from trees import UNITS, Declaration, FileError, Library, Place, fit, parse_value
+from trees.analysis.check import motions_of
+from trees.compile.port_types import declaration
+
+_PORTS = {name: declaration(port) for name, port in TOOL_PORTS.items()}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One motion to plan.
+
+    Attributes:
+        query: The planning query.
+        left_out: Bodies that are missing in its world, because their place is known only in a run.
+        assumed_start: True if the start is known only in a run. The query then starts at the end of
+            the motion before it.
+    """
+
+    query: Query
+    left_out: tuple[str, ...] = ()
+    assumed_start: bool = False
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """The arguments of `armtree plan`. Values are written as in task files.
+
+    Attributes:
+        robot: Description of the robot.
+        library: Tasks and poses.
+        words: The goal. One of: `JOINT=VALUE`, `JOINT+=CHANGE` and names of poses, applied in
+            order, each joint at most once; x, y, z of the tool; the number of a task, for all
+            motions that it spells out. Joints that are not named keep their start position.
+        group: Group that moves; None for the group of the named joints, else the arm.
+        seed: Seed of the planner.
+        start: Start, as `words` but not a task. Joints that are not named are in the boot pose.
+        via: Points on the way, each as `start`. Joints that are not named are as at the start.
+        tool: Further inputs for a point of the tool: values of TOOL_PORTS, by port.
+    """
+
+    robot: Robot
+    library: Library
+    words: Sequence[str]
+    group: str | None
+    seed: int
+    start: Sequence[str] = ()
+    via: Sequence[str] = ()
+    tool: Mapping[str, str] = field(default_factory=dict)
+
+    def motions(self, planner: Planner, world: World) -> tuple[list[Motion], list[str]]:
+        """Return the motions to plan, each from the end of the one before it.
+
+        Also return a message for each motion of a task whose goal is known only in a run.
+
+        Raises:
+            BadTarget, OutOfBounds: Goal or start cannot be read, or are invalid.
+            UnknownTask, FileError: There is no such task, or its file is invalid.
+            MotionError: The tool cannot reach the point.
+        """
+        if self.group and self.group not in self.robot.groups:
+            groups = ", ".join(self.robot.groups)
+            raise BadTarget(f"the robot has no group {self.group}; it has {groups}")
+        boot = {joint.name: joint.boot for joint in self.robot.actuated}
+        reader = _Reader(planner, self.robot, self.library.poses()[0], "arm", self.seed, world)
+        with _errors_name("--start"):
+            start = boot | reader.positions(self.start, boot, {}, goal=False)
+        if self.tool and not reader.is_point(self.words):
+            options = ", ".join(f"--{port}" for port in self.tool)
+            raise BadTarget(f"{options} needs a point for the tool; give x y z")
+        if len(self.words) == 1 and self.words[0].isdecimal():
+            if self.via:
+                raise BadTarget("a task defines its own path; leave out --via")
+            return self._motions_of_task(planner, tuple(start.values()), world)
+        reader.group = self.group or "arm"
+        named = reader.positions(self.words, start, self.tool)
+        group = reader.group = self.group or self._group_of(named)
+        with _errors_name("--via"):
+            points = [reader.positions(each.split(), start, {}, goal=False) for each in self.via]
+            via = tuple(self._target(group, point, start) for point in points)
+        goal = self._target(group, named, start)
+        query = Query(group, tuple(start.values()), goal, self.seed, via=via, world=world)
+        return [Motion(query)], []
+
+    def _motions_of_task(
+        self, planner: Planner, position: tuple[float, ...], world: World
+    ) -> tuple[list[Motion], list[str]]:
+        """Return the motions of a task. As in a run, the gripper moves after the arm."""
+        number = int(self.words[0])
+
+        def reach(query: ToolQuery) -> Reached:
+            return planner.reach(replace(query, seed=self.seed))
+
+        predicted, unknown = motions_of(
+            self.robot, self.library, number, planner.carry, reach, position, world
+        )
+        if not predicted:
+            why = f"no goal of task {number} is known before it runs; a goal is known if the "
+            why += "inputs of its skill, and of all skills before it, are written down. "
+            why += "".join(f"{message}. " for message in unknown)
+            raise BadTarget(why + "Give joints, a pose or a point instead")
+        moving, still = list[Motion](), list[Motion]()
+        for motion in predicted:
+            for group in self.robot.groups:
+                own = [joint in self.robot.actuated_in(group) for joint in self.robot.actuated]
+                goal = tuple(q for q, mine in zip(motion.pose, own, strict=True) if mine)
+                pairs = zip(motion.pose, position, own, strict=True)
+                arrived = tuple(there if mine else here for there, here, mine in pairs)
+                via = motion.via if group == "arm" else ()
+                query = Query(group, position, goal, self.seed, via=via, world=motion.world)
+                if group == (self.group or group):
+                    moves = self.group or via or arrived != position
+                    found = Motion(query, motion.left_out, assumed_start=motion.start is None)
+                    (moving if moves else still).append(found)
+                position = arrived
+        return moving or still[:1], unknown
+
+    def _target(
+        self, group: str, named: Mapping[str, float], start: Mapping[str, float]
+    ) -> tuple[float, ...]:
+        """Return the target of every joint of a group, from those of some."""
+        for name in named:
+            (own,) = (g for g, members in self.robot.groups.items() if name in members)
+            if own != group:
+                why = f"{name} belongs to the {own}, but the {group} moves"
+                raise BadTarget(f"{why}; leave it out, or give --group {own}")
+        names = [joint.name for joint in self.robot.actuated_in(group)]
+        target = Positions((name, named.get(name, start[name])) for name in names)
+        check_targets(self.robot, {group: target})
+        return tuple(target.values())
+
+    def _group_of(self, named: Mapping[str, float]) -> str:
+        """Return the group that all named joints belong to."""
+        for group, members in self.robot.groups.items():
+            if named.keys() <= set(members):
+                return group
+        raise BadTarget(f"{', '.join(named)} are in several groups; plan for one at a time")
+
+
+@dataclass
+class _Reader:
+    """Reads words as joint positions."""
+
+    planner: Planner
+    robot: Robot
+    poses: Mapping[str, Mapping[str, float]]
+    group: str
+    seed: int
+    world: World
+
+    def is_point(self, words: Sequence[str]) -> bool:
+        """Return True if the words are x, y, z."""
+        return len(words) == 3 and not any("=" in word or word in self.poses for word in words)
+
+    def positions(
+        self,
+        words: Sequence[str],
+        start: dict[str, float],
+        tool: Mapping[str, str],
+        *,
+        goal: bool = True,
+    ) -> dict[str, float]:
+        """Return the positions of the joints that the words name.
+
+        Args:
+            words: As in PlanRequest.
+            start: Position of every actuated joint.
+            tool: Further inputs for a point of the tool.
+            goal: True if the words are the goal, False if they are the value of an option.
+        """
+        _check_words(words, goal, next(joint.name for joint in self.robot.actuated))
+        if self.is_point(words):
+            return self._reach(words, start, tool)
+        units = {joint.name: joint.unit for joint in self.robot.actuated}
+        named, once = dict[str, float](), set[str]()
+        for word in words:
+            name, equals, text = word.partition("=")
+            joint = name.removesuffix("+")
+            if equals:
+                _check_names((joint,), units)
+                if joint in once:
+                    raise BadTarget(f"{joint} is given twice; give it once, with its whole change")
+                once.add(joint)
+                kind = "length" if units[joint] == "m" else "angle"
+                value: float = _read(joint, text, Declaration(kind))
+                if joint != name:
+                    check_distances(self.robot, {joint: value})
+                    value += (start | named)[joint]
+                named[joint] = value
+            elif word in self.poses:
+                named |= self.poses[word]
+            else:
+                raise BadTarget(_no_pose(word, self.poses, goal))
+        _check_names(named, units)
+        return named
+
+    def _reach(
+        self, words: Sequence[str], start: Mapping[str, float], tool: Mapping[str, str]
+    ) -> dict[str, float]:
+        """Return the joint positions that bring the tool to a point."""
+        given = {port: _read(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
+        for port, value in given.items():
+            try:
+                check_tool(self.robot, {port: value})
+            except BadTarget as error:
+                raise BadTarget(f"--{port}: {error}") from error
+        point = _read("point", f"[{', '.join(words)}]", _PORTS["point"])
+        query = ToolQuery(
+            group=self.group,
+            start=tuple(start.values()),
+            point=xyz("point", point),
+            direction=given.get("direction"),
+            link=given.get("tool", ""),
+            offset=given.get("offset", (0.0, 0.0, 0.0)),
+            axis=given.get("axis"),
+            relative=given.get("relative", False),
+            seed=self.seed,
+            world=self.world,
+        )
+        names = (joint.name for joint in self.robot.actuated_in(self.group))
+        return dict(zip(names, self.planner.reach(query).positions, strict=True))
+
+
+def _read(name: str, text: str, wanted: Declaration) -> Any:
+    """Return a value that is written as in a task file."""
+    if not text:
+        raise BadTarget(f"{name} has no value")
+
+    def wrong(place: Place, why: str) -> None:
+        raise BadTarget(f"{name}: {why}")
+
+    try:
+        return fit(parse_value(text, name), wanted, {}, wrong)
+    except FileError as error:
+        raise BadTarget(f"{name}: {error.mistakes[0].message}") from error
+
+
+@contextmanager
+def _errors_name(option: str) -> Iterator[None]:
+    """Put the name of an option before the message of an error."""
+    try:
+        yield
+    except (SkillError, MotionError) as error:
+        error.args = (f"{option}: {error}",)
+        raise
+
+
+def _check_words(words: Sequence[str], goal: bool, joint: str) -> None:
+    """Check that each value is one word.
+
+    Args:
+        words: The words.
+        goal: True if they are the goal.
+        joint: Name of a joint, for an example.
+    """
+    for word in words:
+        name, equals, value = word.partition("=")
+        sign = "+=" if name.endswith("+") else "="
+        name = name.removesuffix("+")
+        if equals and not name.strip():
+            raise BadTarget(f"{word!r} names no joint; write one word, such as {joint}=0.5")
+        if equals and name != name.strip():
+            right = f"{name.strip()}{sign}{value.strip()}"
+            raise BadTarget(f"{word!r} contains spaces; write {right}")
+    for before, word in pairwise(words):
+        if any(word in units for units in UNITS.values()):
+            why = f"{word!r} is separated from its number; write {before}{word} as one word"
+            raise BadTarget(f"{why}, or both in quotes" if goal else why)
+
+
+def _no_pose(word: str, poses: Mapping[str, object], goal: bool) -> str:
+    """Return the message for a word that is not a pose. Only a goal may be a task."""
+    if goal and word.isdecimal():
+        why = f"{word!r} is the number of a task, which must be the only word"
+        return f"{why}; plan one task at a time, or give x y z of the tool"
+    why = f"{word!r} is no pose; there are {', '.join(poses)}. Or give JOINT=VALUE or JOINT+=CHANGE"
+    if goal:
+        return f"{why}, x y z of the tool, or the number of a task"
+    return f"{why} or x y z of the tool, all of it in one pair of quotes"
+
+
+def _check_names(names: Collection[str], actuated: Collection[str]) -> None:
+    for name in names:
+        if name not in actuated:
+            raise BadTarget(f"{name} is not an actuated joint; there are {', '.join(actuated)}")

@@ -1,0 +1,156 @@
+"""Checks of everything that a run needs. They move nothing."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from queue import SimpleQueue
+
+from hardware import (
+    VIRTUAL,
+    Arm,
+    Check,
+    HardwareError,
+    NoDriver,
+    PortNotGiven,
+    RealClock,
+    Robot,
+    SerialLink,
+    check_port,
+    load_robot,
+)
+from logs import LogError, check_space
+from skills.motion import MotionCollides, MotionError, Pool, Result, Verify
+from trees import FileError, Library, TreeError
+
+
+def check_readiness(
+    robot_file: Path | None,
+    port: str | None,
+    trees: Path | None,
+    recordings: Path,
+    opens_port: bool,
+) -> Iterator[Check]:
+    """Yield the result of each check.
+
+    Args:
+        robot_file: Robot file; None for the shipped robot.
+        port: Serial port; None for the port of the robot file.
+        trees: Folder with further tasks, or None.
+        recordings: Folder for recordings.
+        opens_port: True to open the port, which resets the board and may move the arm.
+    """
+    try:
+        robot = load_robot(robot_file)
+    except HardwareError as error:
+        yield Check("robot", False, str(error), "correct that line", error.code)
+        return
+    yield Check("robot", True, f"{robot.name}, firmware {robot.firmware.name}")
+    port = robot.serial.port if port is None else port
+    if robot.has_driver:
+        yield _pose(robot, port)
+        yield _boot_wait(robot)
+    else:
+        yield Check("driver", False, str(NoDriver(robot.path)), code=NoDriver.code)
+    yield _tasks(trees)
+    yield _planner(robot)
+    yield from _recordings(recordings)
+    if robot.has_driver:
+        yield from _port(robot, port, opens_port)
+
+
+def _resets(robot: Robot, port: str) -> bool:
+    return robot.serial.resets or port == VIRTUAL
+
+
+def _pose(robot: Robot, port: str) -> Check:
+    if not _resets(robot, port):
+        what = "nothing resets the board: a run needs --pose"
+        return Check("pose", True, what)
+    if robot.firmware.banner:
+        return Check("pose", True, "the board reports its pose, and a reset does not change it")
+    frame = robot.wire_format.encode(robot.boot_pose)
+    return Check("pose", True, f"after a reset the board is at {frame}")
+
+
+def _boot_wait(robot: Robot) -> Check:
+    wait, firmware = robot.serial.boot_wait, robot.firmware
+    what = f"{wait:g} s after the port opens; {firmware.name} needs {firmware.boot_time:g} s"
+    return Check("boot wait", True, what)
+
+
+def _tasks(trees: Path | None) -> Check:
+    try:
+        library = Library(trees)
+        for number in library.numbers():
+            library.task(number)
+        if library.mistakes:
+            raise FileError(library.mistakes)
+    except TreeError as error:
+        return Check("tasks", False, str(error), "correct that file", error.code)
+    return Check("tasks", True, f"{', '.join(map(str, library.numbers()))} can be read")
+
+
+def _planner(robot: Robot) -> Check:
+    answers: SimpleQueue[Result] = SimpleQueue()
+    with closing(Pool(robot, 1, RealClock())) as pool:
+        pool.start()
+        pool.submit(Verify([robot.boot_pose], 0.0), answers.put)
+        answer = answers.get()
+    if isinstance(answer, MotionCollides):
+        remedy = "choose another boot pose in the robot file, or correct its URDF"
+        why = f"in its boot pose, {answer.contact}"
+        return Check("planner", False, why, remedy, answer.code)
+    if isinstance(answer, MotionError):
+        remedy = "correct the robot file or its URDF"
+        return Check("planner", False, str(answer), remedy, answer.code)
+    free = "a worker has loaded the robot; its boot pose is free of collisions"
+    return Check("planner", True, free)
+
+
+def _recordings(folder: Path) -> Iterator[Check]:
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    try:
+        with tempfile.TemporaryFile(dir=existing):
+            yield Check("recorder", True, f"{folder} is writable")
+    except OSError as error:
+        remedy = "give another folder with --recordings"
+        yield Check("recorder", False, f"{folder}: {error.strerror}", remedy, LogError.code)
+        return
+    try:
+        yield Check("free disk", True, f"{check_space(folder) / 1e6:.0f} MB")
+    except LogError as error:
+        yield Check("free disk", False, str(error), code=error.code)
+
+
+def _port(robot: Robot, port: str, opens_port: bool) -> Iterator[Check]:
+    if not port:
+        remedy = "give --port PORT, or --port virtual"
+        yield Check("port", False, "no port is given", remedy, PortNotGiven.code)
+        return
+    if port == VIRTUAL:
+        yield Check("port", True, "virtual: nothing real moves")
+    elif not isinstance(robot.link(port), SerialLink):
+        yield Check("port", True, f"{port}: its driver checks it when it opens it")
+    else:
+        checks = check_port(port)
+        yield from checks
+        if not all(check.ok for check in checks):
+            return
+    if opens_port:
+        does = "it resets the board" if _resets(robot, port) else "the board is not reset"
+        yield Check("opening", True, f"{does}, and the arm {robot.open_effect}")
+        yield _open(robot, port)
+
+
+def _open(robot: Robot, port: str) -> Check:
+    try:
+        with Arm(robot, robot.link(port), RealClock()) as arm:
+            arm.configure()
+            arm.activate()
+            positions = ", ".join(f"{name} {q:.3f}" for name, q in arm.read().items())
+    except HardwareError as error:
+        return Check("board", False, str(error), code=error.code)
+    if not _resets(robot, port):
+        return Check("board", True, "opened; only a person knows the pose of the arm")
+    return Check("board", True, f"booted; commanded to {positions} rad")
