@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 
 import logs
@@ -35,6 +34,7 @@ from .goals.start_pose import StartPose
 from .recording.archive import configuration_note
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
+from .setup import Setup
 
 logger = logging.getLogger(__name__)
 
@@ -46,59 +46,52 @@ class Executive:
     """Runs tasks on an arm. Any thread may call; one thread of its own executes.
 
     Args:
+        setup: What it was started with.
         robot: The robot.
-        link: The line to its board; None where nobody said which port.
-        library: The tasks there are.
+        link: Link to the board, or None if no port is configured.
+        library: The tasks.
         pool: The planners.
-        recordings: Folder for recordings.
-        clock: Whose time.
-        seed: For whatever draws at random.
-        timeout: How long a planner may take [s].
-        watch: The first that is told of everything, as by `subscribe`.
-        policy: What becomes of a goal that comes while another one is under way.
-        result_timeout: How long the result of an ended goal is kept [s]; see `GoalQueue`.
-        single_user: True if only one caller sends goals. A goal then activates the arm, and its
-            recording stays open until `finish_recording`. Otherwise only `arm_to` activates the
-            arm. Default: False.
-        operator: Who answers what tasks ask.
-        pose: What a person says of where the arm stands at its first activation; see `pose.py`.
+        clock: Time source.
+        operator: Answers the questions of tasks; default: none does.
+        subscriber: First callback for every event, as by `subscribe`.
+
+    Attributes:
+        setup, robot, library, clock: The same.
+        port: Name of the port; empty for none.
     """
 
     def __init__(
         self,
+        setup: Setup,
         robot: Robot,
         link: Link | None,
         library: Library,
         pool: Pool,
-        recordings: Path,
         clock: Clock,
-        seed: int,
-        timeout: float,
-        watch: Callable[[Event], None],
-        policy: Policy = Policy.REJECT,
-        result_timeout: float = 900.0,
-        single_user: bool = False,
         operator: Operator | None = None,
-        pose: str | None = None,
+        subscriber: Callable[[Event], None] | None = None,
     ) -> None:
-        self._robot, self._clock, self._single_user = robot, clock, single_user
-        self._port, self._began = link.port if link else "", clock.now()
+        self.setup, self.robot, self.library, self.clock = setup, robot, library, clock
+        self.port, self._began = link.port if link else "", clock.now()
         self._subscribers = EventSubscribers()
-        self._subscribers.add(watch)
+        if subscriber:
+            self._subscribers.add(subscriber)
         self._progress: logs.Feedback | None = None
-        self._standing = StartPose(robot, self._port, recordings, pose)
-        self._folder, self._marked = recordings, set[str]()
-        noted = configuration_note(self._port, seed, timeout, policy.value, single_user)
-        self._recordings = Recordings(recordings, robot, clock, self._publish, self._fail, noted)
+        self._standing = StartPose(robot, self.port, setup.recordings, setup.pose)
+        self._marked = set[str]()
+        noted = configuration_note(self.port, setup)
+        self._recordings = Recordings(
+            setup.recordings, robot, clock, self._publish, self._fail, noted
+        )
         recorded = RecordedLink(link, self._recordings, clock) if link else None
         self._arm = arm = Arm(robot, recorded, clock, self._arm_did)
-        self._queue = GoalQueue(clock, policy, result_timeout, self._goal_changed)
+        self._queue = GoalQueue(clock, setup.policy, setup.result_timeout, self._goal_changed)
         context = Context(
             robot,
             arm,
             pool,
-            seed,
-            timeout,
+            setup.seed,
+            setup.planning_timeout,
             wake=_nobody,
             publish=self._recordings.on_skill_event,
             clock=clock,
@@ -114,7 +107,7 @@ class Executive:
             context,
             clock,
             self._marked,
-            single_user,
+            setup.single_user,
         )
 
     def start(self) -> None:
@@ -124,11 +117,11 @@ class Executive:
             LogError: A server's recording cannot be made.
             PoseUnconfirmed: Nobody has said where the arm stands, and it is to run at once.
         """
-        if self._single_user:
+        if self.setup.single_user:
             self._arm.robot = self._standing.taken(None)
         else:
-            utc = self._clock.epoch_ns() / 1e9 + self._clock.now()
-            for goal in load_goal_history(self._folder, utc - self._queue.keep):
+            utc = self.clock.epoch_ns() / 1e9 + self.clock.now()
+            for goal in load_goal_history(self.setup.recordings, utc - self._queue.keep):
                 self._queue.add_ended(*goal)
             self._recordings.open_server_recording()
         self._executor.start()
@@ -328,7 +321,7 @@ class Executive:
         return Status(
             arm=self._arm.state,
             fault=cause_of(failure) if failure else None,
-            port=self._port,
+            port=self.port,
             commanded=self._commanded(),
             goal=running.status if running else None,
             percentage=progress.percentage if progress else None,
@@ -339,7 +332,7 @@ class Executive:
             policy=self._queue.policy,
             paused=running is not None and running.mailbox.paused,
             breakpoints=tuple(sorted(self._marked)),
-            uptime=self._clock.now() - self._began,
+            uptime=self.clock.now() - self._began,
         )
 
     def tell(self, record: logs.Record) -> None:
@@ -378,7 +371,7 @@ class Executive:
             positions = self._arm.commanded
         except NotActive:
             return None
-        return {joint.name: q for joint, q in zip(self._robot.actuated, positions, strict=True)}
+        return {joint.name: q for joint, q in zip(self.robot.actuated, positions, strict=True)}
 
     def _arm_did(self, event: ArmEvent) -> None:
         self._recordings.on_arm_event(event)

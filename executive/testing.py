@@ -6,6 +6,7 @@ with SimulatedArm(trees=Path("trees"), skills=Path("skills")) as rehearsal:
     assert rehearsal.said("Say") == ["done"]
 """
 
+import dataclasses
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -15,17 +16,14 @@ import logs
 from hardware import BoardLink, SimulatedClock, load_robot, virtual_board
 from skills import Question
 from skills.motion import Pool
-from trees import Library
 from trees.compile.arguments import read_arguments
-from trees.compile.plugins import load_skills
 from trees.compile.port_types import known_skills
 
-from .executive import Executive
 from .goals.events import Event, QuestionStatus
 from .goals.outcome import GoalStatus, Outcome
+from .session import load_own_skills, open_executive
+from .setup import Setup
 from .task_sequence import TaskSequence
-
-_TIMEOUT = 5.0  # of a planner [s]
 
 
 class SharedPool(Pool):
@@ -76,10 +74,8 @@ class SimulatedArm:
     def __init__(
         self, trees: Path | None = None, skills: Path | None = None, robot: Path | None = None
     ) -> None:
-        if broken := load_skills(skills):
-            raise ValueError("; ".join(broken))
-        self._robot = load_robot(robot)
-        self._library = Library(trees)
+        load_own_skills(skills)
+        self._setup = Setup(robot=load_robot(robot), trees=trees, single_user=True)
         self._replaced: list[tuple[Any, Callable[..., Any]]] = []
         self.clock = SimulatedClock()
         self.records: list[logs.Record] = []
@@ -87,7 +83,8 @@ class SimulatedArm:
 
     def __enter__(self) -> Self:
         self._folder = tempfile.TemporaryDirectory()
-        self._pool = SharedPool(self._robot, 1, self.clock)
+        self._setup = dataclasses.replace(self._setup, recordings=Path(self._folder.name))
+        self._pool = SharedPool(self._setup.load_robot(), 1, self.clock)
         return self
 
     def __exit__(self, *raised: object) -> None:
@@ -115,23 +112,19 @@ class SimulatedArm:
         Raises:
             FileError: A parameter cannot be read.
         """
-        settings = [f"{name}={text}" for name, text in arguments.items()]
-        link = BoardLink(virtual_board(self._robot), self.clock)
-        with self.clock.working():
-            executive = Executive(
-                self._robot,
-                link,
-                self._library,
-                self._pool,
-                Path(self._folder.name),
-                self.clock,
-                1,
-                _TIMEOUT,
-                self._watch,
-                single_user=True,
+        link = BoardLink(virtual_board(self._setup.load_robot()), self.clock)
+        with (
+            self.clock.working(),
+            open_executive(
+                self._setup,
+                clock=self.clock,
+                link=link,
+                pool=self._pool,
                 operator=_Script(self.answers),
-            )
-            given = read_arguments(settings, [task])
+                subscriber=self._watch,
+            ) as executive,
+        ):
+            given = read_arguments([f"{name}={text}" for name, text in arguments.items()], [task])
             (outcome,) = TaskSequence(executive).run([task], lambda _: None, given)
         return outcome
 

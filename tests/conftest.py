@@ -14,10 +14,11 @@ import logs
 from executive.executive import Executive
 from executive.goals.events import Event, QuestionStatus
 from executive.goals.outcome import GoalStatus, Outcome
+from executive.setup import Setup
 from executive.task_sequence import TaskSequence
 from executive.testing import SharedPool
 from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board
-from skills import Context, Skill, SkillEvent
+from skills import Context, Operator, Skill, SkillEvent
 from skills.motion import Plan, Pool, Query, Request, Result
 from trees import Library
 from trees.compile.arguments import read_arguments
@@ -52,9 +53,9 @@ class Rig:
         pool: Pool,
         recordings: Path,
         tasks: Path | None = None,
-        timeout: float = 5.0,
+        operator: Operator | None = None,
         single_user: bool = True,
-        **options: Any,
+        **settings: Any,
     ) -> None:
         self.robot, self.clock = robot, clock
         self.link = BoardLink(virtual_board(robot), clock)
@@ -62,18 +63,9 @@ class Rig:
         self.statuses: list[GoalStatus] = []
         self.outcomes: list[Outcome] = []
         self.on_record: Callable[[logs.Record], None] = lambda _: None
+        setup = Setup(recordings=recordings, single_user=single_user, **settings)
         self.executive = Executive(
-            robot,
-            self.link,
-            Library(tasks),
-            pool,
-            recordings,
-            clock,
-            1,
-            timeout,
-            self._watch,
-            single_user=single_user,
-            **options,
+            setup, robot, self.link, Library(tasks), pool, clock, operator, self._watch
         )
         self._in_turn = TaskSequence(self.executive)
 
@@ -150,12 +142,11 @@ def rig(
     def make(
         tasks: Path | None = None,
         pool: Pool = shared_pool,
-        timeout: float = 5.0,
         robot: Robot = robot,
         recordings: Path = tmp_path,
         **options: Any,
     ) -> Rig:
-        return Rig(robot, shared_clock, pool, recordings, tasks, timeout, **options)
+        return Rig(robot, shared_clock, pool, recordings, tasks, **options)
 
     yield make
     assert Blackboard.storage == {}

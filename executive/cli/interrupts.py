@@ -3,10 +3,14 @@
 import os
 import signal
 from collections.abc import Callable
+from concurrent.futures import Future
 from types import FrameType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from executive.codes import INTERRUPTED_EXIT
+from hardware import RealClock
+
+T = TypeVar("T")
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _END = 0  # no signal has this number
@@ -47,12 +51,29 @@ class Interrupts:
         if self._canceled:
             cancel()
 
+    def run(self, work: Callable[[], T]) -> T:
+        """Do it on another thread, and handle signals on this one; return or raise its result."""
+        work_done: Future[T] = Future()
+
+        def run() -> None:
+            try:
+                work_done.set_result(work())
+            except Exception as error:
+                work_done.set_exception(error)
+            finally:
+                self.end()
+
+        thread = RealClock().spawn(run, "work")
+        self.wait()
+        thread.join()
+        return work_done.result()
+
     def end(self) -> None:
-        """Let `wait` return; called from any thread."""
+        """Make `wait` return. Any thread may call."""
         os.write(self._writer, bytes([_END]))
 
     def wait(self) -> None:
-        """Wait for `end`, and handle signals meanwhile."""
+        """Wait for `end`, and handle signals."""
         while _END not in os.read(self._reader, 64):
             pass  # a signal, and its handler has run
 

@@ -1,18 +1,31 @@
-"""Lines of the program's log, as records."""
+"""The log of the program, as records."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import logs
+from executive.executive import Executive
 from hardware import Clock
 
 
+@contextmanager
+def recorded_log(executive: Executive) -> Iterator[None]:
+    """Record every line of the log."""
+    handler = LogHandler(executive.tell, executive.clock)
+    logging.getLogger().addHandler(handler)
+    try:
+        yield
+    finally:
+        logging.getLogger().removeHandler(handler)
+
+
 class LogHandler(logging.Handler):
-    """Hands log lines to whoever records.
+    """Passes lines of the log on as records.
 
     Args:
-        tell: Where they go.
-        clock: Whose time.
+        tell: Receives the records.
+        clock: Time source.
     """
 
     def __init__(self, tell: Callable[[logs.Record], None], clock: Clock) -> None:
@@ -20,6 +33,6 @@ class LogHandler(logging.Handler):
         self._tell, self._clock = tell, clock
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Hand a line on."""
+        """Pass a line on."""
         text = record.getMessage()
         self._tell(logs.LogLine(self._clock.now(), record.levelno, record.name, text))

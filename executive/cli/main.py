@@ -68,13 +68,22 @@ def cli(verbose: bool, debug: bool) -> None:
 @keep_days_option
 @keep_mb_option
 @pose_option
-@click.option("--json", is_flag=True, help="Print one JSON object per event.")
-def run(**options: Any) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event.")
+def run(
+    numbers: tuple[int, ...],
+    settings: tuple[str, ...],
+    as_json: bool,
+    skills: Path | None,  # loaded by its option
+    **options: Any,
+) -> None:
     """Run tasks N in turn. Ctrl-C cancels and stops the arm; a second one leaves at once."""
-    from .wiring import Options, execute
+    from executive.setup import Setup
 
+    from .run import execute
+
+    setup = Setup(**options, single_user=True)
     verbose = click.get_current_context().find_root().params["verbose"]
-    outcomes = execute(Options(**options, verbose=verbose))
+    outcomes = execute(setup, numbers, settings, as_json, verbose)
     sys.exit(look_up(outcomes[-1].code).exit_status)
 
 

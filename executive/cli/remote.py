@@ -21,8 +21,7 @@ from trees import TreeError
 from trees.compile.arguments import read_arguments
 
 from .interrupts import Interrupts
-from .view import View
-from .wiring import view_for
+from .view import View, view_for
 
 # An id that is mistaken for words would answer another question.
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
@@ -62,7 +61,7 @@ def send_and_wait(
                 interrupts.on_cancel(lambda: _aside(lambda: client.cancel(goal_id)))
                 return _show(events, goal_id, view)
 
-        return _beside(work, interrupts)
+        return interrupts.run(work)
 
 
 @contextmanager
@@ -171,27 +170,6 @@ def _aside(act: Callable[[], object]) -> None:
             logger.warning("%s", error)
 
     RealClock().spawn(tried, "aside")
-
-
-def _beside(work: Callable[[], Outcome], interrupts: Interrupts) -> Outcome:
-    """Work on a thread of its own; this one waits for signals."""
-    done: list[Outcome] = []
-    failed: list[Exception] = []
-
-    def worker() -> None:
-        try:
-            done.append(work())
-        except Exception as error:  # carried over to the thread that tells the user
-            failed.append(error)
-        finally:
-            interrupts.end()
-
-    thread = RealClock().spawn(worker, "worker")
-    interrupts.wait()
-    thread.join()
-    if failed:
-        raise failed[0]
-    return done[0]
 
 
 def status_lines(status: Status) -> Iterator[str]:

@@ -105,30 +105,26 @@ def files_of(path: Path) -> list[Path]:
 
 
 def _view(as_json: bool) -> Any:
-    from .wiring import view_for
+    from .view import view_for
 
     verbose = click.get_current_context().find_root().params["verbose"]
     return view_for(as_json, verbose)
 
 
 def _send(recording: Path, **options: Any) -> None:
+    from executive.setup import Setup
+
     from .sending import send
 
     if options["speed"] > 1:
         what = "the motion was timed to the limits of the joints; at most 1, or faster with --watch"
         raise click.UsageError(f"--speed {options['speed']:g}: {what}")
     verbose = click.get_current_context().find_root().params["verbose"]
-    outcomes = send(
-        recording,
+    setup = Setup(
         port=options["port"],
-        speed=options["speed"],
         robot=options["robot"],
         recordings=options["folder"],
-        json=options["json"],
-        verbose=verbose,
-        skills=None,
-        settings=(),
-        seed=1,
-        workers=1,
+        single_user=True,
     )
+    outcomes = send(recording, options["speed"], setup, options["json"], verbose)
     sys.exit(look_up(outcomes[-1].code).exit_status)

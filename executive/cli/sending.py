@@ -11,6 +11,7 @@ from typing import Any
 from py_trees.ports import PortInformation
 
 from executive.goals.outcome import Outcome
+from executive.setup import Setup
 from hardware import Frame, HardwareError, Robot, Schedule, Setpoint, load_robot
 from logs import Goal as RecordedGoal
 from logs import Recording
@@ -20,7 +21,7 @@ from skills import Execute
 from skills.errors import NotReplayable
 from skills.merged_motion import MergedMotion
 
-from .wiring import Options, execute
+from .run import execute
 
 _ROUNDING = 1e-6  # [rad]
 _NUMBERS = 1000  # a replay of task 1 is task 1001
@@ -59,14 +60,17 @@ class Replay(Execute):
         return Schedule(setpoints, setpoints[-1].positions, setpoints[-1].time, 0.0), None
 
 
-def send(recording: Path, speed: float, robot: Path | None, **options: Any) -> list[Outcome]:
+def send(
+    recording: Path, speed: float, setup: Setup, as_json: bool, verbose: bool
+) -> list[Outcome]:
     """Move to where a recording begins, then send its frames at their times.
 
     Args:
         recording: Which.
         speed: 1 for the times as recorded, less for slower.
-        robot: Robot file; None for the shipped robot.
-        options: All others of `wiring.Options`.
+        setup: What to run on, apart from the tasks.
+        as_json: As of `execute`.
+        verbose: As of `execute`.
 
     Raises:
         NotReplayable: It holds no motion.
@@ -75,7 +79,7 @@ def send(recording: Path, speed: float, robot: Path | None, **options: Any) -> l
     """
     task, start = _beginning(Recording(recording))
     number = _NUMBERS + task
-    arm = load_robot(robot)
+    arm = setup.load_robot()
     targets = {
         group: {joint.name: start.get(joint.name, joint.boot) for joint in arm.actuated_in(group)}
         for group in arm.groups
@@ -89,8 +93,9 @@ def send(recording: Path, speed: float, robot: Path | None, **options: Any) -> l
             **{group: json.dumps(target) for group, target in targets.items()},
         )
         (Path(folder) / f"{number}_replay.yaml").write_text(text)
-        given = Options(numbers=(number,), trees=Path(folder), robot=robot, **options)
-        return execute(given)
+        return execute(
+            replace(setup, trees=Path(folder)), [number], as_json=as_json, verbose=verbose
+        )
 
 
 def _beginning(recording: Recording) -> tuple[int, dict[str, float]]:

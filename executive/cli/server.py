@@ -94,12 +94,11 @@ def serve(
     """Take goals from other programs, until Ctrl-C. The arm is inactive at first."""
     from executive.goals.queue import Policy
     from executive.server.server import ListenOptions
-    from logs.writing.retention import Rule
+    from executive.setup import Setup
 
-    from .serving import ServeOptions
-    from .serving import serve as run
+    from .serve import serve as run
 
-    options = ServeOptions(
+    setup = Setup(
         port=port,
         robot=robot,
         trees=trees,
@@ -110,10 +109,10 @@ def serve(
         result_timeout=result_timeout,
         activate=activate,
         pose=pose,
-        keep=Rule(keep_days, keep_mb),
-        place=ListenOptions(port=place.pop("tcp_port"), **place),
+        keep_days=keep_days,
+        keep_mb=keep_mb,
     )
-    run(options)
+    run(setup, ListenOptions(port=place.pop("tcp_port"), **place))
 
 
 def _url(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:

@@ -13,6 +13,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from executive.setup import Setup
 from hardware import Robot, load_robot
 from logs import Recording, RecordingError
 from skills.motion import World
@@ -31,24 +32,19 @@ def robot_note(robot: Robot) -> dict[str, str]:
     }
 
 
-def configuration_note(
-    port: str, seed: int, timeout: float, policy: str, single_user: bool
-) -> dict[str, str]:
-    """Returns the executive's settings that affect a run.
+def configuration_note(port: str, setup: Setup) -> dict[str, str]:
+    """Returns the values of a set-up that affect a run.
 
     Args:
         port: Port of the board.
-        seed: Seed of the planners.
-        timeout: Longest time for planning [s].
-        policy: What happens to a second goal.
-        single_user: True if only one caller sends goals.
+        setup: The set-up.
     """
     return {
         "port": port,
-        "seed": str(seed),
-        "planning_timeout_s": str(timeout),
-        "policy": policy,
-        "solo": str(single_user),
+        "seed": str(setup.seed),
+        "planning_timeout_s": str(setup.planning_timeout),
+        "policy": setup.policy.value,
+        "solo": str(setup.single_user),
     }
 
 

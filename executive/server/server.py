@@ -15,7 +15,6 @@ from executive.errors import AddressInUse, ServerError
 from executive.executive import Executive
 from executive.goals.questions import Questions, nobody
 from executive.live_library import LiveLibrary
-from hardware import Clock, Robot
 
 from . import token_file
 from .event_hub import EventHub
@@ -131,10 +130,7 @@ class Server:
     It listens once it is created, and answers from `start` to `stop` or the end of its context.
 
     Args:
-        executive: Runs the goals.
-        library: The tasks.
-        robot: Description of the robot.
-        clock: Time source.
+        executive: Runs the goals; its library is a `LiveLibrary`.
         listen: Where it listens, and for which clients.
         questions: Open questions of tasks.
 
@@ -151,17 +147,15 @@ class Server:
     def __init__(
         self,
         executive: Executive,
-        library: LiveLibrary,
-        robot: Robot,
-        clock: Clock,
         listen: ListenOptions,
         questions: Questions,
     ) -> None:
+        assert isinstance(executive.library, LiveLibrary)
         listen.check()
         self._socket = _listen(listen.address, listen.port)
         self.port: int = self._socket.getsockname()[1]
-        self._executive, self._library = executive, library
-        self._robot, self._clock, self._options = robot, clock, listen
+        self._executive, self._library = executive, executive.library
+        self._robot, self._clock, self._options = executive.robot, executive.clock, listen
         self._questions = questions
         host = next(iter(host_names((listen.address,), self.port)))
         self.url, self.token = f"http://{host}", token_file.new_token()

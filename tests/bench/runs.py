@@ -36,6 +36,7 @@ from executive.goals.outcome import GoalState
 from executive.goals.queue import Policy
 from executive.goals.run import Run
 from executive.live_library import LiveLibrary
+from executive.setup import Setup
 from hardware import (
     FIRMWARES,
     VIRTUAL,
@@ -152,9 +153,8 @@ def serving(
     (tasks / "23_chain.yaml").write_text(CHAIN)
     library = LiveLibrary(tasks, robot)
     with closing(Pool(robot, 1, clock)) as pool:
-        made = Executive(
-            robot, link, library, pool, folder, clock, 1, 5.0, ears, policy=Policy.QUEUE
-        )
+        setup = Setup(recordings=folder, policy=Policy.QUEUE)
+        made = Executive(setup, robot, link, library, pool, clock, subscriber=ears)
         made.start()
         made.arm_to("configure")
         made.arm_to("activate")

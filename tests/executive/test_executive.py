@@ -324,7 +324,7 @@ def test_one_planner_fails(
 
 
 def test_a_planner_out_of_time(rig: RigMaker) -> None:
-    arm = rig(timeout=1e-9)
+    arm = rig(planning_timeout=1e-9)
     (outcome,) = arm.run(1)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "plan.timeout")
     assert outcome.message.startswith("One or more planners failed: PlanArm: ")

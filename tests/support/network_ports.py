@@ -15,9 +15,8 @@ from websockets.sync.client import connect
 
 from executive.executive import Executive
 from executive.goals.questions import Questions
-from executive.live_library import LiveLibrary
 from executive.server.server import ListenOptions, Server
-from hardware import RealClock, Robot
+from hardware import Robot
 
 Cancel = Callable[[], object]
 
@@ -62,12 +61,10 @@ sys.stdin.read()
 @contextmanager
 def served(arm: Executive, robot: Robot, folder: Path) -> Iterator[Server]:
     """A server for an executive, on a port that is free."""
-    clock = RealClock()
     with tempfile.TemporaryDirectory() as runtime:
         os.environ["XDG_RUNTIME_DIR"] = runtime
-        library = LiveLibrary(folder / "tasks", robot)
-        place, questions = ListenOptions(port=0, rosbridge=True), Questions(clock)
-        server = Server(arm, library, robot, clock, place, questions)
+        place = ListenOptions(port=0, rosbridge=True)
+        server = Server(arm, place, Questions(arm.clock))
         server.start()
         yield server
         server.stop()

@@ -14,6 +14,7 @@ from executive.goals.questions import Questions
 from executive.goals.queue import Policy
 from executive.live_library import LiveLibrary
 from executive.server.server import ListenOptions, Server
+from executive.setup import Setup
 from hardware import BoardLink, RealClock, Robot, virtual_board
 from skills.motion import Pool
 
@@ -52,21 +53,12 @@ class Served:
     def start(self, policy: Policy, active: bool, **place: Any) -> None:
         """Serve on a port that is free."""
         questions = Questions(self.clock)
+        setup = Setup(recordings=self.folder / "recordings", policy=policy)
         self.executive = Executive(
-            self.robot,
-            self.link,
-            self.library,
-            self._pool,
-            self.folder / "recordings",
-            self.clock,
-            1,
-            5.0,
-            lambda _: None,
-            policy,
-            operator=questions,
+            setup, self.robot, self.link, self.library, self._pool, self.clock, questions
         )
         where = ListenOptions(**{"port": 0, **place})
-        self.server = Server(self.executive, self.library, self.robot, self.clock, where, questions)
+        self.server = Server(self.executive, where, questions)
         self.executive.start()
         self.server.start()
         # A test that waits in vain fails, for then the server ends.

@@ -5,10 +5,10 @@ import logging
 from pathlib import Path
 
 import pytest
+from executive.cli.serving import prepare
 
 import logs
 from executive.cli.log_handler import LogHandler
-from executive.cli.serving import prepare
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goals.outcome import Acceptance, GoalState, GoalStatus, Outcome
 from executive.goals.queue import Policy

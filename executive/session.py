@@ -1,0 +1,119 @@
+"""From a set-up to an executive: for the command line, the server, tests and users."""
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+
+import logs
+from hardware import VIRTUAL, Clock, Link, RealClock
+from logs.writing.retention import Rule, prune
+from skills import Operator
+from skills.motion import Pool
+from trees import Library
+from trees.compile.plugins import load_skills
+
+from .executive import Executive
+from .goals.events import Event
+from .goals.start_pose import standing
+from .live_library import LiveLibrary
+from .setup import Setup
+
+logger = logging.getLogger(__name__)
+
+
+@contextmanager
+def open_executive(
+    setup: Setup,
+    *,
+    clock: Clock | None = None,
+    link: Link | None = None,
+    pool: Pool | None = None,
+    operator: Operator | None = None,
+    subscriber: Callable[[Event], None] | None = None,
+    report: Callable[[str], None] = logger.warning,
+) -> Iterator[Executive]:
+    """Make the executive of a set-up; close it and its planners at the end.
+
+    Recordings that a crash left incomplete are recovered, and old ones deleted, first. The caller
+    starts the executive.
+
+    Args:
+        setup: The set-up.
+        clock: Time source; default: real time.
+        link: Link to the board; default: that of the set-up's port.
+        pool: Planners; they stay open. Default: planners of its own.
+        operator: Answers the questions of tasks; default: none does.
+        subscriber: Callback for every event, from any thread.
+        report: Receives what was done to earlier recordings, one line each.
+
+    Raises:
+        HardwareError: The robot file is wrong, names no driver, or the start pose is not confirmed.
+        TreeError: The folder of tasks cannot be read.
+        ValueError: A skill in the set-up's folder is broken.
+        LogError: At the end: a recording could not be finished.
+    """
+    if setup.skills:
+        load_own_skills(setup.skills)
+    robot, clock = setup.load_robot(), clock or RealClock()
+    library = Library(setup.trees) if setup.single_user else LiveLibrary(setup.trees, robot)
+    port = robot.serial.port if setup.port is None else setup.port
+    if setup.single_user or setup.activate or setup.pose:  # rejected before the port is opened
+        standing(robot, port, setup.pose, setup.recordings)
+    if link is None and port:
+        link = robot.link(port)
+    early = list(_tidy(setup, clock))
+    for line in early:
+        report(line.message)
+    with ExitStack() as stack:
+        if pool is None:
+            pool = stack.enter_context(closing(Pool(robot, setup.workers, clock)))
+        executive = Executive(setup, robot, link, library, pool, clock, operator, subscriber)
+        for line in early:
+            executive.tell(line)
+        with closing(executive):
+            yield executive
+
+
+def load_own_skills(folder: Path | None) -> None:
+    """Load the skills of a folder and of installed packages.
+
+    Raises:
+        ValueError: One of them is broken.
+    """
+    if broken := load_skills(folder):
+        raise ValueError("; ".join(broken))
+
+
+def port_line(executive: Executive) -> str:
+    """Which port is used, in words."""
+    robot, port = executive.robot, executive.port
+    if port == VIRTUAL:
+        return (
+            f"Port virtual: the virtual Arduino, firmware {robot.firmware.name}; nothing real moves"
+        )
+    if not port:
+        return "Port: none"
+    return f"Port {port}: firmware {robot.firmware.name}, {robot.serial.baud} baud"
+
+
+def _tidy(setup: Setup, clock: Clock) -> Iterator[logs.LogLine]:
+    """Recover what a crash left among the recordings, and make room."""
+    for made in logs.recover_all(setup.recordings):
+        yield _log_line(clock, _recovered(made))
+    utc = clock.epoch_ns() / 1e9 + clock.now()
+    for path in prune(setup.recordings, Rule(setup.keep_days, setup.keep_mb), utc):
+        yield _log_line(clock, f"{path}: deleted to make room")
+
+
+def _log_line(clock: Clock, words: str) -> logs.LogLine:
+    return logs.LogLine(clock.now(), logging.WARNING, "logs", words)
+
+
+def _recovered(made: logs.Summary | Exception) -> str:
+    if isinstance(made, logs.Summary):
+        shown = f"; `armtree log show {made.path}` tells what is left" if made.bytes else ""
+        return made.text() + shown
+    if isinstance(made, OSError) and made.filename:
+        return f"not recovered: {made.filename}: {made.strerror}"
+    return f"not recovered: {made}"

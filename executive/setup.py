@@ -1,0 +1,57 @@
+"""What an executive is started with, as one value."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardware import Robot, load_robot
+
+from .goals.queue import Policy
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """A robot, its tasks and how they are run.
+
+    Attributes:
+        robot: Robot file, or a robot; None for the shipped Arduinobot.
+        port: Serial port, or `virtual`; empty for none, None for the port of the robot file.
+        trees: Folder with task files of your own; None for the shipped tasks only.
+        skills: Folder with skills of your own; None for the shipped and installed skills only.
+        recordings: Folder for recordings.
+        keep_days: Age at which a recording is deleted [days]; None for never.
+        keep_mb: Size of all recordings [MB]; beyond it the oldest are deleted. None for no limit.
+        seed: Seed of planning.
+        workers: Number of planner processes.
+        planning_timeout: Longest time a planner may take [s].
+        policy: What happens to a second goal.
+        result_timeout: How long the result of an ended goal is kept [s]; see `Goals`.
+        single_user: True if only one caller sends goals. A goal then activates the arm, and what
+            follows it belongs to its recording until `Executive.finish_recording`.
+        activate: Whether the arm is activated at once, not by the first goal or a client.
+        pose: Position of the arm, confirmed by a person: `boot`, `last` for the last commanded
+            position, or None; needed if opening the port does not reset the board.
+    """
+
+    robot: Path | Robot | None = None
+    port: str | None = None
+    trees: Path | None = None
+    skills: Path | None = None
+    recordings: Path = Path("recordings")
+    keep_days: float | None = None
+    keep_mb: float | None = None
+    seed: int = 1
+    workers: int = 1
+    planning_timeout: float = 5.0
+    policy: Policy = Policy.REJECT
+    result_timeout: float = 900.0
+    single_user: bool = False
+    activate: bool = False
+    pose: str | None = None
+
+    def load_robot(self) -> Robot:
+        """Return the robot.
+
+        Raises:
+            DescriptionError: The robot file or its URDF is wrong.
+        """
+        return self.robot if isinstance(self.robot, Robot) else load_robot(self.robot)
