@@ -16,7 +16,7 @@ from trees.compile.plugins import load_skills
 from .executive import Executive
 from .goals.events import Event
 from .goals.start_pose import standing
-from .live_library import LiveLibrary
+from .server.live_library import LiveLibrary
 from .setup import Setup
 
 logger = logging.getLogger(__name__)

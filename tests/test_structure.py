@@ -102,7 +102,7 @@ def folders() -> list[Path]:
 def test_a_folder_holds_about_a_dozen(folder: Path) -> None:
     if str(folder.relative_to(ROOT)) in CROWDED:
         return
-    files = [path for path in folder.glob("*.py") if path.name != "__init__.py"]
+    files = [path for path in folder.glob("*.py") if not path.name.startswith("__")]
     inner = [path for path in folders() if path.parent == folder]
     assert len(files) + len(inner) <= SIBLINGS
 

@@ -20,8 +20,9 @@ from hardware import RealClock
 from trees import TreeError
 from trees.compile.arguments import read_arguments
 
+from .display import view_for
 from .interrupts import Interrupts
-from .view import View, view_for
+from .view import View
 
 # An id that is mistaken for words would answer another question.
 _QUESTION_ID = re.compile("[0-9a-f]{8}")

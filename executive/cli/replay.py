@@ -105,7 +105,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def _view(as_json: bool) -> Any:
-    from .view import view_for
+    from .display import view_for
 
     verbose = click.get_current_context().find_root().params["verbose"]
     return view_for(as_json, verbose)

@@ -130,21 +130,3 @@ def in_words(outcome: Outcome) -> str:
     text = f"task {outcome.task} {outcome.state.name} ({spent}): {cause or outcome.message}"
     text += f"\n  -> {cause.hint}" if cause and cause.hint else ""
     return f"{text}\n  recording {outcome.recording}" if outcome.recording else text
-
-
-def view_for(as_json: bool, verbose: bool) -> View:
-    """Return what shows a run in this terminal or pipe.
-
-    Args:
-        as_json: True to print JSON.
-        verbose: True if the log is printed, so that lines are printed instead of a live picture.
-    """
-    if as_json:
-        return JsonView()
-    if verbose or not sys.stdout.isatty():
-        return TextView()
-    from rich.console import Console
-
-    from .live_view import LiveView
-
-    return LiveView(Console())

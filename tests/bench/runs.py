@@ -35,7 +35,7 @@ from executive.goals.events import Event
 from executive.goals.outcome import GoalState
 from executive.goals.queue import Policy
 from executive.goals.run import Run
-from executive.live_library import LiveLibrary
+from executive.server.live_library import LiveLibrary
 from executive.setup import Setup
 from hardware import (
     FIRMWARES,

@@ -12,7 +12,7 @@ from executive import Client
 from executive.executive import Executive
 from executive.goals.questions import Questions
 from executive.goals.queue import Policy
-from executive.live_library import LiveLibrary
+from executive.server.live_library import LiveLibrary
 from executive.server.server import ListenOptions, Server
 from executive.setup import Setup
 from hardware import BoardLink, RealClock, Robot, virtual_board

@@ -15,9 +15,9 @@ from executive.executive import Executive
 from executive.goals.events import KINDS, Event
 from executive.goals.outcome import GoalStatus, Outcome
 from executive.goals.questions import Questions
-from executive.live_library import LiveLibrary
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
+from executive.server.live_library import LiveLibrary
 from executive.server.metrics import Metrics
 from executive.server.security import is_authenticated
 

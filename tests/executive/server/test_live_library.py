@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from executive.errors import NoSuchNode
-from executive.live_library import LiveLibrary
+from executive.server.live_library import LiveLibrary
 from hardware import Robot
 from trees import FileError, UnknownTask
 

@@ -8,13 +8,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from executive.errors import NoSuchNode
 from hardware import Robot
 from hardware.suggestions import suggestion
 from trees import FileError, Library, TreeError, UnknownTask, read_text
 from trees.analysis.check import check_task, outline_of
 from trees.compile.paths import paths
-
-from .errors import NoSuchNode
 
 KEPT = 16  # states of the folders; the oldest are forgotten
 _SHOWN = 20  # nodes in a message
