@@ -73,7 +73,7 @@ def run(
     numbers: tuple[int, ...],
     settings: tuple[str, ...],
     as_json: bool,
-    skills: Path | None,  # loaded by its option
+    skills: object,  # its option has loaded them
     **options: Any,
 ) -> None:
     """Run tasks N in turn. Ctrl-C cancels and stops the arm; a second one leaves at once."""
