@@ -77,7 +77,7 @@ class Executive:
         if subscriber:
             self._subscribers.add(subscriber)
         self._progress: logs.Feedback | None = None
-        self._standing = StartPose(robot, self.port, setup.recordings, setup.pose)
+        self._start_pose = StartPose(robot, self.port, setup.recordings, setup.pose)
         self._marked = set[str]()
         noted = configuration_note(self.port, setup)
         self._recordings = Recordings(
@@ -107,6 +107,7 @@ class Executive:
             context,
             clock,
             self._marked,
+            self._start_pose,
             setup.single_user,
         )
 
@@ -115,11 +116,8 @@ class Executive:
 
         Raises:
             LogError: A server's recording cannot be made.
-            PoseUnconfirmed: Nobody has said where the arm stands, and it is to run at once.
         """
-        if self.setup.single_user:
-            self._arm.robot = self._standing.taken(None)
-        else:
+        if not self.setup.single_user:
             utc = self.clock.epoch_ns() / 1e9 + self.clock.now()
             for goal in load_goal_history(self.setup.recordings, utc - self._queue.keep):
                 self._queue.add_ended(*goal)
@@ -281,7 +279,7 @@ class Executive:
 
         Args:
             transition: configure, activate, deactivate, cleanup or shutdown.
-            pose: What a person says of where the arm stands when it is activated; see `pose.py`.
+            pose: Confirmed start pose of an activation, `boot` or `last`; see `find_start_pose`.
 
         Raises:
             HardwareError: It did not succeed, or is not legal now.
@@ -293,12 +291,12 @@ class Executive:
         if transition == "activate":
             self._recordings.check_space()
             self._recordings.wait()  # the board boots next, and may move the arm
-            self._arm.robot = self._standing.taken(pose)
         if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
             self._executor.arm_leaves()  # first: the stop that comes with it is not the cause
-        getattr(self._arm, transition)()
         if transition == "activate":
-            self._standing.commanded(self._arm.commanded)
+            self._start_pose.activate(self._arm, pose)
+        else:
+            getattr(self._arm, transition)()
         return self._arm.state
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
@@ -377,7 +375,7 @@ class Executive:
         self._recordings.on_arm_event(event)
         match event:
             case FrameSent():
-                self._standing.commanded(event.positions)
+                self._start_pose.note(event.positions)
             case Faulted():
                 self._fail(event.error)
             case StateChanged(start=State.ACTIVE, goal=State.DEACTIVATING | State.SHUTTINGDOWN):

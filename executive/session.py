@@ -15,7 +15,7 @@ from trees.compile.plugins import load_skills
 
 from .executive import Executive
 from .goals.events import Event
-from .goals.start_pose import standing
+from .goals.start_pose import find_start_pose
 from .server.live_library import LiveLibrary
 from .setup import Setup
 
@@ -59,7 +59,7 @@ def open_executive(
     library = Library(setup.trees) if setup.single_user else LiveLibrary(setup.trees, robot)
     port = robot.serial.port if setup.port is None else setup.port
     if setup.single_user or setup.activate or setup.pose:  # rejected before the port is opened
-        standing(robot, port, setup.pose, setup.recordings)
+        find_start_pose(robot, port, setup.pose, setup.recordings)
     if link is None and port:
         link = robot.link(port)
     early = list(_tidy(setup, clock))

@@ -24,7 +24,7 @@ class Setup:
         workers: Number of planner processes.
         planning_timeout: Longest time a planner may take [s].
         policy: What happens to a second goal.
-        result_timeout: How long the result of an ended goal is kept [s]; see `Goals`.
+        result_timeout: How long the result of an ended goal is kept [s]; see `GoalQueue`.
         single_user: True if only one caller sends goals. A goal then activates the arm, and what
             follows it belongs to its recording until `Executive.finish_recording`.
         activate: Whether the arm is activated at once, not by the first goal or a client.

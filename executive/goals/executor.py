@@ -25,6 +25,7 @@ from .mailbox import Mailbox
 from .outcome import Cause, GoalState, Outcome, cause_of
 from .queue import NOBODY, GoalQueue
 from .run import CANCEL_DEADLINE, Run, decide_outcome
+from .start_pose import StartPose
 
 logger = logging.getLogger(__name__)
 
@@ -78,11 +79,12 @@ class GoalExecutor:
         context: Context,
         clock: Clock,
         marked: set[str],
+        start_pose: StartPose,
         single_user: bool,
     ) -> None:
         self._goals, self._arm, self._library, self._pool = goals, arm, library, pool
         self._recordings, self._context, self._clock = recordings, context, clock
-        self._marked, self._single_user = marked, single_user
+        self._marked, self._start_pose, self._single_user = marked, start_pose, single_user
         self._signal = clock.signal()
         self._blackboard = Lock()  # py_trees has one for all, and no lock
         self._ended = self._held = False
@@ -228,7 +230,7 @@ class GoalExecutor:
             self._arm.configure()
         if self._arm.state is State.INACTIVE:
             self._recordings.settle()  # the board boots next, and may move the arm
-            self._arm.activate()
+            self._start_pose.activate(self._arm)
 
     def _end(self, attempt: _Attempt) -> None:
         """Judge a goal, record its outcome, and tell whoever waits for it."""

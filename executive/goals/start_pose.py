@@ -1,127 +1,128 @@
-"""Where the arm stands when its port opens: known after a reset, else a person's word."""
+"""The start pose of an activation: the boot pose after a reset, else the one a person confirms."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import logs
 from executive.errors import PoseUnconfirmed
-from hardware import VIRTUAL, Robot
+from hardware import VIRTUAL, Arm, Robot
 
-POSES = ("boot", "last")
-
-_LOOKED_AT = 50  # newest recordings
+_SEARCHED = 50  # newest recordings
 
 
 @dataclass(frozen=True, slots=True)
-class Commanded:
-    """Where the arm was commanded to last.
+class LastCommand:
+    """Last commanded pose of the arm.
 
     Attributes:
         positions: One value per actuated joint [rad].
-        told: By what.
+        source: What commanded it: a recording, or this program.
     """
 
     positions: tuple[float, ...]
-    told: str
+    source: str
 
 
-def standing(
-    robot: Robot, port: str, pose: str | None, recordings: Path, last: Commanded | None = None
-) -> Robot:
-    """The robot, with the pose it stands in when its port is opened as its boot pose.
+def find_start_pose(
+    robot: Robot,
+    port: str,
+    confirmed: str | None,
+    recordings: Path,
+    last: LastCommand | None = None,
+) -> tuple[float, ...]:
+    """The pose of the arm when its port opens, one value per actuated joint [rad].
 
     Args:
-        robot: Which.
-        port: Its serial port.
-        pose: What a person says: `boot`, `last` for where it was commanded to last, or None.
-        recordings: Folder that tells where that was.
-        last: Where this program itself has commanded it to, where it did.
+        robot: Description of the robot.
+        port: Serial port.
+        confirmed: Pose that a person confirms: `boot`, `last` for the last commanded one, or None.
+        recordings: Folder of recordings, to find the last commanded pose.
+        last: Last pose that this program commanded; default: that of the newest recording.
 
     Raises:
-        PoseUnconfirmed: The board is not reset, and a person has to say; or there is nothing to
-            confirm.
+        PoseUnconfirmed: Opening the port does not reset the board, and no pose is confirmed; or
+            the confirmed pose is unknown or impossible.
     """
     if robot.serial.resets or port == VIRTUAL:
-        if pose == "last":
+        if confirmed == "last":
             raise PoseUnconfirmed(
                 f"Opening the port {port} resets the board, which moves the arm to its boot pose; "
                 "--pose last is for robots whose file says reset_on_open = false"
             )
-        return robot
-    if pose == "boot":
-        return robot
-    found = last or last_commanded(robot, recordings)
-    if pose is None:
-        raise PoseUnconfirmed(_offer(robot, found))
-    if found is None:
+        return robot.boot_pose
+    if confirmed == "boot":
+        return robot.boot_pose
+    last = last or last_command(robot, recordings)
+    if confirmed is None:
+        raise PoseUnconfirmed(_offer(robot, last))
+    if last is None:
         raise PoseUnconfirmed(
-            f"No recording in {recordings} tells where the arm was commanded to; bring it to its "
-            "boot pose, then give --pose boot"
+            f"No recording in {recordings} holds a commanded pose; move the arm to its boot pose, "
+            "then give --pose boot"
         )
-    stands = dict(zip((joint.name for joint in robot.actuated), found.positions, strict=True))
-    joints = []
-    for joint in robot.joints:
-        leader = stands[joint.mimic.leader] if joint.mimic else stands[joint.name]
-        joints.append(replace(joint, boot=joint.mimic.value(leader) if joint.mimic else leader))
-    return replace(robot, joints=tuple(joints))
+    return last.positions
 
 
 class StartPose:
-    """Where the arm stands, from one activation to the next.
+    """Finds the start pose of each activation.
 
     Args:
-        robot: As its file has it.
-        port: Its serial port.
-        recordings: Folder that tells where it was commanded to by others.
-        pose: What a person has said for the first activation.
+        robot: Description of the robot.
+        port: Serial port.
+        recordings: Folder of recordings.
+        confirmed: Pose that a person confirms for the first activation.
     """
 
-    def __init__(self, robot: Robot, port: str, recordings: Path, pose: str | None) -> None:
+    def __init__(self, robot: Robot, port: str, recordings: Path, confirmed: str | None) -> None:
         self._robot, self._port, self._recordings = robot, port, recordings
-        self._pose = pose
-        self._last: Commanded | None = None
+        self._confirmed = confirmed
+        self._last: LastCommand | None = None
 
-    def taken(self, pose: str | None) -> Robot:
-        """The robot to activate, as `standing` has it.
+    def activate(self, arm: Arm, confirmed: str | None = None) -> None:
+        """Activate the arm in its start pose.
 
         Args:
-            pose: What a person says now.
+            arm: The arm.
+            confirmed: Pose that a person confirms now.
 
         Raises:
-            PoseUnconfirmed: As of `standing`.
+            PoseUnconfirmed: As `find_start_pose`.
+            HardwareError: The activation failed.
         """
-        said = pose or self._pose
-        return standing(self._robot, self._port, said, self._recordings, self._last)
+        pose = confirmed or self._confirmed
+        robot, port, folder = self._robot, self._port, self._recordings
+        arm.activate(find_start_pose(robot, port, pose, folder, self._last))
+        self.note(arm.commanded)
 
-    def commanded(self, positions: tuple[float, ...]) -> None:
-        """Note where the arm is commanded to [rad]; what was said of it before holds no longer."""
-        self._pose, self._last = None, Commanded(positions, "by this program")
+    def note(self, positions: tuple[float, ...]) -> None:
+        """Note a commanded pose [rad]; an earlier confirmation is void."""
+        self._confirmed, self._last = None, LastCommand(positions, "by this program")
 
 
-def last_commanded(robot: Robot, recordings: Path) -> Commanded | None:
-    """Where the newest recording that moved this arm has left it; None where none did."""
+def last_command(robot: Robot, recordings: Path) -> LastCommand | None:
+    """The last pose that a recording of this arm holds; None if there is none."""
     names = tuple(joint.name for joint in robot.actuated)
     files = sorted(recordings.glob("*.mcap"), key=lambda path: path.name, reverse=True)
-    for path in files[:_LOOKED_AT]:
+    for path in files[:_SEARCHED]:
         try:
             sent = list(logs.Recording(path).records(logs.Sent))
         except logs.LogError:
-            continue  # no recording of ours
+            continue  # a file of another program
         for record in reversed(sent):
             if isinstance(record, logs.Sent) and record.joints == names:
-                return Commanded(record.positions, str(path))
+                return LastCommand(record.positions, str(path))
     return None
 
 
-def _offer(robot: Robot, found: Commanded | None) -> str:
-    asked = "The board is not reset when its port opens, so that only you can say where the arm is."
-    boot = "--pose boot where it stands in its boot pose"
-    if found is None:
-        return f"{asked} Give {boot}; no recording tells where it was commanded to"
-    where = ", ".join(
-        f"{joint.name} {q:.3f}" for joint, q in zip(robot.actuated, found.positions, strict=True)
+def _offer(robot: Robot, last: LastCommand | None) -> str:
+    reason = "Opening the port does not reset this board, so armtree does not know the pose."
+    boot = "--pose boot if the arm is in its boot pose"
+    if last is None:
+        return f"{reason} Give {boot}; no recording holds a commanded pose"
+    pose = ", ".join(
+        f"{joint.name} {q:.3f}" for joint, q in zip(robot.actuated, last.positions, strict=True)
     )
     return (
-        f"{asked} It was commanded to {where} rad last ({found.told}). "
-        f"Give --pose last where it still stands there, or {boot}"
+        f"{reason} The last commanded pose is {pose} rad ({last.source}). "
+        f"Give --pose last if the arm is still there, or {boot}"
     )

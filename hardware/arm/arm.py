@@ -65,6 +65,7 @@ class Arm:
         self._link, self._clock, self._observe = link, clock, observe
         self._signal = clock.signal()
         self._canceled = False
+        self._start_pose = robot.boot_pose
         self._refusal: HardwareError | None = None  # why the last request was not carried out
         self._failure: HardwareError | None = None  # the fault that ends this activation
         self._connection: Connection | None = None
@@ -124,8 +125,12 @@ class Arm:
         """
         self._request("configure", State.INACTIVE)
 
-    def activate(self) -> None:
+    def activate(self, start_pose: tuple[float, ...] | None = None) -> None:
         """Open the port, which resets most boards and may move the arm, and wait for the boot.
+
+        Args:
+            start_pose: Pose of the arm when the port opens, one value per actuated joint [rad];
+                default: the boot pose of the robot file.
 
         Raises:
             LinkError: The port cannot be had, and the arm stays inactive; or it was lost while the
@@ -136,6 +141,7 @@ class Arm:
             ActivationStopped: Somebody called `stop` while the board booted.
             TransitionRefused: Not legal now.
         """
+        self._start_pose = start_pose or self.robot.boot_pose
         self._request("activate", State.ACTIVE)
         if connection := self._connection:
             connection.greet()
@@ -345,7 +351,7 @@ class Arm:
             while not (self._unwanted or connection.dialogue.holds) and self._clock.now() < until:
                 self._signal.wait(until)
         if not self._unwanted:
-            connection.start()
+            connection.start(self._start_pose)
         if unwanted := self._unwanted:
             raise unwanted
 

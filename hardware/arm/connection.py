@@ -63,8 +63,12 @@ class Connection:
         self._link.open()
         self._listener = self._clock.spawn(self._listen, "listener")
 
-    def start(self) -> None:
-        """Take the board as booted, and where it stands as commanded.
+    def start(self, start_pose: tuple[float, ...]) -> None:
+        """Prepare to write, once the board has booted.
+
+        Args:
+            start_pose: Pose of the arm, unless the board reports another one; one value per
+                actuated joint [rad].
 
         Raises:
             BoardSilent: It did not say what its firmware says when it has booted.
@@ -73,7 +77,7 @@ class Connection:
         robot, dialogue = self._robot, self.dialogue
         if robot.firmware.banner and not dialogue.holds:
             raise BoardSilent(self._link.port, robot.firmware.name, robot.serial.boot_wait)
-        pose = self._boot_pose()
+        pose = self._held_pose(start_pose)
         self.door = WriteGuard(
             robot, self._link, self._clock, self._active, self._observe, dialogue, pose
         )
@@ -130,12 +134,12 @@ class Connection:
         if self._listener:
             _join(self._listener)
 
-    def _boot_pose(self) -> tuple[float, ...]:
-        """Where the arm stands now [rad]: what the board says, else where a reset puts it."""
+    def _held_pose(self, start_pose: tuple[float, ...]) -> tuple[float, ...]:
+        """Pose that the board reports [rad], or the start pose if it reports none."""
         robot, held = self._robot, self.dialogue.holds
         wire_format = robot.wire_format
-        if held is None or held == wire_format.encode(robot.boot_pose):
-            return robot.boot_pose
+        if held is None or held == wire_format.encode(start_pose):
+            return start_pose
         pose = wire_format.decode(held)  # inside the limits, whatever is held
         nearest = wire_format.encode(pose).servos
         for joint, angle, near in zip(robot.actuated, held.servos, nearest, strict=True):

@@ -12,7 +12,7 @@ from executive.cli.main import cli
 from executive.errors import PoseUnconfirmed
 from executive.goals.outcome import GoalState
 from executive.goals.queue import Policy
-from executive.goals.start_pose import standing
+from executive.goals.start_pose import find_start_pose
 from hardware import DescriptionError, Robot, State, load_robot
 from tests.conftest import Rig, RigMaker
 from tests.support.server_acts import at_frame
@@ -138,12 +138,11 @@ def test_a_pose_is_offered_and_confirmed(robot: Robot, rig: RigMaker, tmp_path: 
     arm = rig()
     (outcome,) = arm.run(1)
     with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* --pose last .* --pose boot"):
-        standing(unreset(robot), "/dev/ttyX", None, tmp_path)
-    confirmed = standing(unreset(robot), "/dev/ttyX", "last", tmp_path)
+        find_start_pose(unreset(robot), "/dev/ttyX", None, tmp_path)
+    confirmed = find_start_pose(unreset(robot), "/dev/ttyX", "last", tmp_path)
     last = arm.told(logs.Sent)[-1]
-    assert confirmed.boot_pose == last.positions
-    assert confirmed.joint("joint_5").boot == -confirmed.joint("joint_4").boot
-    assert standing(unreset(robot), "/dev/ttyX", "boot", tmp_path) == unreset(robot)
+    assert confirmed == last.positions
+    assert find_start_pose(unreset(robot), "/dev/ttyX", "boot", tmp_path) == robot.boot_pose
     assert str(outcome.recording)
 
 
@@ -180,17 +179,17 @@ def test_a_later_activation_goes_on_from_where_the_arm_was_left(
 
 
 def test_there_is_nothing_to_confirm(robot: Robot, tmp_path: Path) -> None:
-    with pytest.raises(PoseUnconfirmed, match="no recording tells"):
-        standing(unreset(robot), "/dev/ttyX", None, tmp_path)
+    with pytest.raises(PoseUnconfirmed, match="no recording holds a commanded pose"):
+        find_start_pose(unreset(robot), "/dev/ttyX", None, tmp_path)
     with pytest.raises(PoseUnconfirmed, match="give --pose boot"):
-        standing(unreset(robot), "/dev/ttyX", "last", tmp_path)
+        find_start_pose(unreset(robot), "/dev/ttyX", "last", tmp_path)
 
 
 def test_a_board_that_is_reset_stands_in_its_boot_pose(robot: Robot, tmp_path: Path) -> None:
-    assert standing(robot, "/dev/ttyX", None, tmp_path) is robot
-    assert standing(unreset(robot), "virtual", None, tmp_path) == unreset(robot)
+    assert find_start_pose(robot, "/dev/ttyX", None, tmp_path) == robot.boot_pose
+    assert find_start_pose(unreset(robot), "virtual", None, tmp_path) == robot.boot_pose
     with pytest.raises(PoseUnconfirmed, match="resets the board"):
-        standing(robot, "/dev/ttyX", "last", tmp_path)
+        find_start_pose(robot, "/dev/ttyX", "last", tmp_path)
 
 
 def robot_file(folder: Path, robot: Robot, line: str) -> Path:
@@ -217,6 +216,6 @@ def test_a_run_asks_before_it_opens_the_port(robot: Robot, tmp_path: Path) -> No
     command = ["run", "1", "--robot", str(path), "--port", str(port), "--recordings", str(tmp_path)]
     done = CliRunner().invoke(cli, command)
     assert done.exit_code == 6
-    assert "only you can say where the arm is" in done.output
+    assert "armtree does not know the pose" in done.output
     done = CliRunner().invoke(cli, [*command, "--pose", "boot"])
     assert "There is no serial port" in done.output

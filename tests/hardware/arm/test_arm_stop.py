@@ -114,8 +114,8 @@ def test_a_stop_while_a_board_is_taken_as_booted_ends_the_activation(
 ) -> None:
     start = Connection.start
 
-    def stopped(connection: Connection) -> None:
-        start(connection)
+    def stopped(connection: Connection, pose: tuple[float, ...]) -> None:
+        start(connection, pose)
         rig.arm.stop()
 
     rig.arm.configure()
