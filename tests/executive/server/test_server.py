@@ -5,10 +5,10 @@ import logging
 from pathlib import Path
 
 import pytest
-from executive.cli.serving import prepare
 
 import logs
 from executive.cli.log_handler import LogHandler
+from executive.cli.serve import prepare
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goals.outcome import Acceptance, GoalState, GoalStatus, Outcome
 from executive.goals.queue import Policy
@@ -150,20 +150,20 @@ def test_the_log_tells_a_cancel_before_the_end(
 def test_a_port_that_is_missing_is_logged_once(
     server: RigMaker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    arm = server(active=False)
+    arm = server(active=False, activate=True)
 
     def missing() -> None:
         raise PortMissing("board", [])
 
     monkeypatch.setattr(arm.link, "open", missing)
-    prepare(arm.executive, activate=True)
+    prepare(arm.executive)
     assert arm.executive.status().arm is State.INACTIVE
     assert len([each for each in caplog.records if each.levelno >= logging.ERROR]) == 1
 
 
 def test_what_is_loaded_is_not_looked_through_for_garbage(server: RigMaker) -> None:
     gc.unfreeze()
-    prepare(server(active=False).executive, activate=True)
+    prepare(server(active=False, activate=True).executive)
     assert gc.get_freeze_count() > 0
     gc.unfreeze()
 
