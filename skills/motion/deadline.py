@@ -1,4 +1,4 @@
-"""The time a plan has, and where it went."""
+"""The deadline of a request, and the durations of its stages."""
 
 import math
 import sys
@@ -8,18 +8,18 @@ from contextlib import contextmanager
 from hardware import Clock
 
 from .errors import BadQuery, PlanTimeout, shown
-from .measures import is_number
+from .validation import is_number
 
 
 class Deadline:
-    """When the time of a request is up.
+    """The deadline of a request.
 
     Args:
-        clock: The time.
-        timeout: From now [s].
+        clock: Time source.
+        timeout: Time from now [s].
 
     Raises:
-        BadQuery: The time-out is no number, or a NaN, which would never be over.
+        BadQuery: The timeout is not a number. A NaN would never pass.
     """
 
     def __init__(self, clock: Clock, timeout: float) -> None:
@@ -30,24 +30,27 @@ class Deadline:
 
     @property
     def over(self) -> bool:
-        """Whether it has passed."""
+        """True if it passed."""
         return self._clock.now() > self._end
 
     def check(self) -> None:
-        """Go on.
+        """Check the deadline.
 
         Raises:
-            PlanTimeout: The time is up.
+            PlanTimeout: The deadline passed.
         """
         if self.over:
             raise PlanTimeout(self._timeout)
 
 
 class Stopwatch:
-    """What each rung took, with what led to it, from now on; together they are all the time.
+    """Measures stages from its creation on. Time between stages counts for the next one.
+
+    Args:
+        clock: Time source.
 
     Attributes:
-        milliseconds: By rung, in the order of their first time [ms].
+        milliseconds: Duration of each stage, in the order in which they first ended [ms].
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -56,7 +59,7 @@ class Stopwatch:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Time what is done inside; a rung may be climbed more than once."""
+        """Measure the `with` block. A stage may run more than once; its durations are added."""
         try:
             yield
         finally:

@@ -1,26 +1,26 @@
-"""What can go wrong with a plan.
+"""Errors of motion planning.
 
     MotionError
-    ├── BadQuery                the question itself makes no sense
-    │   ├── NotFinite           it holds a NaN or an infinity
-    │   └── BadWorld            a body makes no sense, or names what is not there
-    ├── ModelUnusable           the robot's URDF cannot be planned with
+    ├── BadQuery                the request is not valid
+    │   ├── NotFinite           a number is NaN or infinite
+    │   └── BadWorld            a body is not valid, or names an unknown link or body
+    ├── ModelUnusable           the robot's URDF or numbers are unusable
     ├── OutOfBounds             a joint would start or end outside its limits
     │   ├── StartOutOfBounds
     │   └── GoalOutOfBounds
-    ├── EndInCollision          the arm would start or end touching something, or too near
+    ├── EndInCollision          the arm would start or end closer to something than the margin
     │   ├── StartInCollision
     │   └── GoalInCollision
-    ├── Unreachable             the tool cannot get to where it shall go, or point that way there
-    ├── Barred                  on every way there a joint would have to pass what it cannot
-    ├── NoPath                  searched to the end of the budget, found nothing
-    ├── PlanTimeout             the time was up
-    ├── MotionCollides          the last check, on the motion as it will be played, found a contact
-    ├── PlanCanceled            somebody said stop
-    └── WorkerDied              the planning process ended or answered nonsense
+    ├── Unreachable             the tool cannot reach the point, or not in that direction
+    ├── Barred                  proved: every path passes a position of a joint in collision
+    ├── NoPath                  the search found no path within its iterations
+    ├── PlanTimeout             the deadline passed
+    ├── MotionCollides          the final check of the motion found a collision
+    ├── PlanCanceled            the request was canceled
+    └── WorkerDied              the planning process ended or its answer was not valid
 
-Every error carries a stable `code`, and its message says what to do next. All of them travel
-between processes with their attributes.
+Every error has a stable `code`, and its message says what to do next. All of them can be pickled
+with their attributes.
 """
 
 import math
@@ -31,10 +31,10 @@ from typing import Any
 
 
 class MotionError(Exception):
-    """Root of everything motion planning raises.
+    """Base class of all errors of motion planning.
 
     Attributes:
-        milliseconds: What each rung of the ladder took, up to the one that failed [ms].
+        milliseconds: Duration of each stage of planning, up to the one that failed [ms].
     """
 
     code = "plan.error"
@@ -56,7 +56,7 @@ def _restore(kind: type[MotionError], args: tuple[Any, ...], attributes: dict[st
 
 
 class BadQuery(MotionError, ValueError):
-    """The question makes no sense for this robot."""
+    """The request is not valid for this robot."""
 
     code = "plan.bad_query"
     meaning = "The planner was asked something that makes no sense"
@@ -64,22 +64,22 @@ class BadQuery(MotionError, ValueError):
 
     @classmethod
     def group(cls, group: str, groups: Iterable[str]) -> "BadQuery":
-        """An unknown group."""
+        """Return the error for an unknown group."""
         return cls(f"There is no group {shown(group)}; there are {', '.join(groups)}")
 
     @classmethod
     def count(cls, what: str, given: int, wanted: Iterable[str]) -> "BadQuery":
-        """The wrong number of values."""
+        """Return the error for a wrong number of values."""
         names = ", ".join(wanted)
         return cls(f"{_the(what)} has {given} values; give one for each of {names}")
 
 
 class NotFinite(BadQuery):
-    """A NaN or an infinity.
+    """A number is NaN or infinite.
 
     Attributes:
         what: Where it was found, such as `start`, `via point 1` or `z of the axis`.
-        joint: The joint it was given for; empty where for none.
+        joint: Name of its joint; empty if it belongs to none.
         value: NaN or an infinity.
     """
 
@@ -93,7 +93,7 @@ class NotFinite(BadQuery):
 
 
 class BadWorld(BadQuery):
-    """A body makes no sense, or names what is not there."""
+    """A body is not valid, or names an unknown link or body."""
 
     code = "plan.bad_world"
     meaning = "A body around the arm makes no sense, or is not there"
@@ -101,10 +101,10 @@ class BadWorld(BadQuery):
 
 
 class ModelUnusable(MotionError):
-    """The robot's URDF cannot be planned with.
+    """The robot's URDF or numbers are unusable.
 
     Attributes:
-        path: The URDF.
+        path: The URDF, or the robot file.
     """
 
     code = "plan.model"
@@ -121,12 +121,12 @@ class OutOfBounds(MotionError, ValueError):
     """A joint would be outside its limits.
 
     Attributes:
-        joint: Its name.
-        value: Where it would be.
-        lower: Its smallest position.
-        upper: Its largest position.
-        unit: Of all three.
-        what: Which end, such as `start`, or `via point 1`.
+        joint: Name of the joint.
+        value: Position that it would have.
+        lower: Lower limit.
+        upper: Upper limit.
+        unit: Unit of value and limits: rad or m.
+        what: `start`, `goal`, or a via point such as `via point 1`.
     """
 
     what = "position"
@@ -168,14 +168,14 @@ class GoalOutOfBounds(OutOfBounds):
 
 
 class EndInCollision(MotionError):
-    """One end of the motion touches something or comes too near.
+    """At one end of the motion, two links are closer than the margin.
 
     Attributes:
-        first: One link, or `floor`.
-        second: The other.
-        distance: Between them, negative where they overlap [m].
-        margin: Distance to be kept [m].
-        what: Which end, such as `start`, or `via point 1`.
+        first: Name of one link or body, or `floor`.
+        second: Name of the other one.
+        distance: Distance between them, negative if they overlap [m].
+        margin: Distance to keep [m].
+        what: `start`, `goal`, or a via point such as `via point 1`.
     """
 
     what = "end"
@@ -195,7 +195,7 @@ class EndInCollision(MotionError):
 
 
 class StartInCollision(EndInCollision):
-    """The arm stands too near to something to move by plan."""
+    """The arm is too close to something to move by plan."""
 
     code = "plan.start_in_collision"
     meaning = "The arm stands too near to something"
@@ -205,7 +205,7 @@ class StartInCollision(EndInCollision):
 
 
 class GoalInCollision(EndInCollision):
-    """The goal is too near to something."""
+    """At the goal the arm is too close to something."""
 
     code = "plan.goal_in_collision"
     meaning = "The goal is too near to something"
@@ -214,16 +214,16 @@ class GoalInCollision(EndInCollision):
 
 
 class Unreachable(MotionError):
-    """The tool cannot be brought there, or cannot point that way there.
+    """The tool cannot reach the point, or not with its axis in the requested direction.
 
     Attributes:
-        point: Where it shall go, in the URDF's root frame [m].
-        nearest: Where it gets, wherever it points then, as far as was found [m].
-        distance: Between the two [m]; at most `tolerance` where it is the direction that cannot be
-            kept.
-        askew: Angle between the direction asked for and that of the tool there, where it gets to
-            the point the least that was found; 0 where any will do [rad].
-        direction: Where the tool's axis shall point, in that frame; None for anywhere.
+        point: The requested point, in the URDF's root frame [m].
+        nearest: The nearest point that was reached, in any direction [m].
+        distance: Distance between the two [m]; at most `tolerance` if only the direction is out of
+            reach.
+        askew: Angle between the requested direction and the tool's axis at `nearest`; if the point
+            is reached, the smallest one that was found [rad]. 0 if no direction was requested.
+        direction: The requested direction of the tool's axis, or None.
         tolerance: Distance at which the point counts as reached [m].
     """
 
@@ -245,7 +245,7 @@ class Unreachable(MotionError):
         super().__init__(self._too_far() if distance > tolerance else self._too_askew())
 
     def _too_far(self) -> str:
-        # Two places that differ are not to look the same.
+        # Enough digits that two different points look different.
         digits = max(4, 1 - math.floor(math.log10(self.distance)))
         off = f"{1e3 * self.distance:.{max(1, digits - 3)}f} mm off"
         if digits > 4:
@@ -266,14 +266,14 @@ class Unreachable(MotionError):
 
 
 class Barred(MotionError):
-    """There is no way: a joint would have to pass a place that it cannot, wherever others are.
+    """There is no path: a joint would have to pass a position that is always in collision.
 
     Attributes:
-        joint: Its name.
-        value: A place where it cannot be.
-        unit: Of that.
-        first: One of the two links that are too near each other there, or `floor`.
-        second: The other.
+        joint: Name of the joint.
+        value: The position.
+        unit: Unit of the position: rad or m.
+        first: Name of one of the two links in collision there, or `floor`.
+        second: Name of the other one.
     """
 
     code = "plan.barred"
@@ -289,10 +289,10 @@ class Barred(MotionError):
 
 
 class NoPath(MotionError):
-    """The search came to the end of its budget.
+    """The search found no path within its iterations.
 
     Attributes:
-        iterations: How many steps it took.
+        iterations: Number of iterations.
     """
 
     code = "plan.no_path"
@@ -308,10 +308,10 @@ class NoPath(MotionError):
 
 
 class PlanTimeout(MotionError, TimeoutError):
-    """The time was up.
+    """The deadline passed.
 
     Attributes:
-        timeout: Time there was [s].
+        timeout: Time for the request [s].
     """
 
     code = "plan.timeout"
@@ -327,16 +327,16 @@ class PlanTimeout(MotionError, TimeoutError):
 
 
 class MotionCollides(MotionError):
-    """The motion, as it will be played, touches something.
+    """The motion, as it will be played, is in collision.
 
     Attributes:
-        row: Row of the configurations at or after which it does.
-        time: When, from the start of the motion [s]; None where no times were given.
-        first: One link, or `floor`.
-        second: The other.
-        distance: Between them, negative where they overlap [m].
-        margin: Distance to be kept [m].
-        contact: Which two, and how near, in words.
+        row: Row of the configurations at or before the collision.
+        time: Time of the collision, from the motion's start [s]; None if rows have no times.
+        first: Name of one link or body, or `floor`.
+        second: Name of the other one.
+        distance: Distance between them, negative if they overlap [m].
+        margin: Distance to keep [m].
+        contact: The two links and their distance, in words.
     """
 
     code = "plan.motion_collides"
@@ -361,7 +361,7 @@ class MotionCollides(MotionError):
 
 
 class PlanCanceled(MotionError):
-    """Planning was canceled."""
+    """The request was canceled."""
 
     code = "plan.canceled"
     meaning = "Planning was canceled"
@@ -372,10 +372,10 @@ class PlanCanceled(MotionError):
 
 
 class WorkerDied(MotionError):
-    """The planning process ended or answered nonsense.
+    """The planning process ended, or its answer was not valid.
 
     Attributes:
-        why: What is known of it.
+        why: Cause, as far as it is known.
     """
 
     code = "plan.worker_died"
@@ -388,15 +388,15 @@ class WorkerDied(MotionError):
 
 
 def shown(value: object) -> str:
-    """Somebody's value in a message, whatever it is, and short."""
+    """Return a short text for any value, for messages."""
     try:
         return reprlib.repr(value)
-    except Exception:  # somebody else's, or a number of thousands of digits
+    except Exception:  # a faulty __repr__, or a number of thousands of digits
         return f"a {type(value).__name__} that cannot be shown"
 
 
 def _the(what: str) -> str:
-    """As a sentence begins: `The goal`, but `Via point 1`."""
+    """Return a name as the start of a sentence: `The goal`, but `Via point 1`."""
     return what.capitalize() if what[-1].isdigit() else f"The {what}"
 
 

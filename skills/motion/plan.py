@@ -1,24 +1,28 @@
 """A motion that was found, checked and timed."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import Joined, joined, parted, readonly
+from .arrays import readonly
 from .path.curve import Curve
-from .timing.profile import Profile
+from .timing.time_law import TimeLaw
 
 Array = NDArray[np.float64]
 
-# What is an array, in a plan and in its parts.
-_OWN = ("start", "origin", "goal", "velocity", "acceleration", "waypoints")
-_CURVE = ("breaks", "base", "slope", "bend", "stops")
-_PROFILE = ("times", "places", "speeds", "pushes")
+# Names of the arrays in a plan, its curve and its time law.
+_PLAN = ("start", "origin", "goal", "velocity", "acceleration", "waypoints")
+_CURVE = ("breaks", "constant", "linear", "quadratic", "stops")
+_TIME_LAW = ("times", "positions", "speeds", "accelerations")
+
+# Shape and first byte of each array, and the bytes of all of them.
+_Packed = tuple[list[tuple[tuple[int, ...], int]], bytes]
 # Group, joints, seed, milliseconds, and all arrays.
-_State = tuple[str, tuple[str, ...], int, dict[str, float], Joined]
+_State = tuple[str, tuple[str, ...], int, dict[str, float], _Packed]
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,17 +31,17 @@ class Plan:
 
     Attributes:
         group: Name of the group that moves.
-        joints: Names of the joints that move of their own, the columns of every array (J).
+        joints: Names of the group's actuated joints, the columns of every array (J).
         start: All actuated joints at the start (A,) [rad].
         origin: The group's joints at the start (J,) [rad].
         goal: The group's joints at the end (J,) [rad].
-        seed: Of everything random.
-        velocity: Limits kept (J,) [rad/s].
-        acceleration: Limits kept (J,) [rad/s2].
-        waypoints: Of the polyline whose corners are blended (N, J) [rad].
+        seed: Seed of the search.
+        velocity: Velocity limits that the motion keeps (J,) [rad/s].
+        acceleration: Acceleration limits that the motion keeps (J,) [rad/s2].
+        waypoints: Corners of the path before they were rounded, and its ends (N, J) [rad].
         curve: The path.
-        profile: The time law along it.
-        milliseconds: What each rung of the ladder took [ms]; differs from run to run.
+        profile: The time law along the path.
+        milliseconds: Duration of each stage of planning [ms]. It differs from run to run.
     """
 
     group: str
@@ -50,29 +54,29 @@ class Plan:
     acceleration: Array
     waypoints: Array
     curve: Curve
-    profile: Profile
+    profile: TimeLaw
     milliseconds: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        for name in _OWN:
+        for name in _PLAN:
             object.__setattr__(self, name, readonly(getattr(self, name)))
 
     def __getstate__(self) -> _State:
-        """As little as there is, its arrays in one piece of memory."""
+        """Return all arrays as one piece of memory: pickle takes 3 us for each array."""
         curve, profile = self.curve, self.profile
-        arrays = [getattr(self, name) for name in _OWN]
+        arrays = [getattr(self, name) for name in _PLAN]
         arrays += [getattr(curve, name) for name in _CURVE]
-        arrays += [getattr(profile, name) for name in _PROFILE]
-        return self.group, self.joints, self.seed, dict(self.milliseconds), joined(arrays)
+        arrays += [getattr(profile, name) for name in _TIME_LAW]
+        return self.group, self.joints, self.seed, dict(self.milliseconds), _pack(arrays)
 
     def __setstate__(self, state: _State) -> None:
-        group, joints, seed, milliseconds, together = state
-        curve, profile = Curve.__new__(Curve), Profile.__new__(Profile)
-        arrays = parted(together)
-        own, rest = arrays[: len(_OWN)], arrays[len(_OWN) :]
-        self.__dict__.update(zip(_OWN, own, strict=True))
+        group, joints, seed, milliseconds, packed = state
+        curve, profile = Curve.__new__(Curve), TimeLaw.__new__(TimeLaw)
+        arrays = _unpack(packed)
+        own, rest = arrays[: len(_PLAN)], arrays[len(_PLAN) :]
+        self.__dict__.update(zip(_PLAN, own, strict=True))
         curve.__dict__.update(zip(_CURVE, rest[: len(_CURVE)], strict=True))
-        profile.__dict__.update(zip(_PROFILE, rest[len(_CURVE) :], strict=True))
+        profile.__dict__.update(zip(_TIME_LAW, rest[len(_CURVE) :], strict=True))
         self.__dict__.update(
             group=group,
             joints=joints,
@@ -84,13 +88,13 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """[s]; 0 where the group already is at the goal."""
+        """Duration [s]; 0 if the group already is at the goal."""
         return self.profile.duration
 
     def sample(self, times: ArrayLike) -> Array:
-        """The group's joints at times (K,) [s] -> (K, J) [rad].
+        """Return the group's joints at times (K,) [s] -> (K, J) [rad].
 
-        Before 0 it is exactly the start, from the duration on exactly the goal.
+        It is exactly the start before 0, and exactly the goal from the duration on.
         """
         given = np.asarray(times, dtype=np.float64)
         s, _, _ = self.profile.at(self._clamped(given))
@@ -100,23 +104,45 @@ class Plan:
         return positions
 
     def state(self, time: float) -> Array:
-        """The group's joints at one time [s] -> (J,) [rad]."""
+        """Return the group's joints at one time [s] -> (J,) [rad]."""
         joints: Array = self.sample((time,))[0]
         return joints
 
     def velocities(self, times: ArrayLike) -> Array:
-        """Joint speeds at times (K,) [s] -> (K, J) [rad/s]."""
+        """Return joint velocities at times (K,) [s] -> (K, J) [rad/s]."""
         s, speed, _ = self.profile.at(self._clamped(times))
-        return self.curve.slopes(s) * speed[:, None]
+        return self.curve.first_derivatives(s) * speed[:, None]
 
     def accelerations(self, times: ArrayLike) -> Array:
-        """Joint accelerations at times (K,) [s] -> (K, J) [rad/s2], by the chain rule.
+        """Return joint accelerations at times (K,) [s] -> (K, J) [rad/s2], by the chain rule.
 
-        Where the acceleration jumps, that of what follows.
+        At a time at which an acceleration jumps, it is the one after the jump.
         """
         s, speed, push = self.profile.at(self._clamped(times))
-        turn = self.curve.bends(s) * (speed * speed)[:, None]
-        return self.curve.slopes(s) * push[:, None] + turn
+        turn = self.curve.second_derivatives(s) * (speed * speed)[:, None]
+        return self.curve.first_derivatives(s) * push[:, None] + turn
 
     def _clamped(self, times: Any) -> Array:
         return np.clip(np.asarray(times, dtype=np.float64), 0.0, self.duration)
+
+
+def _pack(arrays: Iterable[Array]) -> _Packed:
+    places, memory, begin = list[tuple[tuple[int, ...], int]](), list[bytes](), 0
+    for array in arrays:
+        places.append((array.shape, begin))
+        memory.append(array.tobytes())
+        begin += len(memory[-1])
+    return places, b"".join(memory)
+
+
+def _unpack(packed: _Packed) -> list[Array]:
+    """Return the arrays that were packed, read-only.
+
+    Raises:
+        ValueError: A value is not finite, or bytes are missing.
+    """
+    places, memory = packed
+    if not all(map(math.isfinite, memoryview(memory).cast("d"))):
+        raise ValueError("a value is not finite")
+    dtype = np.dtype(np.float64)
+    return [np.ndarray(shape, dtype, memory, begin) for shape, begin in places]

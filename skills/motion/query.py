@@ -1,4 +1,4 @@
-"""What may be asked of the planner."""
+"""Requests to the planner and their answers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,21 +14,21 @@ from .world import EMPTY, Body, Vector, World
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """Move a group from where the arm stands to a goal.
+    """Move a group from the arm's configuration to a goal. The answer is a Plan.
 
     Attributes:
-        group: Name of the group that moves; all other joints stay at the start.
+        group: Name of the group that moves. All other joints stay at the start.
         start: All actuated joints, in the order of `robot.actuated` [rad].
-        goal: The group's own joints, in the order of `robot.actuated_in(group)` [rad]. A joint
-            without an end goes the short way, to the value that differs by whole turns; where a way
-            has to be searched for, it may go the other way round.
-        seed: Of everything random; equal queries give equal plans.
-        timeout: Time there is [s], from when a worker has loaded the robot; it can only fail a
-            plan, never change one.
-        via: Points on the way, each as `goal`; passed in their order, without a stop where that
-            is free, no part of the arm further off than `blend.NEARNESS`.
-        world: What stands around the arm, and what it holds.
-        spare: Distance to be kept between the ends, beyond the robot's own margin [m].
+        goal: The group's joints, in the order of `robot.actuated_in(group)` [rad]. A continuous
+            joint takes the shorter direction, so its value at the end may differ by whole turns. If
+            a path must be searched, it may take the longer one.
+        seed: Seed of the search. Equal queries give equal plans.
+        timeout: Time for planning [s], from when a worker has loaded the robot. It can make a plan
+            fail, and never changes one.
+        via: Points on the way, each as `goal`, in their order. The motion does not stop there if
+            it can be blended. No part of the arm is then further off than `blend.VIA_TOLERANCE`.
+        world: Bodies around the arm and attached to it.
+        spare: Distance to keep between the ends, in addition to the robot's margin [m].
     """
 
     group: str
@@ -50,15 +50,15 @@ def _numbers(what: str, values: ArrayLike, unit: str) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, eq=False)
 class Verify:
-    """Check a motion as it will be played.
+    """Check a motion as it will be played. The answer is None if it is free.
 
     Attributes:
-        configurations: All actuated joints, in the order of `robot.actuated` (N, A) [rad]; from
-            one row to the next the arm moves straight.
-        margin: Distance to be kept [m].
-        times: When each row is reached (N,) [s]; None where it does not matter.
-        timeout: Time there is [s].
-        world: What stands around the arm, and what it holds.
+        configurations: All actuated joints, in the order of `robot.actuated` (N, A) [rad]. The arm
+            moves along a straight line from each row to the next.
+        margin: Distance to keep [m].
+        times: Time of each row (N,) [s], for the error's message. Default: not known.
+        timeout: Time for the check [s].
+        world: Bodies around the arm and attached to it.
 
     Raises:
         BadQuery: Configurations or times are not all numbers.
@@ -79,13 +79,13 @@ class Verify:
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """Time what is left of a motion that was stopped, from standstill; answered with a Plan.
+    """Time the rest of a stopped motion, from standstill. The answer is a Plan.
 
     Attributes:
-        plan: Of which motion.
-        time: How far it was followed [s].
-        start: Where the arm stands: all actuated joints [rad].
-        timeout: Time there is [s].
+        plan: The motion.
+        time: Time of the stop, from the motion's start [s].
+        start: All actuated joints at the stop [rad].
+        timeout: Time for planning [s].
     """
 
     plan: Plan
@@ -96,22 +96,22 @@ class Rest:
 
 @dataclass(frozen=True, slots=True)
 class ToolQuery:
-    """Where must a group be for its tool to be at a point?
+    """Solve inverse kinematics for a tool of a group. The answer is a Reached.
 
     Attributes:
-        group: Name of the group that moves; all other joints stay at the start.
-        start: All actuated joints, in the order of `robot.actuated` [rad]; of several answers the
-            one soonest reached straight from there is given.
-        point: Where the tool shall be, in the URDF's root frame [m].
-        direction: Where the tool's axis shall point, in that frame; None for anywhere.
-        link: The link that carries the tool; empty for the robot's own tool where it has one that
-            the group moves, else for the last link that the group moves.
-        offset: The tool's place in the frame of that link, or how far beyond the robot's own [m].
-        axis: The tool's axis in that frame; None for that of the robot's own, or z.
-        relative: Whether `point` counts from where the tool is at the start.
-        seed: Of everything random.
-        timeout: Time there is [s].
-        world: What stands around the arm, and what it holds.
+        group: Name of the group that moves. All other joints stay at the start.
+        start: All actuated joints, in the order of `robot.actuated` [rad]. The answer is the
+            solution with the shortest straight motion from there.
+        point: Target of the tool, in the URDF's root frame [m].
+        direction: Direction of the tool's axis in that frame. Default: any.
+        link: Link that carries the tool. Default: that of the robot's own tool if the group moves
+            it, else the last link that the group moves.
+        offset: Position of the tool in the link's frame, or from the robot's own tool [m].
+        axis: Axis of the tool in that frame. Default: that of the robot's own tool, or z.
+        relative: True if `point` is relative to the tool's position at the start.
+        seed: Seed of the search.
+        timeout: Time for the search [s].
+        world: Bodies around the arm and attached to it.
     """
 
     group: str
@@ -132,8 +132,8 @@ class Reached:
     """Answer to a ToolQuery.
 
     Attributes:
-        positions: The group's own joints, in the order of `robot.actuated_in(group)` [rad].
-        found: How many answers there were to choose from.
+        positions: The group's joints, in the order of `robot.actuated_in(group)` [rad].
+        found: Number of solutions that were found.
     """
 
     positions: tuple[float, ...]
@@ -142,14 +142,14 @@ class Reached:
 
 @dataclass(frozen=True, slots=True)
 class Carry:
-    """Hand a body over to another link, where it is; answered with that Body.
+    """Attach a body to another link without moving it. The answer is the new Body.
 
     Attributes:
-        world: Where it is.
-        body: Its name.
-        link: The link it moves with from now on; empty for none, so that it stands.
+        world: World with the body.
+        body: Name of the body.
+        link: Link to attach it to; empty for the URDF's root frame, so that it stays in place.
         positions: All actuated joints at that moment [rad].
-        timeout: Time there is [s].
+        timeout: Time for the answer [s].
     """
 
     world: World

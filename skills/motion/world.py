@@ -1,4 +1,4 @@
-"""What stands around the arm, and what it holds: bodies that are checked like its own links."""
+"""The world: bodies around the arm and attached to it, checked like its own links."""
 
 import json
 import math
@@ -9,11 +9,11 @@ from typing import Any
 from hardware.suggestions import suggestion
 
 from .errors import BadWorld, shown
-from .measures import FARTHEST, LEAST
+from .validation import MAX_MAGNITUDE, MIN_SIZE
 
-_ROUNDED = 1e-2  # of the length of a quaternion that was written with three digits or more
-_UNIT = 1e-6
-_LONGEST = 60  # of a value in a message
+_ROUNDED = 1e-2  # error of a quaternion's length if it was written with three or more digits
+_UNIT = 1e-6  # the same if it was not rounded
+_MAX_SHOWN = 60  # characters of a value in a message
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -21,21 +21,21 @@ Quaternion = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Edges along x, y and z [m]."""
+    """A box, by the lengths of its edges along x, y and z [m]."""
 
     size: Vector
 
 
 @dataclass(frozen=True, slots=True)
 class Sphere:
-    """A ball of a radius [m]."""
+    """A sphere, by its radius [m]."""
 
     radius: float
 
 
 @dataclass(frozen=True, slots=True)
 class Cylinder:
-    """Along z, of a radius and a length [m]."""
+    """A cylinder along z, by its radius and length [m]."""
 
     radius: float
     length: float
@@ -43,10 +43,11 @@ class Cylinder:
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """Triangles from a file (STL, DAE, OBJ), with its units scaled to metres.
+    """Triangles from a file (STL, DAE, OBJ), scaled to metres.
 
-    A closed mesh is solid: an arm inside it touches it. One with a hole is a surface, as it may be
-    a tray, or a room with a door; a room without one has walls with two sides.
+    A closed mesh is solid: an arm inside it collides with it. A mesh with a hole is a surface,
+    because it may be a tray or a room with a door. To model a closed room, give its walls a
+    thickness.
     """
 
     path: str
@@ -64,19 +65,19 @@ _SHAPES: dict[str, type[Shape]] = {
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """One thing.
+    """A body that the arm must not touch, or that it carries.
 
     Attributes:
-        name: Unlike that of any link or other body.
-        shape: Its form.
-        position: Of its centre (of a mesh: its origin), in the frame of `link` [m].
-        rotation: x, y, z, w of a unit quaternion, in that frame.
-        link: The link it moves with; empty for one that stands in the URDF's root frame.
-        touches: RobotModel, bodies or `floor` that it may touch.
+        name: Name, different from those of all links and other bodies.
+        shape: Shape.
+        position: Position of its centre, or of a mesh's origin, in the frame of `link` [m].
+        rotation: Rotation in that frame: x, y, z, w of a unit quaternion.
+        link: Link that it is attached to. Default: the URDF's root frame.
+        touches: Names of links and bodies that it may touch, and `floor`.
 
     Raises:
-        BadWorld: A number is not finite, a size not above 0, one of them more than
-            `measures.FARTHEST`, or a name is missing.
+        BadWorld: A number is not finite, a size is not above 0, a number is more than
+            `validation.MAX_MAGNITUDE`, or a name is missing.
     """
 
     name: str
@@ -94,7 +95,7 @@ class Body:
             raise BadWorld(f"The shape {what} {shown(self.shape)}; give {', '.join(_SHAPES)}")
         self._check_sizes(what)
         if not _reals(self.position, 3):
-            form = f"x, y, z in m, up to {FARTHEST:g} either way"
+            form = f"x, y, z in m, up to {MAX_MAGNITUDE:g} either way"
             raise BadWorld(f"The position {what} {_shown(self.position)}; give {form}")
         if not _is_unit(self.rotation, _UNIT):
             turn = _shown(self.rotation)
@@ -113,21 +114,23 @@ class Body:
             if part.type is str:
                 if not _word(value):
                     raise BadWorld(f"The {part.name} {what} {_shown(value)}; give that of a file")
-            elif not _reals(value if vector else (value,), 3 if vector else 1, LEAST):
+            elif not _reals(value if vector else (value,), 3 if vector else 1, MIN_SIZE):
                 form = "x, y, z, each" if vector else "a number"
-                form += f" above 0, up to {FARTHEST:g}"
+                form += f" above 0, up to {MAX_MAGNITUDE:g}"
                 raise BadWorld(f"The {part.name} {what} {_shown(value)}; give {form}")
 
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """All bodies; equal worlds are one to the planner, which keeps its models of them.
+    """The bodies around the arm and attached to it.
+
+    The planner keeps its models of the latest worlds. Equal worlds share one.
 
     Attributes:
-        bodies: In the order they came.
+        bodies: The bodies, in the order in which they were added.
 
     Raises:
-        BadWorld: Two bodies have one name, or one is none.
+        BadWorld: Two bodies have the same name, or an element is not a Body.
     """
 
     bodies: tuple[Body, ...] = field(default=())
@@ -141,10 +144,10 @@ class World:
                 raise BadWorld(f"Two bodies are called {name}; give each a name of its own")
 
     def body(self, name: str) -> Body:
-        """The body of that name.
+        """Return the body with a name.
 
         Raises:
-            BadWorld: There is none.
+            BadWorld: There is no such body.
         """
         if not _word(name):
             raise BadWorld(f"A body is called {_shown(name)}; give a name")
@@ -155,31 +158,31 @@ class World:
         raise BadWorld(f"There is no body {name}; there are {there}")
 
     def adding(self, body: Body) -> "World":
-        """This world and one more body."""
+        """Return this world with one more body."""
         return World((*self.bodies, body))
 
     def without(self, name: str) -> "World":
-        """This world less a body."""
+        """Return this world without a body."""
         gone = self.body(name)
         return World(tuple(body for body in self.bodies if body is not gone))
 
     def replacing(self, body: Body) -> "World":
-        """This world with a body in place of the one of its name."""
+        """Return this world with a body that replaces the one with the same name."""
         old = self.body(body.name)
         return World(tuple(body if each is old else each for each in self.bodies))
 
     def plain(self) -> list[dict[str, Any]]:
-        """As lists and numbers, for a recording; `World.parse` is the way back."""
+        """Return plain lists and numbers, for a recording. `World.parse` reads them."""
         return [_plain(body) for body in self.bodies]
 
     @classmethod
     def parse(cls, bodies: Iterable[Mapping[str, Any]]) -> "World":
-        """The world that `plain` wrote down, or a person.
+        """Return the world that `plain` or a person wrote.
 
-        A quaternion that was rounded is scaled to length 1; one that need not be stays to the bit.
+        A rounded quaternion is scaled to length 1. An exact one stays the same to the bit.
 
         Raises:
-            BadWorld: It is no list of bodies.
+            BadWorld: It is not a valid list of bodies.
         """
         if not isinstance(bodies, Iterable) or isinstance(bodies, str | Mapping):
             raise BadWorld(f"{_shown(bodies)} is no list of bodies")
@@ -196,7 +199,7 @@ EMPTY = World()
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """x, y, z, w of a turn about fixed x, then y, then z [rad], as a URDF's rpy."""
+    """Return the quaternion x, y, z, w of rotations about fixed x, y and z [rad], as URDF's rpy."""
     (a, b, c), (x, y, z) = (
         [turn(0.5 * angle) for angle in (roll, pitch, yaw)] for turn in (math.cos, math.sin)
     )
@@ -267,9 +270,9 @@ def _tupled(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 
 
-def _is_unit(rotation: Any, off: float) -> bool:
-    """Whether it is four numbers whose length is nearly 1."""
-    return _reals(rotation, 4) and abs(math.hypot(*rotation) - 1.0) < off
+def _is_unit(rotation: Any, tolerance: float) -> bool:
+    """Return True if a value is four numbers with a length close to 1."""
+    return _reals(rotation, 4) and abs(math.hypot(*rotation) - 1.0) < tolerance
 
 
 def _scaled(rotation: Quaternion) -> Quaternion:
@@ -281,27 +284,27 @@ def _scaled(rotation: Quaternion) -> Quaternion:
 
 
 def _shown(value: object) -> str:
-    """Somebody's value as JSON, which it was written in, and short."""
+    """Return a short text for a value: as JSON, in which people write it."""
     try:
         text = json.dumps(value, ensure_ascii=False)
         if not text.isprintable():
             text = json.dumps(value)
-    except (TypeError, ValueError, RecursionError):  # none of JSON, or a number of many digits
+    except (TypeError, ValueError, RecursionError):  # not JSON, or a number with too many digits
         return shown(value)
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+    return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 
 
 def _word(value: object) -> bool:
     return isinstance(value, str) and bool(value)
 
 
-def _reals(values: Any, count: int, least: float = -FARTHEST) -> bool:
-    """Whether they are a tuple of so many numbers, none less than the least nor absurdly large."""
+def _reals(values: Any, count: int, least: float = -MAX_MAGNITUDE) -> bool:
+    """Return True if a value is a tuple of `count` numbers in [least, MAX_MAGNITUDE]."""
     return (
         isinstance(values, tuple)
         and len(values) == count
         and all(
-            isinstance(v, int | float) and not isinstance(v, bool) and least <= v <= FARTHEST
+            isinstance(v, int | float) and not isinstance(v, bool) and least <= v <= MAX_MAGNITUDE
             for v in values
         )
     )

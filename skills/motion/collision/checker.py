@@ -1,31 +1,44 @@
-"""Does the arm touch anything? Many configurations at a time."""
+"""Collision checks of many configurations at once, with coal.
 
-from collections.abc import Iterator
+Each check has two phases, as usual in collision checking. The broad phase compares the convex hulls
+of links. The narrow phase compares the exact shapes of only those links with hulls closer than the
+margin.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
+import coal
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from skills.motion.collision.scene import PlanningScene
 from skills.motion.deadline import Deadline
 from skills.motion.errors import NotFinite
 
-from .batch import BATCH, Hulls, Primitives
-from .depth import Depths
-from .inside import Insides
+from .containment import ContainmentChecker
+from .distance import SignedDistance
+from .scene import PlanningScene
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+BATCH = 500  # configurations per call
+# No call can be interrupted, so one call checks at most a few milliseconds' worth of pairs: of
+# hulls around boxes and cylinders, and of hulls around meshes.
+MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS = 8000, 2000
 
 
 class Contact(NamedTuple):
-    """The nearest two links.
+    """The closest two links.
 
     Attributes:
-        first: One, or `floor`.
-        second: The other.
-        distance: Between them; negative where they overlap, or one is inside the other: how far
-            one of them would have to move to be free, of meshes at most that [m].
+        first: Name of one link or body, or `floor`.
+        second: Name of the other one.
+        distance: Distance between them [m]. If they overlap or one contains the other it is
+            negative: minus the penetration depth, or for meshes minus an upper bound on it.
     """
 
     first: str
@@ -33,53 +46,55 @@ class Contact(NamedTuple):
     distance: float
 
 
-class Look(NamedTuple):
-    """What a look at some configurations found.
+class Proximity(NamedTuple):
+    """Result of `CollisionChecker.proximity`.
 
     Attributes:
-        hit: Row of the first where two links are nearer than the least distance; None where there
-            is none.
-        near: Which rows have two links nearer than their margin, when there is no hit (N,).
-        pairs: All pairs of links that are, in one row or another.
+        collision: First row with two links closer than the least distance, or None.
+        near: True for each row with two links closer than their margin, if there is no collision
+            (N,).
+        pairs: All pairs of links that are closer than their margin in some row.
     """
 
-    hit: int | None
-    near: NDArray[np.bool_]
+    collision: int | None
+    near: Mask
     pairs: frozenset[int]
 
 
 class CollisionChecker:
-    """Working memory to check a model's configurations; for one thread.
+    """Checks configurations in a planning scene. Not thread-safe.
 
-    What is asked of many configurations is asked of the hulls first, and of the primitives only
-    where two hulls are too near, and only of the primitives of those two.
+    Args:
+        scene: The scene.
 
     Attributes:
-        model: Whose.
-        pairs: All of `PlanningScene.outer`, by number.
+        scene: The scene.
+        pairs: Indices of all pairs of `scene.hulls`.
     """
 
-    def __init__(self, model: PlanningScene) -> None:
-        self.model = model
+    def __init__(self, scene: PlanningScene) -> None:
+        self.scene = scene
         self._deadline: Deadline | None = None
-        self.pairs = frozenset(range(len(model.outer.collisionPairs)))
-        self._outers = {
-            (every, least): Hulls(model, self.pairs if every else frozenset(), self._check)
+        self.pairs = frozenset(range(len(scene.hulls.collisionPairs)))
+        # Switching many pairs on and off is slow, so all pairs and chosen pairs have a checker
+        # each; and so has the least distance, because it hardly ever changes.
+        self._broad = {
+            (every, least): _BroadPhase(scene, self.pairs if every else frozenset(), self._check)
             for every in (True, False)
             for least in (True, False)
         }
-        self._exact = dict[tuple[int, bool], Primitives]()
-        self._data = model.kinematics.createData()
-        self._shapes = model.exact.createData()
-        self._insides = Insides(model, self._data, self._shapes)
-        self._depths = Depths(model, self._data, self._shapes, self._insides)
+        self._narrow = dict[tuple[int, bool], _NarrowPhase]()
+        self._data = scene.kinematics.createData()
+        self._placed = scene.exact.createData()
+        self._containment = ContainmentChecker(scene, self._data, self._placed)
+        self._distances = SignedDistance(scene, self._data, self._placed, self._containment)
 
     @contextmanager
     def within(self, deadline: Deadline) -> Iterator[None]:
-        """Inside, all that looks at many configurations looks at a deadline too.
+        """Apply a deadline to all checks inside the `with` block.
 
         Raises:
-            PlanTimeout: The time is up, told by whatever is asked then.
+            PlanTimeout: A check inside the block passes the deadline.
         """
         self._deadline = deadline
         try:
@@ -94,28 +109,46 @@ class CollisionChecker:
     def first_collision(
         self, configurations: ArrayLike, margin: float, pairs: frozenset[int] | None = None
     ) -> int | None:
-        """Row of the first configuration where two links are nearer than a margin.
+        """Return the first row with two links closer than a margin, or None.
 
         Args:
             configurations: All actuated joints (N, A) [rad].
-            margin: Distance to be kept [m].
-            pairs: Those of `PlanningScene.outer` to be looked at; None for all.
+            margin: Distance to keep [m].
+            pairs: Pairs of `scene.hulls` to check. Default: all.
 
         Raises:
-            NotFinite: pinocchio must never see a NaN: it would answer wrongly ever after.
+            NotFinite: A position is NaN or infinite. After one NaN, pinocchio's answers stay wrong.
         """
         rows = np.asarray(configurations, dtype=np.float64)
         for begin in range(0, len(rows), BATCH):
             q = self._coordinates(rows[begin : begin + BATCH])
-            row = self._first_hit(q, margin, self.pairs if pairs is None else pairs)
+            row = self._first_collision(q, margin, self.pairs if pairs is None else pairs)
             if row is not None:
                 return begin + row
         return None
 
+    def first_invalid(self, configurations: Array, margin: float) -> int | None:
+        """Return the first row at which a motion must not start or end, or None.
+
+        Unlike `first_collision` it also finds shapes that are inside a mesh.
+
+        Args:
+            configurations: All actuated joints (N, A) [rad].
+            margin: Distance to keep [m].
+
+        Raises:
+            NotFinite: As `first_collision`.
+        """
+        hit = self.first_collision(configurations, margin)
+        if not self._containment:
+            return hit
+        before = enumerate(self._coordinates(configurations[:hit]))
+        return next((i for i, q in before if self._containment.pairs(q)), hit)
+
     def first_invalid_contact(
         self, configurations: Array, margin: float
     ) -> tuple[int, Contact] | None:
-        """As `first_invalid`, and why."""
+        """Return the row that `first_invalid` finds and its closest links, or None."""
         hit = self.first_invalid(configurations, margin)
         if hit is None:
             return None
@@ -123,155 +156,301 @@ class CollisionChecker:
         assert nearest
         return hit, nearest
 
-    def first_invalid(self, configurations: Array, margin: float) -> int | None:
-        """Row of the first configuration that can be no end of a motion.
-
-        Unlike `first_collision` it sees what is inside a mesh.
+    def nearest(self, configuration: ArrayLike) -> Contact | None:
+        """Return the closest two links that must not touch, or None if all may.
 
         Args:
-            configurations: All actuated joints (N, A) [rad].
-            margin: Distance to be kept [m].
-
-        Raises:
-            NotFinite: As `first_collision`.
+            configuration: All actuated joints (A,) [rad].
         """
-        hit = self.first_collision(configurations, margin)
-        if not self._insides:
-            return hit
-        before = enumerate(self._coordinates(configurations[:hit]))
-        return next((i for i, q in before if self._insides.pairs(q)), hit)
+        row, geometry = np.asarray(configuration, dtype=np.float64)[None, :], self.scene.exact
+        if not len(geometry.collisionPairs):
+            return None
+        k, distance = self._distances.nearest(self._coordinates(row)[0])
+        pair = geometry.collisionPairs[k]
+        names = [self.scene.link(geometry, i) for i in (pair.first, pair.second)]
+        return Contact(names[0], names[1], distance)
 
-    def look(
+    def proximity(
         self,
         configurations: Array,
         margins: Array,
         least: float,
         pairs: frozenset[int],
-        closely: bool,
-    ) -> Look:
-        """Which configurations are near to a contact.
+        exact: bool,
+    ) -> Proximity:
+        """Find the configurations in which two links are closer than their margin.
 
         Args:
             configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
-            margins: For each pair of `PlanningScene.outer`, at least `least` (P,) [m].
-            least: Distance below which there is nothing more to be asked [m].
-            pairs: Those to be looked at; the others may be at any distance.
-            closely: Whether to ask the primitives too which rows are near; if not, some may only
-                seem to be.
+            margins: For each pair of `scene.hulls`, at least `least` (P,) [m].
+            least: Distance below which a pair counts as a collision [m].
+            pairs: Pairs of `scene.hulls` to check.
+            exact: False to skip the narrow phase; then some rows are reported as near although only
+                their hulls are.
 
         Raises:
             NotFinite: As `first_collision`.
         """
         q, wanted = self._coordinates(configurations), margins.tolist()
-        outer = self._outer(pairs, False)
-        outer.keep(pairs, wanted)
-        near = outer.hits(q, stop=False)
+        broad = self._broad_phase(pairs, False)
+        broad.set_margins(pairs, wanted)
+        near = broad.collisions(q, stop=False)
         rows = near.nonzero()[0]
         if not rows.size:
-            return Look(None, near, frozenset())
-        if not closely:
-            first, touches = self._first_doubt(q[rows], least, pairs)
-            if touches:
-                return Look(int(rows[first]), near, frozenset())
-            return Look(None, near, outer.near(q[rows]))
+            return Proximity(None, near, frozenset())
+        if not exact:
+            first, collides = self._first_doubt(q[rows], least, pairs)
+            if collides:
+                return Proximity(int(rows[first]), near, frozenset())
+            return Proximity(None, near, broad.close_pairs(q[rows]))
         near, found, hit = np.zeros_like(near), set[int](), None
-        for k in sorted(outer.near(q[rows])):
-            doubtful = rows[self._near_by(q[rows], k, wanted[k], False)]
-            close = doubtful[self._of(k, False).hits(q[doubtful], wanted[k], stop=False)]
+        for k in sorted(broad.close_pairs(q[rows])):
+            doubtful = rows[self._hulls_of_pair_near(q[rows], k, wanted[k], False)]
+            close = doubtful[
+                self._narrow_phase(k, False).collisions(q[doubtful], wanted[k], stop=False)
+            ]
             if close.size:
                 near[close] = True
                 found.add(k)
         if found:
             rows = near.nonzero()[0]
-            hit = self._first_hit(q[rows], least, frozenset(found))
-        return Look(None if hit is None else int(rows[hit]), near, frozenset(found))
+            hit = self._first_collision(q[rows], least, frozenset(found))
+        return Proximity(None if hit is None else int(rows[hit]), near, frozenset(found))
 
-    def close(self, configurations: Array, margin: float) -> frozenset[int]:
-        """Pairs whose hulls are nearer than a margin [m] in some of the configurations (N, A)."""
-        q, outer = self._coordinates(configurations), self._outer(self.pairs, True)
-        outer.hold(self.pairs, margin)
-        return outer.near(q[outer.hits(q, stop=False)])
+    def close_pairs(self, configurations: Array, margin: float) -> frozenset[int]:
+        """Return the pairs with hulls closer than a margin [m] in some configuration (N, A)."""
+        q, broad = self._coordinates(configurations), self._broad_phase(self.pairs, True)
+        broad.set_margin(self.pairs, margin)
+        return broad.close_pairs(q[broad.collisions(q, stop=False)])
 
-    def doubtful(
-        self, configurations: Array, margin: float, pairs: frozenset[int]
-    ) -> NDArray[np.bool_]:
-        """In which configurations the hulls of some of these pairs are nearer than a margin (N,).
+    def hulls_near(self, configurations: Array, margin: float, pairs: frozenset[int]) -> Mask:
+        """Return True for each configuration with hulls closer than a margin (N,).
 
         Args:
             configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
-            margin: Distance to be kept [m].
-            pairs: Those of `PlanningScene.outer` to be looked at.
+            margin: Distance to keep [m].
+            pairs: Pairs of `scene.hulls` to check.
         """
-        outer = self._outer(pairs, True)
-        outer.hold(pairs, margin)
-        return outer.hits(self._coordinates(configurations), stop=False)
+        broad = self._broad_phase(pairs, True)
+        broad.set_margin(pairs, margin)
+        return broad.collisions(self._coordinates(configurations), stop=False)
 
-    def _first_hit(self, q: Array, margin: float, pairs: frozenset[int]) -> int | None:
-        """Row of the first hit. One call if it is free; few looks if the first doubt is one."""
-        first, touches = self._first_doubt(q, margin, pairs)
-        if touches:
+    def _first_collision(self, q: Array, margin: float, pairs: frozenset[int]) -> int | None:
+        """First row in collision. One call if all are free, few if the first doubt is a collision.
+
+        A doubt is a row with hulls closer than the margin.
+        """
+        first, collides = self._first_doubt(q, margin, pairs)
+        if collides:
             return first
         after, hit = q[first + 1 :], None
         if not len(after):
             return None
-        outer = self._outer(pairs, True)
-        doubtful = first + 1 + outer.hits(after, stop=False).nonzero()[0]
-        for k in sorted(outer.near(q[doubtful])):
-            rows = doubtful[self._near_by(q[doubtful], k, margin, True)]
-            hits = self._of(k, True).hits(q[rows], margin, stop=True)
+        broad = self._broad_phase(pairs, True)
+        doubtful = first + 1 + broad.collisions(after, stop=False).nonzero()[0]
+        for k in sorted(broad.close_pairs(q[doubtful])):
+            rows = doubtful[self._hulls_of_pair_near(q[doubtful], k, margin, True)]
+            hits = self._narrow_phase(k, True).collisions(q[rows], margin, stop=True)
             if hits.any():
                 hit = int(rows[hits.argmax()])
                 doubtful = doubtful[doubtful < hit]
         return hit
 
     def _first_doubt(self, q: Array, margin: float, pairs: frozenset[int]) -> tuple[int, bool]:
-        """Row of the first where hulls are too near, N if none; and whether primitives are."""
-        outer = self._outer(pairs, True)
-        outer.hold(pairs, margin)
-        doubts = outer.hits(q, stop=True).nonzero()[0]
+        """First row with hulls closer than the margin, N if none; True if it is a collision."""
+        broad = self._broad_phase(pairs, True)
+        broad.set_margin(pairs, margin)
+        doubts = broad.collisions(q, stop=True).nonzero()[0]
         if not doubts.size:
             return len(q), False
         first = int(doubts[0])
         here = q[first : first + 1]
-        close = [self._of(k, True) for k in outer.touching(here)]
-        touch = any(pair.touch(here[0]) for pair in close)
-        return first, touch or any(pair.hits(here, margin, stop=True)[0] for pair in close)
+        close = [self._narrow_phase(k, True) for k in broad.close_pairs_at(here)]
+        touches = any(pair.meshes_touch(here[0]) for pair in close)
+        collides = touches or any(pair.collisions(here, margin, stop=True)[0] for pair in close)
+        return first, collides
 
-    def _near_by(self, q: Array, pair: int, margin: float, least: bool) -> NDArray[np.bool_]:
-        """In which rows the hulls of a pair are nearer than a margin [m]."""
+    def _hulls_of_pair_near(self, q: Array, pair: int, margin: float, least: bool) -> Mask:
         pairs = frozenset((pair,))
-        outer = self._outer(pairs, least)
-        outer.hold(pairs, margin)
-        return outer.hits(q, stop=False)
+        broad = self._broad_phase(pairs, least)
+        broad.set_margin(pairs, margin)
+        return broad.collisions(q, stop=False)
 
-    def _outer(self, pairs: frozenset[int], least: bool) -> Hulls:
-        """As turning many pairs on and off takes its time: one for all and one for some.
+    def _broad_phase(self, pairs: frozenset[int], least: bool) -> "_BroadPhase":
+        return self._broad[pairs is self.pairs, least]
 
-        Of each one for the least distance, which hardly ever changes.
-        """
-        return self._outers[pairs is self.pairs, least]
-
-    def _of(self, pair: int, least: bool) -> Primitives:
-        """Made when it is first needed; one for the least distance, as above."""
-        checker = self._exact.get((pair, least))
+    def _narrow_phase(self, pair: int, least: bool) -> "_NarrowPhase":
+        checker = self._narrow.get((pair, least))
         if checker is None:
-            checker = Primitives(self.model, self.model.outer.collisionPairs[pair], self._check)
-            self._exact[pair, least] = checker
+            checker = _NarrowPhase(self.scene, self.scene.hulls.collisionPairs[pair], self._check)
+            self._narrow[pair, least] = checker
         return checker
 
-    def nearest(self, configuration: ArrayLike) -> Contact | None:
-        """The nearest two links that may not touch (A,) [rad]; None where all may."""
-        row, geometry = np.asarray(configuration, dtype=np.float64)[None, :], self.model.exact
-        if not len(geometry.collisionPairs):
-            return None
-        k, distance = self._depths.nearest(self._coordinates(row)[0])
-        pair = geometry.collisionPairs[k]
-        names = [self.model.link(geometry, i) for i in (pair.first, pair.second)]
-        return Contact(names[0], names[1], distance)
-
     def _coordinates(self, configurations: Array) -> Array:
+        model = self.scene.robot_model
         if not np.isfinite(configurations).all():
             row, column = np.argwhere(~np.isfinite(configurations))[0]
             value = float(configurations[row, column])
-            raise NotFinite(f"row {row}", self.model.joints[column], value)
-        return self.model.coordinates(configurations).T
+            raise NotFinite(f"row {row}", model.joints[column], value)
+        return model.coordinates(configurations).T
+
+
+class _BroadPhase:
+    """Checks of hulls, with their working memory.
+
+    Args:
+        scene: The scene.
+        pairs: Pairs of `scene.hulls` that are checked at first.
+        check: Called between calls that may take milliseconds; raises to stop.
+    """
+
+    def __init__(
+        self, scene: PlanningScene, pairs: frozenset[int], check: Callable[[], None]
+    ) -> None:
+        self._check = check
+        self._max_pairs = MAX_MESH_PAIRS if scene.volumes else MAX_PRIMITIVE_PAIRS
+        self._pool = pin.GeometryPool(scene.kinematics, scene.hulls, 1)
+        self._data = self._pool.getGeometryData(0)
+        self._requests = _requests(scene.hulls, self._data)
+        self._results = [self._data.collisionResults[k] for k in range(len(self._requests))]
+        self._pairs, self._margin = pairs, math.nan
+        for k in range(len(self._requests)):
+            if k not in pairs:
+                self._data.deactivateCollisionPair(k)
+
+    def set_margins(self, pairs: frozenset[int], margins: Sequence[float]) -> None:
+        """Check these pairs from now on, each with its own margin (P,) [m]."""
+        self._activate(pairs)
+        for k in pairs:
+            self._requests[k].security_margin = margins[k]
+        self._margin = math.nan
+
+    def set_margin(self, pairs: frozenset[int], margin: float) -> None:
+        """Check these pairs from now on, all with one margin [m]."""
+        new = pairs - self._pairs if margin == self._margin else pairs
+        self._activate(pairs)
+        for k in new:
+            self._requests[k].security_margin = margin
+        self._margin = margin
+
+    def _activate(self, pairs: frozenset[int]) -> None:
+        if pairs is self._pairs:
+            return
+        for k in self._pairs - pairs:
+            self._data.deactivateCollisionPair(k)
+        for k in pairs - self._pairs:
+            self._data.activateCollisionPair(k)
+        self._pairs = pairs
+
+    def collisions(self, q: Array, stop: bool) -> Mask:
+        """Return True for each row in collision; if `stop`, rows after the first may be False."""
+        rows = max(1, self._max_pairs // max(1, len(self._pairs)))
+        return _collide(self._pool, q, stop, rows, self._check)
+
+    def close_pairs_at(self, q: Array) -> list[int]:
+        """Return all pairs closer than the margin in one row (1, nq), which has at least one."""
+        if len(self._pairs) == 1:
+            return list(self._pairs)
+        pin.computeCollisionsInParallel(1, self._pool, q.T, False)
+        return [k for k in sorted(self._pairs) if self._results[k].isCollision()]
+
+    def close_pairs(self, q: Array) -> frozenset[int]:
+        """Return all pairs closer than the margin in some row (N, nq). Each row has such a pair."""
+        pairs = self._pairs
+        while len(q):
+            left = self._pairs.difference(self.close_pairs_at(q[:1]))
+            self._activate(left)
+            if not left:
+                break
+            q = q[1:][self.collisions(q[1:], stop=False)]
+        found = pairs - self._pairs
+        self._activate(pairs)
+        return found
+
+
+class _NarrowPhase:
+    """Checks of the exact shapes of two links, with their working memory.
+
+    Meshes are checked one configuration at a time, because one check may take milliseconds. Whether
+    they touch is checked first: checking a margin takes up to a thousand times as long. A pool
+    would copy the meshes, which takes longer than most checks.
+    """
+
+    def __init__(
+        self, scene: PlanningScene, pair: pin.CollisionPair, check: Callable[[], None]
+    ) -> None:
+        self._kinematics, self._check = scene.kinematics, check
+        self._geometry = scene.exact_pairs_of(pair)
+        shapes = [shape.geometry for shape in self._geometry.geometryObjects]
+        self._meshed = any(isinstance(shape, coal.BVHModelBase) for shape in shapes)
+        if self._meshed:
+            self._data, self._touching = self._kinematics.createData(), self._geometry.createData()
+            self._near = near = self._geometry.createData()
+            _requests(self._geometry, self._touching)
+        else:
+            self._pool = pin.GeometryPool(self._kinematics, self._geometry, 1)
+            near = self._pool.getGeometryData(0)
+        self._requests, self._margin = _requests(self._geometry, near), 0.0
+
+    def collisions(self, q: Array, margin: float, stop: bool) -> Mask:
+        """Return True for each row with shapes closer than a margin [m], as `_BroadPhase` does."""
+        if margin != self._margin:
+            for request in self._requests:
+                request.security_margin = margin
+            self._margin = margin
+        if not self._meshed:
+            return _collide(self._pool, q, stop, BATCH, self._check)
+        hits = np.zeros(len(q), bool)
+        for i, row in enumerate(q):
+            touches = self._collides(row, self._touching)
+            hits[i] = touches or (margin > 0.0 and self._collides(row, self._near))
+            if stop and hits[i]:
+                break
+        return hits
+
+    def meshes_touch(self, q: Array) -> bool:
+        """Return True if meshes touch in one row (nq,). False if the links have no meshes."""
+        return self._meshed and self._collides(q, self._touching)
+
+    def _collides(self, q: Array, placed: pin.GeometryData) -> bool:
+        self._check()
+        model, data, geometry = self._kinematics, self._data, self._geometry
+        return bool(pin.computeCollisions(model, data, geometry, placed, q, True))
+
+
+def _collide(
+    pool: pin.GeometryPool, q: Array, stop: bool, rows: int, check: Callable[[], None]
+) -> Mask:
+    """Return True for each row in collision; if `stop`, rows after the first may be False.
+
+    Args:
+        pool: Geometry to check.
+        q: Coordinates (N, nq).
+        stop: True to stop at the first collision.
+        rows: Most rows per call.
+        check: Called before each call; raises to stop.
+    """
+    if 0 < len(q) <= rows:
+        check()
+        return np.asarray(pin.computeCollisionsInParallel(1, pool, q.T, True, stop), bool)
+    hits = np.zeros(len(q), bool)
+    for begin in range(0, len(q), rows):
+        part = slice(begin, begin + rows)
+        hits[part] = _collide(pool, q[part], stop, rows, check)
+        if stop and hits[part].any():
+            break
+    return hits
+
+
+def _requests(geometry: pin.GeometryModel, data: pin.GeometryData) -> list[coal.CollisionRequest]:
+    """Return the request of each pair, set so that answers do not depend on earlier checks."""
+    requests = []
+    for k, pair in enumerate(geometry.collisionPairs):
+        shapes = [geometry.geometryObjects[i].geometry for i in (pair.first, pair.second)]
+        request = data.collisionRequests[k]
+        if any(isinstance(shape, coal.BVHModelBase) for shape in shapes):
+            request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
+        else:
+            request.gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
+        requests.append(request)
+    return requests

@@ -1,47 +1,48 @@
-"""Where the links are, to be drawn."""
+"""Outlines of links and bodies, for drawings."""
 
 import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from skills.motion.collision.shapes import corners
+from skills.motion.kinematics.geometry import corners
 
 from .scene import PlanningScene
 
 Array = NDArray[np.float64]
 
-_TURNS = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-_RING = np.column_stack((np.cos(_TURNS), np.sin(_TURNS), np.zeros(len(_TURNS))))
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+_RING = np.column_stack((np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(len(_ANGLES))))
 
 
 def convex_outlines(scene: PlanningScene, configuration: Array) -> list[tuple[str, Array]]:
-    """Link or body, and points whose convex hull is one of its shapes, all in the root frame.
+    """Return points around each shape, in the root frame.
 
     Args:
         scene: The robot in its world.
         configuration: All actuated joints (A,) [rad].
 
     Returns:
-        Names and points (P, 3) [m].
+        For each shape the name of its link or body, and points with the shape as their convex hull
+        (P, 3) [m].
     """
-    data = scene.kinematics.createData()
-    pin.forwardKinematics(scene.kinematics, data, scene.coordinates(configuration[None, :])[:, 0])
-    drawn = []
+    data, model = scene.kinematics.createData(), scene.robot_model
+    pin.forwardKinematics(scene.kinematics, data, model.coordinates(configuration[None, :])[:, 0])
+    outlines = []
     for index, shape in enumerate(scene.exact.geometryObjects):
         if isinstance(shape.geometry, coal.Halfspace):
             continue
-        place = data.oMi[shape.parentJoint]
-        points = _points(shape) @ place.rotation.T + place.translation
-        drawn.append((scene.link(scene.exact, index), points))
-    return drawn
+        pose = data.oMi[shape.parentJoint]
+        points = _points(shape) @ pose.rotation.T + pose.translation
+        outlines.append((scene.link(scene.exact, index), points))
+    return outlines
 
 
 def _points(shape: pin.GeometryObject) -> Array:
-    """In the frame of its joint (P, 3); what is round, in many small steps."""
+    """Points of a shape in its joint's frame (P, 3) [m]; round shapes in steps of 15 degrees."""
     geometry = shape.geometry
     if isinstance(geometry, coal.Sphere):
-        heights = np.sin(_TURNS)[:, None, None]
+        heights = np.sin(_ANGLES)[:, None, None]
         points = geometry.radius * (np.sqrt(1.0 - heights**2) * _RING + heights * [0.0, 0.0, 1.0])
     elif isinstance(geometry, coal.Cylinder):
         ends = np.array([[[0.0, 0.0, -geometry.halfLength]], [[0.0, 0.0, geometry.halfLength]]])

@@ -1,5 +1,10 @@
-"""The robot as pinocchio sees it: its joints, its shapes, and which pairs of shapes are checked."""
+"""The planning scene: robot and bodies as pinocchio and coal check them for collisions.
 
+MoveIt's PlanningScene: robot model, world, and the pairs of shapes that may touch.
+"""
+
+import dataclasses
+import os
 from collections.abc import Iterator
 from itertools import combinations
 
@@ -10,12 +15,10 @@ from numpy.typing import NDArray
 
 from hardware import CollisionRules, Robot
 from skills.motion.errors import BadWorld
+from skills.motion.kinematics.geometry import EnclosedVolume, convex_hull
 from skills.motion.kinematics.lever_arms import travel_bounds
 from skills.motion.kinematics.robot_model import RobotModel
-from skills.motion.world import EMPTY, World
-
-from .bodies import objects
-from .solid import solid_of
+from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World
 
 Array = NDArray[np.float64]
 
@@ -23,100 +26,87 @@ FLOOR = "floor"
 
 
 class PlanningScene:
-    """Kinematics and geometry of a robot in a world.
+    """Collision geometry of a robot in a world.
 
-    There are two geometries. In the exact one every primitive of the URDF is a shape; in the outer
-    one each link is the convex hull around its primitives, far fewer pairs. Where the outer shapes
-    keep a distance, so do the exact ones.
+    It holds two geometries. In `exact`, each primitive or mesh of the URDF is one shape. In `hulls`
+    each link is one convex hull, so there are far fewer pairs. If two hulls keep a distance, so do
+    the shapes in them.
 
     Args:
         robot: The robot.
-        world: What stands around it, and what it holds.
-        links: The robot's, where they are at hand.
+        world: Bodies around the robot and attached to it. Default: none.
+        robot_model: Model of the same robot. Default: a new one, read from the URDF.
 
     Attributes:
-        joints: Names of the actuated joints, the columns of all configurations (A).
-        units: Of their values (A).
-        kinematics: pinocchio's model; followers share the coordinate of the joint they follow.
-        exact: Geometry of the primitives.
-        outer: Geometry of the hulls.
-        solids: What each mesh of `exact` encloses, by its index.
-        levers: How far the two of each pair of `outer` can move against each other (P, A) [m/rad];
-            see `reach`.
+        robot_model: Model of the robot.
+        kinematics: pinocchio's model of the robot, that of `robot_model`.
+        exact: Geometry of primitives and meshes.
+        hulls: Geometry of convex hulls.
+        volumes: Volume inside each mesh of `exact`, by the mesh's index.
+        lever_arms: Bounds on the travel of each pair of `hulls` per unit of each actuated joint
+            (P, A) [m/rad]; see `lever_arms`.
 
     Raises:
         ModelUnusable: pinocchio cannot read the URDF.
-        BadWorld: A body names a link or body that is not there, or takes the name of one.
+        BadWorld: A body names an unknown link or body, has the name of a link, or its mesh cannot
+            be read.
     """
 
-    def __init__(self, robot: Robot, world: World = EMPTY, links: RobotModel | None = None) -> None:
-        links = links or RobotModel(robot)
-        self.joints = tuple(joint.name for joint in robot.actuated)
-        self.units = tuple(joint.unit for joint in robot.actuated)
-        self.kinematics = links.kinematics
+    def __init__(
+        self, robot: Robot, world: World = EMPTY, robot_model: RobotModel | None = None
+    ) -> None:
+        self._mesh_stamps = mesh_stamps(world)  # before the meshes are read
+        self.robot_model = model = robot_model or RobotModel(robot)
+        self.kinematics = model.kinematics
         self._bodies = {body.name: body for body in world.bodies}
-        self.exact, self.outer, found = (
-            pin.GeometryModel(),
-            pin.GeometryModel(),
-            [*links.lever_arms],
-        )
-        for shape in links.exact:
+        self.exact, self.hulls = pin.GeometryModel(), pin.GeometryModel()
+        for shape in model.exact:
             self.exact.addGeometryObject(shape)
-        for shape in links.outer:
-            self.outer.addGeometryObject(shape)
+        for shape in model.hulls:
+            self.hulls.addGeometryObject(shape)
         self._check_names()
-        solids = list(links.solids)
-        for _, exact, outer in objects(self.kinematics, world):
+        volumes, arms = list(model.volumes), list(model.lever_arms)
+        for exact, hull in self._body_shapes(world):
             self.exact.addGeometryObject(exact)
-            self.outer.addGeometryObject(outer)
-            found.append(links.lever_arms_of(outer))
-            solids.append(solid_of(exact.geometry))
-        self.solids = {i: solid for i, solid in enumerate(solids) if solid}
-        for geometry in (self.exact, self.outer):
+            self.hulls.addGeometryObject(hull)
+            volumes.append(EnclosedVolume.of(exact.geometry))
+            arms.append(model.lever_arms_of(hull))
+        self.volumes = {i: volume for i, volume in enumerate(volumes) if volume}
+        for geometry in (self.exact, self.hulls):
             self._add_floor(geometry, robot.collision)
             self._add_pairs(geometry, robot.collision)
             for shape in geometry.geometryObjects:
-                shape.geometry.computeLocalAABB()  # coal guesses from it where two shapes face
-        found += [links.floor_lever_arms] * (
-            len(self.outer.geometryObjects) - len(found)
-        )  # of the floor
-        self.lever_arms = travel_bounds(robot, found, self.outer.collisionPairs)
-        ids = map(self.kinematics.getJointId, self.joints)
-        self._places = [self.kinematics.joints[joint].idx_q for joint in ids]
-        # Whether pinocchio's coordinates are the configuration itself.
-        self._plain = self._places == list(range(self.kinematics.nq))
+                shape.geometry.computeLocalAABB()  # coal takes its first guess from the boxes
+        arms += [model.floor_lever_arms] * (len(self.hulls.geometryObjects) - len(arms))
+        self.lever_arms = travel_bounds(robot, arms, self.hulls.collisionPairs)
 
-    def coordinates(self, configurations: Array) -> Array:
-        """Of configurations (N, A) [rad], as pinocchio wants them: (nq, N), column-major."""
-        if self._plain:
-            return np.ascontiguousarray(configurations).T
-        q = np.zeros((self.kinematics.nq, len(configurations)), order="F")
-        q[self._places] = configurations.T
-        return q
+    def is_current(self, world: World) -> bool:
+        """Return True if no mesh file of the scene's world changed since the scene was built."""
+        return self._mesh_stamps == mesh_stamps(world)
 
     def link(self, geometry: pin.GeometryModel, index: int) -> str:
-        """The link or body that a shape belongs to; `floor` for the floor."""
+        """Return the link or body that a shape belongs to, or `floor`."""
         shape = geometry.geometryObjects[index]
         if shape.name == FLOOR or self.is_body(geometry, index):
             return str(shape.name)
         return str(self.kinematics.frames[shape.parentFrame].name)
 
     def is_body(self, geometry: pin.GeometryModel, index: int) -> bool:
-        """Whether a shape is a body of the world, not a part of the robot."""
+        """Return True if a shape is a body of the world, and False if it is part of the robot."""
         return geometry.geometryObjects[index].name in self._bodies
 
-    def between(self, pair: pin.CollisionPair) -> pin.GeometryModel:
-        """The primitives of the two links of a pair of `outer`, and their pairs.
+    def exact_pairs_of(self, pair: pin.CollisionPair) -> pin.GeometryModel:
+        """Return the exact shapes of the two links of a pair of `hulls`, and the pairs of those.
 
-        The floor meets meshes where it meets their hull, which coal tells a hundred times as soon.
+        A mesh meets the floor exactly if its hull does, which coal checks a hundred times faster.
         """
-        links = {self.link(self.outer, index) for index in (pair.first, pair.second)}
+        links = {self.link(self.hulls, index) for index in (pair.first, pair.second)}
         shapes = range(len(self.exact.geometryObjects))
         chosen = [index for index in shapes if self.link(self.exact, index) in links]
         geometry = pin.GeometryModel()
-        if FLOOR in links and len(self.solids.keys() & set(chosen)) == len(chosen) - 1:
+        if FLOOR in links and len(self.volumes.keys() & set(chosen)) == len(chosen) - 1:
             for index in (pair.first, pair.second):
-                geometry.addGeometryObject(self.outer.geometryObjects[index])
+                geometry.addGeometryObject(self.hulls.geometryObjects[index])
             geometry.addCollisionPair(pin.CollisionPair(0, 1))
             return geometry
         for index in chosen:
@@ -126,6 +116,45 @@ class PlanningScene:
                 ends = chosen.index(each.first), chosen.index(each.second)
                 geometry.addCollisionPair(pin.CollisionPair(*ends))
         return geometry
+
+    def attached(self, body: Body, link: str, configuration: Array) -> Body:
+        """Return a body at the same pose, attached to another link.
+
+        Args:
+            body: The body.
+            link: The link; empty for the root frame.
+            configuration: All actuated joints (A,) [rad].
+
+        Raises:
+            BadWorld: The robot has no such link.
+        """
+        model, data = self.robot_model, self.kinematics.createData()
+        frames = [model.frame_index(name) for name in (body.link, link)]
+        q = model.coordinates(configuration[None, :])[:, 0]
+        pin.framesForwardKinematics(self.kinematics, data, q)
+        before, after = (data.oMf[frame] for frame in frames)
+        x, y, z, *rotation = pin.SE3ToXYZQUAT(after.actInv(before * placement(body))).tolist()
+        a, b, c, d = (np.array(rotation) / np.linalg.norm(rotation)).tolist()
+        return dataclasses.replace(body, position=(x, y, z), rotation=(a, b, c, d), link=link)
+
+    def _body_shapes(self, world: World) -> Iterator[tuple[pin.GeometryObject, pin.GeometryObject]]:
+        """Yield each body's exact shape and its hull."""
+        for body in world.bodies:
+            try:
+                frame = self.robot_model.frame_index(body.link)
+            except BadWorld as error:
+                raise BadWorld(f"{body.name} moves with {body.link}: {error}") from error
+            parent = self.kinematics.frames[frame]
+            joint, pose = parent.parentJoint, parent.placement * placement(body)
+            exact = pin.GeometryObject(body.name, joint, frame, pose, _coal_shape(body.shape))
+            if not isinstance(body.shape, Mesh):
+                yield exact, exact
+                continue
+            try:
+                hull = convex_hull([exact])
+            except ValueError as error:
+                raise BadWorld(f"The mesh {body.shape.path} is no body: {error}") from error
+            yield exact, pin.GeometryObject(body.name, joint, frame, pin.SE3.Identity(), hull)
 
     def _check_names(self) -> None:
         frames = self.kinematics.frames
@@ -146,28 +175,67 @@ class PlanningScene:
             geometry.addGeometryObject(pin.GeometryObject(FLOOR, 0, 0, pin.SE3.Identity(), half))
 
     def _add_pairs(self, geometry: pin.GeometryModel, rules: CollisionRules) -> None:
-        for first, second in self._pairs(geometry, rules):
+        for first, second in self._checked_pairs(geometry, rules):
             geometry.addCollisionPair(pin.CollisionPair(first, second))
 
-    def _pairs(
+    def _checked_pairs(
         self, geometry: pin.GeometryModel, rules: CollisionRules
     ) -> Iterator[tuple[int, int]]:
-        """Pairs of shapes that may not touch."""
+        """Yield the pairs of shapes that must not touch."""
         joints = [shape.parentJoint for shape in geometry.geometryObjects]
         links = [self.link(geometry, i) for i in range(len(joints))]
         for i, j in combinations(range(len(links)), 2):
             pair = frozenset((links[i], links[j]))
             if FLOOR in pair:
-                stands = (pair & self._bodies.keys()) and joints[i] == joints[j]
-                wanted = not (pair & rules.floor_ignores or stands)
+                static = (pair & self._bodies.keys()) and joints[i] == joints[j]
+                checked = not (pair & rules.floor_ignores or static)
             else:  # shapes on one joint never move against each other
-                wanted = joints[i] != joints[j] and pair not in rules.allowed
-            if wanted and not self._may_touch(links[i], links[j]):
+                checked = joints[i] != joints[j] and pair not in rules.allowed
+            if checked and not self._may_touch(links[i], links[j]):
                 yield i, j
 
     def _may_touch(self, first: str, second: str) -> bool:
-        """Whether a body allows the contact."""
+        """Return True if a body allows the contact."""
         return any(
             name in self._bodies and other in self._bodies[name].touches
             for name, other in ((first, second), (second, first))
         )
+
+
+def mesh_stamps(world: World) -> list[tuple[int, ...] | None]:
+    """Return inode, size and time of each mesh file of a world; None if there is no such file."""
+    return [_stamp(body.shape.path) for body in world.bodies if isinstance(body.shape, Mesh)]
+
+
+def _stamp(path: str) -> tuple[int, ...] | None:
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):  # loading the mesh raises the error
+        return None
+    return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def placement(body: Body) -> pin.SE3:
+    """Return the pose of a body in the frame of its link."""
+    return pin.XYZQUATToSE3(np.array((*body.position, *body.rotation)))
+
+
+def _coal_shape(shape: Shape) -> coal.CollisionGeometry:
+    """Return the shape that coal checks.
+
+    Raises:
+        BadWorld: It is a mesh that cannot be read.
+    """
+    match shape:
+        case Box(size):
+            return coal.Box(*size)
+        case Sphere(radius):
+            return coal.Sphere(radius)
+        case Cylinder(radius, length):
+            return coal.Cylinder(radius, length)
+        case Mesh(path, scale):
+            try:
+                return coal.MeshLoader().load(path, np.array(scale))
+            except (RuntimeError, ValueError) as error:
+                why = str(error).partition("message: ")[2].splitlines() or [str(error)]
+                raise BadWorld(f"The mesh {path} cannot be read: {why[0]}") from error

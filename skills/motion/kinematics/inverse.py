@@ -1,21 +1,21 @@
-"""Inverse kinematics: joint positions that bring a tool to a point, and its axis to a direction.
+"""Inverse kinematics: joint positions that bring a tool to a point, with its axis in a direction.
 
-From each of several places the squared error is lowered step by step (K. Levenberg 1944, D. W.
-Marquardt 1963), kept within the limits by projection. The first place is the start, the others are
-drawn with the seed. Of all answers that are free the one soonest reached from the start, straight
-and from rest to rest, is taken.
+A Levenberg-Marquardt descent (K. Levenberg 1944, D. W. Marquardt 1963), projected onto the joint
+limits, lowers the squared error from several starting points: first the current configuration, then
+random ones. Of all solutions without collision, the one with the shortest straight motion from the
+current configuration is returned.
 
-Most goals are reached from some of the first places. Where none is free, or there is none, many
-more places are drawn, and the most promising are gone on from, with more patience. Where a
-direction then cannot be kept, the point comes first and the direction as far as it goes: so it is
-known which of the two is out of reach.
+Most targets are reached from the first 16 starting points. If none is reached without collision,
+512 more are drawn, the most promising are tried, and the best results are continued with more
+steps. If a requested direction then cannot be reached, the point gets priority over the direction.
+This shows which of the two is out of reach.
 """
 
 import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -23,17 +23,6 @@ from numpy.typing import NDArray
 
 from hardware import Robot, Tool
 from skills.motion.arrays import norms
-from skills.motion.collision.bodies import frame_of
-from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.endpoints import (
-    bounds,
-    check_seed,
-    columns,
-    finite,
-    short_way,
-    turning,
-)
-from skills.motion.collision.scene import PlanningScene
 from skills.motion.deadline import Deadline
 from skills.motion.errors import (
     BadQuery,
@@ -43,176 +32,209 @@ from skills.motion.errors import (
     Unreachable,
     shown,
 )
-from skills.motion.measures import FARTHEST
 from skills.motion.query import Reached, ToolQuery
-from skills.motion.timing.timing import straight
+from skills.motion.timing.timing import line_duration
+from skills.motion.validation import MAX_MAGNITUDE, check_seed, joint_positions
 from skills.motion.world import Vector
+
+from .joint_group import JointGroup
+from .robot_model import RobotModel
 
 Array = NDArray[np.float64]
 
-_PLACES = 16  # counts, not times: the same query must give the same answer
-_DRAWS = 512
-_MORE = 32  # of those drawn
-_LAST = 8  # that are gone on from with patience
-_APART = 0.1  # from each other, root of the mean square of the joints, in their ranges
-_FIRST = 16  # each of those drawn and of those missed, when the point comes first
-_NEAR = 1e-6  # a point is reached [m]
-_TRUE = 1e-4  # a direction is kept [rad]
-_WORTH = 0.1  # of a radian beside a metre
-_LITTLE = 1e-3  # the same, where the point comes first
+# The budget is counted in descents, not in seconds: equal queries give equal answers.
+_FIRST_SEEDS = 16  # starting points of the first round, the current configuration included
+_RANDOM_SEEDS = 512  # starting points drawn for the second round
+_MOST_PROMISING = 32  # of them that are tried
+_CONTINUED = 8  # best results that are continued with more steps
+_POINT_FIRST_SEEDS = 16  # random ones, and as many results, for the point-first round
+_SEPARATION = 0.1  # least RMS distance of two starting points, as a share of the joint ranges
+_POINT_TOLERANCE = 1e-6  # [m]
+_AXIS_TOLERANCE = 1e-4  # [rad]
+_AXIS_WEIGHT = 0.1  # of an error of 1 rad beside an error of 1 m [m/rad]
+_SMALL_AXIS_WEIGHT = 1e-3  # the same in the point-first round [m/rad]
 
 
 class _Effort(NamedTuple):
-    """How long a descent goes on."""
+    """Limits of one descent."""
 
     steps: int
-    gain: float  # share of the squared error that a step must be worth
+    gain: float  # least relative reduction of the squared error per step
 
 
 _QUICK, _PATIENT = _Effort(60, 1e-3), _Effort(200, 1e-5)
 
 
+class Validity(Protocol):
+    """Checks configurations for collisions; `CollisionChecker` is one."""
+
+    def first_invalid(self, configurations: Array, margin: float) -> int | None:
+        """Return the first row (N, A) [rad] in collision, or None."""
+
+    def nearest(self, configuration: Array) -> tuple[str, str, float] | None:
+        """Return the closest two links at a configuration (A,) [rad] and their distance [m]."""
+
+
 def solve_ik(
     robot: Robot,
-    model: PlanningScene,
-    checker: CollisionChecker,
+    model: RobotModel,
+    group: JointGroup,
+    validity: Validity,
     query: ToolQuery,
     deadline: Deadline,
 ) -> Reached:
-    """The free answer soonest reached.
+    """Return the collision-free solution with the shortest straight motion from the start.
 
     Raises:
-        BadQuery, NotFinite, StartOutOfBounds: The query makes no sense.
-        Unreachable: No answer was found; says how near the tool gets.
-        GoalInCollision: There are answers, but none is free.
-        PlanTimeout: The time is up.
+        BadQuery, NotFinite, StartOutOfBounds: The query is not valid.
+        Unreachable: No solution was found. It has the nearest pose of the tool.
+        GoalInCollision: All solutions are in collision.
+        PlanTimeout: The deadline passed.
     """
-    start, arm = _checked(robot, query), _Arm(robot, model, query)
-    point = np.array(query.point) + (arm.pose(start)[0] if query.relative else 0.0)
-    margin, answers, misses = robot.collision.margin, list[_Found](), list[_Found]()
-    for found in _Search(arm, start, point, query.seed, deadline).rounds():
-        there = [each for each in found if each.there]
-        there.sort(key=lambda answer: arm.seconds(start, answer.joints))
-        answers += there
-        misses += [each for each in found if not each.there]
-        for answer in there:
-            if checker.first_invalid(arm.whole(start, answer.joints)[None, :], margin) is None:
-                return Reached(tuple(answer.joints.tolist()), len(answers))
-    if not answers:
-        best = min(_nearest(misses), key=lambda miss: miss.askew)
-        places = tuple(point.tolist()), tuple(best.point.tolist())
-        raise Unreachable(*places, best.distance, best.askew, query.direction, _NEAR)
-    soonest = min(answers, key=lambda answer: arm.seconds(start, answer.joints))
-    touching = checker.nearest(arm.whole(start, soonest.joints))
-    assert touching
-    raise GoalInCollision(*touching, margin)
+    start = _check_query(robot, query)
+    chain = ToolChain(robot, model, group, query)
+    point = np.array(query.point) + (chain.tool_pose(start)[0] if query.relative else 0.0)
+    margin, solutions, misses = robot.collision.margin, list[_Result](), list[_Result]()
+    for results in _Search(chain, start, point, query.seed, deadline).rounds():
+        reached = [each for each in results if each.reached]
+        reached.sort(key=lambda solution: chain.duration(start, solution.joints))
+        solutions += reached
+        misses += [each for each in results if not each.reached]
+        for solution in reached:
+            if validity.first_invalid(group.full(start, solution.joints[None, :]), margin) is None:
+                return Reached(tuple(solution.joints.tolist()), len(solutions))
+    if not solutions:
+        best = min(_nearest(misses), key=lambda miss: miss.angle)
+        points = tuple(point.tolist()), tuple(best.point.tolist())
+        raise Unreachable(*points, best.distance, best.angle, query.direction, _POINT_TOLERANCE)
+    soonest = min(solutions, key=lambda solution: chain.duration(start, solution.joints))
+    contact = validity.nearest(group.full(start, soonest.joints[None, :])[0])
+    assert contact
+    raise GoalInCollision(*contact, margin)
 
 
 @dataclass(frozen=True)
-class _Found:
-    """Where a descent ended: the group's joints, the tool, and what is left of the errors."""
+class _Result:
+    """Result of one descent.
+
+    Attributes:
+        joints: The group's joints (J,) [rad].
+        point: Position of the tool (3,) [m].
+        distance: Distance of the tool from the point [m].
+        angle: Angle between the tool's axis and the direction [rad].
+    """
 
     joints: Array
     point: Array
     distance: float
-    askew: float
+    angle: float
 
     @property
-    def there(self) -> bool:
-        return self.distance <= _NEAR and self.askew <= _TRUE
+    def reached(self) -> bool:
+        return self.distance <= _POINT_TOLERANCE and self.angle <= _AXIS_TOLERANCE
 
     @property
     def error(self) -> float:
-        return math.hypot(self.distance, _WORTH * self.askew)
+        return math.hypot(self.distance, _AXIS_WEIGHT * self.angle)
 
 
-def _nearest(found: list[_Found]) -> list[_Found]:
-    """All that reach the point; if none does, the nearest."""
-    least = max(_NEAR, min(each.distance for each in found))
-    return [each for each in found if each.distance <= least]
+def _nearest(results: list[_Result]) -> list[_Result]:
+    """All results that reach the point; if there are none, the nearest one."""
+    least = max(_POINT_TOLERANCE, min(each.distance for each in results))
+    return [each for each in results if each.distance <= least]
 
 
 class _Search:
-    """Descents from one place after another."""
+    """Descents from many starting points, in rounds."""
 
     def __init__(
-        self, arm: "_Arm", start: Array, point: Array, seed: int, deadline: Deadline
+        self, chain: "ToolChain", start: Array, point: Array, seed: int, deadline: Deadline
     ) -> None:
-        self._arm, self._start, self._point, self._deadline = arm, start, point, deadline
+        self._chain, self._start, self._point, self._deadline = chain, start, point, deadline
         self._random = np.random.default_rng(seed)
 
-    def rounds(self) -> Iterator[list[_Found]]:
-        """Where descents ended; each round only where those before gave no free answer."""
-        begins = [self._start[self._arm.columns], *self._draw(_PLACES - 1)]
-        found = [self._descend(begin) for begin in begins]
+    def rounds(self) -> Iterator[list[_Result]]:
+        """Yield the results of each round; the next one runs only if the caller goes on."""
+        seeds = [self._start[self._chain.columns], *self._draw(_FIRST_SEEDS - 1)]
+        found = [self._descend(seed) for seed in seeds]
         yield found[:]
-        drawn = [self._look(joints) for joints in self._draw(_DRAWS)]
-        begins = self._apart(sorted(drawn, key=lambda look: look.error), _MORE)
-        found += [self._descend(begin) for begin in begins]
-        best = sorted(found, key=lambda each: each.error)[:_LAST]
-        found += [self._descend(each.joints, _PATIENT) for each in best if not each.there]
-        yield found[_PLACES:]
-        if self._arm.directed and not any(each.there for each in found):
-            near = self._apart(sorted(drawn, key=lambda look: look.distance), _FIRST)
-            near += self._apart(sorted(found, key=lambda each: each.error), _FIRST)
-            yield self._point_first(near)
+        drawn = [self._evaluate(joints) for joints in self._draw(_RANDOM_SEEDS)]
+        seeds = self._separate(sorted(drawn, key=lambda each: each.error), _MOST_PROMISING)
+        found += [self._descend(seed) for seed in seeds]
+        best = sorted(found, key=lambda each: each.error)[:_CONTINUED]
+        found += [self._descend(each.joints, _PATIENT) for each in best if not each.reached]
+        yield found[_FIRST_SEEDS:]
+        if self._chain.directed and not any(each.reached for each in found):
+            near = sorted(drawn, key=lambda each: each.distance)
+            seeds = self._separate(near, _POINT_FIRST_SEEDS)
+            near = sorted(found, key=lambda each: each.error)
+            seeds += self._separate(near, _POINT_FIRST_SEEDS)
+            yield self._point_first(seeds)
 
-    def _point_first(self, begins: list[Array]) -> list[_Found]:
-        """As near to the point as it gets, and there as near to the direction."""
-        found = [self._descend(begin, _QUICK, 0.0) for begin in begins]
-        best = sorted(found, key=lambda each: each.distance)[:_LAST]
+    def _point_first(self, seeds: list[Array]) -> list[_Result]:
+        """Approach the point first, then the direction without leaving the point."""
+        found = [self._descend(seed, _QUICK, 0.0) for seed in seeds]
+        best = sorted(found, key=lambda each: each.distance)[:_CONTINUED]
         found += [self._descend(each.joints, _PATIENT, 0.0) for each in best]
         near = _nearest(found)
-        turned = [self._descend(each.joints, _PATIENT, _LITTLE) for each in near]
+        turned = [self._descend(each.joints, _PATIENT, _SMALL_AXIS_WEIGHT) for each in near]
         return found + [self._descend(each.joints, _PATIENT, 0.0) for each in turned]
 
-    def _apart(self, looks: list[_Found], count: int) -> list[Array]:
-        """The first of them that are not beside one before: basins are wider than that."""
-        taken, shares = list[Array](), np.zeros((0, len(self._arm.ranges)))
-        for look in looks:
-            share = look.joints / self._arm.ranges
-            if np.all(np.mean((shares - share) ** 2, axis=1) > _APART**2):
-                taken.append(look.joints)
+    def _separate(self, results: list[_Result], count: int) -> list[Array]:
+        """The first configurations that are not close to an earlier one.
+
+        Neighbours would mostly descend to the same solution.
+        """
+        taken, shares = list[Array](), np.zeros((0, len(self._chain.ranges)))
+        for result in results:
+            share = result.joints / self._chain.ranges
+            if np.all(np.mean((shares - share) ** 2, axis=1) > _SEPARATION**2):
+                taken.append(result.joints)
                 shares = np.vstack((shares, share))
             if len(taken) == count:
                 break
         return taken
 
     def _draw(self, count: int) -> Iterator[Array]:
-        return (self._arm.draw(self._random, self._start) for _ in range(count))
+        return (self._chain.draw(self._random, self._start) for _ in range(count))
 
-    def _look(self, joints: Array) -> _Found:
+    def _evaluate(self, joints: Array) -> _Result:
         self._deadline.check()
-        return self._arm.look(self._start, joints, self._point)
+        return self._chain.evaluate(self._start, joints, self._point)
 
-    def _descend(self, begin: Array, effort: _Effort = _QUICK, worth: float = _WORTH) -> _Found:
-        arm, start, point = self._arm, self._start, self._point
-        return arm.solve(start, begin, point, self._deadline, effort, worth)
+    def _descend(
+        self, seed: Array, effort: _Effort = _QUICK, axis_weight: float = _AXIS_WEIGHT
+    ) -> _Result:
+        chain, start, point = self._chain, self._start, self._point
+        return chain.descend(start, seed, point, self._deadline, effort, axis_weight)
 
 
-class _Arm:
-    """A group and its tool."""
+class ToolChain:
+    """A group of joints and the tool that it moves.
 
-    def __init__(self, robot: Robot, model: PlanningScene, query: ToolQuery) -> None:
-        self._model, self._data = model, model.kinematics.createData()
-        self.columns = columns(robot, query.group)
-        self.lower, self.upper = bounds(robot, query.group)
-        ranges = self.upper - self.lower
+    Args:
+        robot: The robot.
+        model: Its model.
+        group: The group.
+        query: Names the tool and the direction of its axis.
+    """
+
+    def __init__(
+        self, robot: Robot, model: RobotModel, group: JointGroup, query: ToolQuery
+    ) -> None:
+        self._model, self._data, self._group = model, model.kinematics.createData(), group
+        self.columns = group.columns
+        ranges = group.upper - group.lower
         self.ranges = np.where((ranges > 0.0) & np.isfinite(ranges), ranges, 2.0 * np.pi)
-        self._endless = turning(robot, query.group)
-        joints = robot.actuated_in(query.group)
-        self._velocity = np.array([joint.velocity for joint in joints])
-        self._acceleration = np.array([joint.acceleration for joint in joints])
-        indices = [model.kinematics.getJointId(joint.name) for joint in joints]
-        self._speeds = np.array([model.kinematics.joints[i].idx_v for i in indices])
+        indices = [model.kinematics.getJointId(name) for name in group.names]
+        self._velocity_columns = np.array([model.kinematics.joints[i].idx_v for i in indices])
         tool = self._tool(robot, query, indices)
-        self._frame = frame_of(model.kinematics, tool.link)
+        self._frame = model.frame_index(tool.link)
         self._offset, self._axis = np.array(tool.offset), _unit(tool.axis)
-        self._wanted = None if query.direction is None else _unit(query.direction)
+        self._direction = None if query.direction is None else _unit(query.direction)
         self.directed = query.direction is not None
 
     def _tool(self, robot: Robot, query: ToolQuery, joints: list[int]) -> Tool:
-        """What is to be brought there."""
         kinematics, own = self._model.kinematics, robot.tool
         if not query.link and own and self._moves(own.link, joints):
             x, y, z = (a + b for a, b in zip(own.offset, query.offset, strict=True))
@@ -226,102 +248,110 @@ class _Arm:
 
     def _moves(self, link: str, joints: list[int]) -> bool:
         kinematics = self._model.kinematics
-        joint = kinematics.frames[frame_of(kinematics, link)].parentJoint
+        joint = kinematics.frames[self._model.frame_index(link)].parentJoint
         return bool(set(kinematics.supports[joint]) & set(joints))
 
     def draw(self, random: np.random.Generator, start: Array) -> Array:
-        """A place within the limits; where they are infinite, within half a turn of the start."""
-        own = start[self.columns]
-        lower = np.where(np.isfinite(self.lower), self.lower, own - np.pi)
-        upper = np.where(np.isfinite(self.upper), self.upper, own + np.pi)
+        """Draw the group's joints within their limits, or within half a turn if they have none."""
+        own, group = start[self.columns], self._group
+        lower = np.where(np.isfinite(group.lower), group.lower, own - np.pi)
+        upper = np.where(np.isfinite(group.upper), group.upper, own + np.pi)
         return random.uniform(lower, upper)
 
-    def seconds(self, start: Array, joints: Array) -> float:
-        """Straight from the start, from rest to rest [s]."""
-        return straight(joints - start[self.columns], self._velocity, self._acceleration)
+    def duration(self, start: Array, joints: Array) -> float:
+        """Duration of the straight motion from the start [s]."""
+        group = self._group
+        return line_duration(joints - start[self.columns], group.velocity, group.acceleration)
 
-    def whole(self, start: Array, joints: Array) -> Array:
-        """All actuated joints (A,), the group's being there."""
-        configuration = start.copy()
-        configuration[self.columns] = joints
-        return configuration
+    def tool_pose(self, configuration: Array) -> tuple[Array, Array]:
+        """Return position [m] and axis of the tool in the root frame, (3,) each.
 
-    def pose(self, configuration: Array) -> tuple[Array, Array]:
-        """Place and axis of the tool, all actuated joints being at (A,) [rad]."""
+        Args:
+            configuration: All actuated joints (A,) [rad].
+        """
         q = self._model.coordinates(configuration[None, :])[:, 0]
         pin.computeJointJacobians(self._model.kinematics, self._data, q)
         frame = pin.updateFramePlacement(self._model.kinematics, self._data, self._frame)
         return frame.act(self._offset), frame.rotation @ self._axis
 
-    def look(self, start: Array, joints: Array, point: Array) -> _Found:
-        """The tool with the group's joints there."""
-        place, axis = self.pose(self.whole(start, joints))
-        return self._found(joints, place, axis, point)
+    def evaluate(self, start: Array, joints: Array, point: Array) -> _Result:
+        """Return the errors at the group's joints (J,) [rad]."""
+        position, axis = self.tool_pose(self._group.full(start, joints[None, :])[0])
+        return self._result(joints, position, axis, point)
 
-    def solve(
+    def descend(
         self,
         start: Array,
-        begin: Array,
+        seed: Array,
         point: Array,
         deadline: Deadline,
         effort: _Effort = _QUICK,
-        worth: float = _WORTH,
-    ) -> _Found:
-        """Lower the error from one place, within the limits; a radian is worth so many metres."""
-        whole, joints, damping = start.copy(), begin, 1e-3
-        error, slope, found = self._slope(whole, joints, point, worth)
+        axis_weight: float = _AXIS_WEIGHT,
+    ) -> _Result:
+        """Lower the error from one starting point, within the limits.
+
+        Args:
+            start: All actuated joints; those outside the group stay there (A,) [rad].
+            seed: The group's joints to start from (J,) [rad].
+            point: Target of the tool, in the root frame (3,) [m].
+            deadline: Deadline of the query.
+            effort: Limits of the descent.
+            axis_weight: Weight of the axis error [m/rad].
+        """
+        lower, upper = self._group.lower, self._group.upper
+        configuration, joints, damping = start.copy(), seed, 1e-3
+        error, jacobian, found = self._linearise(configuration, joints, point, axis_weight)
         for _ in range(effort.steps):
             deadline.check()
-            gradient = slope.T @ error
-            # A joint at its limit that would leave it stands still for this step.
-            stuck = (joints <= self.lower) & (gradient > 0) | (joints >= self.upper) & (
-                gradient < 0
-            )
-            move = np.zeros(len(joints))
+            gradient = jacobian.T @ error
+            # A joint at its limit stays there for this step if the step would leave the limits.
+            stuck = (joints <= lower) & (gradient > 0) | (joints >= upper) & (gradient < 0)
+            step = np.zeros(len(joints))
             free = ~stuck
-            part = slope[:, free]
+            part = jacobian[:, free]
             normal = part.T @ part + damping * np.eye(part.shape[1])
-            move[free] = np.linalg.solve(normal, -gradient[free])
-            there = np.clip(joints + move, self.lower, self.upper)
-            if abs(there - joints).max() < 1e-12:
+            step[free] = np.linalg.solve(normal, -gradient[free])
+            moved = np.clip(joints + step, lower, upper)
+            if abs(moved - joints).max() < 1e-12:
                 break
-            ahead = self._slope(whole, there, point, worth)
+            ahead = self._linearise(configuration, moved, point, axis_weight)
             gain = 1.0 - (ahead[0] @ ahead[0]) / (error @ error)
             if gain > 0.0:
-                joints, damping = there, max(0.2 * damping, 1e-12)
-                error, slope, found = ahead
-                kept = not worth or found.askew < 0.01 * _TRUE
-                arrived = kept and found.distance < 0.01 * _NEAR
+                joints, damping = moved, max(0.2 * damping, 1e-12)
+                error, jacobian, found = ahead
+                aligned = not axis_weight or found.angle < 0.01 * _AXIS_TOLERANCE
+                arrived = aligned and found.distance < 0.01 * _POINT_TOLERANCE
                 if arrived or gain < effort.gain:
                     break
             else:
                 damping *= 5.0
                 if damping > 1e6:
                     break
-        joints = short_way(self._endless, start[self.columns], joints)
-        return _Found(joints, found.point, found.distance, found.askew)
+        joints = self._group.nearest_turn(start[self.columns], joints)
+        return _Result(joints, found.point, found.distance, found.angle)
 
-    def _slope(
-        self, whole: Array, joints: Array, point: Array, worth: float
-    ) -> tuple[Array, Array, _Found]:
-        """The error with the group's joints there, its derivative, and it in words."""
-        whole[self.columns] = joints
-        place, axis = self.pose(whole)
+    def _linearise(
+        self, configuration: Array, joints: Array, point: Array, axis_weight: float
+    ) -> tuple[Array, Array, _Result]:
+        """Weighted error, its Jacobian, and the error as a result."""
+        configuration[self.columns] = joints
+        position, axis = self.tool_pose(configuration)
         jacobian = pin.getFrameJacobian(
             self._model.kinematics, self._data, self._frame, pin.LOCAL_WORLD_ALIGNED
-        )[:, self._speeds]
-        arm, turns = place - self._data.oMf[self._frame].translation, jacobian[3:]
-        error, slope = place - point, jacobian[:3] - pin.skew(arm) @ turns
-        if self._wanted is not None:
-            error = np.concatenate((error, worth * (axis - self._wanted)))
-            slope = np.vstack((slope, -worth * pin.skew(axis) @ turns))
-        return error, slope, self._found(joints, place, axis, point)
+        )[:, self._velocity_columns]
+        arm, angular = position - self._data.oMf[self._frame].translation, jacobian[3:]
+        error, slope = position - point, jacobian[:3] - pin.skew(arm) @ angular
+        if self._direction is not None:
+            error = np.concatenate((error, axis_weight * (axis - self._direction)))
+            slope = np.vstack((slope, -axis_weight * pin.skew(axis) @ angular))
+        return error, slope, self._result(joints, position, axis, point)
 
-    def _found(self, joints: Array, place: Array, axis: Array, point: Array) -> _Found:
-        askew = 0.0
-        if self._wanted is not None:
-            askew = 2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(axis - self._wanted))))
-        return _Found(joints, place, float(np.linalg.norm(place - point)), askew)
+    def _result(self, joints: Array, position: Array, axis: Array, point: Array) -> _Result:
+        angle = 0.0
+        if self._direction is not None:
+            chord = float(np.linalg.norm(axis - self._direction))
+            angle = 2.0 * math.asin(min(1.0, 0.5 * chord))
+        return _Result(joints, position, float(np.linalg.norm(position - point)), angle)
 
 
 def _unit(vector: tuple[float, ...]) -> Array:
@@ -330,12 +360,10 @@ def _unit(vector: tuple[float, ...]) -> Array:
     return unit
 
 
-def _checked(robot: Robot, query: ToolQuery) -> Array:
-    """All actuated joints at the start."""
-    if query.group not in robot.groups:
-        raise BadQuery.group(query.group, robot.groups)
+def _check_query(robot: Robot, query: ToolQuery) -> Array:
+    """Check a query and return all actuated joints at its start (A,) [rad]."""
     check_seed(query.seed)
-    start = finite("start", query.start, robot.actuated)
+    start = joint_positions("start", query.start, robot.actuated)
     for joint, value in zip(robot.actuated, start.tolist(), strict=True):
         if not joint.lower <= value <= joint.upper:
             raise StartOutOfBounds(joint.name, value, joint.lower, joint.upper, joint.unit)
@@ -345,7 +373,7 @@ def _checked(robot: Robot, query: ToolQuery) -> Array:
         raise BadQuery(f"The relative is {shown(query.relative)}; give True or False")
     for what in ("point", "direction", "offset", "axis"):
         vector = getattr(query, what)
-        if vector is None and what not in _DISTANCES:
+        if vector is None and what not in _LENGTHS:
             continue
         _check_vector(what, vector)
         if what in ("direction", "axis") and not any(vector):
@@ -353,21 +381,21 @@ def _checked(robot: Robot, query: ToolQuery) -> Array:
     return start
 
 
-# The other vectors only point somewhere.
-_DISTANCES = ("point", "offset")
+_LENGTHS = ("point", "offset")  # vectors in metres; the others are directions
 
 
 def _check_vector(what: str, vector: Vector) -> None:
     if not isinstance(vector, (tuple, list)) or len(vector) != 3:
         raise BadQuery(f"The {what} is {shown(vector)}; give x, y, z")
     for name, value in zip("xyz", vector, strict=True):
-        if not isinstance(value, (int, float)) or _beyond_floats(value):
+        if not isinstance(value, (int, float)) or _exceeds_floats(value):
             raise BadQuery(f"The {name} of the {what} is {shown(value)}; give a number")
         if not math.isfinite(value):
             raise NotFinite(f"{name} of the {what}", "", value)
-        if what in _DISTANCES and abs(value) > FARTHEST:
-            raise BadQuery(f"The {name} of the {what} is {value:g}; give at most {FARTHEST:g} m")
+        if what in _LENGTHS and abs(value) > MAX_MAGNITUDE:
+            most = f"{MAX_MAGNITUDE:g} m"
+            raise BadQuery(f"The {name} of the {what} is {value:g}; give at most {most}")
 
 
-def _beyond_floats(value: float) -> bool:
+def _exceeds_floats(value: float) -> bool:
     return isinstance(value, int) and abs(value) > sys.float_info.max

@@ -1,22 +1,26 @@
-"""How far two bodies can move against each other when joints do: what ties step and margin.
+"""Upper bounds on how far two shapes move against each other when joints move.
 
-For a body and a joint j that it hangs from let lever(j) bound the travel of any of its points, per
-unit of the joint, in any configuration [m/rad]. For a hinge it is the largest distance of such a
-point from the axis: of a body on j itself the distance from the axis, which never changes; of one
-further out the stretched length of the chain between. For a slide it is 1. A joint that another
-leads moves with that one, by its multiplier. When joints move by dq, the points of two bodies move
-against each other by at most
+They tie the step of continuous collision checking to the margin (F. Schwarzer, M. Saha and J.-C.
+Latombe, "Adaptive dynamic collision checking for single and multiple articulated robots in complex
+environments", IEEE Transactions on Robotics 21, 2005).
 
-    travel(dq) = sum of lever(j) |dq_j|    over the joints that one of them hangs from, not both
+For a shape and a joint j that carries it, lever_arm(j) bounds the travel of every point of the
+shape per unit of the joint, in any configuration [m/rad]. For a revolute joint it is the largest
+distance of a point from the axis: for a shape on j itself that distance, which is constant; for a
+shape further out, the stretched length of the chain between them. For a prismatic joint it is 1. A
+mimic joint moves with its leader, times its multiplier. When joints move by dq, the points of two
+shapes move against each other by at most
 
-and so by no more does the distance between them change. If they keep
+    travel(dq) = sum of lever_arm(j) |dq_j|    over the joints that carry one of them, not both
+
+and so the distance between the shapes changes by no more. If they keep
 
     margin / 2 + travel(dq / 2)
 
-in the middle of a line that is dq long, they keep half the margin all along it.
+in the middle of a line of length dq, they keep half the margin along all of it.
 
-The floor stays the same floor when it turns upright or slides along itself. So it may as well hang
-from the joints that do only that, and what they move does not come nearer to it.
+The floor stays the same plane when it turns about the vertical or slides along itself. It may
+therefore count as carried by the joints that do only that: they move nothing closer to it.
 """
 
 import math
@@ -28,49 +32,50 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hardware import Robot
-from skills.motion.collision.shapes import corners
+
+from .geometry import corners
 
 Array = NDArray[np.float64]
-_LEVEL = 1e-9  # what a joint may lift per unit to count as level [m/rad, m/m]
+_LEVEL = 1e-9  # largest vertical motion per unit of a joint that counts as level [m/rad, m/m]
 
-LeverArms = dict[str, float]  # by the name of each joint that a shape hangs from
+LeverArms = dict[str, float]  # by name of each joint that carries a shape [m/rad]
 
 
 def lever_arms(robot: Robot, model: pin.Model, joint: int, shape: pin.GeometryObject) -> LeverArms:
-    """Of a shape on a joint; all is [m/rad].
+    """Return the lever arms of a shape.
 
     Args:
-        robot: Whose joints.
-        model: Of them; followers have coordinates of their own.
-        joint: Its index there.
-        shape: What hangs from it.
+        robot: The robot, for the limits of prismatic joints.
+        model: Its joints; mimic joints have coordinates of their own.
+        joint: Index in `model` of the joint that carries the shape.
+        shape: The shape.
     """
     found, data, reach = LeverArms(), model.createData(), 0.0
-    places = np.zeros((0, 3)) if isinstance(shape.geometry, coal.Halfspace) else corners(shape)
+    points = np.zeros((0, 3)) if isinstance(shape.geometry, coal.Halfspace) else corners(shape)
     while joint:
         name = model.names[joint]
-        slide, axis = _slide(robot, model, joint), _axis(model, data, joint)
-        off = np.linalg.norm(places - np.outer(places @ axis, axis), axis=1)
-        found[name] = float(off.max(initial=0.0)) + reach if slide is None else 1.0
-        reach += float(np.linalg.norm(places, axis=1).max(initial=0.0)) + (slide or 0.0)
-        places = model.jointPlacements[joint].translation[None, :]
+        slide, axis = _slide_range(robot, model, joint), _axis(model, data, joint)
+        radii = np.linalg.norm(points - np.outer(points @ axis, axis), axis=1)
+        found[name] = float(radii.max(initial=0.0)) + reach if slide is None else 1.0
+        reach += float(np.linalg.norm(points, axis=1).max(initial=0.0)) + (slide or 0.0)
+        points = model.jointPlacements[joint].translation[None, :]
         joint = model.parents[joint]
     return found
 
 
 def floor_lever_arms(model: pin.Model) -> LeverArms:
-    """Of the floor: the joints that only ever turn upright or slide level.
+    """Return the lever arms of the floor: 0 for joints that turn upright or slide level.
 
     Args:
-        model: Of the joints; followers have coordinates of their own.
+        model: The joints; mimic joints have coordinates of their own.
     """
     found, data = LeverArms(), model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     for joint in range(1, model.njoints):
         slide, turn = _motion(model, data, joint).reshape(2, 3) @ data.oMi[joint].rotation.T
-        keeps = abs(slide[2]) < _LEVEL and math.hypot(turn[0], turn[1]) < _LEVEL
-        before = model.parents[joint]
-        if keeps and (not before or model.names[before] in found):
+        level = abs(slide[2]) < _LEVEL and math.hypot(turn[0], turn[1]) < _LEVEL
+        parent = model.parents[joint]
+        if level and (not parent or model.names[parent] in found):
             found[model.names[joint]] = 0.0
     return found
 
@@ -78,12 +83,12 @@ def floor_lever_arms(model: pin.Model) -> LeverArms:
 def travel_bounds(
     robot: Robot, shapes: Sequence[LeverArms], pairs: Iterable[pin.CollisionPair]
 ) -> Array:
-    """Largest travel of two shapes against each other, per unit of each actuated joint.
+    """Return the largest travel of two shapes against each other, per unit of each actuated joint.
 
     Args:
-        robot: Whose joints.
-        shapes: The levers of each.
-        pairs: Of shapes (P).
+        robot: The robot.
+        shapes: Lever arms of each shape.
+        pairs: Pairs of shapes (P).
 
     Returns:
         (P, A) [m/rad].
@@ -104,18 +109,18 @@ def travel_bounds(
 
 
 def _axis(model: pin.Model, data: pin.Data, joint: int) -> Array:
-    """Axis of a hinge in its own frame (3,), a unit vector; zero for a slide."""
+    """Axis of a revolute joint in its own frame (3,), a unit vector; zero for a prismatic one."""
     return _motion(model, data, joint)[3:]
 
 
 def _motion(model: pin.Model, data: pin.Data, joint: int) -> Array:
-    """How a joint moves what is on it, per unit, in its own frame: (6,), straight and turning."""
+    """Velocity of a joint's frame per unit of the joint, in that frame: linear, angular (6,)."""
     jacobian = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
     return np.asarray(jacobian[:, model.joints[joint].idx_v], dtype=np.float64)
 
 
-def _slide(robot: Robot, model: pin.Model, joint: int) -> float | None:
-    """How far a sliding joint goes from zero [m]; None for a hinge."""
+def _slide_range(robot: Robot, model: pin.Model, joint: int) -> float | None:
+    """Largest distance of a prismatic joint from zero [m]; None for a revolute joint."""
     if not model.joints[joint].shortname().startswith("JointModelP"):
         return None
     described = robot.joint(model.names[joint])

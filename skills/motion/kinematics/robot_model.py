@@ -1,67 +1,106 @@
-"""A robot as pinocchio reads it: its joints, the shapes of its links, and how far they can move."""
+"""The robot for pinocchio: joints, collision shapes of its links, and their lever arms."""
 
+import math
 import re
+import sys
 from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from hardware import Robot
 from hardware.description.urdf import count_collision_shapes
-from skills.motion.collision.shapes import hull, packages
-from skills.motion.collision.solid import solid_of
-from skills.motion.errors import ModelUnusable
-from skills.motion.measures import FARTHEST
+from skills.motion.errors import BadWorld, ModelUnusable, shown
+from skills.motion.validation import MAX_MAGNITUDE, is_number
 
+from .geometry import EnclosedVolume, convex_hull
 from .lever_arms import LeverArms, floor_lever_arms, lever_arms
+
+Array = NDArray[np.float64]
+
+_LEAST_RATE = 1e-9  # smallest limit of velocity and acceleration of a joint [rad/s, rad/s2]
 
 
 class RobotModel:
-    """What is the same of a robot in every world.
+    """Everything about a robot that does not depend on the world around it.
 
     Args:
         robot: The robot.
 
     Attributes:
-        kinematics: pinocchio's model; followers share the coordinate of the joint they follow, and
-            joints without an end have their angle.
-        exact: Every primitive or mesh of the URDF.
-        outer: The convex hull around those of each link.
-        solids: Of each of `exact` what it encloses; None of a primitive.
-        levers: Of each of `outer`; see `reach`.
-        level: Those of the floor.
+        joints: Names of the actuated joints, the columns of every configuration (A).
+        units: Units of their positions (A).
+        kinematics: pinocchio's model. A mimic joint has no coordinate of its own. A continuous
+            joint has its angle as its coordinate.
+        exact: Collision shapes of the URDF: primitives and meshes.
+        hulls: Convex hull of each link's shapes.
+        volumes: For each of `exact` the volume inside it; None for a primitive.
+        lever_arms: Lever arms of each of `hulls`.
+        floor_lever_arms: Lever arms of the floor.
 
     Raises:
-        ModelUnusable: pinocchio cannot read the URDF or one of its shapes, or a joint follows one
-            that it carries.
+        ModelUnusable: A number of the robot is out of range, pinocchio cannot read the URDF or one
+            of its shapes, or a joint follows one that it carries.
     """
 
     def __init__(self, robot: Robot) -> None:
+        _check_robot(robot)
         self._robot, urdf = robot, str(robot.urdf)
+        self.joints = tuple(joint.name for joint in robot.actuated)
+        self.units = tuple(joint.unit for joint in robot.actuated)
         try:
-            shapes = count_collision_shapes(robot.urdf, FARTHEST)
-            self._loose = pin.buildModelFromUrdf(urdf)  # followers with coordinates of their own
-            _check_joints(robot, self._loose)
-            self.kinematics = _tied(robot, self._loose)
-            self.exact: list[pin.GeometryObject] = list(
-                pin.buildGeomFromUrdf(
-                    self.kinematics, urdf, pin.GeometryType.COLLISION, None, packages(robot.urdf)
-                ).geometryObjects
-            )
-            self._check_count(shapes)
-            self.outer = self._hulls()
+            counts = count_collision_shapes(robot.urdf, MAX_MAGNITUDE)
+            self._free = pin.buildModelFromUrdf(urdf)  # mimic joints have coordinates of their own
+            _check_placements(robot, self._free)
+            self.kinematics = _with_mimic_joints(robot, self._free)
+            kind, folders = pin.GeometryType.COLLISION, mesh_folders(robot.urdf)
+            geometry = pin.buildGeomFromUrdf(self.kinematics, urdf, kind, None, folders)
+            self.exact: list[pin.GeometryObject] = list(geometry.geometryObjects)
+            self._check_counts(counts)
+            self.hulls = self._link_hulls()
         except (OSError, RuntimeError, ValueError) as error:
-            raise ModelUnusable(urdf, _why(error)) from error
-        self.solids = [solid_of(shape.geometry) for shape in self.exact]
-        self.floor_lever_arms = floor_lever_arms(self._loose)
-        self.lever_arms = [self.lever_arms_of(shape) for shape in self.outer]
+            raise ModelUnusable(urdf, _cause(error)) from error
+        self.volumes = [EnclosedVolume.of(shape.geometry) for shape in self.exact]
+        self.floor_lever_arms = floor_lever_arms(self._free)
+        self.lever_arms = [self.lever_arms_of(shape) for shape in self.hulls]
+        ids = map(self.kinematics.getJointId, self.joints)
+        self._columns = [self.kinematics.joints[joint].idx_q for joint in ids]
+        self._same_order = self._columns == list(range(self.kinematics.nq))
+
+    def coordinates(self, configurations: Array) -> Array:
+        """Convert configurations (N, A) [rad] to pinocchio's coordinates (nq, N), column-major."""
+        if self._same_order:
+            return np.ascontiguousarray(configurations).T
+        q = np.zeros((self.kinematics.nq, len(configurations)), order="F")
+        q[self._columns] = configurations.T
+        return q
+
+    def frame_index(self, link: str) -> int:
+        """Return the index of a link's frame, or of the root frame if the name is empty.
+
+        Raises:
+            BadWorld: The robot has no such link.
+        """
+        if not isinstance(link, str):
+            raise BadWorld(f"The link is {shown(link)}; give a name, or none")
+        if not link:
+            return 0
+        frames = self.kinematics.frames
+        links = [frame.name for frame in frames if frame.type == pin.FrameType.BODY]
+        if link not in links:
+            raise BadWorld(f"There is no link {link}; there are {', '.join(links)}")
+        return int(self.kinematics.getFrameId(link, pin.FrameType.BODY))
 
     def lever_arms_of(self, shape: pin.GeometryObject) -> LeverArms:
-        """Of a shape on one of the joints."""
-        joint = self._loose.getJointId(self.kinematics.names[shape.parentJoint])
-        return lever_arms(self._robot, self._loose, joint, shape)
+        """Return the lever arms of a shape on one of the joints."""
+        joint = self._free.getJointId(self.kinematics.names[shape.parentJoint])
+        return lever_arms(self._robot, self._free, joint, shape)
 
-    def _check_count(self, counts: dict[str, int]) -> None:
+    def _check_counts(self, counts: dict[str, int]) -> None:
+        """Check that pinocchio read every shape: it drops those that it cannot parse."""
         found = Counter(self.kinematics.frames[shape.parentFrame].name for shape in self.exact)
         for link, count in counts.items():
             if found[link] != count:
@@ -69,58 +108,104 @@ class RobotModel:
                 hint = "give plain numbers, with a single space between two"
                 raise ModelUnusable(str(self._robot.urdf), f"{why}; {hint}")
 
-    def _hulls(self) -> list[pin.GeometryObject]:
+    def _link_hulls(self) -> list[pin.GeometryObject]:
         links = dict[int, list[pin.GeometryObject]]()
         for shape in self.exact:
             links.setdefault(shape.parentFrame, []).append(shape)
-        return [self._hull(frame, shapes) for frame, shapes in links.items()]
+        return [self._link_hull(frame, shapes) for frame, shapes in links.items()]
 
-    def _hull(self, frame: int, shapes: list[pin.GeometryObject]) -> pin.GeometryObject:
+    def _link_hull(self, frame: int, shapes: list[pin.GeometryObject]) -> pin.GeometryObject:
         name, joint = self.kinematics.frames[frame].name, shapes[0].parentJoint
         try:
-            around = hull(shapes)
+            hull = convex_hull(shapes)
         except ValueError as error:
             raise ModelUnusable(str(self._robot.urdf), f"of {name} {error}") from error
-        return pin.GeometryObject(name, joint, frame, pin.SE3.Identity(), around)
+        return pin.GeometryObject(name, joint, frame, pin.SE3.Identity(), hull)
 
 
-def _why(error: Exception) -> str:
-    """What pinocchio says, less where in coal it was said."""
+def mesh_folders(urdf: Path) -> list[str]:
+    """Return the folders in which pinocchio looks for `package://` meshes: all above the URDF."""
+    return [str(folder) for folder in urdf.resolve().parents]
+
+
+def _cause(error: Exception) -> str:
+    """Return pinocchio's message without coal's file and line."""
     said = re.search(r"Could not load resource (.*)\n(.*)", str(error))
     why = f"{said[1]} cannot be read as a mesh: {said[2]}" if said else str(error)
     return why.rstrip(".")
 
 
-def _check_joints(robot: Robot, loose: pin.Model) -> None:
-    """Refuse joints that hang from nothing, or too far off."""
+def _check_robot(robot: Robot) -> None:
+    """Check the numbers of a Robot, which may be built by hand and not read from a file.
+
+    Raises:
+        ModelUnusable: A limit, the margin, the floor, a mimic joint or the tool is out of range.
+    """
+    rules, path, most = robot.collision, str(robot.path), MAX_MAGNITUDE
+    floor = 0.0 if rules.floor is None else rules.floor
+    for what, value, least in (("margin", rules.margin, 0.0), ("floor", floor, -most)):
+        if not is_number(value, least, most):
+            wanted = f"give a number from {least:g} to {most:g}"
+            raise ModelUnusable(path, f"its {what} is {shown(value)} m; {wanted}")
     for joint in robot.joints:
-        if not loose.existJointName(joint.name):
-            why = f"{joint.name} hangs from no link that hangs from {loose.frames[1].name}"
+        if joint.mimic and not joint.mimic.multiplier:
+            why = f"{joint.name} follows {joint.mimic.leader} by 0 times; make it a fixed joint"
+            raise ModelUnusable(path, why)
+        limits = (joint.lower, joint.upper, joint.velocity, joint.acceleration)
+        moves = all(is_number(limit, _LEAST_RATE, sys.float_info.max) for limit in limits[2:])
+        reach = most if joint.unit == "m" else math.inf
+        bounded = all(is_number(limit, -reach, reach) for limit in limits[:2])
+        if not (moves and bounded and joint.lower <= joint.upper):
+            texts = [f"{x:g}" if isinstance(x, float) else shown(x) for x in limits]
+            why = f"{joint.name} has limits [{texts[0]}, {texts[1]}] {joint.unit}, "
+            why += f"{texts[2]} {joint.unit}/s, {texts[3]} {joint.unit}/s2"
+            if joint.unit == "m":
+                why += f"; give it ends in order, from {-most:g} to {most:g} m"
+            raise ModelUnusable(path, why)
+        mimic = joint.mimic
+        if mimic and not all(abs(x) <= most for x in (mimic.multiplier, mimic.offset)):
+            why = f"{joint.name} follows {mimic.leader} by {mimic.multiplier:g} times and "
+            why += f"{mimic.offset:g} {joint.unit}; give at most {most:g} either way"
+            raise ModelUnusable(path, why)
+    if robot.tool and not all(abs(x) <= most for x in robot.tool.offset):
+        why = f"its tool is at {shown(robot.tool.offset)} m; give at most {most:g} either way"
+        raise ModelUnusable(path, why)
+
+
+def _check_placements(robot: Robot, free: pin.Model) -> None:
+    """Check that every joint is connected to the root and not absurdly far away.
+
+    Raises:
+        ModelUnusable: One is not.
+    """
+    for joint in robot.joints:
+        if not free.existJointName(joint.name):
+            why = f"{joint.name} hangs from no link that hangs from {free.frames[1].name}"
             raise ModelUnusable(str(robot.urdf), why)
-    for name, place in zip(loose.names, loose.jointPlacements, strict=True):
-        off = abs(place.translation).max()
-        if off > FARTHEST:
-            why = f"{name} is {off:g} m off the joint before it; give at most {FARTHEST:g}"
+    for name, placement in zip(free.names, free.jointPlacements, strict=True):
+        off = abs(placement.translation).max()
+        if off > MAX_MAGNITUDE:
+            why = f"{name} is {off:g} m off the joint before it; give at most {MAX_MAGNITUDE:g}"
             raise ModelUnusable(str(robot.urdf), why)
 
 
-def _tied(robot: Robot, loose: pin.Model) -> pin.Model:
-    """The same model, each joint at its angle or way, followers at that of the joint they follow.
+def _with_mimic_joints(robot: Robot, free: pin.Model) -> pin.Model:
+    """Return a copy of a model in which mimic joints share their leaders' coordinates.
 
-    pinocchio can tie joints of a URDF itself, but wants each to come after the one it follows, and
-    reads those on one link in the order of their names. Joints without an end it would have at
-    their cosine and sine, which nothing else can follow.
+    pinocchio can read mimic joints itself, but only if each comes after its leader, and it reads
+    the joints of one link in the order of their names. It represents a continuous joint by cosine
+    and sine, which no mimic joint can follow; here its coordinate is the angle.
 
     Raises:
         ModelUnusable: A joint follows one that it carries.
     """
     model, mimics = pin.Model(), {j.name: j.mimic for j in robot.joints if j.mimic}
-    places = {0: 0}
-    for i in _order(robot, loose, {name: mimic.leader for name, mimic in mimics.items()}):
-        parent, place = places[loose.parents[i]], loose.jointPlacements[i]
-        places[i] = model.addJoint(parent, _single(loose, i), place, loose.names[i])
-    for f in loose.frames.tolist()[1:]:
-        joint = places[f.parentJoint]
+    copies = {0: 0}
+    for i in _leaders_first(robot, free, {name: mimic.leader for name, mimic in mimics.items()}):
+        parent, placement = copies[free.parents[i]], free.jointPlacements[i]
+        copies[i] = model.addJoint(parent, _with_one_coordinate(free, i), placement, free.names[i])
+    for f in free.frames.tolist()[1:]:
+        joint = copies[f.parentJoint]
         model.addFrame(pin.Frame(f.name, joint, f.parentFrame, f.placement, f.type))
     for name, mimic in mimics.items():
         ids = model.getJointId(mimic.leader), model.getJointId(name)
@@ -128,26 +213,29 @@ def _tied(robot: Robot, loose: pin.Model) -> pin.Model:
     return model
 
 
-def _single(model: pin.Model, joint: int) -> pin.JointModel:
-    """A joint of a model, with one coordinate."""
-    turns = model.joints[joint]
-    if turns.nq == turns.nv:
-        return turns
-    data, still = model.createData(), pin.neutral(model)
-    axis = pin.computeJointJacobian(model, data, still, joint)[3:, turns.idx_v]
+def _with_one_coordinate(model: pin.Model, joint: int) -> pin.JointModel:
+    original = model.joints[joint]
+    if original.nq == original.nv:
+        return original
+    data, neutral = model.createData(), pin.neutral(model)
+    axis = pin.computeJointJacobian(model, data, neutral, joint)[3:, original.idx_v]
     return pin.JointModelRevoluteUnaligned(axis)
 
 
-def _order(robot: Robot, loose: pin.Model, leaders: dict[str, str]) -> Iterator[int]:
-    """All joints, each after the one that carries it and the one it follows."""
-    before = {i: {loose.parents[i]} for i in range(1, loose.njoints)}
+def _leaders_first(robot: Robot, free: pin.Model, leaders: dict[str, str]) -> Iterator[int]:
+    """Yield all joints, each after its parent and its leader.
+
+    Raises:
+        ModelUnusable: There is no such order.
+    """
+    before = {i: {free.parents[i]} for i in range(1, free.njoints)}
     for name, leader in leaders.items():
-        before[loose.getJointId(name)].add(loose.getJointId(leader))
+        before[free.getJointId(name)].add(free.getJointId(leader))
     done = {0}
     while before:
         i = next((i for i, others in before.items() if others <= done), None)
         if i is None:
-            name = next(name for name in leaders if loose.getJointId(name) in before)
+            name = next(name for name in leaders if free.getJointId(name) in before)
             why = f"{name} follows {leaders[name]}, which it carries; let {leaders[name]} follow"
             raise ModelUnusable(str(robot.urdf), why)
         done.add(i)

@@ -1,1 +1,1 @@
-"""Collision-free paths: straight, bent or searched."""
+"""Collision-free paths: straight lines, single bends, RRT-Connect, shortcuts and blends."""

@@ -1,9 +1,9 @@
-"""Where there can be no way: a joint would have to pass a place that it cannot.
+"""Proof that no path exists: a single joint would have to pass a position in collision.
 
-A pair of links that only one joint moves against each other is always equally near where that joint
-is in one place. And on every way a joint with an end passes all places between its start and its
-goal, one without an end these or all the others. So where such a pair is too near in one of these
-there is no way, and no search would ever tell.
+If only one joint moves two links against each other, their distance depends on that joint alone. On
+every path, a joint with limits passes all positions between its start and its goal; a continuous
+joint passes these or all the others. If the two links are too close at one of these positions,
+there is no path, which a sampling-based search could never prove.
 """
 
 import numpy as np
@@ -11,59 +11,64 @@ from numpy.typing import NDArray
 
 from skills.motion.errors import Barred
 
-from .search import Search
-from .space import Space
+from .motion_validator import MotionValidator
+from .rrt_connect import RRTConnect
 
 Array = NDArray[np.float64]
 
-_LOOKS = 64
+_SAMPLES = 64
 
 
-def check_passable(space: Space, search: Search, start: Array, goal: Array) -> None:
-    """Look for what is in the way of single joints.
+def check_passable(
+    validator: MotionValidator, search: RRTConnect, start: Array, goal: Array
+) -> None:
+    """Check the pairs of links that a single joint moves.
 
     Args:
-        space: Where the group may move.
-        search: Which of its joints have an end.
+        validator: Checks motions of the group.
+        search: Knows which joints have limits.
         start: A free point (J,) [rad].
-        goal: Another (J,) [rad].
+        goal: Another free point (J,) [rad].
 
     Raises:
-        Barred: No way leads there, whichever way round.
+        Barred: There is no path, in either direction of any continuous joint.
     """
-    alone = np.flatnonzero((space.lever_arms > 0.0).sum(axis=1) == 1)
-    movers = space.lever_arms[alone].argmax(axis=1)
+    alone = np.flatnonzero((validator.lever_arms > 0.0).sum(axis=1) == 1)
+    movers = validator.lever_arms[alone].argmax(axis=1)
     for joint in np.unique(movers).tolist():
         pairs = frozenset(alone[movers == joint].tolist())
-        ways = [_barred(space, start, way, pairs) for way in _ways(search, joint, start, goal)]
-        if ways and (barred := ways[0]) and all(ways):
-            raise barred
+        ends = _single_joint_goals(search, joint, start, goal)
+        barriers = [_barrier(validator, start, end, pairs) for end in ends]
+        if barriers and (barrier := barriers[0]) and all(barriers):
+            raise barrier
 
 
-def _ways(search: Search, joint: int, start: Array, goal: Array) -> list[Array]:
-    """Where a single joint goes, of which it must go one; none if others may lead there too."""
-    way = start.copy()
-    way[joint] = goal[joint]
-    if np.isfinite([search.lower[joint], search.upper[joint]]).any():
-        return [way]
-    # What a leader without an end does a whole turn on its followers need not do.
-    return list(search.other_ways(start, way)) if search.turning[joint] else []
+def _single_joint_goals(search: RRTConnect, joint: int, start: Array, goal: Array) -> list[Array]:
+    """Ends of the motions of one joint of which every path contains one; empty if unknown."""
+    end = start.copy()
+    end[joint] = goal[joint]
+    if np.isfinite([search.group.lower[joint], search.group.upper[joint]]).any():
+        return [end]
+    # A continuous joint with followers is not equivalent to itself a whole turn further.
+    return list(search.equivalent_goals(start, end)) if search.group.continuous[joint] else []
 
 
-def _barred(space: Space, start: Array, goal: Array, pairs: frozenset[int]) -> Barred | None:
-    """What is in the way of the joint that moves these pairs of links."""
-    shares = np.linspace(0.0, 1.0, _LOOKS)[:, None]
-    rows, checker = space.whole(start + shares * (goal - start)), space.checker
-    hit = checker.first_collision(rows, space.proved, pairs)
+def _barrier(
+    validator: MotionValidator, start: Array, goal: Array, pairs: frozenset[int]
+) -> Barred | None:
+    """Error for the first collision of a pair of links on a line, or None."""
+    shares = np.linspace(0.0, 1.0, _SAMPLES)[:, None]
+    rows, checker = validator.full(start + shares * (goal - start)), validator.checker
+    distance = validator.guaranteed
+    hit = checker.first_collision(rows, distance, pairs)
     if hit is None:
         return None
-    there = rows[hit : hit + 1]
+    row = rows[hit : hit + 1]
     pair = next(
-        k
-        for k in sorted(pairs)
-        if checker.first_collision(there, space.proved, frozenset((k,))) == 0
+        k for k in sorted(pairs) if checker.first_collision(row, distance, frozenset((k,))) == 0
     )
-    joint, model = int(space.columns[np.argmax(space.lever_arms[pair])]), checker.model
-    ends = model.outer.collisionPairs[pair]
-    names = [model.link(model.outer, i) for i in (ends.first, ends.second)]
-    return Barred(model.joints[joint], float(there[0, joint]), model.units[joint], *names)
+    joint, scene = int(validator.columns[np.argmax(validator.lever_arms[pair])]), checker.scene
+    ends = scene.hulls.collisionPairs[pair]
+    links = [scene.link(scene.hulls, i) for i in (ends.first, ends.second)]
+    model = scene.robot_model
+    return Barred(model.joints[joint], float(row[0, joint]), model.units[joint], *links)

@@ -1,10 +1,10 @@
-"""One bend round what is in the way: tried before a search, being quicker and mostly shorter.
+"""A path with a single bend around an obstacle, tried before the search.
 
-The corners tried fill the joint space around both ends evenly and are always the same, so nothing
-here is random. They are tried in the order of the way that they mean, less those whose bend meets
-what is known to be in the way. That is very quick to ask of many, as it is asked of few pairs of
-links: at first of those that meet on the straight line, then also of those that meet on a bend that
-was tried.
+It is faster to find than a searched path, and mostly shorter. The candidate via points cover the
+joint space around both ends evenly, as a low-discrepancy sequence, and are always the same: nothing
+here is random. They are tried in the order of their path lengths, without those that are known to
+collide. Finding these is very fast because few pairs of links are checked: at first the pairs that
+collide on the straight line, then also those that collide on a bend that was tried.
 """
 
 from functools import lru_cache
@@ -15,86 +15,88 @@ from numpy.typing import NDArray
 from skills.motion.arrays import norms
 
 from .curve import Curve
-from .space import Space
+from .motion_validator import MotionValidator
 
 Array = NDArray[np.float64]
 
-_CORNERS = 128
-_TOGETHER = 16  # that are asked about together
-_TRIES = 10  # of those left, that are looked at all along
-_AROUND = 2.0  # the ends, how far corners go [rad]
-_LINE = np.linspace(0.0, 1.0, 8)[1:-1, None]  # where the line is asked what is in the way
-_LOOKS = np.linspace(0.0, 1.0, 11)[1:-1, None, None]  # where a bend is asked whether it is
+_CANDIDATES = 128
+_GROUP_SIZE = 16  # candidates filtered in one call
+_MAX_TRIES = 10  # bends checked along their whole length
+_REACH = 2.0  # of candidates beyond the ends [rad]
+_LINE_SAMPLES = np.linspace(0.0, 1.0, 8)[1:-1, None]
+_BEND_SAMPLES = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
 
 
-def bent(
-    space: Space, lower: Array, upper: Array, ends: tuple[Array, Array]
+def find_bend(
+    validator: MotionValidator, lower: Array, upper: Array, ends: tuple[Array, Array]
 ) -> tuple[Array, Curve] | None:
-    """Three waypoints (3, J) [rad] and the free curve round the one between; None if none is found.
+    """Return three waypoints (3, J) [rad] and the free curve along them, or None.
 
-    Only the curve is free: the lines between the waypoints may not be.
+    The curve is free. The lines between the waypoints may not be.
 
     Args:
-        space: Where the group may move.
-        lower: Of its joints, -inf where there is no limit (J,) [rad].
-        upper: Of its joints, inf where there is no limit (J,) [rad].
-        ends: Two free points (J,) [rad]; the line between them is not free.
+        validator: Checks motions of the group.
+        lower: Lower limits, -inf if there is none (J,) [rad].
+        upper: Upper limits, inf if there is none (J,) [rad].
+        ends: Two free points (J,) [rad]. The line between them is not free.
 
     Raises:
-        PlanTimeout: The time is up.
+        PlanTimeout: The deadline passed.
     """
-    # Hulls that overlap where nothing touches say nothing.
-    vague = _close(space, np.array(ends))
-    pairs = _close(space, ends[0] + _LINE * (ends[1] - ends[0])) - vague
-    corners, tries = _corners(lower, upper, ends), 0
-    for begin in range(0, _CORNERS, _TOGETHER):
-        left = _clear(space, ends, corners[begin : begin + _TOGETHER], pairs)
-        while len(left) and tries < _TRIES:
+    # Hulls that overlap although nothing collides say nothing.
+    ignored = _close_pairs(validator, np.array(ends))
+    pairs = _close_pairs(validator, ends[0] + _LINE_SAMPLES * (ends[1] - ends[0])) - ignored
+    candidates, tries = _via_points(lower, upper, ends), 0
+    for begin in range(0, _CANDIDATES, _GROUP_SIZE):
+        left = _without_collision(validator, ends, candidates[begin : begin + _GROUP_SIZE], pairs)
+        while len(left) and tries < _MAX_TRIES:
             waypoints, left, tries = np.array([ends[0], left[0], ends[1]]), left[1:], tries + 1
             curve = Curve.through(waypoints, norms(np.diff(waypoints, axis=0)).min(keepdims=True))
-            met = space.meets(curve)
-            if met is None:
+            collision = validator.collision_on(curve)
+            if collision is None:
                 return waypoints, curve
-            new = _close(space, met[None, :]) - vague - pairs
-            left, pairs = _clear(space, ends, left, new), pairs | new
+            new = _close_pairs(validator, collision[None, :]) - ignored - pairs
+            left, pairs = _without_collision(validator, ends, left, new), pairs | new
     return None
 
 
-def _corners(lower: Array, upper: Array, ends: tuple[Array, Array]) -> Array:
-    """The way over the first is the shortest (K, J) [rad]."""
-    low = np.maximum(lower, np.minimum(*ends) - _AROUND)
-    high = np.minimum(upper, np.maximum(*ends) + _AROUND)
-    corners: Array = low + _even(len(low)) * (high - low)
-    lengths = norms(corners - ends[0]) + norms(ends[1] - corners)
-    return corners[np.argsort(lengths, kind="stable")]
+def _via_points(lower: Array, upper: Array, ends: tuple[Array, Array]) -> Array:
+    """Candidates, that with the shortest path first (K, J) [rad]."""
+    low = np.maximum(lower, np.minimum(*ends) - _REACH)
+    high = np.minimum(upper, np.maximum(*ends) + _REACH)
+    points: Array = low + _low_discrepancy(len(low)) * (high - low)
+    lengths = norms(points - ends[0]) + norms(ends[1] - points)
+    return points[np.argsort(lengths, kind="stable")]
 
 
 @lru_cache(maxsize=8)
-def _even(size: int) -> Array:
-    """Points that fill the unit cube evenly (K, size).
+def _low_discrepancy(dimensions: int) -> Array:
+    """Points that cover the unit cube evenly (K, dimensions).
 
-    Multiples of the powers of 1 / x with x ** (size + 1) = x + 1, modulo 1: the additive recurrence
-    of Martin Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
+    Multiples of the powers of 1 / x with x ** (dimensions + 1) = x + 1, modulo 1: the additive
+    recurrence of Martin Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
     """
-    x = 2.0
+    x, size = 2.0, dimensions
     for _ in range(60):
         x = (1.0 + x) ** (1.0 / (size + 1))
-    points = np.outer(np.arange(1.0, _CORNERS + 1.0), x ** -np.arange(1.0, size + 1.0)) % 1.0
+    points = np.outer(np.arange(1.0, _CANDIDATES + 1.0), x ** -np.arange(1.0, size + 1.0)) % 1.0
     points.setflags(write=False)
     return points
 
 
-def _close(space: Space, points: Array) -> frozenset[int]:
-    """Pairs of links whose hulls are too near at some of the points (N, J) [rad]."""
-    return space.checker.close(space.whole(points), space.margin)
+def _close_pairs(validator: MotionValidator, points: Array) -> frozenset[int]:
+    """Pairs of links with hulls closer than the margin at one of the points (N, J) [rad]."""
+    return validator.checker.close_pairs(validator.full(points), validator.margin)
 
 
-def _clear(space: Space, ends: tuple[Array, Array], corners: Array, pairs: frozenset[int]) -> Array:
-    """Those of the corners whose bend, as far as is asked, keeps the hulls of some pairs apart."""
-    if not (len(corners) and pairs):
-        return corners
-    t = _LOOKS
-    looks = (1.0 - t) ** 2 * ends[0] + 2.0 * t * (1.0 - t) * corners + t**2 * ends[1]
-    rows = space.whole(looks.reshape(-1, corners.shape[1]))
-    hits = space.checker.doubtful(rows, space.margin, pairs)
-    return corners[~hits.reshape(len(_LOOKS), -1).any(axis=0)]
+def _without_collision(
+    validator: MotionValidator, ends: tuple[Array, Array], points: Array, pairs: frozenset[int]
+) -> Array:
+    """The via points with bends on which the hulls of some pairs keep the margin at all samples."""
+    if not (len(points) and pairs):
+        return points
+    t = _BEND_SAMPLES
+    samples = (1.0 - t) ** 2 * ends[0] + 2.0 * t * (1.0 - t) * points + t**2 * ends[1]
+    rows = validator.full(samples.reshape(-1, points.shape[1]))
+    hits = validator.checker.hulls_near(rows, validator.margin, pairs)
+    return points[~hits.reshape(len(_BEND_SAMPLES), -1).any(axis=0)]

@@ -1,4 +1,8 @@
-"""Rounding the corners of a path, as far as that is free."""
+"""Parabolic blends: the corners of a path are rounded as far as the blends are free.
+
+T. Kunz and M. Stilman, "Turning paths into trajectories using parabolic blends", Georgia Institute
+of Technology, 2011, has the idea; here the blend is a curve in space and the limits come later.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,65 +10,64 @@ from numpy.typing import NDArray
 from skills.motion.arrays import norms
 
 from .curve import Curve
-from .space import Space
+from .motion_validator import MotionValidator
 
 Array = NDArray[np.float64]
 
-_HALVINGS = 5  # then the motion stops at the corner
-_LEAST = 1e-6  # as it does where it hardly could not [rad]
+VIA_TOLERANCE = 0.01  # largest distance of any part of the arm from its pose at a via point [m]
+
+_HALVINGS = 5  # of the radius; then the motion stops at the corner
+_MIN_RADIUS = 1e-6  # with a smaller radius the motion would almost stop anyway [rad]
 
 
-NEARNESS = 0.01  # of any part of the arm to where it is at a via point, at the most [m]
-
-
-def blended(space: Space, waypoints: Array, via: Array) -> Curve:
-    """The curve through a path of free edges, its corners rounded where that is free.
+def blend(validator: MotionValidator, waypoints: Array, via: Array) -> Curve:
+    """Return the curve along a path, with rounded corners where the blends are free.
 
     Args:
-        space: Where the group may move.
-        waypoints: (N, J) [rad].
-        via: Those of them that somebody asked for (V, J) [rad].
+        validator: Checks motions of the group.
+        waypoints: Waypoints of a path with free edges (N, J) [rad].
+        via: The waypoints that the query asks for (V, J) [rad].
     """
-    radii = _largest(waypoints)
+    radii = _largest_radii(waypoints)
     for i in range(len(radii)):
         if any(np.array_equal(waypoints[i + 1], point) for point in via):
-            radii[i] = min(radii[i], _near(space, waypoints[i : i + 3]))
+            radii[i] = min(radii[i], _via_radius(validator, waypoints[i : i + 3]))
     for i in range(len(radii)):
-        radii[i] = _free_radius(space, waypoints[i : i + 3], radii[i])
+        radii[i] = _free_radius(validator, waypoints[i : i + 3], radii[i])
     return Curve.through(waypoints, radii)
 
 
-def _largest(waypoints: Array) -> Array:
-    """Radii with which neighbouring corners share the edge between them (N - 2,)."""
+def _largest_radii(waypoints: Array) -> Array:
+    """Radii with which neighbouring corners share the edge between them (N - 2,) [rad]."""
     lengths = norms(np.diff(waypoints, axis=0))
     shares = 0.5 * lengths
-    shares[[0, -1]] = lengths[[0, -1]]  # nobody else needs the first and the last
+    shares[[0, -1]] = lengths[[0, -1]]  # the first and the last edge have one corner only
     return np.minimum(shares[:-1], shares[1:])
 
 
-def _near(space: Space, corner: Array) -> float:
-    """The radius whose curve comes as near to the corner as is asked of a via point.
+def _via_radius(validator: MotionValidator, corner: Array) -> float:
+    """Largest radius with a blend that keeps `VIA_TOLERANCE` to the corner [rad].
 
-    In the middle of its parabola, r (e - d) / 4 away; see `curve`.
+    The middle of the parabola is closest to the corner, at r (e - d) / 4; see `curve.py`.
     """
     legs = np.diff(corner, axis=0)
     turn = abs(np.diff(legs / norms(legs)[:, None], axis=0)[0])
-    travel = float((space.lever_arms @ turn).max(initial=0.0))
-    return 4.0 * NEARNESS / travel if travel else np.inf
+    travel = float((validator.lever_arms @ turn).max(initial=0.0))
+    return 4.0 * VIA_TOLERANCE / travel if travel else np.inf
 
 
-def _free_radius(space: Space, corner: Array, radius: float) -> float:
+def _free_radius(validator: MotionValidator, corner: Array, radius: float) -> float:
     for _ in range(_HALVINGS):
-        if radius < _LEAST:
+        if radius < _MIN_RADIUS:
             break
-        if space.curve(_corner(corner, radius)):
+        if validator.curve_is_free(_parabola(corner, radius)):
             return radius
         radius *= 0.5
     return 0.0
 
 
-def _corner(corner: Array, radius: float) -> Curve:
-    """The rounded corner alone, from three waypoints."""
+def _parabola(corner: Array, radius: float) -> Curve:
+    """The blend of one corner, given by three waypoints (3, J) [rad]."""
     before, after = corner[0] - corner[1], corner[2] - corner[1]
     legs = [leg * (radius / np.linalg.norm(leg)) for leg in (before, after)]
     ends = np.array([corner[1] + legs[0], corner[1], corner[1] + legs[1]])

@@ -1,12 +1,12 @@
-"""The geometric path: straight lines with parabolic corners, exact at every point.
+"""The geometric path: straight lines with parabolic blends, exact at every point.
 
-The parameter s is the length of the polyline through the waypoints, in joint space. A corner of
-radius r replaces the last r before a waypoint and the first r after it by the parabola that is
-tangent to both, traversed at the same rate of s: with unit directions d and e before and after,
+The parameter s is the length along the polyline through the waypoints, in joint space [rad]. A
+blend of radius r replaces the last r before a waypoint and the first r after it by the parabola
+that is tangent to both, at the same rate of s. With unit directions d and e before and after,
 
     q(u) = q_corner - r d + u d + u^2 (e - d) / (4 r),      0 <= u <= 2 r
 
-so dq/ds runs linearly from d to e and is continuous, and |dq/ds| <= 1.
+so dq/ds changes linearly from d to e and is continuous, and |dq/ds| <= 1.
 """
 
 from dataclasses import dataclass
@@ -18,39 +18,41 @@ from skills.motion.arrays import norms, readonly
 
 Array = NDArray[np.float64]
 
-_SAME = 1e-9  # a break nearer ahead than this is passed: no piece is too short to be timed
+_SAME = 1e-9  # a break less than this ahead counts as passed: no piece is too short to be timed
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Pieces of `base + u * slope + u**2 * bend`, with u = s less the break where they begin.
+    """A piecewise quadratic curve: `constant + u * linear + u**2 * quadratic` on each piece.
+
+    u is s minus the break at which the piece begins.
 
     Attributes:
-        breaks: Where the pieces begin, and the end of the last (M + 1,), in units of s.
-        base: Where each piece begins (M, J) [rad].
-        slope: dq/ds at the beginning of each piece (M, J).
-        bend: Half of d2q/ds2 of each piece (M, J).
-        stops: Values of s between the ends where the direction jumps, so the motion must stop.
+        breaks: Values of s at which pieces begin, and the end of the last one (M + 1,).
+        constant: Start of each piece (M, J) [rad].
+        linear: dq/ds at the start of each piece (M, J).
+        quadratic: Half of d2q/ds2 of each piece (M, J) [1/rad].
+        stops: Values of s between the ends at which the direction jumps, so the motion must stop.
     """
 
     breaks: Array
-    base: Array
-    slope: Array
-    bend: Array
+    constant: Array
+    linear: Array
+    quadratic: Array
     stops: Array
 
     def __post_init__(self) -> None:
-        for name in ("breaks", "base", "slope", "bend", "stops"):
+        for name in ("breaks", "constant", "linear", "quadratic", "stops"):
             object.__setattr__(self, name, readonly(getattr(self, name)))
 
     @classmethod
     def through(cls, waypoints: Array, radii: Array) -> "Curve":
-        """The curve along a polyline.
+        """Return the curve along a polyline.
 
         Args:
             waypoints: At least two, each different from the one before (N, J) [rad].
-            radii: Of the corners, 0 where the motion stops (N - 2,), in units of s; those of
-                neighbouring corners fit between them.
+            radii: Blend radii of the corners; 0 makes the motion stop there (N - 2,) [rad]. Those
+                of neighbouring corners must fit between them.
         """
         steps = np.diff(waypoints, axis=0)
         lengths = norms(steps)
@@ -66,77 +68,82 @@ class Curve:
             if lengths[i] - ends[i] - ends[i + 1] > 1e-12 * reach[-1]:
                 start = waypoints[i] + ends[i] * direction
                 pieces.append((reach[i] + ends[i], start, direction, 0.0 * direction))
-        breaks, base, slope, bend = zip(*pieces, strict=True)
+        breaks, constant, linear, quadratic = zip(*pieces, strict=True)
         stops = reach[1:-1][radii == 0.0]
         return cls(
-            np.array([*breaks, reach[-1]]), np.array(base), np.array(slope), np.array(bend), stops
+            np.array([*breaks, reach[-1]]),
+            np.array(constant),
+            np.array(linear),
+            np.array(quadratic),
+            stops,
         )
 
     @classmethod
     def line(cls, begin: Array, end: Array) -> "Curve":
-        """The line from one point to another (J,) [rad]."""
+        """Return the line from one point to another one (J,) [rad]."""
         step = (end - begin)[None, :]
         length = norms(step)
-        slope = step / length[:, None]
+        linear = step / length[:, None]
         breaks = np.array([0.0, length[0]])
-        return cls(breaks, begin[None, :], slope, np.zeros_like(slope), np.empty(0))
+        return cls(breaks, begin[None, :], linear, np.zeros_like(linear), np.empty(0))
 
     @classmethod
     def point(cls, position: Array) -> "Curve":
-        """The curve of length 0 at a position (J,) [rad]."""
-        still = np.zeros((1, len(position)))
-        return cls(np.zeros(2), position[None, :], still, still, np.empty(0))
+        """Return the curve of length 0 at a position (J,) [rad]."""
+        zero = np.zeros((1, len(position)))
+        return cls(np.zeros(2), position[None, :], zero, zero, np.empty(0))
 
     def after(self, s: float) -> "Curve":
-        """What is left of it from s on; its own parameter begins at 0 there."""
-        beyond = s + _SAME
-        first = int(np.searchsorted(self.breaks[1:-1], beyond, side="right"))
-        base, slope = self.base[first:].copy(), self.slope[first:].copy()
+        """Return the rest of the curve from s on, with a parameter that begins at 0 there."""
+        passed = s + _SAME
+        first = int(np.searchsorted(self.breaks[1:-1], passed, side="right"))
+        constant, linear = self.constant[first:].copy(), self.linear[first:].copy()
         u = max(0.0, s - self.breaks[first])
-        base[0] += u * (slope[0] + u * self.bend[first])
-        slope[0] += 2.0 * u * self.bend[first]
+        constant[0] += u * (linear[0] + u * self.quadratic[first])
+        linear[0] += 2.0 * u * self.quadratic[first]
         breaks = np.concatenate(([0.0], self.breaks[first + 1 :] - s))
-        return Curve(breaks, base, slope, self.bend[first:], self.stops[self.stops > beyond] - s)
+        stops = self.stops[self.stops > passed] - s
+        return Curve(breaks, constant, linear, self.quadratic[first:], stops)
 
     @property
     def length(self) -> float:
-        """Largest s."""
+        """Largest s [rad]."""
         return float(self.breaks[-1])
 
     @property
     def straight(self) -> bool:
-        """Whether it is one line."""
-        return len(self.base) == 1 and not self.bend.any()
+        """True if the curve is a single line."""
+        return len(self.constant) == 1 and not self.quadratic.any()
 
     def positions(self, s: Array) -> Array:
-        """Positions at s (K,) -> (K, J) [rad]."""
-        i, u = self._place(s)
-        return self.base[i] + u * (self.slope[i] + u * self.bend[i])
+        """Return positions at s (K,) -> (K, J) [rad]."""
+        i, u = self._piece(s)
+        return self.constant[i] + u * (self.linear[i] + u * self.quadratic[i])
 
-    def slopes(self, s: Array) -> Array:
-        """First derivative dq/ds at s (K,) -> (K, J)."""
-        i, u = self._place(s)
-        return self.slope[i] + 2.0 * u * self.bend[i]
+    def first_derivatives(self, s: Array) -> Array:
+        """Return dq/ds at s (K,) -> (K, J)."""
+        i, u = self._piece(s)
+        return self.linear[i] + 2.0 * u * self.quadratic[i]
 
-    def bends(self, s: Array) -> Array:
-        """Second derivative at s, of the piece that begins there (K,) -> (K, J) [1/rad]."""
-        i, _ = self._place(s)
-        return 2.0 * self.bend[i]
+    def second_derivatives(self, s: Array) -> Array:
+        """Return d2q/ds2 at s, at a break that of the next piece (K,) -> (K, J) [1/rad]."""
+        i, _ = self._piece(s)
+        return 2.0 * self.quadratic[i]
 
     def intervals(self, grid: Array) -> tuple[Array, Array, Array]:
-        """Of intervals that lie each in one piece, as seen from within.
+        """Return the derivatives in intervals of s, each within one piece.
 
         Args:
-            grid: Their ends (K + 1,).
+            grid: Ends of the intervals (K + 1,).
 
         Returns:
-            dq/ds at the lower ends, at the upper ends, and d2q/ds2, each (K, J).
+            dq/ds at the lower ends and at the upper ends, and d2q/ds2, each (K, J).
         """
-        i, _ = self._place(0.5 * (grid[:-1] + grid[1:]))
-        bends = 2.0 * self.bend[i]
+        i, _ = self._piece(0.5 * (grid[:-1] + grid[1:]))
+        second = 2.0 * self.quadratic[i]
         lower, upper = ((s - self.breaks[i])[:, None] for s in (grid[:-1], grid[1:]))
-        return self.slope[i] + lower * bends, self.slope[i] + upper * bends, bends
+        return self.linear[i] + lower * second, self.linear[i] + upper * second, second
 
-    def _place(self, s: Array) -> tuple[NDArray[np.intp], Array]:
+    def _piece(self, s: Array) -> tuple[NDArray[np.intp], Array]:
         i = np.searchsorted(self.breaks[1:-1], s, side="right")
         return i, (s - self.breaks[i])[:, None]

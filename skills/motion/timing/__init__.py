@@ -1,1 +1,1 @@
-"""Time-optimal timing of a path within velocity and acceleration limits."""
+"""Timing: trapezoidal profiles on lines, TOPP-RA on curves, and the rest of stopped motions."""

@@ -1,4 +1,4 @@
-"""Why a motion takes as long as it does."""
+"""Which limits set the duration of a motion."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,25 +8,25 @@ from numpy.typing import NDArray
 
 from skills.motion.plan import Plan
 
-from .timing import straight
+from .timing import line_duration
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_STEP = 0.001  # [s]
-_MOST = 100_000  # samples of a motion of hours
-_NEAR = 0.999  # of a limit: every motion keeps its limits to a thousandth
+_STEP = 0.001  # between samples [s]
+_MAX_SAMPLES = 100_000  # for motions of hours
+_AT_LIMIT = 0.999  # share of a limit that counts as reached: plans keep limits to a thousandth
 
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """A limit that held the motion back.
+    """A limit that set the duration.
 
     Attributes:
-        joint: Whose.
+        joint: Name of the joint.
         kind: `speed` or `acceleration`.
         value: The limit [rad/s] or [rad/s2].
-        seconds: How long it held the motion back [s].
+        seconds: How long it applied [s].
     """
 
     joint: str
@@ -36,24 +36,26 @@ class Limit:
 
 
 def limits_met(plan: Plan) -> list[Limit]:
-    """Every limit that held the motion back, the longest first.
+    """Return every limit that set the duration, the longest first.
 
-    A speed limit does so while the joint is at it. An acceleration limit does so from one knot of
-    the time law to the next where the joint meets it at one of them, as there the push on s, which
-    is constant in between, can be no harder; and where no limit is met, but this one between the
-    next two knots: with a harder push now, the joint would break it there.
+    A speed limit applies while the joint moves at it. An acceleration limit applies between two
+    knots of the time law if the joint reaches it at one of them: the acceleration along the curve
+    is constant between them and can be no higher. If no limit is reached there, it also applies if
+    it is reached between the next two knots: a higher acceleration now would break it then.
     """
-    step = max(_STEP, plan.duration / _MOST)
+    step = max(_STEP, plan.duration / _MAX_SAMPLES)
     times = np.arange(0.5 * step, plan.duration, step)
     if not times.size:
         return []
-    here = np.searchsorted(plan.profile.times, times, side="right") - 1
-    strains = _strains(plan)
-    slowed = _hardest(plan, strains)
-    met = strains >= _NEAR * slowed
-    fast = abs(plan.velocities(times)) >= _NEAR * np.sqrt(slowed[here]) * plan.velocity
-    ahead = np.vstack((met[1:], np.zeros_like(met[:1]))) & ~met.any(axis=1, keepdims=True)
-    pushed = (met[here] & ~fast) | (ahead[here] & ~fast.any(axis=1, keepdims=True))
+    interval = np.searchsorted(plan.profile.times, times, side="right") - 1
+    ratios = plan.profile.acceleration_ratios(plan.curve, plan.acceleration)
+    scale = _largest_between_stops(plan, ratios)
+    reached = ratios >= _AT_LIMIT * scale
+    top = _AT_LIMIT * np.sqrt(scale[interval]) * plan.velocity
+    fast = abs(plan.velocities(times)) >= top
+    next_reached = np.vstack((reached[1:], np.zeros_like(reached[:1])))
+    ahead = next_reached & ~reached.any(axis=1, keepdims=True)
+    pushed = (reached[interval] & ~fast) | (ahead[interval] & ~fast.any(axis=1, keepdims=True))
     found = [
         *_limits(plan, "acceleration", plan.acceleration, pushed),
         *_limits(plan, "speed", plan.velocity, fast),
@@ -61,35 +63,26 @@ def limits_met(plan: Plan) -> list[Limit]:
     return sorted(found, key=lambda limit: -limit.seconds)
 
 
-def _strains(plan: Plan) -> Array:
-    """Largest acceleration over its limit from each knot to the next, at one of them (K, J)."""
-    profile = plan.profile
-    lower, upper, bends = plan.curve.intervals(profile.places)
-    push, squares = profile.pushes[:-1, None], np.square(profile.speeds)[:, None]
-    ends = lower * push + bends * squares[:-1], upper * push + bends * squares[1:]
-    strains: Array = np.maximum(*map(abs, ends)) / plan.acceleration
-    return strains
+def straight_duration(plan: Plan) -> float:
+    """Return the duration of the straight line between the plan's ends [s]. It may not be free."""
+    return line_duration(plan.goal - plan.origin, plan.velocity, plan.acceleration)
 
 
-def _hardest(plan: Plan, strains: Array) -> Array:
-    """Largest strain from one stop to the next, for each knot between (K, 1).
+def _largest_between_stops(plan: Plan, ratios: Array) -> Array:
+    """Largest ratio between two stops, for each interval between knots (K - 1, 1).
 
-    It is 1 where the motion was not slowed as a whole: its accelerations are limited where it
-    starts. It is a little less where a speed would have risen above its limit between two knots.
+    It is 1 unless the motion was slowed as a whole, because accelerations reach their limits at the
+    start. It is slightly less if a speed would otherwise exceed its limit between two knots.
     """
     stops = np.flatnonzero(plan.profile.speeds[:-1] == 0.0)
-    hardest = np.maximum.reduceat(strains.max(axis=1), stops)
-    counts = np.diff(np.append(stops, len(strains)))
-    return np.repeat(hardest, counts)[:, None]
+    largest = np.maximum.reduceat(ratios.max(axis=1), stops)
+    counts = np.diff(np.append(stops, len(ratios)))
+    return np.repeat(largest, counts)[:, None]
 
 
-def _limits(plan: Plan, kind: str, limits: Array, held: Mask) -> Iterable[Limit]:
-    """The limits of one kind that held at some of the times (N, J)."""
-    for joint, limit, share in zip(plan.joints, limits.tolist(), held.mean(axis=0), strict=True):
+def _limits(plan: Plan, kind: str, limits: Array, applies: Mask) -> Iterable[Limit]:
+    """The limits of one kind that apply at some of the times (N, J)."""
+    shares = applies.mean(axis=0)
+    for joint, limit, share in zip(plan.joints, limits.tolist(), shares, strict=True):
         if share:
             yield Limit(joint, kind, limit, float(share) * plan.duration)
-
-
-def straight_duration(plan: Plan) -> float:
-    """What the straight line between the ends would take, if it were free [s]."""
-    return straight(plan.goal - plan.origin, plan.velocity, plan.acceleration)

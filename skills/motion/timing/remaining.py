@@ -1,4 +1,4 @@
-"""What is left of a motion that was stopped on its way."""
+"""The rest of a motion that was stopped, timed again from standstill."""
 
 import math
 import sys
@@ -9,25 +9,24 @@ from numpy.typing import NDArray
 
 from skills.motion.arrays import norms
 from skills.motion.errors import BadQuery, NotFinite, shown
-from skills.motion.measures import is_number
 from skills.motion.path.curve import Curve
 from skills.motion.plan import Plan
 from skills.motion.query import Rest
+from skills.motion.validation import is_number
 
-from .timing import timed
+from .timing import time_curve
 
 Array = NDArray[np.float64]
 
-# Less way than this is a line [rad].
-_NOTHING = 1e-9
+_SHORT = 1e-9  # a rest shorter than this becomes a line [rad]
 
 
 def check_rest(request: Rest) -> None:
-    """Refuse what has no rest.
+    """Check a request.
 
     Raises:
-        NotFinite: The time is a NaN or an infinity.
-        BadQuery: It is no number, or the plan none of ours.
+        NotFinite: The time is NaN or infinite.
+        BadQuery: The time is not a number, or the plan is not one of the planner's.
     """
     plan, time = request.plan, request.time
     if isinstance(time, (float, np.floating)) and not math.isfinite(time):
@@ -40,28 +39,28 @@ def check_rest(request: Rest) -> None:
         raise BadQuery("The limits of the plan are not above 0; give one that was found")
 
 
-def rest_of(plan: Plan, time: float, start: Array, columns: NDArray[np.intp]) -> Plan:
-    """The same path from where it was left, timed anew from standstill.
+def remaining_plan(plan: Plan, time: float, start: Array, columns: NDArray[np.intp]) -> Plan:
+    """Return the same path from the point of the stop, timed again from standstill.
 
     Args:
-        plan: Which motion.
-        time: How far it was followed [s].
-        start: Where the arm stands: all actuated joints (A,) [rad].
-        columns: Those of the plan's joints (J,).
+        plan: The motion.
+        time: Time of the stop, from the motion's start [s].
+        start: All actuated joints at the stop (A,) [rad].
+        columns: Indices of the plan's joints in `start` (J,).
 
     Raises:
-        BadQuery: The arm does not stand on the path, or what is left of it cannot be timed.
+        BadQuery: The arm is not on the path, or the rest cannot be timed.
     """
     place = float(plan.profile.at(np.clip(np.array([time]), 0.0, plan.duration))[0][0])
     curve, origin = plan.curve.after(place), start[columns]
-    if not np.allclose(curve.base[0], origin, rtol=0.0, atol=_NOTHING):
+    if not np.allclose(curve.constant[0], origin, rtol=0.0, atol=_SHORT):
         raise BadQuery("the arm does not stand where the motion was stopped; plan again")
-    waypoints = np.vstack((origin, _ahead(plan.waypoints, curve.length)))
+    waypoints = np.vstack((origin, _waypoints_ahead(plan.waypoints, curve.length)))
     if np.array_equal(origin, plan.goal):
         curve = Curve.point(plan.goal)
-    elif curve.length <= _NOTHING:
+    elif curve.length <= _SHORT:
         curve = Curve.line(origin, plan.goal)
-    profile = timed(curve, plan.velocity, plan.acceleration)
+    profile = time_curve(curve, plan.velocity, plan.acceleration)
     if profile is None:
         raise BadQuery("what is left of the motion cannot be timed; plan again")
     return replace(
@@ -69,7 +68,7 @@ def rest_of(plan: Plan, time: float, start: Array, columns: NDArray[np.intp]) ->
     )
 
 
-def _ahead(waypoints: Array, length: float) -> Array:
-    """The waypoints that are less than a length before the end, along the line through them."""
+def _waypoints_ahead(waypoints: Array, length: float) -> Array:
+    """The waypoints less than a length before the end, measured along the polyline."""
     left = np.cumsum(norms(np.diff(waypoints, axis=0))[::-1])[::-1]
-    return waypoints[1:][np.append(left[1:], 0.0) < max(length, _NOTHING)]
+    return waypoints[1:][np.append(left[1:], 0.0) < max(length, _SHORT)]

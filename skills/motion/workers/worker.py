@@ -15,7 +15,7 @@ from typing import Any
 from hardware import RealClock
 from skills.motion.errors import MotionError
 from skills.motion.planner import Planner
-from skills.motion.timing import toppra_timing as toppra_timing  # now, so that no goal waits for it
+from skills.motion.timing import toppra_timing as toppra_timing  # load it before the first goal
 
 from .wire import packed, receive, send
 

@@ -17,9 +17,8 @@ import pinocchio as pin
 
 from hardware import Robot
 from skills.motion import Body, Box, Cylinder, Sphere, World
-from skills.motion.collision.bodies import placed
-from skills.motion.collision.scene import FLOOR, PlanningScene
-from skills.motion.collision.shapes import packages
+from skills.motion.collision.scene import FLOOR, PlanningScene, placement
+from skills.motion.kinematics.robot_model import mesh_folders
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ def _grow(geometry: Xml.Element, urdf: Path, grow: float) -> None:
 def _box_around(name: str, urdf: Path, geometry: Xml.Element) -> Xml.Element:
     """In place of a mesh that stands straight on the origin of its link."""
     relative = name.removeprefix("package://")
-    path = next(Path(f) / relative for f in packages(urdf) if (Path(f) / relative).exists())
+    path = next(Path(f) / relative for f in mesh_folders(urdf) if (Path(f) / relative).exists())
     mesh = coal.MeshLoader().load(str(path), np.ones(3))
     mesh.computeLocalAABB()
     sizes = mesh.aabb_local.max_ - mesh.aabb_local.min_
@@ -109,13 +108,13 @@ def _add(root: Xml.Element, body: Body, grow: float) -> None:
     joint = Xml.SubElement(root, "joint", name=f"{body.name}_joint", type="fixed")
     Xml.SubElement(joint, "parent", link=first)
     Xml.SubElement(joint, "child", link=body.name)
-    turn = " ".join(map(repr, pin.rpy.matrixToRpy(placed(body).rotation).tolist()))
+    turn = " ".join(map(repr, pin.rpy.matrixToRpy(placement(body).rotation).tolist()))
     Xml.SubElement(joint, "origin", xyz=" ".join(map(repr, body.position)), rpy=turn)
 
 
 def _checked(model: PlanningScene) -> Iterator[frozenset[str]]:
-    for pair in model.outer.collisionPairs:
-        yield frozenset(model.link(model.outer, index) for index in (pair.first, pair.second))
+    for pair in model.hulls.collisionPairs:
+        yield frozenset(model.link(model.hulls, index) for index in (pair.first, pair.second))
 
 
 def _srdf(root: Xml.Element, arm: tuple[str, ...], checked: frozenset[frozenset[str]]) -> str:

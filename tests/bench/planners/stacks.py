@@ -17,7 +17,7 @@ from skills.motion import MotionError, Plan
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.path.curve import Curve
 from skills.motion.planner import Planner
-from skills.motion.timing.timing import timed
+from skills.motion.timing.timing import time_curve
 from tests.bench.planners.judge import TICK, Judge, excess, ticks
 from tests.bench.planners.padded import padded
 from tests.bench.planners.problems import Problem
@@ -186,7 +186,7 @@ def _judged(stack: str, problem: Problem, answers: Answers) -> Score:
         if not len(rows) or abs(rows[-1] - goal).max() > 1e-3:
             continue  # not solved, or not where it was sent
         ends = np.array([start, goal])
-        line = timed(Curve.through(ends, np.empty(0)), velocity, acceleration)
+        line = time_curve(Curve.through(ends, np.empty(0)), velocity, acceleration)
         assert line
         if _off(rows, ends) > 1e-3:
             detours.append(len(spent))

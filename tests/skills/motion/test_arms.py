@@ -19,8 +19,9 @@ from skills.motion import (
 )
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
-from skills.motion.kinematics.inverse import _Arm
-from skills.motion.path.blend import NEARNESS
+from skills.motion.kinematics.inverse import ToolChain
+from skills.motion.kinematics.joint_group import JointGroup
+from skills.motion.path.blend import VIA_TOLERANCE
 from skills.motion.planner import Planner
 from tests.support.arms import ARMS, foreign, free_poses
 
@@ -83,12 +84,16 @@ def test_points_for_the_tool(robot: Robot, planner: Planner) -> None:
     own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     there = np.where(np.isin(np.arange(len(start)), own), there, start)
     query = ToolQuery("arm", tuple(start), (0.0, 0.0, 0.0))
-    point, axis = _Arm(robot, model, query).pose(there)
+    point, axis = ToolChain(robot, model.robot_model, JointGroup(robot, "arm"), query).tool_pose(
+        there
+    )
     query = ToolQuery("arm", tuple(start), tuple(point), direction=tuple(axis))
     found = planner.reach(query)
     again = start.copy()
     again[own] = found.positions
-    reached, turned = _Arm(robot, model, query).pose(again)
+    reached, turned = ToolChain(
+        robot, model.robot_model, JointGroup(robot, "arm"), query
+    ).tool_pose(again)
     assert reached == pytest.approx(point, abs=2e-6)
     assert turned == pytest.approx(axis, abs=2e-4)
     assert planner.reach(query) == found
@@ -107,7 +112,7 @@ def test_the_tool_of_the_robot_file_is_what_gets_there() -> None:
     found = Planner(robot).reach(ToolQuery("arm", start, point))
     model = PlanningScene(robot)
     data = model.kinematics.createData()
-    q = model.coordinates(np.array([[*found.positions, 0.0]]))[:, 0]
+    q = model.robot_model.coordinates(np.array([[*found.positions, 0.0]]))[:, 0]
     pin.framesForwardKinematics(model.kinematics, data, q)
     place = data.oMf[model.kinematics.getFrameId(robot.tool.link)]
     assert place.act(np.array(robot.tool.offset)) == pytest.approx(point, abs=2e-6)
@@ -131,7 +136,7 @@ def test_a_slide_passes_near_its_via_point() -> None:
     start = (0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.0)
     plan = planner.plan(Query("gripper", start, (0.001,), via=((0.04,),)))
     furthest = plan.sample(np.linspace(0.0, plan.duration, 400)).max()
-    assert 0.04 - NEARNESS - 1e-6 <= furthest <= 0.04
+    assert 0.04 - VIA_TOLERANCE - 1e-6 <= furthest <= 0.04
 
 
 @pytest.mark.parametrize(

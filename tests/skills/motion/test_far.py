@@ -11,7 +11,7 @@ import pytest
 
 from hardware import Joint, Mimic, Robot, load_robot
 from skills.motion import Body, ModelUnusable, PlanTimeout, Query, Sphere, World
-from skills.motion.path.space import _coarse_to_fine
+from skills.motion.path.motion_validator import _coarse_to_fine
 from skills.motion.planner import Planner
 from skills.motion.timing.explain import limits_met
 from tests.support.arms import foreign

@@ -31,7 +31,7 @@ from skills.motion import (
     StartOutOfBounds,
     Verify,
 )
-from skills.motion.path import search as search_module
+from skills.motion.path import rrt_connect
 from skills.motion.planner import Planner
 from tests.support.paths import ROOT
 
@@ -150,7 +150,7 @@ def test_a_bend_does_not_depend_on_the_seed(planner: Planner) -> None:
 
 def test_what_cannot_be_timed_is_not_all(planner: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
     """The solver fails on the bend: a way is searched for; on that too: it stops at each corner."""
-    monkeypatch.setattr("skills.motion.timing.toppra_timing.fastest", lambda *_: None)
+    monkeypatch.setattr("skills.motion.timing.toppra_timing.time_section", lambda *_: None)
     plan = planner.plan(DETOUR)
     assert {"bend", "search", "blend"} <= plan.milliseconds.keys()
     assert len(plan.curve.stops) == len(plan.waypoints) - 2 > 0
@@ -158,7 +158,13 @@ def test_what_cannot_be_timed_is_not_all(planner: Planner, monkeypatch: pytest.M
 
 def test_arrays_are_read_only_on_both_sides_of_a_pipe(planner: Planner) -> None:
     for plan in (planner.plan(DETOUR), pickle.loads(pickle.dumps(planner.plan(DETOUR)))):
-        for array in (plan.start, plan.goal, plan.waypoints, plan.curve.base, plan.profile.times):
+        for array in (
+            plan.start,
+            plan.goal,
+            plan.waypoints,
+            plan.curve.constant,
+            plan.profile.times,
+        ):
             assert not array.flags.writeable
 
 
@@ -222,7 +228,7 @@ def cut_off(robot: Robot, tmp_path: Path) -> Planner:
 
 
 def test_no_path(cut_off: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(search_module, "_ITERATIONS", 50)
+    monkeypatch.setattr(rrt_connect, "_MAX_ITERATIONS", 50)
     with pytest.raises(NoPath, match="in 50 steps of search"):
         cut_off.plan(arm(HOME, PICK))
 

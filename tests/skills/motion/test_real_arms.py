@@ -23,7 +23,9 @@ from skills.motion import (
 )
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
-from skills.motion.kinematics.inverse import _Arm
+from skills.motion.kinematics.inverse import ToolChain
+from skills.motion.kinematics.joint_group import JointGroup
+from skills.motion.kinematics.robot_model import RobotModel
 from skills.motion.planner import Planner
 from tests.support.arms import free_poses
 from tests.support.real_arms import FILES, real
@@ -182,10 +184,14 @@ def test_the_tool_gets_where_it_can(robot: Robot, planner: Planner) -> None:
     start, size = robot.boot_pose, len(robot.actuated_in("arm"))
     there[size:] = start[size:]
     nowhere = ToolQuery("arm", start, (0.0, 0.0, 0.0))
-    point, _ = _Arm(robot, PlanningScene(robot), nowhere).pose(there)
+    point, _ = ToolChain(robot, RobotModel(robot), JointGroup(robot, "arm"), nowhere).tool_pose(
+        there
+    )
     asked = dataclasses.replace(nowhere, point=tuple(point.tolist()))
     reached = planner.reach(asked).positions
-    again, _ = _Arm(robot, PlanningScene(robot), asked).pose(np.array((*reached, *start[size:])))
+    again, _ = ToolChain(robot, RobotModel(robot), JointGroup(robot, "arm"), asked).tool_pose(
+        np.array((*reached, *start[size:]))
+    )
     assert again == pytest.approx(point, abs=2e-6)
     block = World((Body("block", Box((0.1, 0.1, 0.1)), asked.point),))
     with pytest.raises(GoalInCollision, match="block"):

@@ -10,8 +10,7 @@ import pytest
 
 from hardware import RealClock, Robot
 from skills.motion import Body, Box, MotionError, PlanTimeout, Query, ToolQuery, World
-from skills.motion.collision.batch import HULLS
-from skills.motion.collision.checker import CollisionChecker
+from skills.motion.collision.checker import MAX_MESH_PAIRS, CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.support.arms import free_poses
@@ -82,7 +81,7 @@ def test_no_call_is_long(robot: Robot, calls: list[Call]) -> None:
     for query in queries:
         planner.plan(query)
     assert not any(call.meshed for call in calls if call.rows > 1)
-    assert all(call.rows * call.pairs <= HULLS for call in calls if not call.meshed)
+    assert all(call.rows * call.pairs <= MAX_MESH_PAIRS for call in calls if not call.meshed)
     assert {call.meshed for call in calls} == {False, True}
 
 

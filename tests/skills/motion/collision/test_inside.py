@@ -23,7 +23,7 @@ from skills.motion import (
     Verify,
     World,
 )
-from skills.motion.collision.solid import Solid
+from skills.motion.kinematics.geometry import EnclosedVolume
 from skills.motion.planner import Planner
 from tests.support.arms import foreign
 
@@ -110,6 +110,6 @@ def test_a_held_body_in_a_mesh(tmp_path: Path, shape: Shape) -> None:
 @given(st.tuples(*[st.floats(-1.5, 1.5)] * 3))
 def test_inside_and_outside(point: tuple[float, float, float]) -> None:
     if not np.isclose(np.abs(point), 1.0).any():
-        solid = Solid(CUBE, np.array(TRIANGLES))
+        solid = EnclosedVolume(CUBE, np.array(TRIANGLES))
         assert solid.closed
         assert solid.contains(np.array(point)) == (max(map(abs, point)) < 1.0)

@@ -12,7 +12,7 @@ from hardware import Mimic, Robot, load_robot
 from skills.motion import BadWorld, Body, ModelUnusable, NotFinite, Sphere, World
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
-from skills.motion.collision.shapes import corners
+from skills.motion.kinematics.geometry import corners
 from skills.motion.kinematics.lever_arms import floor_lever_arms
 from skills.motion.planner import Planner
 from tests.support.arms import pair_file
@@ -62,7 +62,7 @@ def test_followers_move_with_their_leader(checker: CollisionChecker) -> None:
     """Opening the gripper brings both fingers away from each other, none through the floor."""
     model = PlanningScene(load_robot())
     assert model.kinematics.nq == 4
-    q = model.coordinates(np.array([[0.0, 0.0, 0.0, -0.7]]))[:, 0]
+    q = model.robot_model.coordinates(np.array([[0.0, 0.0, 0.0, -0.7]]))[:, 0]
     data = model.kinematics.createData()
     pin.forwardKinematics(model.kinematics, data, q)
     turned = [
@@ -95,10 +95,12 @@ def seen(model: PlanningScene, configuration: Array) -> list[Array]:
     The floor sees heights alone.
     """
     data = model.kinematics.createData()
-    pin.forwardKinematics(model.kinematics, data, model.coordinates(configuration[None, :])[:, 0])
+    pin.forwardKinematics(
+        model.kinematics, data, model.robot_model.coordinates(configuration[None, :])[:, 0]
+    )
     found = []
-    for pair in model.outer.collisionPairs:
-        shapes = (model.outer.geometryObjects[index] for index in (pair.first, pair.second))
+    for pair in model.hulls.collisionPairs:
+        shapes = (model.hulls.geometryObjects[index] for index in (pair.first, pair.second))
         inner, outer = sorted(shapes, key=lambda shape: shape.parentJoint)
         place = data.oMi[inner.parentJoint].actInv(data.oMi[outer.parentJoint])
         points = corners(outer) @ place.rotation.T + place.translation
@@ -186,7 +188,9 @@ def test_any_joint_may_follow_any_other_also_one_that_is_named_after_it(
     for name, kind, value in (("a_mate", mate_is, -0.3), ("z_lead", lead_is, 0.8)):
         place = loose.joints[loose.getJointId(name)].idx_q
         q[place:place] = [np.cos(value), np.sin(value)] if kind == "continuous" else [value]
-    pin.framesForwardKinematics(model.kinematics, ours, model.coordinates(np.array([[0.8]]))[:, 0])
+    pin.framesForwardKinematics(
+        model.kinematics, ours, model.robot_model.coordinates(np.array([[0.8]]))[:, 0]
+    )
     pin.framesForwardKinematics(loose, free, np.array(q))
     for link in ("led", "mated"):
         here, there = model.kinematics.getFrameId(link), loose.getFrameId(link)

@@ -116,8 +116,8 @@ def test_what_is_barred_no_search_ever_finds(
         except Barred:
             barred.append(True)
 
-    monkeypatch.setattr("skills.motion.path.path.check_passable", noted)
-    monkeypatch.setattr("skills.motion.path.search._ITERATIONS", 300)
+    monkeypatch.setattr("skills.motion.planner.check_passable", noted)
+    monkeypatch.setattr("skills.motion.path.rrt_connect._MAX_ITERATIONS", 300)
     for start, goal in random.uniform(lower, upper, (120, 2, 6)).tolist():
         barred.clear()
         try:

@@ -8,16 +8,17 @@ import pytest
 from hardware import SimulatedClock, load_robot
 from skills.motion import Body, Box, MotionError, Plan, PlanTimeout, Query, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.endpoints import bounds, columns
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.deadline import Deadline
-from skills.motion.path.bend import bent
-from skills.motion.path.space import Space
+from skills.motion.kinematics.joint_group import JointGroup
+from skills.motion.path.bend import find_bend
+from skills.motion.path.motion_validator import MotionValidator
 from skills.motion.planner import Planner
 
 ROBOT = load_robot()
 POST = World((Body("post", Box((0.03, 0.03, 0.3)), (0.115, 0.115, 0.15)),))
-LOWER, UPPER = bounds(ROBOT, "arm")
+ARM = JointGroup(ROBOT, "arm")
+LOWER, UPPER = ARM.lower, ARM.upper
 ENDS = np.array((0.3, -0.6, 0.3)), np.array((-1.4, -0.6, -0.07))
 
 
@@ -45,37 +46,37 @@ def test_bends_are_free_and_within_the_limits() -> None:
     assert found > 10
 
 
-def space(world: World, clock: SimulatedClock, timeout: float) -> Space:
-    model, own = PlanningScene(ROBOT, world), columns(ROBOT, "arm")
+def space(world: World, clock: SimulatedClock, timeout: float) -> MotionValidator:
+    model, own = PlanningScene(ROBOT, world), ARM.columns
     margin = ROBOT.collision.margin
-    return Space(
+    return MotionValidator(
         checker=CollisionChecker(model),
         start=np.zeros(4),
         columns=own,
         lever_arms=model.lever_arms[:, own],
         margin=margin,
-        proved=0.5 * margin,
+        guaranteed=0.5 * margin,
         deadline=Deadline(clock, timeout),
     )
 
 
 def test_a_bend_goes_round_what_the_line_does_not_miss() -> None:
     there = space(POST, SimulatedClock(), 1.0)
-    assert not there.edge(*ENDS)
-    found = bent(there, LOWER, UPPER, ENDS)
+    assert not there.line_is_free(*ENDS)
+    found = find_bend(there, LOWER, UPPER, ENDS)
     assert found
     waypoints, curve = found
     assert len(waypoints) == 3
     assert np.allclose(curve.positions(np.array([0.0, curve.length])), ENDS, rtol=0.0, atol=1e-12)
-    assert there.curve(curve)
+    assert there.curve_is_free(curve)
 
 
 def test_the_time_is_kept() -> None:
     late = space(POST, SimulatedClock(), -1.0)
     with pytest.raises(PlanTimeout):
-        bent(late, LOWER, UPPER, ENDS)
+        find_bend(late, LOWER, UPPER, ENDS)
 
 
 def test_none_where_the_limits_leave_no_way_round() -> None:
     there = space(POST, SimulatedClock(), 5.0)
-    assert bent(there, np.minimum(*ENDS), np.maximum(*ENDS), ENDS) is None
+    assert find_bend(there, np.minimum(*ENDS), np.maximum(*ENDS), ENDS) is None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hardware import Robot, load_robot
 from skills.motion import Body, MotionError, Plan, Query, Sphere, World
-from skills.motion.collision.endpoints import columns, short_way, turning
+from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.planner import Planner
 from tests.support.arms import ARMS, foreign, free_poses
 from tests.support.real_arms import FILES, real
@@ -92,7 +92,7 @@ def moments(robot: Robot, plan: Plan) -> Array:
     """All actuated joints, every millisecond of a motion (N, A) [rad]."""
     times = np.arange(0.0, plan.duration + 0.001, 0.001)
     rows = np.tile(plan.start, (len(times), 1))
-    rows[:, columns(robot, plan.group)] = plan.sample(times)
+    rows[:, JointGroup(robot, plan.group).columns] = plan.sample(times)
     return rows
 
 
@@ -103,8 +103,9 @@ def test_lines_past_a_pea_keep_half_the_margin_each_millisecond(robot: Robot) ->
     poses = free_poses(robot, 2 * LINES, 5, planner.checker)
     for number, (start, goal) in enumerate(zip(poses[::2], poses[1::2], strict=True)):
         group = "gripper" if robot.groups["gripper"] and number % 3 == 0 else "arm"
-        own = columns(robot, group)
-        way = short_way(turning(robot, group), start[own], goal[own]) - start[own]
+        joints = JointGroup(robot, group)
+        own = joints.columns
+        way = joints.nearest_turn(start[own], goal[own]) - start[own]
         rows = np.tile(start, (60, 1))
         rows[:, own] += np.linspace(0.0, 1.0, 60)[:, None] * way
         point = judge.beside(rows, random, margin)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hardware import load_robot
 from skills.motion import BadQuery, NotFinite, Plan, Query, Rest
 from skills.motion.planner import Planner
-from skills.motion.timing.timing import timed
+from skills.motion.timing.timing import time_curve
 
 ROBOT = load_robot()
 PLANNER = Planner(ROBOT)
@@ -53,8 +53,8 @@ def test_the_rest_is_the_same_path_within_the_limits(plan: Plan, share: float) -
 
 
 def test_corners_may_end_a_path() -> None:
-    assert [bool(plan.curve.bend[-1].any()) for plan in (CORNER, HOOK)] == [True, True]
-    assert [len(plan.curve.base) for plan in (CORNER, HOOK)] == [1, 2]
+    assert [bool(plan.curve.quadratic[-1].any()) for plan in (CORNER, HOOK)] == [True, True]
+    assert [len(plan.curve.constant) for plan in (CORNER, HOOK)] == [1, 2]
 
 
 @settings(max_examples=30, deadline=None)
@@ -69,7 +69,7 @@ def test_the_rest_of_a_rest(first: float, second: float) -> None:
 def test_left_hardly_before_a_bend_begins_or_ends(short: float) -> None:
     for end in BENT.curve.breaks[1:-1]:
         rest = BENT.curve.after(end - short)
-        assert timed(rest, BENT.velocity, BENT.acceleration)
+        assert time_curve(rest, BENT.velocity, BENT.acceleration)
         assert np.allclose(rest.positions(np.zeros(1)), BENT.curve.positions(np.array([end])))
         assert rest.length == pytest.approx(BENT.curve.length - end, abs=2e-8)
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from skills.motion.arrays import norms
 from skills.motion.path.curve import Curve
-from skills.motion.timing.profile import Profile
-from skills.motion.timing.timing import straight, timed
-from skills.motion.timing.toppra_timing import fastest
+from skills.motion.timing.time_law import TimeLaw
+from skills.motion.timing.timing import line_duration, time_curve
+from skills.motion.timing.toppra_timing import time_section
 
 Array = NDArray[np.float64]
 
@@ -21,12 +21,15 @@ def line(goal: list[float]) -> Curve:
     return Curve.through(np.array([[0.0] * len(goal), goal]), np.empty(0))
 
 
-def excess(curve: Curve, profile: Profile, velocity: Array, acceleration: Array) -> float:
+def excess(curve: Curve, profile: TimeLaw, velocity: Array, acceleration: Array) -> float:
     """Largest speed or acceleration over its limit on a 1 ms grid and at every knot, less 1."""
     times = np.union1d(np.arange(0.0, profile.duration, 0.001), profile.times)
     s, speed, push = profile.at(times)
-    speeds = curve.slopes(s) * speed[:, None]
-    pushes = curve.slopes(s) * push[:, None] + curve.bends(s) * (speed * speed)[:, None]
+    speeds = curve.first_derivatives(s) * speed[:, None]
+    pushes = (
+        curve.first_derivatives(s) * push[:, None]
+        + curve.second_derivatives(s) * (speed * speed)[:, None]
+    )
     return float(max(np.max(abs(speeds) / velocity), np.max(abs(pushes) / acceleration))) - 1.0
 
 
@@ -36,11 +39,11 @@ def excess(curve: Curve, profile: Profile, velocity: Array, acceleration: Array)
 )
 def test_straight_durations(goal: list[float], duration: float) -> None:
     """Rest to rest: 2 sqrt(d / a), or d / v + v / a where full speed is reached."""
-    profile = timed(line(goal), ONES, 0.5 * ONES)
+    profile = time_curve(line(goal), ONES, 0.5 * ONES)
     assert profile
     assert profile.duration == pytest.approx(duration, abs=1e-4)
-    assert straight(np.array(goal), ONES, 0.5 * ONES) == pytest.approx(profile.duration)
-    assert straight(np.zeros(3), ONES, ONES) == 0.0
+    assert line_duration(np.array(goal), ONES, 0.5 * ONES) == pytest.approx(profile.duration)
+    assert line_duration(np.zeros(3), ONES, ONES) == 0.0
 
 
 @given(
@@ -55,8 +58,8 @@ def test_straight_is_toppras_optimum(
     goal: list[float], velocity: float, acceleration: float
 ) -> None:
     curve, limits = line(goal), (velocity * ONES, acceleration * ONES)
-    ours = timed(curve, *limits)
-    theirs = fastest(curve, np.linspace(0.0, curve.length, 7), *limits)
+    ours = time_curve(curve, *limits)
+    theirs = time_section(curve, np.linspace(0.0, curve.length, 7), *limits)
     assert ours
     assert theirs
     assert ours.duration <= 1.00001 * theirs.duration
@@ -80,11 +83,11 @@ def test_bent_keeps_every_limit(seed: int, count: int, rounding: float, stop: bo
     if stop:
         radii[0] = 0.0
     curve = Curve.through(waypoints, radii)
-    profile = timed(curve, velocity, acceleration)
+    profile = time_curve(curve, velocity, acceleration)
     assert profile
     assert excess(curve, profile, velocity, acceleration) <= 0.001
     assert np.all(np.diff(profile.times) >= 0.0)
-    assert profile.places[-1] == curve.length
+    assert profile.positions[-1] == curve.length
     assert len(curve.stops) == stop
 
 
@@ -96,7 +99,7 @@ def test_a_corner_may_take_all_of_a_leg(seed: int) -> None:
     radius = norms(np.diff(waypoints, axis=0)).min()
     curve = Curve.through(waypoints, np.array([radius]))
     assert curve.breaks[0] == 0.0
-    profile = timed(curve, ONES, 0.5 * ONES)
+    profile = time_curve(curve, ONES, 0.5 * ONES)
     assert profile
     assert excess(curve, profile, ONES, 0.5 * ONES) <= 0.001
 
@@ -109,9 +112,9 @@ def test_what_is_left_of_a_corner_is_no_line(seed: int, share: float) -> None:
     corner = way / norms(way[None])[0]
     waypoints = np.array([0.0 * way, corner, corner + out / norms(out[None])[0]])
     curve = Curve.through(waypoints, np.ones(1)).after(2.0 * share)
-    assert len(curve.base) == 1
+    assert len(curve.constant) == 1
     assert not curve.straight
-    profile = timed(curve, ONES, 0.5 * ONES)
+    profile = time_curve(curve, ONES, 0.5 * ONES)
     assert profile
     assert excess(curve, profile, ONES, 0.5 * ONES) <= 0.001
 
@@ -132,5 +135,8 @@ def test_curve_is_smooth_and_stays_near_its_corners(seed: int, count: int, round
     assert steps.max() <= s[1] * (1.0 + 1e-9)
     assert np.allclose(curve.positions(s[[0, -1]]), waypoints[[0, -1]], atol=1e-12)
     if rounding > 0.0:
-        bends = abs(curve.bends(s)).max()
-        assert abs(np.diff(curve.slopes(s), axis=0)).max() <= bends * s[1] * (1.0 + 1e-6) + 1e-9
+        bends = abs(curve.second_derivatives(s)).max()
+        assert (
+            abs(np.diff(curve.first_derivatives(s), axis=0)).max()
+            <= bends * s[1] * (1.0 + 1e-6) + 1e-9
+        )

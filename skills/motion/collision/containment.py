@@ -1,0 +1,106 @@
+"""Shapes that are completely inside a mesh, where coal finds no contact with its surface.
+
+Links of the robot are solid, and so are closed meshes of the world. An open mesh of the world may
+be a tray or a room with a door, so what is inside it is free.
+
+Only the ends of a motion need this check: between them nothing gets inside without a contact with
+the surface.
+"""
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from .scene import PlanningScene
+
+Array = NDArray[np.float64]
+
+
+class ContainmentChecker:
+    """Finds shapes inside meshes of a scene. Not thread-safe.
+
+    Each shape is represented by one of its points, because its surface is known to touch no mesh.
+    Of a mesh that consists of several parts, only one part is therefore checked.
+
+    Args:
+        scene: The scene.
+        data: Working memory for the scene's kinematics.
+        placed: Working memory for the scene's exact geometry.
+
+    Attributes:
+        mesh_pairs: Pairs of `scene.exact` with a mesh, except those with the floor.
+    """
+
+    def __init__(self, scene: PlanningScene, data: pin.Data, placed: pin.GeometryData) -> None:
+        self._scene, self._data, self._placed = scene, data, placed
+        shapes = [shape.geometry for shape in scene.exact.geometryObjects]
+        rows = [
+            (k, mesh, other)
+            for k, pair in enumerate(scene.exact.collisionPairs if scene.volumes else ())
+            for mesh, other in ((pair.first, pair.second), (pair.second, pair.first))
+            if mesh in scene.volumes and not isinstance(shapes[other], coal.Halfspace)
+        ]
+        self._pairs, self._meshes, self._others = np.array(rows, dtype=np.intp).reshape(-1, 3).T
+        self.mesh_pairs = frozenset(self._pairs.tolist())
+        self._points = np.array([_point_of(shape) for shape in shapes]).reshape(-1, 3)
+        boxes = [(shape.aabb_local.min_, shape.aabb_local.max_) for shape in shapes]
+        self._lower, self._upper = np.array(boxes).reshape(-1, 2, 3).swapaxes(0, 1)
+
+    def __bool__(self) -> bool:
+        """True if the scene has meshes to check."""
+        return bool(self._pairs.size)
+
+    def pairs(self, q: Array) -> list[int]:
+        """Return the pairs of `scene.exact` of which one shape is inside the other.
+
+        Args:
+            q: Coordinates of pinocchio (nq,).
+        """
+        if not self:
+            return []
+        scene = self._scene
+        pin.updateGeometryPlacements(scene.kinematics, self._data, scene.exact, self._placed, q)
+        poses = [self._placed.oMg[i] for i in range(len(self._points))]
+        rotations = np.array([pose.rotation for pose in poses])
+        origins = np.array([pose.translation for pose in poses])
+        points = origins + np.einsum("gij,gj->gi", rotations, self._points)
+        offsets = points[self._others] - origins[self._meshes]
+        local = np.einsum("kji,kj->ki", rotations[self._meshes], offsets)
+        lower, upper = self._lower[self._meshes], self._upper[self._meshes]
+        rows = np.flatnonzero(((lower < local) & (local < upper)).all(axis=1))
+        return [int(self._pairs[k]) for k in rows if self._contains(int(self._meshes[k]), local[k])]
+
+    def contained_after_shift(self, pair: int, shift: Array) -> bool:
+        """Return True if one shape of a pair is inside the other after the second one moves.
+
+        The joints are at the coordinates of the last call of `pairs` or of pinocchio.
+
+        Args:
+            pair: Index in `scene.exact`.
+            shift: Motion of the second shape (3,) [m].
+        """
+        second = self._scene.exact.collisionPairs[pair].second
+        for k in np.flatnonzero(self._pairs == pair):
+            mesh, other = int(self._meshes[k]), int(self._others[k])
+            point = self._placed.oMg[other].act(self._points[other])
+            point = self._placed.oMg[mesh].actInv(point + (shift if other == second else -shift))
+            in_box = (self._lower[mesh] < point) & (point < self._upper[mesh])
+            if in_box.all() and self._contains(mesh, point):
+                return True
+        return False
+
+    def _contains(self, mesh: int, point: Array) -> bool:
+        """Return True if a mesh is solid and contains a point in its frame (3,) [m]."""
+        volume = self._scene.volumes[mesh]
+        is_link = not self._scene.is_body(self._scene.exact, mesh)
+        return (is_link or volume.closed) and volume.contains(point)
+
+
+def _point_of(shape: coal.CollisionGeometry) -> Array:
+    """Return one point of a shape, in its frame (3,) [m]."""
+    if isinstance(shape, coal.BVHModelBase):
+        return np.array(shape.vertices()[0])
+    if isinstance(shape, coal.ConvexBase):
+        return np.array(shape.points()[0])
+    return np.zeros(3)

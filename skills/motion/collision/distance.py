@@ -1,0 +1,183 @@
+"""Signed distance between two shapes: how far apart they are, or how deep they penetrate.
+
+The penetration depth is the shortest translation that separates two shapes. coal knows the depth of
+single triangles of a mesh only, which says nothing about the whole mesh. The penetration depth of
+the hulls is always sufficient, and exact for convex shapes. For other shapes, unless they have very
+many triangles, shorter translations are searched for. The result is therefore never too small.
+"""
+
+import math
+from collections.abc import Iterator
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from .containment import ContainmentChecker
+from .scene import PlanningScene
+
+Array = NDArray[np.float64]
+
+_RESOLUTION = 0.05  # of a penetration depth, as a share of it; but no finer than
+_FINEST = 1e-4  # [m]
+_MAX_CONTACTS = 50  # enough to find the plane in which two surfaces intersect
+# Triangles of two meshes. With more, one collision check takes milliseconds, so only one is made.
+_MANY_TRIANGLES = 20_000
+_NO_SHIFT = np.zeros(3)
+_DISTANCE, _COLLISION = coal.DistanceRequest(), coal.CollisionRequest()
+_CONTACTS = coal.CollisionRequest()
+_CONTACTS.enable_contact, _CONTACTS.num_max_contacts = True, _MAX_CONTACTS
+
+
+class SignedDistance:
+    """Measures distances between the shapes of a scene. Not thread-safe.
+
+    Args:
+        scene: The scene.
+        data: Working memory for the scene's kinematics.
+        placed: Working memory for the scene's exact geometry.
+        containment: Finds shapes inside meshes of the same scene.
+    """
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        data: pin.Data,
+        placed: pin.GeometryData,
+        containment: ContainmentChecker,
+    ) -> None:
+        self._scene, self._data, self._placed = scene, data, placed
+        self._containment = containment
+        self._placed_hulls = scene.hulls.createData()
+        pairs = {links: k for k, links in enumerate(_linked_pairs(scene, scene.hulls))}
+        self._hull_pairs = [pairs[links] for links in _linked_pairs(scene, scene.exact)]
+
+    def nearest(self, q: Array) -> tuple[int, float]:
+        """Return the pair of `scene.exact` that is deepest, or else closest, and its distance [m].
+
+        No two shapes are closer, or deeper, than their hulls. So pairs are measured in the order of
+        their hulls' distances, and most are never measured. Overlaps come first: for meshes, this
+        takes a hundredth of the time that a distance takes.
+
+        Args:
+            q: Coordinates of pinocchio (nq,).
+        """
+        scene = self._scene
+        pin.computeDistances(scene.kinematics, self._data, scene.hulls, self._placed_hulls, q)
+        pin.updateGeometryPlacements(scene.kinematics, self._data, scene.exact, self._placed)
+        hulls = np.array([result.min_distance for result in self._placed_hulls.distanceResults])
+        bounds = hulls[self._hull_pairs]
+        order = np.argsort(bounds, kind="stable").tolist()
+        for measure in (self._overlap, self._gap):
+            found, nearest = -1, math.inf
+            for k in order:
+                if bounds[k] >= nearest or (measure == self._overlap and bounds[k] > 0.0):
+                    break
+                distance = measure(k, nearest)
+                if distance < nearest:
+                    found, nearest = k, distance
+            if found >= 0:
+                return found, nearest
+        raise AssertionError("shapes have a finite distance")
+
+    def _overlap(self, pair: int, nearest: float) -> float:
+        """Signed distance if it is 0 or less, else infinity [m].
+
+        The search ends early if the result cannot be less than `nearest`.
+        """
+        if pair not in self._containment.mesh_pairs:
+            distance = self._gap(pair, nearest)
+            return distance if distance <= 0.0 else math.inf
+        if not self._overlaps(pair, _NO_SHIFT):
+            return math.inf
+        return -self._depth(pair, max(0.0, -nearest))
+
+    def _gap(self, pair: int, nearest: float) -> float:
+        """Distance [m]; the search ends early if it cannot be less than `nearest`."""
+        ends, result = self._scene.exact.collisionPairs[pair], coal.DistanceResult()
+        if ends.first in self._scene.volumes and pair not in self._containment.mesh_pairs:
+            return self._height(ends.first, ends.second)
+        if 0.0 < nearest < math.inf:  # coal would return a negative one as its own result
+            result.min_distance = nearest
+        coal.distance(*self._shape(ends.first), *self._shape(ends.second), _DISTANCE, result)
+        return float(result.min_distance)
+
+    def _height(self, mesh: int, floor: int) -> float:
+        """Height of a mesh above the floor [m]. coal returns the height of a single triangle."""
+        shapes, pose = self._scene.exact.geometryObjects, self._placed.oMg[mesh]
+        half, points = shapes[floor].geometry, np.asarray(shapes[mesh].geometry.vertices())
+        heights = points @ (pose.rotation.T @ half.n)
+        return float(heights.min() + half.n @ pose.translation - half.d)
+
+    def _depth(self, pair: int, enough: float) -> float:
+        """Penetration depth, as far as it is found; the search ends at `enough` or less [m]."""
+        hulls = self._placed_hulls.distanceResults[self._hull_pairs[pair]]
+        depth: float = max(0.0, -hulls.min_distance)
+        directions = () if self._is_fine(pair) else self._exits(pair, np.array(hulls.normal))
+        for direction in directions:
+            depth = self._depth_along(pair, direction, depth, enough)
+            if depth <= enough:
+                break
+        return depth
+
+    def _is_fine(self, pair: int) -> bool:
+        ends, volumes = self._scene.exact.collisionPairs[pair], self._scene.volumes
+        counts = (volumes[i].triangle_count for i in (ends.first, ends.second) if i in volumes)
+        return sum(counts) > _MANY_TRIANGLES
+
+    def _exits(self, pair: int, hull_normal: Array) -> Iterator[Array]:
+        """Yield directions in which the second shape may leave soonest: unit vectors (3,).
+
+        They are the separating direction of the hulls, and both normals of the plane in which the
+        two surfaces intersect. Shapes that only touch slightly separate soonest along the latter.
+        """
+        yield hull_normal
+        contacts = self._collide(pair, _NO_SHIFT, _CONTACTS).getContacts()
+        points = np.array([contact.pos for contact in contacts]).reshape(-1, 3)
+        if len(points):
+            centred = points - points.mean(axis=0)
+            normal = np.linalg.eigh(centred.T @ centred)[1][:, 0]
+            yield normal
+            yield -normal
+
+    def _depth_along(self, pair: int, direction: Array, depth: float, enough: float) -> float:
+        """Translation of the second shape that separates the two, or `depth` if none is less [m].
+
+        Found by bisection.
+        """
+        if enough > 0.0 and not self._overlaps(pair, enough * direction):
+            return enough
+        near, far, middle = max(enough, _FINEST), depth, (1.0 - _RESOLUTION) * depth
+        while far - near > max(_RESOLUTION * far, _FINEST):
+            if self._overlaps(pair, middle * direction):
+                near = middle
+            else:
+                far = middle
+            middle = math.sqrt(near * far)
+        return far
+
+    def _overlaps(self, pair: int, shift: Array) -> bool:
+        """True if the shapes overlap after the second one moves by a shift (3,) [m]."""
+        hit = self._collide(pair, shift, _COLLISION).isCollision()
+        return hit or self._containment.contained_after_shift(pair, shift)
+
+    def _collide(
+        self, pair: int, shift: Array, request: coal.CollisionRequest
+    ) -> coal.CollisionResult:
+        ends, result = self._scene.exact.collisionPairs[pair], coal.CollisionResult()
+        coal.collide(*self._shape(ends.first), *self._shape(ends.second, shift), request, result)
+        return result
+
+    def _shape(
+        self, index: int, shift: Array = _NO_SHIFT
+    ) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+        pose = self._placed.oMg[index]
+        moved = coal.Transform3s(pose.rotation, pose.translation + shift)
+        return self._scene.exact.geometryObjects[index].geometry, moved
+
+
+def _linked_pairs(scene: PlanningScene, geometry: pin.GeometryModel) -> list[tuple[str, str]]:
+    """The two links of each pair of a geometry."""
+    links = [scene.link(geometry, index) for index in range(len(geometry.geometryObjects))]
+    return [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]

@@ -1,0 +1,140 @@
+"""Geometry of collision shapes: convex hulls, and the volume that a mesh encloses."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from skills.motion.validation import MAX_MAGNITUDE
+
+Array = NDArray[np.float64]
+
+_MIN_THICKNESS = 1e-4  # of a hull: coal crashes on a flat one [m]
+_PRISM_SIDES = 8  # of the prism around a cylinder; fewer sides make every check of the hull faster
+
+
+def corners(shape: pin.GeometryObject) -> Array:
+    """Return points with a convex hull that contains a shape, in its joint's frame (P, 3) [m]."""
+    geometry = shape.geometry
+    if isinstance(geometry, coal.Cylinder):
+        points = _prism(geometry)
+    elif isinstance(geometry, coal.BVHModelBase):
+        points = np.asarray(geometry.vertices())
+    elif isinstance(geometry, coal.ConvexBase):
+        points = np.asarray(geometry.points())
+    else:
+        points = _bounding_box(geometry)
+    return _in_joint_frame(points, shape)
+
+
+def convex_hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
+    """Return a convex shape around shapes of one joint, in the joint's frame.
+
+    The hull is at least 0.1 mm thick. If one of its points has more neighbours than coal can store,
+    the result is the hull of the shapes' bounding boxes instead.
+
+    Raises:
+        ValueError: A corner is not finite or further than `MAX_MAGNITUDE` from the origin.
+    """
+    points = np.vstack([corners(shape) for shape in shapes])
+    if not (abs(points) <= MAX_MAGNITUDE).all():
+        raise ValueError(f"a corner is not at numbers up to {MAX_MAGNITUDE:g} m")
+    try:
+        return _hull_of_points(points)
+    except RuntimeError:
+        boxes = [_in_joint_frame(_bounding_box(shape.geometry), shape) for shape in shapes]
+        return _hull_of_points(np.vstack(boxes))
+
+
+class EnclosedVolume:
+    """The volume inside a triangle mesh.
+
+    Args:
+        points: Vertices (V, 3) [m].
+        triangles: Indices of three vertices each (F, 3).
+
+    Attributes:
+        triangle_count: Number of triangles.
+    """
+
+    def __init__(self, points: Array, triangles: NDArray[np.intp]) -> None:
+        self._points, self._triangles, self.triangle_count = points, triangles, len(triangles)
+        a, b, c = points[triangles.T]
+        self._normals = np.cross(b - a, c - a)
+        self._heights = _dots(a, self._normals)
+        self._half_squares = np.array([0.5 * _dots(side, side) for side in (b - a, c - b, a - c)])
+
+    @classmethod
+    def of(cls, geometry: coal.CollisionGeometry) -> "EnclosedVolume | None":
+        """Return the volume inside a mesh, or None if the geometry is a primitive."""
+        if not isinstance(geometry, coal.BVHModelBase):
+            return None
+        rows = map(geometry.tri_indices, range(geometry.num_tris))  # coal has no call for all
+        indices = (row[i] for row in rows for i in range(3))
+        triangles = np.fromiter(indices, np.intp, 3 * geometry.num_tris).reshape(-1, 3)
+        return cls(np.array(geometry.vertices()), triangles)
+
+    @cached_property
+    def closed(self) -> bool:
+        """True if every edge belongs to an even number of triangles."""
+        _, same = np.unique(self._points, axis=0, return_inverse=True)
+        vertices = same.reshape(-1)[self._triangles]
+        edges = np.sort(vertices[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+        edges = edges[edges[:, 0] != edges[:, 1]]
+        _, counts = np.unique(edges, axis=0, return_counts=True)
+        return not (counts % 2).any()
+
+    def contains(self, point: Array) -> bool:
+        """Return True if the surface encloses a point (3,) [m].
+
+        The winding number of the surface around the point is the sum of the triangles' solid
+        angles (A. Van Oosterom and J. Strackee, "The solid angle of a plane triangle", 1983). It is
+        2 where two parts of a link overlap, and 0 in a cavity.
+        """
+        offsets = self._points - point
+        squares = _dots(offsets, offsets)
+        la, lb, lc = np.sqrt(squares)[self._triangles.T]
+        a, b, c = 0.5 * squares[self._triangles.T]
+        ab, bc, ca = np.array([a + b, b + c, c + a]) - self._half_squares  # dot products
+        volume = self._heights - self._normals @ point
+        rest = la * lb * lc + ab * lc + bc * la + ca * lb
+        return bool(abs(np.arctan2(volume, rest).sum()) > np.pi)  # half solid angles
+
+
+def _dots(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("fi,fi->f", a, b))
+
+
+def _in_joint_frame(points: Array, shape: pin.GeometryObject) -> Array:
+    placed: Array = points @ shape.placement.rotation.T + shape.placement.translation
+    return placed
+
+
+def _hull_of_points(points: Array) -> coal.ConvexBase:
+    centred = points - points.mean(axis=0)
+    _, axes = np.linalg.eigh(centred.T @ centred)
+    for axis in axes.T[np.ptp(centred @ axes, axis=0) < _MIN_THICKNESS]:
+        half = 0.5 * _MIN_THICKNESS * axis
+        points = np.vstack((points - half, points + half))
+    vertices = coal.StdVec_Vec3s()
+    for point in points:
+        vertices.append(point)
+    return coal.Convex.convexHull(vertices, True, "Qt")
+
+
+def _prism(cylinder: coal.Cylinder) -> Array:
+    angles = 2.0 * np.pi / _PRISM_SIDES * np.arange(_PRISM_SIDES)
+    radius = cylinder.radius / np.cos(np.pi / _PRISM_SIDES)
+    ring = radius * np.column_stack((np.cos(angles), np.sin(angles), np.zeros(_PRISM_SIDES)))
+    top = np.array([0.0, 0.0, cylinder.halfLength])
+    return np.vstack((ring - top, ring + top))
+
+
+def _bounding_box(geometry: coal.CollisionGeometry) -> Array:
+    geometry.computeLocalAABB()
+    ends = np.array([geometry.aabb_local.min_, geometry.aabb_local.max_])
+    x, y, z = np.meshgrid(*ends.T, indexing="ij")
+    return np.column_stack((x.ravel(), y.ravel(), z.ravel()))

@@ -1,0 +1,83 @@
+"""The actuated joints of one planning group, as MoveIt's JointModelGroup."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware import Robot
+from skills.motion.arrays import readonly
+from skills.motion.errors import BadQuery
+
+Array = NDArray[np.float64]
+
+
+class JointGroup:
+    """Actuated joints of a planning group, in the order of `robot.actuated_in(name)`.
+
+    Args:
+        robot: The robot.
+        name: Name of the group.
+
+    Attributes:
+        name: Name of the group.
+        joints: The joints (J).
+        names: Their names (J).
+        columns: Their indices in `robot.actuated` (J,).
+        lower: Lower limits (J,) [rad]. Limits of mimic joints are included, as limits of the joints
+            that they follow.
+        upper: Upper limits (J,) [rad].
+        continuous: True for each joint with a pose that repeats after a whole turn (J,). A
+            continuous joint with followers is none.
+        velocity: Velocity limits (J,) [rad/s].
+        acceleration: Acceleration limits (J,) [rad/s2].
+
+    Raises:
+        BadQuery: The robot has no such group.
+    """
+
+    def __init__(self, robot: Robot, name: str) -> None:
+        if name not in robot.groups:
+            raise BadQuery.group(name, robot.groups)
+        self.name, self.joints = name, robot.actuated_in(name)
+        self.names = tuple(joint.name for joint in self.joints)
+        actuated = [joint.name for joint in robot.actuated]
+        self.columns = np.array([actuated.index(each) for each in self.names], dtype=np.intp)
+        self.lower, self.upper = self._limits(robot)
+        leaders = {joint.mimic.leader for joint in robot.joints if joint.mimic}
+        free = [joint.continuous and joint.name not in leaders for joint in self.joints]
+        self.continuous = np.array(free, dtype=bool)
+        self.velocity = readonly([joint.velocity for joint in self.joints])
+        self.acceleration = readonly([joint.acceleration for joint in self.joints])
+
+    def _limits(self, robot: Robot) -> tuple[Array, Array]:
+        limits = {joint.name: (joint.lower, joint.upper) for joint in self.joints}
+        for joint in robot.joints:
+            if joint.mimic and joint.mimic.leader in limits and joint.mimic.multiplier:
+                mimic, (lower, upper) = joint.mimic, limits[joint.mimic.leader]
+                low, high = sorted(
+                    (q - mimic.offset) / mimic.multiplier for q in (joint.lower, joint.upper)
+                )
+                limits[mimic.leader] = max(lower, low), min(upper, high)
+        lows, highs = zip(*limits.values(), strict=True) if limits else ((), ())
+        return np.array(lows), np.array(highs)
+
+    def nearest_turn(self, start: Array, goal: Array) -> Array:
+        """Return a goal with continuous joints within half a turn of the start (J,) [rad]."""
+        if not self.continuous.any():
+            return goal
+        turns = np.where(self.continuous, np.round((goal - start) / (2.0 * np.pi)), 0.0)
+        return goal - 2.0 * np.pi * turns
+
+    def full(self, configuration: Array, positions: Array) -> Array:
+        """Return a configuration with the group's joints at other positions.
+
+        Args:
+            configuration: All actuated joints (A,) [rad].
+            positions: The group's joints, one row per result (N, J) [rad].
+
+        Returns:
+            All actuated joints (N, A) [rad].
+        """
+        rows = np.empty((len(positions), len(configuration)))
+        rows[:] = configuration
+        rows[:, self.columns] = positions
+        return rows

@@ -1,0 +1,194 @@
+"""Continuous collision checking of lines and curves in the joint space of one group.
+
+As OMPL's MotionValidator. A path is checked at sample points. Bounds on the travel of every pair of
+links prove what lies between the samples, see `kinematics/lever_arms.py`.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.motion.collision.checker import BATCH, CollisionChecker, Proximity
+from skills.motion.deadline import Deadline
+
+from .curve import Curve
+
+Array = NDArray[np.float64]
+
+# Least distance between checked configurations, in metres of travel. If the margin is so small that
+# it proves nothing, contacts less than half of this deep can be missed.
+MIN_STEP = 0.001
+
+# A path is first checked in sections of up to 16 steps, then of 4, then of one.
+_LEVELS = 3
+_REFINEMENT = 4
+_CHUNK = 2**14  # section numbers generated at a time
+_CACHED = 2**11  # largest number of sections with a cached order
+_SUBSECTIONS = np.arange(1.0 - _REFINEMENT, _REFINEMENT, 2.0)
+
+Path = Callable[[Array], Array]  # shares of a path (N,) -> points (N, J) [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionValidator:
+    """Checks motions of one group while all other joints stay at the start.
+
+    Points are positions of the group's joints (J,) [rad].
+
+    Attributes:
+        checker: Checks configurations.
+        start: All actuated joints at the start (A,) [rad].
+        columns: Indices of the group's joints in `start` (J,).
+        lever_arms: Bounds on the travel of each pair of links per unit of the group's joints
+            (P, J) [m/rad].
+        margin: Distance to keep at each sample [m].
+        guaranteed: Distance that is proved along the whole path, also between samples [m].
+        deadline: Deadline of the query.
+    """
+
+    checker: CollisionChecker
+    start: Array
+    columns: NDArray[np.intp]
+    lever_arms: Array
+    margin: float
+    guaranteed: float
+    deadline: Deadline
+
+    @property
+    def step(self) -> float:
+        """Longest section for which the margin at its middle proves enough [m of travel]."""
+        return max(2.0 * (self.margin - self.guaranteed), MIN_STEP)
+
+    def full(self, points: Array) -> Array:
+        """Return all actuated joints (N, A) for points of the group (N, J) [rad]."""
+        configurations = np.empty((len(points), len(self.start)))
+        configurations[:] = self.start
+        configurations[:, self.columns] = points
+        return configurations
+
+    def line_is_free(self, a: Array, b: Array) -> bool:
+        """Return True if the line between two free points is free."""
+        travels = self.lever_arms @ abs(b - a)
+        return self.first_collision(lambda shares: a + shares[:, None] * (b - a), travels) is None
+
+    def curve_is_free(self, curve: Curve) -> bool:
+        """Return True if a curve between two free points is free."""
+        return self.collision_on(curve) is None
+
+    def collision_on(self, curve: Curve) -> Array | None:
+        """Return a point of a curve that is in collision (J,) [rad], or None if the curve is free.
+
+        Args:
+            curve: A curve between two free points.
+        """
+        lengths = np.diff(curve.breaks)
+        before = abs(curve.linear)
+        after = abs(curve.linear + 2.0 * lengths[:, None] * curve.quadratic)
+        travels = (lengths[:, None] * np.maximum(before, after)) @ self.lever_arms.T
+        parameter, travels = uniform_travel(curve.breaks, travels)
+        share = self.first_collision(lambda shares: curve.positions(parameter(shares)), travels)
+        return None if share is None else curve.positions(parameter(np.array([share])))[0]
+
+    def first_collision(self, path: Path, travels: Array) -> float | None:
+        """Return a share of a path at which two links are closer than the margin, or None.
+
+        The path is cut into sections, and each is checked at its middle. If the middle keeps the
+        guaranteed distance plus the travel to the section's ends, the whole section is free. If
+        not, the section is cut into four, down to sections for which the margin is sufficient.
+
+        Args:
+            path: Points at shares in [0, 1] (N,) -> (N, J) [rad].
+            travels: Travel of each pair of links along the whole path, at an even or lower rate
+                (P,) [m].
+        """
+        travel, step = float(travels.max(initial=0.0)), self.step
+        if not travel:
+            return None
+        level = next((k for k in range(_LEVELS) if step * _REFINEMENT**k >= travel), _LEVELS - 1)
+        count = int(travel / (step * _REFINEMENT**level)) + 1
+        half = 0.5 / count
+        for order in _coarse_to_fine(count):
+            share = self._refine(path, half * (2.0 * order + 1.0), half, travels, level)
+            if share is not None:
+                return share
+        return None
+
+    def _refine(
+        self, path: Path, middles: Array, half: float, travels: Array, level: int
+    ) -> float | None:
+        """As `first_collision`, for sections that reach `half` to both sides of their middles."""
+        pairs = self.checker.pairs
+        while middles.size:
+            near, close = list[Array](), set[int]()
+            for begin in range(0, len(middles), BATCH):
+                part = middles[begin : begin + BATCH]
+                found = self._proximity(path(part), half * travels, pairs, level)
+                if found.collision is not None:
+                    return float(part[found.collision])
+                near.append(part[found.near])
+                close |= found.pairs
+            half, pairs, level = half / _REFINEMENT, frozenset(close), level - 1
+            middles = (np.concatenate(near)[:, None] + half * _SUBSECTIONS).ravel()
+        return None
+
+    def _proximity(
+        self, points: Array, travels: Array, pairs: frozenset[int], level: int
+    ) -> Proximity:
+        """Find the points that prove too little for a section with these half travels (P,) [m]."""
+        self.deadline.check()
+        rows = self.full(points)
+        if not level:
+            hit = self.checker.first_collision(rows, self.margin, pairs)
+            return Proximity(hit, np.zeros(len(rows), bool), frozenset())
+        margins = np.maximum(self.guaranteed + travels, self.margin)
+        # For the longest sections the exact shapes hardly ever prove more than the hulls.
+        exact = level < _LEVELS - 1
+        return self.checker.proximity(rows, margins, self.margin, pairs, exact)
+
+
+def uniform_travel(breaks: Array, travels: Array) -> tuple[Path, Array]:
+    """Reparametrise a path of pieces so that no pair of links moves faster than its mean rate.
+
+    Args:
+        breaks: Parameters of the pieces' ends (M + 1,).
+        travels: Travel of each pair of links on each piece, at an even or lower rate (M, P) [m].
+
+    Returns:
+        A function from shares of the path to parameters, and an upper bound on the travel of each
+        pair along the whole path (P,) [m].
+    """
+    tops = travels.max(axis=1, initial=0.0)
+    ends = np.concatenate(([0.0], np.cumsum(tops)))
+    moving = tops > 0.0
+    rates = (travels[moving] / tops[moving, None]).max(axis=0, initial=0.0)
+    return lambda shares: np.interp(ends[-1] * shares, ends, breaks), ends[-1] * rates
+
+
+def _coarse_to_fine(count: int) -> Iterable[Array]:
+    """0 ... count - 1 in the order 0, 1/2, 1/4, 3/4 ... of the path, in chunks.
+
+    A collision is found early in that order (J. G. van der Corput's sequence of 1935). Chunks limit
+    the memory for very long paths.
+    """
+    return (_cached_order(count),) if count <= _CACHED else _bit_reversed(count)
+
+
+@lru_cache(maxsize=1024)
+def _cached_order(count: int) -> Array:
+    (order,) = _bit_reversed(count)
+    order.setflags(write=False)
+    return order
+
+
+def _bit_reversed(count: int) -> Iterator[Array]:
+    """All numbers below `count`, by their reversed binary digits."""
+    digits = max(1, (count - 1).bit_length())
+    for begin in range(0, 2**digits, _CHUNK):
+        numbers = np.arange(begin, min(begin + _CHUNK, 2**digits))
+        order = np.zeros(len(numbers))
+        for place in range(int(numbers[-1]).bit_length()):
+            order += (numbers >> place & 1) * 2.0 ** (digits - 1 - place)
+        yield order[order < count]

@@ -1,0 +1,53 @@
+"""Shortcutting: a searched path is shortened by free edges between its points.
+
+Deterministic: waypoints are skipped if an edge past them is free, then corners are cut off. (The
+well-known version draws the points at random: R. Geraerts and M. H. Overmars, "Creating
+high-quality paths for motion planning", International Journal of Robotics Research 26, 2007.)
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .motion_validator import MotionValidator
+
+Array = NDArray[np.float64]
+
+_CUTS = (0.7, 0.35)  # shares of a corner's legs that are tried to be cut off
+
+
+def shortcut(validator: MotionValidator, waypoints: Array) -> Array:
+    """Return a path with free edges between the same ends that is no longer (N, J) [rad]."""
+    return _cut_corners(validator, _skip_waypoints(validator, waypoints))
+
+
+def _skip_waypoints(validator: MotionValidator, path: Array) -> Array:
+    """From every waypoint kept, continue at the furthest one that a free edge reaches."""
+    kept, i = [0], 0
+    while i < len(path) - 1:
+        further = range(len(path) - 1, i + 1, -1)
+        i = next((j for j in further if validator.line_is_free(path[i], path[j])), i + 1)
+        kept.append(i)
+    return path[kept]
+
+
+def _cut_corners(validator: MotionValidator, path: Array) -> Array:
+    """Replace each corner by a free edge between points on its legs.
+
+    Two neighbouring corners have half of the leg between them each.
+    """
+    points = [path[:1]]
+    for i in range(1, len(path) - 1):
+        corner = path[i]
+        before, after = path[i - 1] - corner, path[i + 1] - corner
+        first, last = i == 1, i == len(path) - 2
+        legs = before * (1.0 if first else 0.5), after * (1.0 if last else 0.5)
+        points.append(_cut_corner(validator, corner, *legs))
+    return np.vstack([*points, path[-1:]])
+
+
+def _cut_corner(validator: MotionValidator, corner: Array, before: Array, after: Array) -> Array:
+    for share in _CUTS:
+        ends = corner + share * np.array([before, after])
+        if validator.line_is_free(ends[0], ends[1]):
+            return ends
+    return corner[None, :]

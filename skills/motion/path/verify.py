@@ -1,0 +1,126 @@
+"""Checks of a whole motion: of a plan as it is timed, and of rows as they will be played."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.motion.collision.checker import CollisionChecker
+from skills.motion.deadline import Deadline
+from skills.motion.errors import BadQuery, MotionCollides, NotFinite, shown
+from skills.motion.plan import Plan
+from skills.motion.query import Verify
+from skills.motion.validation import MAX_MAGNITUDE, is_number
+
+from .motion_validator import MIN_STEP, MotionValidator, uniform_travel
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 200  # of a plan, to bound its travel over time
+_CHUNK = 500  # configurations between two checks of the deadline
+
+
+def verify_plan(validator: MotionValidator, plan: Plan) -> None:
+    """Check a plan with bends once more, over time.
+
+    Each bend was checked alone before, so a collision here is an error of the planner. The plan
+    must keep the guaranteed distance, as every checked path does.
+
+    A straight plan needs no second check. Its motion passes through the points of its line only, to
+    a rounding, and the guaranteed distance was proved for all of them. Mimic joints move in
+    proportion, so this holds for them too.
+
+    Raises:
+        MotionCollides: The plan is in collision.
+    """
+    validator = dataclasses.replace(validator, margin=validator.guaranteed, guaranteed=0.0)
+    times = np.linspace(0.0, plan.duration, _SAMPLES)
+    # Between two samples a joint moves no faster than with full acceleration and deceleration, nor
+    # than its velocity limit, which every plan keeps to a thousandth.
+    speeds, gain = abs(plan.velocities(times)), plan.acceleration * times[1]
+    fastest = np.minimum(0.5 * (speeds[1:] + speeds[:-1] + gain), 1.001 * plan.velocity)
+    travels = times[1] * fastest @ validator.lever_arms.T
+    time_at, travels = uniform_travel(times, travels)
+    share = validator.first_collision(lambda shares: plan.sample(time_at(shares)), travels)
+    if share is not None:
+        time = float(time_at(np.array([share]))[0])
+        row = validator.full(plan.sample((time,)))[0]
+        contact = validator.checker.nearest(row)
+        assert contact
+        raise MotionCollides(0, time, *contact, validator.margin)
+
+
+def verify_rows(
+    checker: CollisionChecker,
+    lever_arms: Array,
+    joints: Sequence[str],
+    request: Verify,
+    deadline: Deadline,
+) -> None:
+    """Check a motion along its rows, in steps that travel less than the margin.
+
+    Args:
+        checker: Checks configurations in the request's world.
+        lever_arms: Bounds on the travel of each pair of links per unit of each actuated joint
+            (P, A) [m/rad].
+        joints: Names of the actuated joints (A).
+        request: The motion.
+        deadline: Deadline of the request.
+
+    Raises:
+        MotionCollides: The motion is in collision; has the first contact.
+        BadQuery, NotFinite: The request is not valid.
+        PlanTimeout: The deadline passed.
+    """
+    rows, times = _check_request(request, joints)
+    step = max(request.margin, MIN_STEP)
+    if invalid := checker.first_invalid_contact(rows[:1], request.margin):
+        time = None if times is None else float(times[0])
+        raise MotionCollides(0, time, *invalid[1], request.margin)
+    for chunk in _places(rows, lever_arms, step):
+        deadline.check()
+        points = _interpolate(rows, chunk)
+        hit = checker.first_collision(points, request.margin)
+        if hit is not None:
+            contact = checker.nearest(points[hit])
+            assert contact
+            place = chunk[hit]
+            time = None if times is None else float(np.interp(place, range(len(rows)), times))
+            raise MotionCollides(int(place), time, *contact, request.margin)
+
+
+def _places(rows: Array, lever_arms: Array, step: float) -> Iterator[Array]:
+    """Yield where to check, in rows and fractions of rows from 0 to N - 1, in chunks."""
+    travels = (abs(np.diff(rows, axis=0)) @ lever_arms.T).max(axis=1, initial=0.0)
+    counts = np.append((travels / step).astype(int) + 1, 1)
+    ends = np.cumsum(counts)
+    for begin in range(0, int(ends[-1]), _CHUNK):
+        numbers = np.arange(begin, min(begin + _CHUNK, int(ends[-1])))
+        row = np.searchsorted(ends, numbers, side="right")
+        yield row + (numbers - (ends - counts)[row]) / counts[row]
+
+
+def _interpolate(rows: Array, places: Array) -> Array:
+    before = places.astype(int)
+    after = np.minimum(before + 1, len(rows) - 1)
+    points: Array = rows[before] + (places - before)[:, None] * (rows[after] - rows[before])
+    return points
+
+
+def _check_request(request: Verify, joints: Sequence[str]) -> tuple[Array, Array | None]:
+    rows, times, margin = np.asarray(request.configurations), request.times, request.margin
+    if rows.ndim != 2 or rows.shape[1] != len(joints) or not len(rows):
+        wanted = f"rows of {len(joints)} ({', '.join(joints)}), at least one"
+        raise BadQuery(f"The configurations have the shape {rows.shape}; give {wanted}")
+    if times is not None and np.shape(times) != (len(rows),):
+        raise BadQuery(f"There are {np.size(times)} times for {len(rows)} rows; give one for each")
+    if not is_number(margin, 0.0, MAX_MAGNITUDE):
+        wanted = f"a number from 0 to {MAX_MAGNITUDE:g}"
+        raise BadQuery(f"The margin is {shown(margin)} m; give {wanted}")
+    for row, column in np.argwhere(~np.isfinite(rows)):
+        raise NotFinite(f"row {row}", joints[column], float(rows[row, column]))
+    for row, column in np.argwhere(abs(rows) > MAX_MAGNITUDE):
+        what = f"Row {row} has {joints[column]} at {rows[row, column]:g}"
+        raise BadQuery(f"{what}; give at most {MAX_MAGNITUDE:g} rad or m either way")
+    return rows, None if times is None else np.asarray(times)

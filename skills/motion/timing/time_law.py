@@ -1,0 +1,117 @@
+"""Time laws s(t): the position along a curve over time, with piecewise constant acceleration."""
+
+import math
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skills.motion.arrays import readonly
+from skills.motion.path.curve import Curve
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLaw:
+    """Knots of s(t). Between two knots the acceleration is constant.
+
+    Attributes:
+        times: Times of the knots, from 0 (K,) [s].
+        positions: s at the knots (K,).
+        speeds: ds/dt at the knots (K,) [1/s].
+        accelerations: d2s/dt2 from each knot to the next; the last is 0 (K,) [1/s2].
+    """
+
+    times: Array
+    positions: Array
+    speeds: Array
+    accelerations: Array
+
+    def __post_init__(self) -> None:
+        for name in ("times", "positions", "speeds", "accelerations"):
+            object.__setattr__(self, name, readonly(getattr(self, name)))
+
+    @classmethod
+    def standstill(cls) -> "TimeLaw":
+        """Return the time law of a motion with duration 0."""
+        return cls(np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1))
+
+    @classmethod
+    def trapezoidal(cls, begin: float, end: float, speed: float, acceleration: float) -> "TimeLaw":
+        """Return the fastest motion from rest to rest: a trapezoidal velocity profile.
+
+        It is triangular if the distance is too short to reach full speed. Along a line q' is
+        constant and q'' is zero. The limits of all joints are then two limits on s, and this time
+        law is optimal.
+
+        Args:
+            begin: s at the start.
+            end: s at the end, more than `begin`.
+            speed: Limit of ds/dt [1/s].
+            acceleration: Limit of d2s/dt2 [1/s2].
+        """
+        length = end - begin
+        top = min(speed, _sqrt_of_product(length, acceleration))
+        rising, distance = top / acceleration, 0.5 * top * top / acceleration
+        cruise = max(0.0, (length - 2.0 * distance) / top)
+        return cls(
+            np.array([0.0, rising, rising + cruise, 2.0 * rising + cruise]),
+            np.array([begin, begin + distance, end - distance, end]),
+            np.array([0.0, top, top, 0.0]),
+            np.array([acceleration, 0.0, -acceleration, 0.0]),
+        )
+
+    @property
+    def duration(self) -> float:
+        """Duration [s]."""
+        return float(self.times[-1])
+
+    def at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return s, ds/dt [1/s] and d2s/dt2 [1/s2] at times in [0, duration] (K,) [s]."""
+        k = np.searchsorted(self.times, times, side="right") - 1
+        dt, acceleration = times - self.times[k], self.accelerations[k]
+        speed = self.speeds[k] + acceleration * dt
+        position = self.positions[k] + dt * (self.speeds[k] + 0.5 * acceleration * dt)
+        return np.clip(position, 0.0, self.positions[-1]), speed, acceleration
+
+    def acceleration_ratios(self, curve: Curve, acceleration: Array) -> Array:
+        """Return the largest acceleration of each joint between two knots, divided by its limit.
+
+        It is linear in s there, so it is largest at one of the two knots.
+
+        Args:
+            curve: The path.
+            acceleration: Acceleration limits (J,) [rad/s2].
+
+        Returns:
+            Ratios (K - 1, J).
+        """
+        lower, upper, second = curve.intervals(self.positions)
+        push, squares = self.accelerations[:-1, None], np.square(self.speeds)[:, None]
+        ends = lower * push + second * squares[:-1], upper * push + second * squares[1:]
+        ratios: Array = np.maximum(*map(abs, ends)) / acceleration
+        return ratios
+
+    def slowed(self, factor: float) -> "TimeLaw":
+        """Return the same time law, slower by a factor."""
+        times, speeds = self.times * factor, self.speeds / factor
+        return TimeLaw(times, self.positions, speeds, self.accelerations / factor**2)
+
+    def then(self, other: "TimeLaw") -> "TimeLaw":
+        """Return this time law, followed by another one that starts at its end."""
+        return TimeLaw(
+            np.concatenate((self.times[:-1], other.times + self.times[-1])),
+            np.concatenate((self.positions[:-1], other.positions)),
+            np.concatenate((self.speeds[:-1], other.speeds)),
+            np.concatenate((self.accelerations[:-1], other.accelerations)),
+        )
+
+
+def _sqrt_of_product(a: float, b: float) -> float:
+    """Square root of a product that may underflow."""
+    product = a * b
+    if product < sys.float_info.min:
+        return math.sqrt(a) * math.sqrt(b)
+    return math.sqrt(product)
