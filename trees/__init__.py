@@ -1,26 +1,16 @@
-"""The tasks that ship, their grammar, and the reading of task files."""
+"""Task files: their grammar, how they are read, compiled and checked, and the shipped tasks."""
 
+from .declarations import ANY, LIST, TYPES, UNITS, Declaration, type_fits, words
 from .errors import DuplicateTask, FileError, Mistake, Place, TreeError, UnknownTask
 from .reading.document import REFUSED, Located, StandIn, nested, read_text
 from .reading.grammar import UNTYPED, VERSION, PosesFile, SubtreeFile, TaskFile, parse_value
 from .reading.library import Library, poses_of
 from .reading.node_parser import MAX_NUMBER, Mistakes
-from .reading.specs import KINDS, ControlNode, Key, Kind, SkillNode, SubtreeNode, TreeNode, Value
-from .reading.values import (
-    ANY,
-    LIST,
-    TYPES,
-    UNITS,
-    Declaration,
-    fit,
-    measured,
-    type_fits,
-    words,
-)
+from .reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
+from .reading.values import fit, measured
 
 __all__ = [
     "ANY",
-    "KINDS",
     "LIST",
     "MAX_NUMBER",
     "REFUSED",
@@ -33,7 +23,6 @@ __all__ = [
     "DuplicateTask",
     "FileError",
     "Key",
-    "Kind",
     "Library",
     "Located",
     "Mistake",

@@ -90,7 +90,7 @@ def check(
         raise click.UsageError("--trees goes without FILE, which is checked with its own folder")
     from hardware import load_robot
     from trees import FileError
-    from trees.analysis.check import check as find
+    from trees.check import check as find
 
     findings = find(load_robot(robot), trees, files)
     for note in findings.notes:
@@ -195,13 +195,14 @@ def show(
     """Show the tree of a task; of a RECORDING, coloured by what happened, with times."""
     from hardware import load_robot
     from trees import Library
-    from trees.analysis.check import outline_of
+    from trees.check import compile_task
     from trees.export.drawings import DRAWINGS
     from trees.export.groot import as_groot
+    from trees.export.outline import outline
 
     if task.isdecimal():
         number = int(task)
-        root = outline_of(load_robot(robot), Library(trees), number)
+        root = outline(compile_task(load_robot(robot), Library(trees), number))
         text = as_groot(root, number) if form == "groot" else DRAWINGS[form](root, ports)
     elif ports or form == "groot":
         raise click.UsageError("--ports and --format groot go with the number of a task")

@@ -3,7 +3,7 @@
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from trees.compile.builder import Tree
+from trees.build import Tree
 from trees.compile.paths import paths
 
 from .mailbox import Mailbox

@@ -14,8 +14,8 @@ from hardware import ActivationStopped, Arm, CancelTimeout, Clock, HardwareError
 from skills import Context, SkillError
 from skills.motion import MotionError, Pool
 from trees import Library, Located, TaskFile, TreeError, UnknownTask
+from trees.build import Tree, build
 from trees.compile.arguments import located
-from trees.compile.builder import Tree, build
 from trees.errors import BadArguments
 
 from .blocked_node import blocked_node

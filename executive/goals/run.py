@@ -10,9 +10,9 @@ from py_trees.common import Status
 from hardware import ActivationStopped, Arm, CancelTimeout, Clock
 from logs import Feedback, NodeStatus, Record
 from skills import Skill, SkillBroken, TaskFailed
-from trees.compile.builder import Tree
+from trees.build import Tree
 from trees.compile.paths import paths
-from trees.nodes.control import Repeat, Retry
+from trees.nodes.loops import Loop
 
 from .goal import Goal
 from .outcome import CANCELED_CAUSE, Cause, GoalState, cause_of
@@ -252,8 +252,8 @@ class Progress:
         self._tree = tree
         # Those that measure how far they are, whether or not they have begun.
         self._moving = [s for s in tree.skills if type(s).progress is not Skill.progress]
-        retries = (node for node in tree.root.iterate() if isinstance(node, Retry))
-        self._failed = dict.fromkeys(retries, 0)  # attempts of each, when it was looked at last
+        loops = (node for node in tree.root.iterate() if isinstance(node, Loop))
+        self._failed = dict.fromkeys(loops, 0)  # attempts of each, when it was looked at last
         self._told = Reached(None, "", "", 1)
 
     def step(self, paused: bool = False) -> Reached | None:
@@ -277,9 +277,9 @@ class Progress:
     def _attempt(self) -> int:
         """The number of the attempt; it only grows, also where a loop begins its retries anew."""
         more = 0
-        for retry, failed in self._failed.items():
-            more += max(0, retry.rounds - failed)
-            self._failed[retry] = retry.rounds
+        for loop, failed in self._failed.items():
+            more += max(0, loop.failed_attempts - failed)
+            self._failed[loop] = loop.failed_attempts
         return self._told.attempt + more
 
     def _tell(self, reached: Reached) -> Reached | None:
@@ -300,9 +300,7 @@ def _share(skill: Skill) -> float | None:
     share = None if skill.status is Status.INVALID else skill.call_hook("progress")
     node: Behaviour | None = skill.parent
     while node is not None:
-        if isinstance(node, (Repeat, Retry)) and node.between_rounds:
-            share = None  # what it says is of the round before
-        if isinstance(node, Repeat) and node.times and (node.rounds or share is not None):
-            share = (node.rounds + (share or 0.0)) / node.times
+        if isinstance(node, Loop):
+            share = node.progress(share)
         node = node.parent
     return share

@@ -20,7 +20,7 @@ from skills import (
 from skills.motion import MotionError, Query, Reached, ToolQuery, World
 from skills.motion.planner import Planner
 from trees import UNITS, Declaration, FileError, Library, Place, fit, parse_value
-from trees.analysis.check import motions_of
+from trees.check import motions_of
 from trees.compile.port_types import declaration
 
 _PORTS = {name: declaration(port) for name, port in TOOL_PORTS.items()}

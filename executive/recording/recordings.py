@@ -14,7 +14,7 @@ from executive.goals.outcome import GoalState, GoalStatus
 from hardware import ArmEvent, Clock, Robot, State
 from logs.writing.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
-from trees.compile.builder import Tree
+from trees.build import Tree
 
 from .archive import archive_world, robot_note
 from .translate import arm_record, skill_record

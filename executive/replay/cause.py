@@ -9,14 +9,12 @@ from executive.recording.archive import robot_files_changed
 from executive.recording.versions import versions
 from hardware import Robot
 from logs import Goal, Plan, Record, Recording
-from trees import KINDS
 from trees.compile.port_types import known_skills
-from trees.compile.resolved import RESOLVED
+from trees.export.resolved import RESOLVED
+from trees.nodes import KINDS
 
 # Entries of `versions` that decide about plans.
 PLANNING = ("planner", "numpy", "ompl", "pin", "coal", "toppra", "python", "machine", "system")
-
-_CONDITIONS = {kind.condition for kind in KINDS.values()} - {""}
 
 
 def source(
@@ -107,8 +105,9 @@ def _tree(recording: Recording) -> Any:
 
 def _leaves(node: Any) -> Iterator[tuple[str, dict[str, Any]]]:
     """All skills of a resolved tree, each with its ports."""
+    conditions = {kind.condition for kind in KINDS.values()} - {""}
     for name, below in node.items() if isinstance(node, dict) else ():
-        if name in KINDS or name in _CONDITIONS:
+        if name in KINDS or name in conditions:
             for child in below if isinstance(below, list) else [below]:
                 yield from _leaves(child)
         elif isinstance(below, dict):

@@ -35,7 +35,7 @@ from logs.reading.file_state import being_written
 from logs.records.file_format import RECOVERED
 from skills.motion import ModelUnusable
 from skills.motion.planner import Planner
-from trees.compile.resolved import RESOLVED
+from trees.export.resolved import RESOLVED
 
 from .cause import PLANNING, changes, contradiction, source
 from .frames import frames_difference, result_difference

@@ -12,7 +12,7 @@ from executive.errors import NoSuchNode
 from hardware import Robot
 from hardware.suggestions import suggestion
 from trees import FileError, Library, TreeError, UnknownTask, read_text
-from trees.analysis.check import check_task, outline_of
+from trees.check import check_task, compile_task
 from trees.compile.paths import paths
 
 KEPT = 16  # states of the folders; the oldest are forgotten
@@ -66,7 +66,7 @@ class _Look:
         """What was wrong with a task, by default with what its skills refuse of it."""
         if (number, refused) not in self._wrong:
             try:
-                (check_task if refused else outline_of)(robot, self.library, number)
+                (check_task if refused else compile_task)(robot, self.library, number)
                 self._wrong[number, refused] = None
             except TreeError as error:
                 self._wrong[number, refused] = error
@@ -148,8 +148,8 @@ class LiveLibrary(Library):
             )
             raise NoSuchNode(f"no task is called {name}{likely}")
         library, _ = self.for_task(tasks[name])
-        root = outline_of(self._robot, library, tasks[name]).node
-        nodes = [each for _, each in paths(root)] if root else []
+        root = compile_task(self._robot, library, tasks[name]).root
+        nodes = [each for _, each in paths(root)]
         if path not in nodes:
             there = ", ".join(nodes[:_SHOWN]) + suggestion(path, nodes)
             raise NoSuchNode(f"{name} has no node {path}; there are {there}")

@@ -25,8 +25,9 @@ from skills import Context
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
 from trees import Library
-from trees.compile.assembly import TreeCompiler
-from trees.compile.builder import build
+from trees.analysis.reachability import check_outcomes
+from trees.build import build
+from trees.compile.compiler import TreeCompiler
 
 FILES = 10_000
 NODES = 1000
@@ -110,9 +111,9 @@ class Bench:
     def check(self) -> None:
         """Read and check a thousand nodes."""
         library = Library(self.large)
-        assembly = TreeCompiler(library, self.context)
-        assembly.task(*library.draft(10), "/bench", None)
-        assert not assembly.mistakes.found
+        tree = TreeCompiler(library, self.context).task(*library.draft(10), "/bench", None)
+        check_outcomes(tree)
+        assert not tree.mistakes.found
 
     def tick_ratio(self) -> float:
         """The run loop's ticks over bare ones; both trees have their first tick behind them."""

@@ -13,8 +13,8 @@ from tests.conftest import Rig, RigMaker
 from tests.support.paths import EXAMPLES
 from trees.compile.plugins import load_skills
 from trees.compile.port_types import known_skills
-from trees.compile.resolved import RESOLVED
 from trees.errors import BadArguments
+from trees.export.resolved import RESOLVED
 
 Near = Callable[[float, float], None]
 

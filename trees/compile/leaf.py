@@ -1,4 +1,4 @@
-"""A skill of a tree that is being put together, and what is known of its inputs before the run."""
+"""A skill in a tree that is being compiled, and its inputs as far as they are known."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,15 +11,15 @@ from trees.reading.document import Located, StandIn
 
 @dataclass(frozen=True)
 class Leaf:
-    """A skill and what its ports are wired to.
+    """A skill, and the values and keys at its ports.
 
     Attributes:
-        skill: Which.
-        place: Where it stands.
-        namespace: Of its keys.
+        skill: The skill.
+        place: Its place in a file.
+        namespace: Namespace of its keys.
         keys: Full names of keys, by port.
-        inputs: Values that are spelled out, by port; what is not known in them is a StandIn.
-        written: The same as they are written.
+        inputs: Literal values by port; a part that is not known yet is a StandIn.
+        written: The same values as the file has them.
     """
 
     skill: Skill
@@ -31,31 +31,41 @@ class Leaf:
 
     @property
     def known(self) -> Mapping[str, Any]:
-        """The inputs of which the whole value is known before the task is called."""
+        """The inputs that are completely known before the task is called, by port."""
         defaults = {
             port: info.default_value
             for port, info in type(self.skill).input_ports().items()
             if info.default_value is not None and port not in self.keys
         }
         given = {**defaults, **self.inputs}
-        return {port: value for port, value in given.items() if not _stands_in(value)}
+        return {port: value for port, value in given.items() if not _is_partial(value)}
 
     @property
-    def partly(self) -> Mapping[str, Any]:
-        """The inputs of which a part is known before the task is called."""
-        parts = {port: _part(value) for port, value in self.inputs.items() if _stands_in(value)}
+    def partial(self) -> Mapping[str, Any]:
+        """The known parts of inputs that are partly known before the task is called, by port."""
+        parts = {port: _part(value) for port, value in self.inputs.items() if _is_partial(value)}
         return {port: value for port, value in parts.items() if value is not None}
 
+    @property
+    def target_place(self) -> Place:
+        """The place of its first joint positions, or its own place if it has none."""
+        targets = (
+            value.place
+            for port, value in self.written.items()
+            if isinstance(self.inputs[port], Positions)
+        )
+        return next(targets, self.place)
 
-def _stands_in(value: Any) -> bool:
-    """Whether a value, or one within it, is not known yet."""
+
+def _is_partial(value: Any) -> bool:
+    """Whether a value, or a value in it, is not known yet."""
     if isinstance(value, Mapping):
-        return any(map(_stands_in, value.values()))
-    return any(map(_stands_in, value)) if isinstance(value, list) else isinstance(value, StandIn)
+        return any(map(_is_partial, value.values()))
+    return any(map(_is_partial, value)) if isinstance(value, list) else isinstance(value, StandIn)
 
 
 def _part(value: Any) -> Any:
-    """What is known of a value; None for nothing."""
+    """Return the known part of a value, or None."""
     if isinstance(value, list):
         return [_part(item) for item in value]
     if not isinstance(value, Positions):

@@ -14,9 +14,8 @@ from typing import NoReturn
 from py_trees.ports import get_ports_registry, register_ports_class
 
 import skills  # noqa: F401  whose names are taken
-from trees.reading.specs import KINDS
+from trees.nodes import KINDS
 
-RESERVED = (*KINDS, "subtree", "task", "name", "with")  # what stands beside a skill's name
 GROUP = "armtree.skills"
 
 _loaded: dict[str, str] = {}  # what is wrong with every plugin that was loaded; empty for nothing
@@ -80,7 +79,8 @@ def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
         return f"{source}{_line(error, source)}: {type(error).__name__}: {error}"
     after = get_ports_registry()
     taken = [name for name, kind in after.items() if before.get(name, kind) is not kind]
-    if reserved := [name for name in after if name not in before and name in RESERVED]:
+    keys = {*KINDS, "subtree", "task", "name", "with"}
+    if reserved := [name for name in after if name not in before and name in keys]:
         return f"{source}: {', '.join(reserved)}: the grammar has that name already; rename it"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

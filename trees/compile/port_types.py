@@ -7,9 +7,10 @@ from typing import Any, get_args, get_origin
 from py_trees.ports import PortInformation, get_ports_registry
 
 from skills import Port, Positions, Skill
+from trees.declarations import ANY, LIST, Declaration
 from trees.reading.document import Located
 from trees.reading.specs import Value
-from trees.reading.values import ANY, LIST, Declaration, measured
+from trees.reading.values import measured
 
 from .plugins import is_broken
 

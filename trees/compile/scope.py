@@ -3,11 +3,11 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from trees.declarations import Declaration
 from trees.errors import Place
 from trees.reading.document import Located, StandIn
 from trees.reading.grammar import UNTYPED
 from trees.reading.specs import Key, Value
-from trees.reading.values import Declaration
 
 
 @dataclass(frozen=True)

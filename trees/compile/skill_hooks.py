@@ -1,4 +1,4 @@
-"""What the code of skills says before the run, and what becomes of a task where it breaks."""
+"""Calls of skills' hooks before a run. An error in a hook affects only its own node."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ _Answer = TypeVar("_Answer")
 
 @dataclass(frozen=True)
 class Refusal:
-    """One thing that a skill refuses of what a task spells out, or that its code raises.
+    """An input that a skill refuses, or an exception of its code.
 
     Attributes:
-        node: Of the skill.
+        node: Node of the skill.
         kind: Name of the skill.
-        error: Why.
-        place: Where the value stands, as near as is known.
+        error: Why it is refused.
+        place: Place of the value, or of the skill.
     """
 
     node: Behaviour
@@ -39,18 +39,18 @@ class Refusal:
 
     @property
     def mistake(self) -> Mistake:
-        """The same as a mistake in a file."""
+        """The same, as a mistake in a file."""
         return Mistake(self.place, f"{self.kind}: {self.error}")
 
 
-class Asking:
-    """Asks skills of one tree. Whatever their code raises, or answers, costs only its own node.
+class SkillHooks:
+    """Calls the hooks of the skills of one tree, and checks what they return.
 
     Args:
         doubtful: Nodes that are known to be wrong.
 
     Attributes:
-        doubtful: Nodes that are wrong, so that nobody knows what they would do.
+        doubtful: Nodes that are wrong. It is not known what they would do.
     """
 
     def __init__(self, doubtful: Iterable[Behaviour] = ()) -> None:
@@ -59,66 +59,66 @@ class Asking:
 
     @property
     def mistakes(self) -> list[Mistake]:
-        """What was refused as mistakes in files."""
+        """All refusals, as mistakes in files."""
         return [refusal.mistake for refusal in self.refused]
 
     @property
     def refused(self) -> list[Refusal]:
-        """What was refused; what several skills refuse alike is told once."""
+        """All refusals; the same one of several skills is listed once."""
         return list(self._refused.values())
 
     def make(self, kind: type[Skill], name: str, context: Context, place: Place) -> Behaviour:
-        """A skill, or what stands for it where its code makes none."""
-        made, faults = _answer(kind, "__init__", lambda: kind(name, context), _MADE)
+        """Return a new skill, or a placeholder if its constructor fails."""
+        made, faults = _result(kind, "__init__", lambda: kind(name, context), _MADE)
         if made is not None:
             return made
         node = Dummy(name)
         self._refuse(node, kind, [(fault, place) for fault in faults])
         return node
 
-    def judge(self, leaf: Leaf, robot: Robot) -> None:
-        """Let a skill judge its inputs."""
+    def validate(self, leaf: Leaf, robot: Robot) -> None:
+        """Let a skill validate its inputs."""
         kind = type(leaf.skill)
-        inputs = {**leaf.known, **leaf.partly} if kind.validates_partial else leaf.known
-        self._ask(leaf, "validate", lambda: kind.validate(robot, inputs), _ANY)
+        inputs = {**leaf.known, **leaf.partial} if kind.validates_partial else leaf.known
+        self._call(leaf, "validate", lambda: kind.validate(robot, inputs), _ANY)
 
     def shortest(self, leaf: Leaf) -> float:
-        """How long a skill takes at least [s]."""
+        """Return the least time that a skill takes [s]."""
         kind = type(leaf.skill)
-        return self._ask(leaf, "shortest", lambda: kind.shortest(leaf.known), _DURATION) or 0.0
+        return self._call(leaf, "shortest", lambda: kind.shortest(leaf.known), _DURATION) or 0.0
 
     def poses(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
-        """Where inputs send the arm [rad]; nowhere where the skill is doubtful."""
+        """Return the configurations that inputs send the arm to [rad]; none of a doubtful skill."""
         if leaf.skill in self.doubtful:
             return []
-        kind, wanted = type(leaf.skill), _poses_of(len(robot.actuated))
-        return self._ask(leaf, "poses", lambda: kind.poses(robot, inputs), wanted) or []
+        kind, wanted = type(leaf.skill), _list_of_poses(len(robot.actuated))
+        return self._call(leaf, "poses", lambda: kind.poses(robot, inputs), wanted) or []
 
     def waypoints(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
-        """Points on the way to the goal: values of the arm's own joints [rad]."""
+        """Return the points on the way to the goal: values of the arm's own joints [rad]."""
         if leaf.skill in self.doubtful:
             return []
-        kind, wanted = type(leaf.skill), _poses_of(len(robot.actuated_in("arm")))
-        return self._ask(leaf, "waypoints", lambda: kind.waypoints(robot, inputs), wanted) or []
+        kind, wanted = type(leaf.skill), _list_of_poses(len(robot.actuated_in("arm")))
+        return self._call(leaf, "waypoints", lambda: kind.waypoints(robot, inputs), wanted) or []
 
     def tool_query(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
-        """The point that the tool must reach; None if it is not known, or the skill is doubtful."""
+        """Return the point that the tool must reach, or None; None of a doubtful skill."""
         if leaf.skill in self.doubtful:
             return None
         kind = type(leaf.skill)
-        return self._ask(leaf, "tool_query", lambda: kind.tool_query(robot, inputs), _TOOL_QUERY)
+        return self._call(leaf, "tool_query", lambda: kind.tool_query(robot, inputs), _TOOL_QUERY)
 
     def body(self, leaf: Leaf) -> Body | None:
-        """What a skill puts into the world; nothing where it is doubtful."""
+        """Return the body that a skill adds to the world, or None; None of a doubtful skill."""
         if leaf.skill in self.doubtful:
             return None
         kind = type(leaf.skill)
-        return self._ask(leaf, "body", lambda: kind.body(leaf.known), _BODY)
+        return self._call(leaf, "body", lambda: kind.body(leaf.known), _BODY)
 
-    def _ask(
+    def _call(
         self, leaf: Leaf, what: str, call: Callable[[], _Answer], wanted: "_Wanted"
     ) -> _Answer | None:
-        answer, faults = _answer(type(leaf.skill), what, call, wanted)
+        answer, faults = _result(type(leaf.skill), what, call, wanted)
         self._refuse(leaf.skill, type(leaf.skill), [(each, _place(leaf, each)) for each in faults])
         return answer
 
@@ -133,21 +133,21 @@ class Asking:
 
 @dataclass(frozen=True)
 class _Wanted:
-    """An answer that is one.
+    """The values that a hook may return.
 
     Attributes:
-        words: What it is.
-        fits: Whether something is that.
+        words: Description for messages.
+        fits: Whether a value is one of them.
     """
 
     words: str
     fits: Callable[[Any], bool]
 
 
-def _answer(
+def _result(
     kind: type[Skill], what: str, call: Callable[[], _Answer], wanted: _Wanted
 ) -> tuple[_Answer | None, Sequence[Fault]]:
-    """What somebody's code answers, or what it refuses; what it raises else counts as that, too."""
+    """Return what a hook returns, or why it failed."""
     where = f"{kind.__name__}.{what}"
     try:
         answer = call()
@@ -162,8 +162,8 @@ def _answer(
         return None, [SkillBroken(where, error)]
 
 
-def _poses_of(joints: int) -> _Wanted:
-    """Poses of a robot of so many actuated joints."""
+def _list_of_poses(joints: int) -> _Wanted:
+    """Return the check for lists of configurations with this number of joints."""
 
     def fits(poses: object) -> bool:
         return isinstance(poses, list) and all(map(is_pose, poses))
@@ -176,7 +176,7 @@ def _poses_of(joints: int) -> _Wanted:
 
 
 def _is_finite(number: Any) -> bool:
-    """Whether it is a number that a float can hold."""
+    """Whether it is a finite number that a float can hold."""
     try:
         return isinstance(number, Real) and isfinite(number)
     except OverflowError:
@@ -201,7 +201,7 @@ _BODY = _Wanted("a Body or None", lambda body: body is None or isinstance(body, 
 
 
 def _place(leaf: Leaf, error: Fault) -> Place:
-    """Where the value stands that a skill refuses, as near as is known."""
+    """Return the place of the value that a skill refuses, or else of the skill."""
     port, *within = error.location if isinstance(error, SkillError) and error.location else ("",)
     value = leaf.written.get(str(port))
     if value is None:

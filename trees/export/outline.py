@@ -1,41 +1,14 @@
-"""A built tree as an outline: what a picture, a text or another program's file is made from."""
+"""The outline of a tree, from which drawings and files of other programs are made."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from py_trees.behaviour import Behaviour
-from py_trees.composites import Selector, Sequence
-from py_trees.decorators import FailureIsSuccess, Inverter
 
 from skills import Skill
+from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
-from trees.nodes.control import (
-    Guard,
-    ReactiveSelector,
-    ReactiveSequence,
-    Repeat,
-    Retry,
-    Timeout,
-    WaitFor,
-)
-from trees.nodes.parallel import Join, Race
-
-# The first that fits counts.
-_KINDS: tuple[tuple[type[Behaviour], str], ...] = (
-    (ReactiveSequence, "reactive sequence"),
-    (ReactiveSelector, "reactive selector"),
-    (Sequence, "sequence"),
-    (Selector, "selector"),
-    (Race, "parallel, any"),
-    (Join, "parallel"),
-    (Guard, "guard"),
-    (Retry, "retry"),
-    (Repeat, "repeat"),
-    (WaitFor, "wait for"),
-    (Timeout, "timeout"),
-    (Inverter, "inverter"),
-    (FailureIsSuccess, "force success"),
-)
+from trees.nodes import Control
 
 
 @dataclass(frozen=True)
@@ -43,15 +16,16 @@ class Entry:
     """One node.
 
     Attributes:
-        name: Of the node.
-        kind: What it does with its children, or the name of its skill.
-        children: What it holds.
-        ports: What its ports are wired to: values as text, keys with a $.
-        outputs: Which of these it writes.
-        keys: Which of these are wired to keys.
-        node: Which; None where it is known from a recording only.
-        state: After a run, what became of it; a key of `drawings.LOOKS`. Else empty.
-        note: After a run, when, and what it said.
+        name: Name of the node.
+        kind: Name of its kind or skill.
+        children: Its children.
+        ports: Values and keys at its ports, by port. Values are text; keys begin with $.
+        outputs: Names of the ports that it writes.
+        keys: Names of the ports that have a key.
+        skill: Its skill, if it is a leaf; None if it was read from a recording.
+        control: Its kind and options, if it has children; None if it was read from a recording.
+        state: Last status in a run, a key of `drawings.LOOKS`; empty without a run.
+        note: Time and message of that status.
     """
 
     name: str
@@ -60,49 +34,47 @@ class Entry:
     ports: Mapping[str, str] = field(default_factory=dict)
     outputs: frozenset[str] = frozenset()
     keys: frozenset[str] = frozenset()
-    node: Behaviour | None = None
+    skill: type[Skill] | None = None
+    control: Control | None = None
     state: str = ""
     note: str = ""
 
     @property
     def title(self) -> str:
-        """Its name, and its kind where that says more."""
+        """Its name, followed by its kind if that is different."""
         return self.name if self.name == self.kind else f"{self.name} ({self.kind})"
 
     def wiring(self) -> list[str]:
-        """Its ports, one line each."""
+        """Return one line per port."""
         arrows = {port: "->" if port in self.outputs else "=" for port in self.ports}
         return [f"{port} {arrows[port]} {value}" for port, value in self.ports.items()]
 
     def walk(self) -> "Iterator[Entry]":
-        """Itself and all below it, from the top."""
+        """Return the entry and all below it, parents first."""
         yield self
         for child in self.children:
             yield from child.walk()
 
 
-def outline(root: Behaviour, leaves: list[Leaf], namespace: str) -> Entry:
-    """The outline of a tree.
-
-    Args:
-        root: Of the tree.
-        leaves: Its skills.
-        namespace: Of its keys.
-    """
-    return _entry(root, {leaf.skill: leaf for leaf in leaves}, f"{namespace}/")
+def outline(tree: CompiledTree) -> Entry:
+    """Return the outline of a compiled tree."""
+    return _entry(tree, tree.root)
 
 
-def _entry(node: Behaviour, leaves: Mapping[Behaviour, Leaf], namespace: str) -> Entry:
-    children = tuple(_entry(child, leaves, namespace) for child in node.children)
-    if not isinstance(node, Skill):
-        kind = next(name for fits, name in _KINDS if isinstance(node, fits))
-        return Entry(node.name, kind, children, node=node)
-    leaf = leaves[node]
+def _entry(tree: CompiledTree, node: Behaviour) -> Entry:
+    if leaf := tree.leaves.get(node):
+        return _leaf_entry(leaf, f"{tree.namespace}/")
+    children, control = tuple(_entry(tree, child) for child in node.children), tree.controls[node]
+    return Entry(node.name, control.kind.label(control.options), children, control=control)
+
+
+def _leaf_entry(leaf: Leaf, namespace: str) -> Entry:
+    kind = type(leaf.skill)
     ports = {port: _text(value) for port, value in leaf.inputs.items()}
     ports |= {port: f"${key.removeprefix(namespace)}" for port, key in leaf.keys.items()}
-    outputs = frozenset(node.output_ports()) & set(ports)
+    outputs = frozenset(kind.output_ports()) & set(ports)
     keys = frozenset(leaf.keys)
-    return Entry(node.name, type(node).__name__, (), ports, outputs, keys, node)
+    return Entry(leaf.skill.name, kind.__name__, (), ports, outputs, keys, kind)
 
 
 def _text(value: object) -> str:

@@ -1,1 +1,19 @@
-"""The control nodes: sequences, fallbacks, parallels, loops and decorators."""
+"""The kinds of control nodes, each with all that is known about it: see `kind.py`."""
+
+from importlib import import_module
+
+from .kind import KINDS, Child, Control, ControlNodeKind, Flow, Outcomes, PossibleOutcomes
+
+# Messages list the kinds in this order.
+for _family in ("sequences", "parallel", "loops", "decorators", "guard"):
+    import_module(f".{_family}", __name__)
+
+__all__ = [
+    "KINDS",
+    "Child",
+    "Control",
+    "ControlNodeKind",
+    "Flow",
+    "Outcomes",
+    "PossibleOutcomes",
+]

@@ -1,17 +1,32 @@
-"""Parallels: one that lets all its children end before it judges them, one that takes the first."""
+"""Parallel: children that run at the same time."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.composites import Composite
 
+from skills import Context
+from trees.declarations import Declaration
+
+from .kind import (
+    Child,
+    ControlNodeKind,
+    Element,
+    Flow,
+    Options,
+    Outcomes,
+    PossibleOutcomes,
+    all_of,
+    any_of,
+)
+
 
 class Join(Composite):
-    """Ticks its children until every one has ended; fails if any of them did.
+    """Ticks its children until all have ended; fails if any of them failed.
 
-    py_trees' own Parallel fails with its first child and cuts the others off, so that what they
-    would have said is lost.
+    py_trees' own Parallel fails with its first child and halts the others, so their results would
+    be lost.
     """
 
     def tick(self) -> Iterator[Behaviour]:
@@ -27,11 +42,11 @@ class Join(Composite):
         for child in unfinished:
             yield from child.tick()
         self.current_child = self.children[-1] if self.children else None
-        self.judge({child.status for child in self.children})
+        self.decide({child.status for child in self.children})
         yield self
 
-    def judge(self, statuses: set[Status]) -> None:
-        """Take the status that those of the children make."""
+    def decide(self, statuses: set[Status]) -> None:
+        """Set the status that follows from those of the children."""
         if Status.RUNNING in statuses:
             self.status = Status.RUNNING
         else:
@@ -39,10 +54,10 @@ class Join(Composite):
 
 
 class Race(Join):
-    """Succeeds with the first child that does, and halts the others; fails if all do."""
+    """Succeeds with the first child that does, and halts the others; fails if all children fail."""
 
-    def judge(self, statuses: set[Status]) -> None:
-        """Take the status that those of the children make."""
+    def decide(self, statuses: set[Status]) -> None:
+        """Set the status that follows from those of the children."""
         if Status.SUCCESS in statuses:
             for child in self.children:
                 if child.status is Status.RUNNING:
@@ -52,3 +67,56 @@ class Race(Join):
             self.status = Status.RUNNING
         else:
             self.stop(Status.FAILURE)
+
+
+class ParallelKind(ControlNodeKind):
+    """Runs its children at the same time."""
+
+    name = "parallel"
+    description = "all at once"
+    options = {
+        "policy": Declaration(
+            "text",
+            default="all",
+            choices=("all", "any"),
+            description="all: wait for every one, and fail if any did; "
+            "any: the first success halts the others",
+        )
+    }
+    many = True
+    may_halt = True
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node."""
+        return Race(name, children) if options["policy"] == "any" else Join(name, children)
+
+    def label(self, options: Options) -> str:
+        """Return its name in drawings."""
+        return "parallel, any" if options["policy"] == "any" else "parallel"
+
+    def flow(self, options: Options) -> Flow:
+        """Return how its children follow each other."""
+        return Flow.ALTERNATIVES if options["policy"] == "any" else Flow.PARALLEL
+
+    def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
+        """Report several children that move the arm."""
+        if sum(child.moves() for child in children) > 1:
+            node.wrong("only one node of a parallel may move the arm")
+
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how it can end, and report a race that no child can win."""
+        if node.options["policy"] != "any":
+            children = node.children(node.halted)
+            return all_of(children, max(each.shortest for each in children))
+        # Each child may be halted by the others. An endless one is reported below, if all are.
+        children = node.children(node.halted or node.count > 1)
+        if not node.halted and not any(each.succeeds for each in children):
+            node.wrong("never ends: no node of it can succeed")
+        return any_of(children)
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
+        success, failure = ("1", "-1") if options["policy"] == "any" else ("-1", "1")
+        return [("Parallel", {"success_count": success, "failure_count": failure})]

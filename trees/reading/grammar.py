@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from hardware.suggestions import choices, corrections
+from trees.declarations import LIST, TYPES, Declaration
 from trees.errors import FileError, Mistake
 
 from .document import Located, draft_document, names_within, nested
 from .node_parser import Mistakes, NodeParser
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
-from .values import LIST, TYPES, Declaration, fit
+from .values import fit
 
 VERSION = 1  # of the grammar
 

@@ -2,23 +2,21 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import TypeGuard
+from typing import TYPE_CHECKING, TypeGuard
 
 from hardware.suggestions import choices, corrections, suggestion
 from trees.errors import Mistake, Place
 
 from .document import Located, names_within, nested
-from .specs import KINDS, ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
+from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
+
+if TYPE_CHECKING:
+    from trees.nodes import ControlNodeKind
 
 MAX_NUMBER = 2**31 - 1
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
-_HEADS = (*KINDS, *_FILES)
-_BESIDE = (
-    *("with", "name"),
-    *(key for kind in KINDS.values() for key in (*kind.options, kind.condition)),
-)
 
 
 class Mistakes:
@@ -74,14 +72,14 @@ class NodeParser:
         if isinstance(value.value, str):
             return SkillNode(value.place, self.name(value, "a node"), {})
         keys = nested(value)
-        heads = [key for key in keys if key in _HEADS]
+        heads = [key for key in keys if key in _heads()]
         rest = [key for key in keys if key != "name"]
         if len(heads) == 1:
             return self._headed(value.place, heads[0], keys)
         if not heads and len(rest) == 1:
             return self._skill(value.place, rest[0], keys)
         self._wrong(value.place, _no_node(value, tuple(keys)))
-        likely = {} if heads else corrections(rest, _HEADS)
+        likely = {} if heads else corrections(rest, _heads())
         if len(likely) == 1:
             (head,) = likely.values()
             return self._headed(value.place, head, _respell(keys, likely))
@@ -95,14 +93,17 @@ class NodeParser:
         """What is no node, with the nodes in it that can be made out."""
         items = value.value if isinstance(value.value, list) else ()
         below: list[TreeNode] = [self._unknown(value), *self._items(items)]
+        beside = {"with", "name"}
+        for kind in _kinds().values():
+            beside |= {*kind.options, kind.condition}
         for key, item in keys.items():
-            if key in KINDS:
+            if key in _kinds():
                 below += self._children(key, item)
             elif key in _FILES:
                 own = {key, "with"} if len(_FILES.keys() & keys.keys()) == 1 else {key}
                 mine = {name: each for name, each in keys.items() if name in own}
                 below.append(self._file(value.place, key, mine))
-            elif key not in _BESIDE and isinstance(item.value, dict):
+            elif key not in beside and isinstance(item.value, dict):
                 below.append(self._skill(value.place, key, {key: item}))
         return ControlNode(value.place, "", tuple(below)) if below[1:] else below[0]
 
@@ -149,7 +150,7 @@ class NodeParser:
     def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> TreeNode:
         inner = keys[skill]
         if isinstance(inner.value, list):
-            lists = [kind for kind in KINDS if KINDS[kind].many]
+            lists = [name for name, kind in _kinds().items() if kind.many]
             there = choices(skill, lists)
             self._wrong(inner.label, f"only {there} hold a list of nodes, not {skill}")
             kind = corrections((skill,), lists).get(skill, "")
@@ -159,7 +160,7 @@ class NodeParser:
         return self._unknown(inner) if ports is None else SkillNode(place, skill, ports, shown)
 
     def _control(self, place: Place, kind: str, keys: Mapping[str, Located]) -> ControlNode:
-        known = KINDS[kind]
+        known = _kinds()[kind]
         beside = (*known.options, *filter(None, (known.condition,)), "name")
         keys = self._beside(kind, keys, beside)
         children = self._children(kind, keys[kind])
@@ -172,12 +173,12 @@ class NodeParser:
         return ControlNode(place, kind, children, options, self._shown(keys))
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
-        if not KINDS[kind].many:
+        if not _kinds()[kind].many:
             return (self.node(inner),)
         if not isinstance(inner.value, list) or not inner.value:
             self._wrong(inner.place, f"{kind} needs a list of nodes, not {inner}")
             keys = nested(inner)
-            one = len(keys.keys() & {*_HEADS} or keys.keys() - {"name"}) == 1
+            one = len(keys.keys() & {*_heads()} or keys.keys() - {"name"}) == 1
             return (self.node(inner) if one else self._broken(inner, keys),)
         return self._items(inner.value)
 
@@ -236,6 +237,17 @@ class NodeParser:
         return {port: self.wired(item) for port, item in value.value.items()}
 
 
+def _kinds() -> "Mapping[str, ControlNodeKind]":
+    from trees.nodes import KINDS  # takes 0.3 s, which a list of tasks does not need
+
+    return KINDS
+
+
+def _heads() -> tuple[str, ...]:
+    """Return the keys that begin a node, except for the names of skills."""
+    return (*_kinds(), *_FILES)
+
+
 def _where(place: Place) -> tuple[Place, str]:
     return place, place.way
 
@@ -251,7 +263,7 @@ def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str
 
 def _no_node(value: Located, keys: tuple[str, ...]) -> str:
     if not keys:
-        return f"a node is one of {', '.join(_HEADS)}, or a skill's name, not {value}"
-    near = "".join(suggestion(key, _HEADS) for key in keys if key not in _HEADS)
+        return f"a node is one of {', '.join(_heads())}, or a skill's name, not {value}"
+    near = "".join(suggestion(key, _heads()) for key in keys if key not in _heads())
     said = f"here are {', '.join(keys)}{near}"
-    return f"a node has one key of {', '.join(_HEADS)}, or a skill's name; {said}"
+    return f"a node has one key of {', '.join(_heads())}, or a skill's name; {said}"

@@ -1,37 +1,18 @@
-"""What values may be: types, units and bounds, and the reading of a value that is written out."""
+"""Reading of literal values: from text with units to the type that is declared."""
 
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from hardware.suggestions import choices
+from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
 from trees.errors import Place
 
 from .document import REFUSED, Located, StandIn
 
-# What the types with a unit are measured in; the first of each is what a bare number means.
-UNITS: Mapping[str, Mapping[str, float]] = {
-    "angle": {"rad": 1.0, "deg": math.pi / 180},
-    "duration": {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0},
-    "length": {"m": 1.0, "cm": 0.01, "mm": 0.001},
-}
-LIST = "list of "  # before any of the plain types
-_PLAIN = ("number", "integer", "boolean", "text", *UNITS, "positions")
-TYPES = (*_PLAIN, *(LIST + kind for kind in _PLAIN))
-ANY = "any"
-
 _QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?) ?([A-Za-z]\S*)")
-_WORDS = {
-    "number": "a number",
-    "integer": "a whole number",
-    "boolean": "true or false",
-    "text": "a text",
-    "positions": "a mapping from joint names to angles, or a pose",
-    ANY: "a number, a text, or true or false",
-}
-
 _PYTHON: Mapping[str, tuple[type, ...]] = {
     "integer": (int,),
     "boolean": (bool,),
@@ -40,58 +21,6 @@ _PYTHON: Mapping[str, tuple[type, ...]] = {
 }
 
 Wrong = Callable[[Place, str], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Declaration:
-    """What a parameter, a port or an option may be.
-
-    Attributes:
-        type: One of TYPES, ANY, or the name of a type that cannot be written out.
-        default: Taken where none is given; None where one must be, unless it is optional.
-        optional: Whether it may be left out although there is no default.
-        least: Smallest value, in the type's first unit.
-        most: Largest value.
-        choices: The only values there are; empty for all.
-        count: How many items a list has; 0 for any number.
-        output: Whether it is a key that is written, not a value that is read.
-        description: One line.
-    """
-
-    type: str
-    default: Any = None
-    optional: bool = False
-    least: float | None = None
-    most: float | None = None
-    choices: tuple[str, ...] = ()
-    count: int = 0
-    output: bool = False
-    description: str = ""
-
-    @property
-    def needed(self) -> bool:
-        """Whether it must be given."""
-        return self.default is None and not self.optional
-
-    @property
-    def unit(self) -> str:
-        """What a bare number means; empty for types without a unit."""
-        kind = self.type.removeprefix(LIST)
-        return next(iter(UNITS.get("angle" if kind == "positions" else kind, {})), "")
-
-    def __str__(self) -> str:
-        return words(self.type)
-
-
-def words(kind: str) -> str:
-    """A type in words."""
-    if kind.startswith(LIST):
-        return f"a list, each item {words(kind.removeprefix(LIST))}"
-    if kind in UNITS:
-        units = list(UNITS[kind])
-        article = "an" if kind == "angle" else "a"
-        return f"{article} {kind} in {', '.join(units[:-1])} or {units[-1]}"
-    return _WORDS.get(kind) or f"a {kind}"
 
 
 def measured(value: Located) -> str:
@@ -165,20 +94,6 @@ def _stands(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> Stand
         return stand_in
     wrong(value.place, f"{stand_in} is {words(stand_in.type)}, not {words(kind)}")
     return None
-
-
-def type_fits(given: str, wanted: str) -> bool:
-    """Whether a value of one type may stand where another is wanted.
-
-    A bare number measures anything, and anything measured is a number.
-    """
-    if given == wanted or "" in (given, wanted) or ANY in (given, wanted):
-        return True
-    if given.startswith(LIST) and wanted.startswith(LIST):
-        return type_fits(given.removeprefix(LIST), wanted.removeprefix(LIST))
-    if wanted == "number":
-        return given == "integer" or given in UNITS
-    return wanted in UNITS and given in ("number", "integer")
 
 
 def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> float | StandIn | None:

@@ -11,8 +11,9 @@ from click.testing import CliRunner, Result
 from executive.cli.main import cli
 from tests.logs.test_run import RUNS, record
 from tests.support.paths import EXAMPLES, TASKS
-from trees import KINDS, FileError
+from trees import FileError
 from trees.compile.port_types import known_skills
+from trees.nodes import KINDS
 
 OWN = ["--trees", str(EXAMPLES), "--skills", str(EXAMPLES / "skills")]
 

@@ -14,7 +14,7 @@ from hardware import ActivationStopped, BadPosition, NotActive, PortNotGiven
 from skills import OutOfBounds
 from skills.motion import MotionCollides, PlanCanceled, PlanTimeout
 from skills.motion.errors import NotFinite, StartInCollision, StartOutOfBounds
-from trees.compile.builder import Tree
+from trees.build import Tree
 
 
 class Failed(Behaviour):

@@ -11,7 +11,7 @@ from executive.cli.main import cli
 from hardware import Robot
 from skills import BadTarget
 from trees import FileError
-from trees.analysis.check import check
+from trees.check import check
 
 pytestmark = pytest.mark.slow
 

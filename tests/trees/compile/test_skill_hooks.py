@@ -12,7 +12,7 @@ from py_trees.common import Status
 from executive.cli.main import cli
 from hardware import Robot
 from skills import BadTarget, Skill
-from trees.analysis.check import check
+from trees.check import check
 
 HEAD = "task: {}\nname: {}\ndescription: d\ntree:\n  sequence:\n    - {}\n"
 

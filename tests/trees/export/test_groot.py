@@ -10,9 +10,10 @@ import pytest
 from hardware import Robot
 from tests.support.paths import EXAMPLES
 from trees import Library
-from trees.analysis.check import outline_of
+from trees.check import compile_task
 from trees.compile.plugins import load_skills
 from trees.export.groot import as_groot
+from trees.export.outline import outline
 
 LOADER = Path(sys.prefix) / ".behaviortree"
 FOR_US = {"name", "_description"}  # attributes that are no ports
@@ -62,7 +63,7 @@ def load(text: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 def exported(robot: Robot, folder: Path, number: int) -> str:
-    return as_groot(outline_of(robot, Library(folder), number), number)
+    return as_groot(outline(compile_task(robot, Library(folder), number)), number)
 
 
 def same(text: str, told: list[str]) -> None:

@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from tests.support.paths import EXAMPLES, TASKS
-from tests.trees.compile.test_builder import Shop, shop  # noqa: F401  a fixture
+from tests.trees.test_build import Shop, shop  # noqa: F401  a fixture
 from trees import Library
-from trees.analysis.check import check
-from trees.compile.builder import build
+from trees.build import build
+from trees.check import check
 from trees.compile.plugins import load_skills
-from trees.compile.resolved import RESOLVED
+from trees.export.resolved import RESOLVED
 from trees.reading.document import read_document
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 from hardware import Robot
 from tests.support.paths import EXAMPLES, TASKS
 from trees import Library
-from trees.analysis.check import check
+from trees.check import check
 from trees.compile.plugins import load_skills
 
 HEAD = "task: 3\nname: x\ndescription: y\n"

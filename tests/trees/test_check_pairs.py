@@ -16,10 +16,10 @@ from py_trees.ports import PortInformation
 
 from hardware import Robot
 from skills import Skill, SkillError, refuse
-from tests.trees.analysis.test_check import WRONG
-from tests.trees.analysis.test_check_files import ONCE
-from tests.trees.compile.test_builder import WRONG as LINES
-from trees.analysis.check import check
+from tests.trees.test_build import WRONG as LINES
+from tests.trees.test_check import WRONG
+from tests.trees.test_check_files import ONCE
+from trees.check import check
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,6 @@ from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 
-from py_trees.behaviour import Behaviour
-
 from hardware import Arm, RealClock, Robot
 from skills import Context, Positions, SkillError, check_joints, known_errors
 from skills.motion import (
@@ -26,21 +24,20 @@ from skills.motion import (
     WorkerDied,
     World,
 )
-from trees.compile.assembly import TreeCompiler
-from trees.compile.builder import mistakes_of, refusals
-from trees.compile.paths import paths
-from trees.compile.skill_hooks import Asking, Pose
-from trees.errors import FileError, Mistake, Place, TreeError
-from trees.export.outline import Entry, outline
-from trees.reading.document import StandIn
-from trees.reading.grammar import PosesFile
-from trees.reading.library import Library
-from trees.reading.node_parser import Mistakes
 
-from .predicted_motion import Motion, foresee
+from .analysis.predicted_motion import Motion, predict_motions
+from .analysis.reachability import check_outcomes
+from .build import mistakes_of, refusals
+from .compile.compiler import CompiledTree, TreeCompiler
+from .compile.paths import paths
+from .compile.skill_hooks import Pose, SkillHooks
+from .errors import FileError, Mistake, Place, TreeError
+from .reading.document import StandIn
+from .reading.grammar import PosesFile
+from .reading.library import Library
 
 # What a file is in its library: the number of a task, the name of a subtree, None for poses, or
-# why it is nothing.
+# the reason why it is none of these.
 Named = int | str | None | FileError
 
 
@@ -70,7 +67,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     """
     context = _context(robot)
     findings = Findings()
-    asked = _Asked()
+    pending = _Pending()
     try:
         jobs = list(_jobs(folder, files))
     except TreeError as error:
@@ -84,34 +81,51 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.notes += [] if files else library.notes
     for path, library, name in jobs:
         findings.files.append(path)
-        checker = _Checker(library, context, asked)
+        checker = _Checker(library, context, pending)
         findings.mistakes += checker.check(path, name)
-    findings.mistakes += _refused(asked, context, findings.notes)
-    findings.mistakes += [m for _, built in asked.trees for m in built.asking.mistakes]
+    findings.mistakes += _refused(pending, context, findings.notes)
+    findings.mistakes += [m for tree in pending.trees for m in tree.hooks.mistakes]
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
 
 
-def outline_of(robot: Robot, library: Library, number: int) -> Entry:
-    """The tree of a task, to be shown.
+def compile_task(robot: Robot, library: Library, number: int) -> CompiledTree:
+    """Compile a task, to show it.
+
+    Args:
+        robot: The robot.
+        library: Files of the task.
+        number: Number of the task.
 
     Raises:
-        UnknownTask: There is none of that number.
-        FileError: It is wrong.
+        UnknownTask: No task has that number.
+        FileError: The files have mistakes.
     """
-    assembly, root = _assembled(robot, library, number)
-    return outline(root, assembly.leaves, "/show")
+    context = _context(robot)
+    draft = library.draft(number)
+    tree = TreeCompiler(library, context).task(*draft, "/show", None)
+    found = mistakes_of(tree, draft, library, context)
+    if found or tree.hooks.refused:
+        raise FileError([*found, *(refusal.mistake for refusal in refusals(tree, robot))])
+    return tree
 
 
-def check_task(robot: Robot, library: Library, number: int) -> None:
-    """See that a task is right, as far as that goes without a planner.
+def check_task(robot: Robot, library: Library, number: int) -> CompiledTree:
+    """Check a task, as far as possible without a planner.
+
+    Args:
+        robot: The robot.
+        library: Files of the task.
+        number: Number of the task.
 
     Raises:
-        UnknownTask: There is none of that number.
-        FileError: It is wrong, or a skill refuses what it spells out.
+        UnknownTask: No task has that number.
+        FileError: The files have mistakes, or a skill refuses an input.
     """
-    assembly, _ = _assembled(robot, library, number)
-    _check_refused(assembly, robot)
+    tree = compile_task(robot, library, number)
+    if refused := refusals(tree, robot):
+        raise FileError(refusal.mistake for refusal in refused)
+    return tree
 
 
 def motions_of(
@@ -123,46 +137,31 @@ def motions_of(
     start: Pose,
     world: World,
 ) -> tuple[list[Motion], list[str]]:
-    """Where the arm goes, as far as a task tells, in order, with what is around it by then.
+    """Predict the motions of a task.
 
     Args:
         robot: The robot.
-        library: Where the task is.
-        number: Of the task.
-        carry: Hands a body over to another link; may raise a MotionError.
-        reach: Says where the joints are for the tool to be at a point; may raise a MotionError.
-        start: Where the arm stands at first [rad].
-        world: What is around it at first.
+        library: Files of the task.
+        number: Number of the task.
+        carry: Fixes a body to another link; may raise a MotionError.
+        reach: Finds joint positions that bring the tool to a point; may raise a MotionError.
+        start: Configuration before the task [rad].
+        world: World before the task.
 
     Returns:
-        The motions; and in words the moves that are left out.
+        The motions in order, each in the world at that time; and a description of each motion that
+        is left out.
 
     Raises:
-        UnknownTask: There is none of that number.
-        FileError: It is wrong.
+        UnknownTask: No task has that number.
+        FileError: The files have mistakes, or a skill refuses an input.
     """
-    assembly, root = _assembled(robot, library, number)
-    _check_refused(assembly, robot)
-    asking, leaves = assembly.asking, assembly.leaves
-    found = foresee(root, leaves, robot, carry, start, world, asking=asking, reach=reach)
-    if broken := asking.mistakes:
+    tree = check_task(robot, library, number)
+    found = predict_motions(tree, robot, carry, start, world, reach=reach)
+    if broken := tree.hooks.mistakes:
         raise FileError(broken)
-    nodes = dict(paths(root))
+    nodes = dict(paths(tree.root))
     return found.motions, [f"{nodes[node]}: {why}" for node, why in found.unknown.items()]
-
-
-def _check_refused(assembly: TreeCompiler, robot: Robot) -> None:
-    if refused := refusals(assembly, robot):
-        raise FileError(refusal.mistake for refusal in refused)
-
-
-def _assembled(robot: Robot, library: Library, number: int) -> tuple[TreeCompiler, Behaviour]:
-    assembly, draft = TreeCompiler(library, _context(robot)), library.draft(number)
-    root = assembly.task(*draft, "/show", None)
-    found = mistakes_of(assembly, draft, library, _context(robot))
-    if found or assembly.asking.refused:
-        raise FileError([*found, *(refusal.mistake for refusal in refusals(assembly, robot))])
-    return assembly, root
 
 
 def _jobs(folder: Path | None, files: Sequence[Path]) -> Iterator[tuple[Path, Library, Named]]:
@@ -178,8 +177,8 @@ def _jobs(folder: Path | None, files: Sequence[Path]) -> Iterator[tuple[Path, Li
                 for path, library, name in _all(Library(file.parent))
             }
         library = next(iter(libraries[parent].values()))[0]  # poses ship, so there is one
-        if told := [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]:
-            yield file, library, FileError(told)
+        if named := [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]:
+            yield file, library, FileError(named)
         elif file.resolve() not in libraries[parent]:
             wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"
             yield file, library, FileError([Mistake(Place(file, 1, 1), wrong)])
@@ -198,18 +197,18 @@ def _all(library: Library) -> Iterator[tuple[Path, Library, Named]]:
 
 
 @dataclass
-class _Asked:
-    """What a planner is to judge.
+class _Pending:
+    """What remains to be checked by a planner.
 
     Attributes:
-        poses: Of files of poses, and where they are written.
-        trees: Root of each tree, and what put it together.
-        tasks: Those of them that are no subtrees.
+        poses: Poses of files of poses, and their places.
+        trees: Compiled tasks and subtrees.
+        tasks: Compiled tasks.
     """
 
     poses: list[tuple[Place, Pose]] = field(default_factory=list)
-    trees: list[tuple[Behaviour, TreeCompiler]] = field(default_factory=list)
-    tasks: list[tuple[Behaviour, TreeCompiler]] = field(default_factory=list)
+    trees: list[CompiledTree] = field(default_factory=list)
+    tasks: list[CompiledTree] = field(default_factory=list)
 
 
 class _Checker:
@@ -217,42 +216,41 @@ class _Checker:
 
     Args:
         library: The library.
-        context: Of a robot that does nothing.
-        asked: Filled with what a planner is to judge.
+        context: Context of an arm that does not move.
+        pending: Receives what a planner must check.
     """
 
-    def __init__(self, library: Library, context: Context, asked: _Asked) -> None:
-        self._library, self._context, self._asked = library, context, asked
+    def __init__(self, library: Library, context: Context, pending: _Pending) -> None:
+        self._library, self._context, self._pending = library, context, pending
 
     def check(self, path: Path, name: Named) -> list[Mistake]:
-        """What is wrong with a file."""
+        """Return the mistakes of a file that are found without a planner."""
         try:
             if isinstance(name, FileError):
                 raise name
             if name is None:
                 files, found = self._library.draft_poses()
                 found = [mistake for mistake in found if mistake.place.path == path]
-                return [*found, *self._reachable(next(f for f in files if f.path == path))]
-            assembly = TreeCompiler(self._library, self._context)
+                return [*found, *self._poses(next(f for f in files if f.path == path))]
+            compiler = TreeCompiler(self._library, self._context)
             if isinstance(name, int):
                 draft = self._library.draft(name)
-                root = assembly.task(*draft, "/check", None)
-                found = mistakes_of(assembly, draft, self._library, self._context)
+                tree = compiler.task(*draft, "/check", None)
+                found = mistakes_of(tree, draft, self._library, self._context)
+                self._pending.tasks.append(tree)
             else:
                 place = Place(self._library.subtree_path(name), 1, 1)
-                file, known = self._library.subtree(name, place)
-                root = assembly.subtree(file, Mistakes(known), "/check")
-                found = assembly.mistakes.found
+                tree = compiler.subtree(*self._library.subtree(name, place), "/check")
+                check_outcomes(tree)
+                found = tree.mistakes.found
         except TreeError as error:
             return _mistakes(error)
-        refusals(assembly, self._context.robot)  # told at the end, with those found by then
-        self._asked.trees.append((root, assembly))
-        if isinstance(name, int):
-            self._asked.tasks.append((root, assembly))
+        refusals(tree, self._context.robot)  # reported at the end, with those of other hooks
+        self._pending.trees.append(tree)
         return found
 
-    def _reachable(self, file: PosesFile) -> list[Mistake]:
-        """Poses that the robot cannot take, whether or not a task names them."""
+    def _poses(self, file: PosesFile) -> list[Mistake]:
+        """Return mistakes of poses, whether or not a task uses them."""
         robot, wrong = self._context.robot, []
         for name, joints in file.poses.items():
             place = file.labels[name].label
@@ -267,7 +265,7 @@ class _Checker:
                 continue
             if any(names <= joints.keys() for names in leaders):  # the others as after a reset
                 pose = tuple(joints.get(joint.name, joint.boot) for joint in robot.actuated)
-                self._asked.poses.append((place, pose))
+                self._pending.poses.append((place, pose))
         return wrong
 
 
@@ -278,31 +276,31 @@ def _mistakes(error: TreeError) -> list[Mistake]:
     return [Mistake(Place(path, 1, 1) if path else Place(Path(), 0, 0), str(error))]
 
 
-def _refused(asked: _Asked, context: Context, notes: list[Mistake]) -> Iterator[Mistake]:
+def _refused(pending: _Pending, context: Context, notes: list[Mistake]) -> Iterator[Mistake]:
     """What a planner says of every body by itself, and of every pose among the bodies there."""
-    if not (asked.poses or asked.trees):
+    if not (pending.poses or pending.trees):
         return
     with closing(context.pool) as pool:
         pool.start()
         broken = set[Body]()
-        for body, where in _bodies(asked).items():
+        for body, where in _bodies(pending).items():
             alone = World((replace(body, touches=frozenset()),))  # others may be there by then
             answer = _ask(pool, Verify([context.robot.boot_pose], 0.0, world=alone))
             if isinstance(answer, (BadWorld, WorkerDied)):
                 broken.add(body)
                 yield from (Mistake(place, f"{body.name}: {answer}") for place in where)
-        poses, boot = _poses(asked, context), context.robot.boot_pose
-        for (pose, world), told in poses.items():
+        poses, boot = _poses(pending, context), context.robot.boot_pose
+        for (pose, world), uses in poses.items():
             if broken.isdisjoint(world.bodies) and (hit := _hit(context, pose, world)):
-                yield from (Mistake(place, f"{words}: {_told(hit)}") for place, words in told)
-        for world, place in _unmoved(asked, context).items():
+                yield from (Mistake(place, f"{words}: {_words(hit)}") for place, words in uses)
+        for world, place in _unmoved(pending, context).items():
             new = (boot, world) not in poses and broken.isdisjoint(world.bodies)
             if new and (hit := _hit(context, boot, world)):
                 why = "where a reset puts the arm, it collides before it moves here"
-                notes.append(Mistake(place, f"{why}: {_told(hit)}"))
+                notes.append(Mistake(place, f"{why}: {_words(hit)}"))
 
 
-def _told(hit: MotionError) -> str:
+def _words(hit: MotionError) -> str:
     """In words: of a pose by itself, where a planner speaks of a motion."""
     return hit.contact if isinstance(hit, MotionCollides) else str(hit)
 
@@ -314,40 +312,41 @@ def _hit(context: Context, pose: Pose, world: World) -> MotionError | None:
     return answer if isinstance(answer, MotionError) and not isinstance(answer, BadWorld) else None
 
 
-def _bodies(asked: _Asked) -> dict[Body, list[Place]]:
+def _bodies(pending: _Pending) -> dict[Body, list[Place]]:
     """What is added, and where that is written."""
     bodies: dict[Body, list[Place]] = {}
-    for _, assembly in asked.trees:
-        for leaf in assembly.leaves:
-            if body := assembly.asking.body(leaf):
+    for tree in pending.trees:
+        for leaf in tree.leaves.values():
+            if body := tree.hooks.body(leaf):
                 bodies.setdefault(body, []).append(leaf.place)
     return bodies
 
 
-def _poses(asked: _Asked, context: Context) -> dict[tuple[Pose, World], list[tuple[Place, str]]]:
+def _poses(
+    pending: _Pending, context: Context
+) -> dict[tuple[Pose, World], list[tuple[Place, str]]]:
     """Where the arm is among which bodies; where that is written, and what is wrong if it hits."""
     poses: dict[tuple[Pose, World], list[tuple[Place, str]]] = {}
     goal, start = "this pose collides", "before it moves here, the arm collides"
-    for place, pose in asked.poses:
+    for place, pose in pending.poses:
         poses.setdefault((pose, EMPTY), []).append((place, goal))
     carry = partial(_carried, context.pool)
-    for root, built in asked.trees:
-        leaves, asking = built.leaves, built.asking
-        for motion in foresee(root, leaves, context.robot, carry, asking=asking).motions:
+    for tree in pending.trees:
+        for motion in predict_motions(tree, context.robot, carry).motions:
             if motion.start and (motion.start, motion.world) not in poses:
                 poses[motion.start, motion.world] = [(motion.place, start)]
             poses.setdefault((motion.pose, motion.world), []).append((motion.place, goal))
     return poses
 
 
-def _unmoved(asked: _Asked, context: Context) -> dict[World, Place]:
+def _unmoved(pending: _Pending, context: Context) -> dict[World, Place]:
     """What is around the arm when a task first moves it, and where that is written."""
     worlds, boot = dict[World, Place](), context.robot.boot_pose
     carry = partial(_carried, context.pool)
-    for root, built in asked.tasks:
-        # What skills refuse of this pose alone is no mistake either.
-        asking = Asking(built.asking.doubtful)
-        found = foresee(root, built.leaves, context.robot, carry, boot, asking=asking)
+    for tree in pending.tasks:
+        # Refusals that concern only this pose are not mistakes.
+        hooks = SkillHooks(tree.hooks.doubtful)
+        found = predict_motions(tree, context.robot, carry, boot, hooks=hooks)
         for motion in found.motions:
             if motion.start == boot:
                 worlds.setdefault(motion.world, motion.place)
@@ -375,4 +374,4 @@ def _context(robot: Robot) -> Context:
 
 
 def _ignore(*_: object) -> None:
-    """Nothing runs here, so nobody is told."""
+    """Do nothing: no skill runs here."""

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from hardware import Robot
-from tests.trees.analysis.test_check import HEAD, found, tree
+from tests.trees.test_check import HEAD, found, tree
 from trees import Library
-from trees.analysis.check import check
+from trees.check import check
 
 UNKNOWN = [
     ("integer", "{repeat: Succeed, times: $a}"),

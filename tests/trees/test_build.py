@@ -14,9 +14,9 @@ from hardware import Arm, Robot, SimulatedClock
 from skills import BadTarget, CheckBounds, Context, Execute, OutOfBounds, SkillError
 from skills.motion import Pool
 from trees import FileError, Library
-from trees.compile.assembly import MAX_NODES
-from trees.compile.builder import Tree, build
-from trees.compile.resolved import RESOLVED
+from trees.build import Tree, build
+from trees.compile.compiler import MAX_NODES
+from trees.export.resolved import RESOLVED
 from trees.nodes.parallel import Join
 
 HEAD = "task: 3\nname: x\ndescription: y\ntree:\n  sequence:\n"

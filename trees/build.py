@@ -1,0 +1,159 @@
+"""From a task file to a tree that can run: compiled, analysed and wired, but not ticked."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.blackboard import Blackboard
+from py_trees.common import Access, Status
+
+from hardware import Robot
+from skills import Context, Skill, SkillError, combine_errors
+
+from .analysis.reachability import check_outcomes
+from .compile.arguments import FILE, as_text, wrong
+from .compile.compiler import CompiledTree, TreeCompiler
+from .compile.leaf import Leaf
+from .compile.paths import paths
+from .compile.skill_hooks import Refusal
+from .errors import Mistake
+from .export.resolved import RESOLVED, resolved
+from .reading.document import Located
+from .reading.grammar import TaskFile
+from .reading.library import Library
+
+Draft = tuple[TaskFile, list[Mistake]]  # a task as far as it could be read, and its mistakes
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A tree that can run once.
+
+    Attributes:
+        root: Root of the tree.
+        skills: Its leaves, in the order of the file.
+        files: Texts of the files that it was built from, and of itself as one file, by name.
+        namespace: Namespace of its keys on the blackboard.
+    """
+
+    root: Behaviour
+    skills: tuple[Skill, ...]
+    files: Mapping[str, str]
+    namespace: str
+
+    def halt(self) -> None:
+        """Halt all running leaves, whatever the states of the nodes above them."""
+        for skill in self.skills:
+            if skill.status is Status.RUNNING:
+                skill.stop(Status.INVALID)
+
+    def discard(self) -> None:
+        """Remove its keys from the blackboard."""
+        # Not `Client.unregister`: it fails if two ports of a skill have the same key.
+        for key in [key for key in Blackboard.metadata if key.startswith(f"/{self.namespace}/")]:
+            del Blackboard.metadata[key]
+            Blackboard.storage.pop(key, None)
+        for skill in self.skills:
+            for client in skill.blackboards:
+                del Blackboard.clients[client.id()]
+
+
+def build(
+    draft: Draft,
+    library: Library,
+    context: Context,
+    namespace: str,
+    arguments: Mapping[str, Located] | None = None,
+) -> Tree:
+    """Build the tree of a task.
+
+    Args:
+        draft: The task as far as it could be read, and its mistakes.
+        library: Files of its subtrees.
+        context: Context of its skills.
+        namespace: Namespace of its keys on the blackboard; a different one for every run.
+        arguments: Values of its parameters.
+
+    Raises:
+        FileError: The files have mistakes; it holds all of them.
+        BadArguments: Only the arguments are wrong.
+        SkillError: A skill refuses an input of the task, such as a target out of bounds.
+    """
+    given = arguments or {}
+    tree = TreeCompiler(library, context).task(*draft, f"/{namespace}", given)
+    refused = refusals(tree, context.robot)
+    if found := mistakes_of(tree, draft, library, context):
+        raise wrong([*found, *(refusal.mistake for refusal in refused)], given)
+    if refused:
+        raise _cause(refused, dict(paths(tree.root)))
+    for leaf in tree.leaves.values():
+        _wire(leaf)
+    files = {FILE: as_text(given)} if given else {}
+    files |= {**tree.files, RESOLVED: resolved(tree)}
+    skills = tuple(leaf.skill for leaf in tree.leaves.values())
+    return Tree(tree.root, skills, files, namespace)
+
+
+def mistakes_of(
+    tree: CompiledTree, draft: Draft, library: Library, context: Context
+) -> list[Mistake]:
+    """Analyse a compiled task; return its mistakes, and those that its defaults hide."""
+    check_outcomes(tree)
+    hidden = _hidden(draft, library, context)
+    mistyped = {
+        declared.default.place: f"the default of {name}: "
+        for name, declared in draft[0].parameters.items()
+        if isinstance(declared.default, Located)
+        and any(f"${name} is " in mistake.message for mistake in hidden)
+    }
+    # If a parameter is mistyped, its uses are reported for every value, not for its default.
+    reported = (m for m in tree.mistakes.found if m.message.startswith(mistyped.get(m.place, "")))
+    return [*reported, *hidden]
+
+
+def _hidden(draft: Draft, library: Library, context: Context) -> list[Mistake]:
+    """Return the mistakes of a task without the defaults of its parameters."""
+    task, known = draft
+    if all(declared.needed for declared in task.parameters.values()):
+        return []
+    bare = {name: replace(each, default=None) for name, each in task.parameters.items()}
+    compiler = TreeCompiler(library, context)
+    tree = compiler.task(replace(task, parameters=bare), known, "/hidden", None)
+    check_outcomes(tree)
+    return tree.mistakes.found
+
+
+def refusals(tree: CompiledTree, robot: Robot) -> list[Refusal]:
+    """Let the skills validate their inputs; return what they refuse.
+
+    Skills that refuse an input are doubtful from then on.
+    """
+    for leaf in tree.leaves.values():
+        tree.hooks.validate(leaf, robot)
+    return tree.hooks.refused
+
+
+def _cause(refused: Sequence[Refusal], nodes: Mapping[Behaviour, str]) -> Exception:
+    """Combine refusals into one error: the class and node of the first, the messages of all."""
+    for refusal in refused:
+        place = refusal.place
+        at = f"{place.path.name}:{place.line}:{place.column}"
+        refusal.error.args = (f"{refusal.error} ({at})",)
+    cause = combine_errors([refusal.error for refusal in refused])
+    (first,) = (refusal for refusal in refused if refusal.error is cause)
+    if isinstance(cause, SkillError):
+        cause.node = nodes[first.node]
+    return cause
+
+
+def _wire(leaf: Leaf) -> None:
+    """Connect the ports of a skill to the blackboard."""
+    skill, namespace = leaf.skill, leaf.namespace
+    constants = {port: f"{namespace}/{skill.id}/{port}" for port in leaf.inputs}
+    skill.setup_ports({**constants, **leaf.keys}, namespace)
+    client = skill.attach_blackboard_client(namespace=namespace)
+    for port, key in constants.items():
+        client.register_key(key, access=Access.WRITE)
+        value: Any = leaf.inputs[port]
+        Blackboard.set(key, value)

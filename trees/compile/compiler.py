@@ -1,0 +1,559 @@
+"""The tree compiler: from a task file and skills to a py_trees tree, with every mistake found."""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.behaviours import Dummy
+
+import trees
+from hardware.suggestions import choices, corrections
+from skills import Context, Port, Skill
+from trees.declarations import ANY, Declaration, type_fits, words
+from trees.errors import Mistake, Place
+from trees.nodes import KINDS, Child, Control, ControlNodeKind, Flow
+from trees.nodes.unknown import UnknownKind
+from trees.reading.document import REFUSED, Located, StandIn
+from trees.reading.grammar import UNTYPED, SubtreeFile, TaskFile
+from trees.reading.library import Library
+from trees.reading.node_parser import Mistakes
+from trees.reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
+
+from .arguments import MISSING
+from .data_flow import Keys
+from .leaf import Leaf
+from .port_types import declaration, declarations, known_skills, port_value, type_of, wanted_at
+from .scope import Scope, fixed, resolve
+from .skill_hooks import SkillHooks
+from .sources import Source, Sources
+
+MAX_NODES = 10_000
+MAX_SUBTREES = 8  # within each other
+
+_UNKNOWN = UnknownKind()
+
+
+@dataclass(frozen=True)
+class CompiledTree:
+    """A tree, and all that is known about it before it runs.
+
+    Attributes:
+        root: Root of the tree.
+        namespace: Namespace of its keys.
+        leaves: Its skills, in the order of the file.
+        controls: Kinds and options of the nodes that have children.
+        places: Places of the nodes in the files.
+        calls: For the roots of subtrees and of other tasks: the places that refer to them.
+        hooks: Calls the code of its skills; knows which nodes are wrong.
+        files: Texts of the files that were used, by name.
+        mistakes: Mistakes so far.
+    """
+
+    root: Behaviour
+    namespace: str
+    leaves: Mapping[Behaviour, Leaf]
+    controls: Mapping[Behaviour, Control]
+    places: Mapping[Behaviour, Place]
+    calls: Mapping[Behaviour, Place]
+    hooks: SkillHooks
+    files: Mapping[str, str]
+    mistakes: Mistakes
+
+
+class TreeCompiler:
+    """Compiles one tree.
+
+    Args:
+        library: Files of subtrees, poses and other tasks.
+        context: Context of the skills.
+    """
+
+    def __init__(self, library: Library, context: Context) -> None:
+        self._context, self._library = context, library
+        self._sources, self._skills = Sources(library), known_skills()
+        self._keys, self._hooks, self._mistakes = Keys(), SkillHooks(), Mistakes()
+        self._leaves: dict[Behaviour, Leaf] = {}
+        self._controls: dict[Behaviour, Control] = {}
+        self._places: dict[Behaviour, Place] = {}
+        self._calls: dict[Behaviour, Place] = {}
+        self._nodes = 0
+
+    def task(
+        self,
+        task: TaskFile,
+        known: Iterable[Mistake],
+        namespace: str,
+        arguments: Mapping[str, Located] | None,
+    ) -> CompiledTree:
+        """Compile a task.
+
+        Args:
+            task: The task, as far as it could be read.
+            known: Mistakes that are known already.
+            namespace: Namespace of its keys.
+            arguments: Values of its parameters. If None, the task is only checked, and parameters
+                without a default have no value.
+        """
+        self._mistakes = Mistakes(known)
+        self._sources.files[task.path.name] = task.text
+        self._sources.load_poses(self._mistakes)
+        given = self._arguments(task, arguments)
+        unknown = {name: p for name, p in task.parameters.items() if name not in given}
+        stand_ins = self._stand_ins(unknown, namespace)
+        scope = Scope(namespace, given, (), stand_ins, fixed(task.parameters, "parameter"))
+        return self._compiled(self._node(task.tree, scope, task.name), namespace)
+
+    def subtree(
+        self, subtree: SubtreeFile, known: Iterable[Mistake], namespace: str
+    ) -> CompiledTree:
+        """Compile a subtree alone, to check it. Its ports have the declared types and no values.
+
+        Args:
+            subtree: The subtree, as far as it could be read.
+            known: Mistakes that are known already.
+            namespace: Namespace of its keys.
+        """
+        self._mistakes = Mistakes(known)
+        self._sources.load_poses(self._mistakes)
+        inputs = {name: port for name, port in subtree.ports.items() if not port.output}
+        stand_ins = self._stand_ins(inputs, namespace)
+        scope = Scope(namespace, {}, (subtree.name,), stand_ins, fixed(subtree.ports, "port"))
+        root = self._node(subtree.tree, scope, subtree.name)
+        for name, port in subtree.ports.items():
+            self._given(name, port, None)
+            if port.output:
+                key = f"{namespace}/{name}"
+                self._check_output(subtree.tree.place, f"subtree {subtree.name}", name, port, key)
+        return self._compiled(root, namespace)
+
+    def _compiled(self, root: Behaviour, namespace: str) -> CompiledTree:
+        return CompiledTree(
+            root,
+            namespace,
+            self._leaves,
+            self._controls,
+            self._places,
+            self._calls,
+            self._hooks,
+            self._sources.files,
+            self._mistakes,
+        )
+
+    def _wrong(self, place: Place, message: str) -> None:
+        self._mistakes.add(place, message)
+
+    def _stand_ins(self, declared: Mapping[str, Declaration], namespace: str) -> dict[str, StandIn]:
+        """Return placeholders for values that are not given yet, by full names of keys."""
+        kinds = {name: port.type or ANY for name, port in declared.items()}
+        self._keys.written |= {f"{namespace}/{name}": kind for name, kind in kinds.items()}
+        return {f"{namespace}/{name}": StandIn(name, kind) for name, kind in kinds.items()}
+
+    def _placeholder(self, name: str, place: Place) -> Behaviour:
+        """Return a node in place of one that is wrong."""
+        node = Dummy(name)
+        self._places[node] = place
+        self._hooks.doubtful.add(node)
+        return node
+
+    def _arguments(
+        self, task: TaskFile, arguments: Mapping[str, Located] | None
+    ) -> dict[str, Value]:
+        """Return the values of the parameters, from arguments and defaults."""
+        written = arguments or {}
+        for name, value in written.items():
+            if name not in task.parameters:
+                there = choices(name, task.parameters, written)
+                self._wrong(
+                    value.place, f"task {task.number} has no parameter {name}; there are {there}"
+                )
+        likely = corrections(written, task.parameters)
+        known = {likely.get(name, name): value for name, value in written.items()}
+        given: dict[str, Value] = {}
+        for name, declared in task.parameters.items():
+            checked = self._given(name, declared, known.get(name))
+            if checked is not None:
+                given[name] = checked
+            elif arguments is not None:
+                self._wrong(MISSING, f"the parameter {name} must be given, with --set {name}=VALUE")
+        return given
+
+    def _given(self, name: str, declared: Declaration, value: Value | None) -> Value | None:
+        """Check and return the value of a parameter or port, or its default, or None."""
+        default = declared.default if isinstance(declared.default, Located) else None
+        if default:
+            default = self._checked(default, declared, f"the default of {name}")
+        if value is None:
+            return default
+        return self._checked(value, declared, name) if isinstance(value, Located) else value
+
+    def _checked(self, value: Located, declared: Declaration, what: str) -> Located:
+        """Return a value, or REFUSED if it is wrong, so that its uses report nothing more."""
+        if declared.type == UNTYPED or self._fit(value, declared, what) is not None:
+            return value
+        return Located(value.place, REFUSED, value.label)
+
+    def _node(self, spec: TreeNode, scope: Scope, name: str = "") -> Behaviour:
+        """Return a node with its children; its name is the given one, if any."""
+        self._nodes += 1
+        if self._nodes > MAX_NODES:
+            if self._nodes == MAX_NODES + 1:
+                self._wrong(spec.place, f"the tree has more than {MAX_NODES} nodes")
+            return self._placeholder("too many", spec.place)
+        shown = name or spec.name
+        if isinstance(spec, SubtreeNode):
+            return self._file(spec, scope, shown)
+        compiled = self._control if isinstance(spec, ControlNode) else self._skill
+        node = compiled(spec, scope, shown)  # type: ignore[arg-type]
+        self._places[node] = spec.place
+        return node
+
+    # Control nodes
+
+    def _control(self, spec: ControlNode, scope: Scope, shown: str) -> Behaviour:
+        kind = KINDS.get(spec.kind, _UNKNOWN)
+        given = {
+            option: self._option(spec, option, declared, kind, scope)
+            for option, declared in kind.options.items()
+        }
+        wrong = {option for option, value in given.items() if value is REFUSED}
+        options = given | {option: _placeholder_value(kind, option) for option in wrong}
+        specs = list(spec.children)
+        if kind.condition:  # a missing one is reported already
+            specs = [*specs, *[SkillNode(spec.place, "", {})] * 2][:2]
+        nodes = self._children(specs, kind, options, scope)
+        node = kind.make(shown or spec.kind or kind.name, nodes, options, self._context)
+        self._controls[node] = Control(kind, options)
+        if wrong or kind is _UNKNOWN:
+            self._hooks.doubtful.add(node)
+        children = [_Child(self, *pair, scope) for pair in zip(nodes, specs, strict=True)]
+        if kind.only_asks or kind.condition:
+            self._check_condition(children[-1])
+        kind.check(children, options, _Child(self, node, spec, scope))
+        return node
+
+    def _option(
+        self,
+        spec: ControlNode,
+        option: str,
+        declared: Declaration,
+        kind: ControlNodeKind,
+        scope: Scope,
+    ) -> Any:
+        """Return the value of an option, or REFUSED if it is wrong."""
+        value = self._resolve(spec.options.get(option), scope)
+        if isinstance(value, Key) and value.name in scope.stand_ins:
+            stand_in = Located(value.place, scope.stand_ins[value.name], value.label)
+            self._fit(stand_in, declared, f"{spec.kind}: {option}")
+            return _placeholder_value(kind, option)
+        if isinstance(value, Key):
+            self._wrong(value.place, f"{spec.kind}: {option} must be known before the run")
+            return REFUSED
+        if value is None:
+            return REFUSED if declared.needed else declared.default
+        fitted = self._fit(value, declared, f"{spec.kind}: {option}")
+        return REFUSED if fitted is None else fitted
+
+    def _children(
+        self,
+        specs: Sequence[TreeNode],
+        kind: ControlNodeKind,
+        options: Mapping[str, Any],
+        scope: Scope,
+    ) -> list[Behaviour]:
+        """Compile children, and merge the keys that they write."""
+        flow, before = kind.flow(options), self._keys.copy()
+        if flow in (Flow.SEQUENCE, Flow.UNCERTAIN):
+            order = reversed(specs) if kind.condition else specs  # a condition is checked first
+            nodes = [self._node(spec, scope) for spec in order]
+            if flow is Flow.UNCERTAIN:
+                self._keys.merge_alternatives([before, self._keys])
+            return nodes[::-1] if kind.condition else nodes
+        nodes, branches = self._branches(specs, scope)
+        if flow is Flow.ALTERNATIVES:
+            self._keys.merge_alternatives(branches)
+        elif flow is Flow.PARALLEL:
+            self._keys.merge_parallel(branches, self._mistakes)
+        else:
+            for branch in branches:
+                self._keys.written |= branch.written
+            self._keys.unread = {}
+        return nodes
+
+    def _branches(
+        self, specs: Sequence[TreeNode], scope: Scope
+    ) -> tuple[list[Behaviour], list[Keys]]:
+        """Compile children that cannot pass keys to each other; return them and their keys."""
+        before, nodes, branches = self._keys, list[Behaviour](), list[Keys]()
+        for spec in specs:
+            self._keys = before.copy()
+            nodes.append(self._node(spec, scope))
+            branches.append(self._keys)
+        self._keys = before
+        for branch in branches:  # a key counts as read if one of them reads it
+            before.unread = {n: key for n, key in before.unread.items() if n in branch.unread}
+        return nodes, branches or [before]
+
+    def _check_condition(self, child: "_Child") -> None:
+        if name := child.action():
+            there = [name for name, kind in self._skills.items() if kind.condition]
+            why = f"{name} acts, and cannot be a condition; there are {choices(name, there)}"
+            child.wrong(why)
+
+    # Files
+
+    def _file(self, spec: SubtreeNode, scope: Scope, shown: str) -> Behaviour:
+        what = f"subtree {spec.source}" if isinstance(spec.source, str) else f"task {spec.source}"
+        label = spec.source if isinstance(spec.source, str) else what
+        way = (*scope.within, label)
+        if label in scope.within:
+            self._wrong(spec.place, f"{what} would hold itself: {' -> '.join(way)}")
+        elif len(way) > MAX_SUBTREES:
+            self._wrong(spec.place, f"more than {MAX_SUBTREES} subtrees within each other")
+        elif spec.source != "" and (source := self._sources.get(spec, self._mistakes)):
+            ports = self._ports(spec, source, scope, what)
+            missing = {
+                name: declared
+                for name, declared in source.declared.items()
+                if name not in ports and not declared.output
+            }
+            namespace = f"{scope.namespace}/{source.name}_{self._nodes}"
+            stand_ins = {**scope.stand_ins, **self._stand_ins(missing, namespace)}
+            unwritten = fixed(source.declared, source.what)
+            inner = Scope(namespace, ports, way, stand_ins, unwritten)
+            node = self._node(source.tree, inner, shown or source.name)
+            self._check_written(spec, source, ports, what)
+            self._calls[node] = spec.place
+            return node
+        self._forgive(spec.values.values(), scope)
+        return self._placeholder(label or "subtree", spec.place)
+
+    def _ports(
+        self, spec: SubtreeNode, source: Source, scope: Scope, what: str
+    ) -> dict[str, Value]:
+        """Return the values and keys at the ports of a subtree, without those that are wrong."""
+        ports: dict[str, Value] = {}
+        named = f"{source.what} of {what}" if source.certain else ""
+        values = self._named(spec.values, source.declared, named, scope)
+        for name, declared in source.declared.items():
+            value = values.get(name)
+            if declared.output and self._fixed(value, scope, f"{what}: {name}"):
+                continue
+            given = self._given(name, declared, self._resolve(value, scope))
+            if given is None:
+                self._wrong(spec.place, f"{what} needs {name}: {declared.description or declared}")
+            elif isinstance(given, Located) and declared.output:
+                self._unnamed(given, declared.type, f"{what} writes {name}", name, scope)
+            else:
+                ports[name] = given
+            if isinstance(given, Key) and self._typed(given, declared):
+                self._keys.copy().read(given, declared.type, f"{what}: {name}", self._mistakes)
+        return ports
+
+    def _typed(self, key: Key, declared: Declaration) -> bool:
+        """Whether a port reads a key that is written, and declares its type."""
+        reads = declared.type != UNTYPED and not declared.output
+        return reads and key.name in self._keys.written
+
+    def _check_written(
+        self, spec: SubtreeNode, source: Source, ports: Mapping[str, Value], what: str
+    ) -> None:
+        for name, declared in source.declared.items():
+            key = ports.get(name)
+            if declared.output and isinstance(key, Key):
+                self._check_output(spec.place, what, name, declared, key.name)
+
+    def _check_output(
+        self, place: Place, what: str, name: str, declared: Declaration, key: str
+    ) -> None:
+        written = self._keys.written.get(key)
+        if written is None:
+            self._wrong(place, f"{what} does not write {name} on every way through it")
+        elif not type_fits(written, declared.type):
+            self._wrong(place, f"{what}: {name} is {declared}, but written is {words(written)}")
+
+    # Skills
+
+    def _skill(self, spec: SkillNode, scope: Scope, shown: str) -> Behaviour:
+        kind = self._skills.get(spec.skill)
+        if kind is None:
+            if spec.skill in self._library.subtrees():
+                name = spec.skill
+                self._wrong(spec.place, f"{name} is a subtree, not a skill: write subtree: {name}")
+            elif spec.skill:  # else a mistake here is reported already
+                there = choices(spec.skill, (*self._skills, *KINDS, "subtree", "task"))
+                own = "; one of your own comes with --skills DIR"
+                self._wrong(spec.place, f"no skill {spec.skill}; there are {there}{own}")
+            self._forgive(spec.ports.values(), scope)
+            return self._placeholder(spec.skill, spec.place)
+        ports = declarations(kind)
+        given = self._named(spec.ports, ports, f"port of {spec.skill}", scope)
+        wired = {
+            port: self._resolve(value, scope)
+            for port, value in given.items()
+            if not (ports[port].output and self._fixed(value, scope, f"{spec.skill}.{port}"))
+        }
+        keys = {port: value.name for port, value in wired.items() if isinstance(value, Key)}
+        skill = self._hooks.make(kind, shown or spec.skill, self._context, spec.place)
+        inputs, types = self._inputs(spec, kind, wired)
+        self._outputs(spec, kind, wired, types, scope)
+        written = {p: v for p, v in wired.items() if isinstance(v, Located) and p in inputs}
+        if isinstance(skill, Skill):
+            leaf = Leaf(skill, spec.place, scope.namespace, keys, inputs, written)
+            self._leaves[skill] = leaf
+        return skill
+
+    def _forgive(self, values: Iterable[Value], scope: Scope) -> None:
+        """Treat keys at unknown ports as read and written, so that nothing else is reported."""
+        for value in values:
+            if isinstance(key := self._resolve(value, scope), Key):
+                self._keys.written.setdefault(key.name, ANY)
+                self._keys.unread.pop(key.name, None)
+
+    def _inputs(
+        self, spec: SkillNode, kind: type[Skill], wired: Mapping[str, Value | None]
+    ) -> tuple[dict[str, Any], dict[str, str]]:
+        """Check the inputs of a skill; return the literal ones, and the types of all."""
+        inputs: dict[str, Any] = {}
+        types: dict[str, str] = {}
+        for port, info in kind.input_ports().items():
+            value, what = wired.get(port), f"{spec.skill}.{port}"
+            wanted = wanted_at(kind, port, value, types)
+            if isinstance(value, Key):
+                types[port] = self._keys.read(value, wanted.type, what, self._mistakes)
+            elif value is not None:
+                fitted = self._fit(value, wanted, what)
+                inputs[port] = REFUSED if fitted is None else port_value(fitted)
+                types[port] = type_of(inputs[port]) if wanted.type == ANY else wanted.type
+            elif wanted.needed:
+                self._wrong(spec.place, f"{spec.skill} needs {port}: {info.description}")
+        if why := kind.mistyped(inputs, types):
+            self._wrong(spec.place, f"{spec.skill}: {why}")
+        return inputs, types
+
+    def _outputs(
+        self,
+        spec: SkillNode,
+        kind: type[Skill],
+        wired: Mapping[str, Value | None],
+        types: Mapping[str, str],
+        scope: Scope,
+    ) -> None:
+        for port, info in kind.output_ports().items():
+            value = wired.get(port)
+            like = types.get(info.like) if isinstance(info, Port) else None
+            written = like or declaration(info).type
+            if isinstance(value, Key):
+                self._keys.write(value, written, self._mistakes)
+            elif value is not None:
+                self._unnamed(value, written, f"{spec.skill} writes {port}", port, scope)
+
+    def _unnamed(self, value: Located, kind: str, what: str, port: str, scope: Scope) -> None:
+        """Report a value at a port that needs a key. A name without its $ counts as written."""
+        self._wrong(value.place, f"{what}; name a key such as ${port}")
+        if isinstance(value.value, str):
+            self._keys.written.setdefault(f"{scope.namespace}/{value.value}", kind)
+
+    def _fixed(self, value: Value | None, scope: Scope, what: str) -> bool:
+        """Report whether a value is a key that must not be written."""
+        if not isinstance(value, Key) or value.name not in scope.fixed:
+            return False
+        self._wrong(value.place, f"{what}: ${value.name} is {scope.fixed[value.name]}")
+        return True
+
+    # Values
+
+    def _resolve(self, value: Value | None, scope: Scope) -> Value | None:
+        """Return what a value means outside its file."""
+        return None if value is None else resolve(value, scope, self._mistakes.add_last)
+
+    def _fit(self, value: Located, wanted: Declaration, what: str) -> Any:
+        """Return a literal value in the declared type, or None if it is wrong."""
+
+        def wrong(place: Place, why: str) -> None:
+            self._mistakes.add_last(place, f"{what}: {why}")  # other uses may read it too
+
+        fitted = trees.fit(value, wanted, self._sources.poses, wrong)
+        if wanted.type.endswith("positions") and fitted is not None:
+            items = value.value if isinstance(value.value, list) else [value]
+            if any(isinstance(item.value, str) for item in items):
+                self._sources.use_poses()
+        return fitted
+
+    def _named(
+        self, given: Mapping[str, Value], known: Collection[str], what: str, scope: Scope
+    ) -> dict[str, Value]:
+        """Return the values of known ports, including those of misspelt ones.
+
+        Args:
+            given: Values by port, as the file has them.
+            known: Names of the ports.
+            what: Name for a port in messages; empty to report nothing.
+            scope: Scope of the values.
+        """
+        likely = corrections(given, known)
+        for port in given:
+            if port not in known:
+                there = choices(port, known, given)
+                if what:
+                    self._wrong(given[port].label, f"{port} is no {what}; there are {there}")
+                if port not in likely:
+                    self._forgive((given[port],), scope)
+        named = {likely.get(port, port): value for port, value in given.items()}
+        return {port: value for port, value in named.items() if port in known}
+
+
+def _placeholder_value(kind: ControlNodeKind, option: str) -> Any:
+    """Return the value of an option that is wrong or not known yet."""
+    return kind.placeholders.get(option, kind.options[option].default)
+
+
+class _Child:
+    """A compiled node, as the kind of the node above sees it: a `trees.nodes.Child`.
+
+    Args:
+        compiler: The compiler.
+        node: The node.
+        spec: What it was compiled from, or its place.
+        scope: Scope of the node.
+    """
+
+    def __init__(
+        self, compiler: TreeCompiler, node: Behaviour, spec: TreeNode | Place, scope: Scope
+    ) -> None:
+        self.name = node.name
+        self._compiler, self._node, self._scope = compiler, node, scope
+        self._place = spec if isinstance(spec, Place) else spec.place
+
+    def moves(self) -> bool:
+        """Whether a skill in it moves the arm."""
+        return any(leaf.skill.moves for leaf in self._leaves())
+
+    def action(self) -> str:
+        """Return the name of the first skill in it that is not a condition, or an empty text."""
+        acting = (leaf.skill for leaf in self._leaves() if not leaf.skill.condition)
+        return next((skill.name for skill in acting), "")
+
+    def lasting(self) -> Iterator[Child]:
+        """Return the nodes in it that may take longer than one tick."""
+        for below in self._node.iterate():
+            control = self._compiler._controls.get(below)
+            if control and control.kind.lasts(control.options):
+                place = self._compiler._places[below]
+                yield _Child(self._compiler, below, place, self._scope)
+
+    def is_constant(self) -> bool:
+        """Whether its result depends only on values that are known before the run."""
+        leaves, known = list(self._leaves()), self._scope.stand_ins.keys()
+        return bool(leaves) and all(
+            leaf.skill.pure and known >= set(leaf.keys.values()) for leaf in leaves
+        )
+
+    def wrong(self, message: str) -> None:
+        """Report a mistake at its place in the file."""
+        self._compiler._wrong(self._place, message)
+
+    def _leaves(self) -> Iterator[Leaf]:
+        for below in self._node.iterate():
+            if below in self._compiler._leaves:
+                yield self._compiler._leaves[below]

@@ -1,0 +1,105 @@
+"""Data flow: which keys are written when a node starts, and of which types.
+
+A key counts as written if every path through the tree to the node writes it.
+"""
+
+from dataclasses import dataclass, field
+
+from trees.declarations import type_fits, words
+from trees.reading.node_parser import Mistakes
+from trees.reading.specs import Key
+
+_OR = " | "  # separates the types of a key that depends on the path
+
+
+@dataclass
+class Keys:
+    """The keys on the blackboard when a node starts.
+
+    Attributes:
+        written: Type of every key that is certainly written, by full name.
+        unread: Keys that were written and not read since, by full name.
+    """
+
+    written: dict[str, str] = field(default_factory=dict)
+    unread: dict[str, Key] = field(default_factory=dict)
+
+    def copy(self) -> "Keys":
+        """Return a copy that can be changed independently."""
+        return Keys(dict(self.written), dict(self.unread))
+
+    def read(self, key: Key, wanted: str, what: str, mistakes: Mistakes) -> str:
+        """Check and record that a port reads a key.
+
+        Args:
+            key: The key.
+            wanted: Type that the port accepts.
+            what: Name of the port, for messages.
+            mistakes: Receives mistakes.
+
+        Returns:
+            The type of the key; empty if it is not written, or if its type is not certain.
+        """
+        name, written = short_name(key), self.written.get(key.name, "")
+        self.unread.pop(key.name, None)
+        if not written:
+            mistakes.add_last(key.place, f"nothing has written ${name} when {what} reads it")
+        elif _OR in written:
+            kinds = " or ".join(map(words, written.split(_OR)))
+            why = f"{what}: ${name} is {kinds}, by the way that was taken before"
+            mistakes.add_last(key.place, why)
+            return ""
+        elif not type_fits(written, wanted):
+            why = f"{what}: ${name} is {words(written)}, not {words(wanted)}"
+            mistakes.add_last(key.place, why)
+        return written
+
+    def write(self, key: Key, kind: str, mistakes: Mistakes) -> None:
+        """Check and record that a port writes a key of a type."""
+        if before := self.unread.get(key.name):
+            line = before.place.line
+            mistakes.add(
+                key.place,
+                f"${short_name(key)} is written a second time; what line {line} writes nothing "
+                "reads",
+            )
+        self.written[key.name], self.unread[key.name] = kind, key
+
+    def merge_alternatives(self, branches: list["Keys"]) -> None:
+        """Continue after one of several branches. Only keys of all branches are certain."""
+        certain = set.intersection(*(set(branch.written) for branch in branches))
+        self.written = {
+            name: _common_type([branch.written[name] for branch in branches])
+            for name in branches[0].written
+            if name in certain
+        }
+        self.unread = {}
+
+    def merge_parallel(self, branches: list["Keys"], mistakes: Mistakes) -> None:
+        """Continue after several branches that ran at the same time."""
+        for branch in branches:
+            for name, key in branch.unread.items():
+                other = self.unread.get(name)
+                if other and other is not key and name not in _same(self.unread, branch.unread):
+                    mistakes.add(
+                        key.place,
+                        f"${short_name(key)} is written beside line {other.place.line}, which "
+                        "writes it too, so that nobody knows which comes last",
+                    )
+                self.unread[name] = key
+            self.written |= branch.written
+
+
+def _common_type(kinds: list[str]) -> str:
+    """Return the type of a key that has one of several types."""
+    one = next((kind for kind in kinds if all(type_fits(other, kind) for other in kinds)), "")
+    return one or _OR.join(sorted({kind for each in kinds for kind in each.split(_OR)}))
+
+
+def _same(first: dict[str, Key], second: dict[str, Key]) -> set[str]:
+    return {name for name in first if first[name] is second.get(name)}
+
+
+def short_name(key: Key) -> str:
+    """Return the name of a key without its namespace."""
+    return key.name.rpartition("/")[2]

@@ -1,0 +1,92 @@
+"""Declarations of parameters, ports and options: types, units, bounds and choices."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+# The units of the types that have some. A number without a unit is in the first of them.
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "angle": {"rad": 1.0, "deg": math.pi / 180},
+    "duration": {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0},
+    "length": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+}
+LIST = "list of "  # prefix of a list's type, before the type of its items
+_PLAIN = ("number", "integer", "boolean", "text", *UNITS, "positions")
+TYPES = (*_PLAIN, *(LIST + kind for kind in _PLAIN))
+ANY = "any"
+
+_WORDS = {
+    "number": "a number",
+    "integer": "a whole number",
+    "boolean": "true or false",
+    "text": "a text",
+    "positions": "a mapping from joint names to angles, or a pose",
+    ANY: "a number, a text, or true or false",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """The declared type and limits of a parameter, a port or an option.
+
+    Attributes:
+        type: One of TYPES, ANY, or the name of a type that only skills can write.
+        default: Value if none is given. If None, a value is required unless `optional` is set.
+        optional: True if the value may be left out although there is no default.
+        least: Smallest value, in the first unit of the type.
+        most: Largest value, in the first unit of the type.
+        choices: Allowed values; empty if all are allowed.
+        count: Number of items of a list; 0 for any number.
+        output: True for a key that is written, False for a value that is read.
+        description: One line.
+    """
+
+    type: str
+    default: Any = None
+    optional: bool = False
+    least: float | None = None
+    most: float | None = None
+    choices: tuple[str, ...] = ()
+    count: int = 0
+    output: bool = False
+    description: str = ""
+
+    @property
+    def needed(self) -> bool:
+        """Whether a value must be given."""
+        return self.default is None and not self.optional
+
+    @property
+    def unit(self) -> str:
+        """Unit of a number without a unit; empty for types that have none."""
+        kind = self.type.removeprefix(LIST)
+        return next(iter(UNITS.get("angle" if kind == "positions" else kind, {})), "")
+
+    def __str__(self) -> str:
+        return words(self.type)
+
+
+def words(kind: str) -> str:
+    """Describe a type in a few words, for messages."""
+    if kind.startswith(LIST):
+        return f"a list, each item {words(kind.removeprefix(LIST))}"
+    if kind in UNITS:
+        units = list(UNITS[kind])
+        article = "an" if kind == "angle" else "a"
+        return f"{article} {kind} in {', '.join(units[:-1])} or {units[-1]}"
+    return _WORDS.get(kind) or f"a {kind}"
+
+
+def type_fits(given: str, wanted: str) -> bool:
+    """Whether a value of one type is accepted if another type is required.
+
+    A plain number is accepted as any quantity with a unit, and such a quantity as a number.
+    """
+    if given == wanted or "" in (given, wanted) or ANY in (given, wanted):
+        return True
+    if given.startswith(LIST) and wanted.startswith(LIST):
+        return type_fits(given.removeprefix(LIST), wanted.removeprefix(LIST))
+    if wanted == "number":
+        return given == "integer" or given in UNITS
+    return wanted in UNITS and given in ("number", "integer")

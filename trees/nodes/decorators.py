@@ -1,0 +1,126 @@
+"""Timeout, inverter and force_success: nodes that change the result of their child."""
+
+import math
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.decorators import Decorator, FailureIsSuccess, Inverter
+
+from skills import Context, TookTooLong
+
+from .kind import ControlNodeKind, Element, Flow, Options, Outcomes, PossibleOutcomes, duration
+
+
+class Timeout(Decorator):
+    """Halts its child, and fails, if it takes too long.
+
+    Args:
+        name: Name of the node.
+        child: Node to run.
+        context: Source of time and of ticks.
+        after: Longest time that the child may take [s].
+
+    Attributes:
+        failure: Error of the last timeout, or None.
+    """
+
+    def __init__(self, name: str, child: Behaviour, context: Context, after: float) -> None:
+        super().__init__(name, child)
+        self._context, self.after, self._until = context, after, 0.0
+        self.failure: TookTooLong | None = None
+
+    def initialise(self) -> None:
+        """Start the timer."""
+        self.failure, self._until = None, self._context.now() + self.after
+
+    def update(self) -> Status:
+        """Check the timer, if the child still runs."""
+        if self.decorated.status is not Status.RUNNING:
+            return self.decorated.status
+        if self._context.now() < self._until:
+            self._context.wake_at(self._until)
+            return Status.RUNNING
+        self.failure = TookTooLong(f"{self.name} took longer than {self.after:g} s")
+        self.feedback_message = str(self.failure)
+        return Status.FAILURE
+
+
+class TimeoutKind(ControlNodeKind):
+    """Halts its child, and fails, if it takes too long."""
+
+    name = "timeout"
+    description = "halted, and failed, when it takes too long"
+    options = {"after": duration("how long it may take", least=0.001)}
+    placeholders = {"after": math.inf}
+    may_halt = True
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node."""
+        return Timeout(name, children[0], context, options["after"])
+
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how it can end, and report a child that always takes longer."""
+        child, after = node.child(0, halted=True), node.options["after"]
+        if child.shortest >= after:
+            least = f"what it holds takes {child.shortest:g} s at least"
+            node.wrong(f"always fails after {after:g} s; {least}")
+        return PossibleOutcomes(child.succeeds, True, child.shortest)
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP; a time that is not known yet is no limit."""
+        after = options["after"]
+        return [("Timeout", {"msec": str(round(after * 1000) if math.isfinite(after) else 0)})]
+
+
+class InverterKind(ControlNodeKind):
+    """Fails if its child succeeds, and succeeds if it fails."""
+
+    name = "inverter"
+    description = "fails where the node succeeds, and the other way round"
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node."""
+        return Inverter(name, children[0])
+
+    def flow(self, options: Options) -> Flow:
+        """Return how its children follow each other."""
+        return Flow.UNCERTAIN
+
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how it can end."""
+        child = node.child(0, node.halted)
+        return PossibleOutcomes(child.fails, child.succeeds, 0.0)
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
+        return [("Inverter", {})]
+
+
+class ForceSuccessKind(ControlNodeKind):
+    """Succeeds when its child has ended."""
+
+    name = "force_success"
+    description = "succeeds when the node has ended, however it did"
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node."""
+        return FailureIsSuccess(name, children[0])
+
+    def flow(self, options: Options) -> Flow:
+        """Return how its children follow each other."""
+        return Flow.UNCERTAIN
+
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how it can end."""
+        child = node.child(0, node.halted)
+        return PossibleOutcomes(True, False, 0.0 if child.fails else child.shortest)
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
+        return [("ForceSuccess", {})]

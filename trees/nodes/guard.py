@@ -1,0 +1,118 @@
+"""Guard: a node that runs only while a condition holds."""
+
+from collections.abc import Iterator, Sequence
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.composites import Composite
+
+from skills import Context
+from trees.declarations import Declaration
+
+from .kind import (
+    Child,
+    ControlNodeKind,
+    Element,
+    Options,
+    Outcomes,
+    PossibleOutcomes,
+    duration,
+)
+from .loops import busy
+
+
+class Guard(Composite):
+    """Runs its first child while its second child, a condition, holds.
+
+    Args:
+        name: Name of the node.
+        children: The node to run, and the condition.
+        context: Source of time and of ticks.
+        pause: If the condition does not hold: True to wait until it does, False to fail.
+        every: Period in which the condition is checked [s].
+    """
+
+    def __init__(
+        self, name: str, children: list[Behaviour], context: Context, pause: bool, every: float
+    ) -> None:
+        super().__init__(name, children)
+        self._context, self.pause, self.every = context, pause, every
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Check the condition, then run the child."""
+        child, condition = self.children
+        if self.status is not Status.RUNNING:
+            self.initialise()
+        yield from condition.tick()
+        self.current_child = child
+        if condition.status is Status.SUCCESS:
+            if child.status is Status.RUNNING or not busy(child):
+                yield from child.tick()
+            self._end(child.status)
+        else:
+            if child.status is Status.RUNNING:
+                child.stop(Status.INVALID)
+            self._end(Status.RUNNING if self.pause else Status.FAILURE)
+        yield self
+
+    def _end(self, status: Status) -> None:
+        if status in (Status.SUCCESS, Status.FAILURE):
+            self.stop(status)
+            return
+        self.status = Status.RUNNING
+        self._context.wake_at(self._context.now() + self.every)
+
+
+class GuardKind(ControlNodeKind):
+    """Runs a node only while a condition holds."""
+
+    name = "guard"
+    description = "only as long as a condition holds"
+    options = {
+        "otherwise": Declaration(
+            "text",
+            default="fail",
+            choices=("fail", "pause"),
+            description="fail: halt the node and fail; pause: halt it, and begin it anew when "
+            "the condition holds again",
+        ),
+        "every": duration("how often the condition is asked", 0.1, least=0.01),
+    }
+    condition = "while"
+    may_halt = True
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node."""
+        return Guard(name, children, context, _pauses(options), options["every"])
+
+    def lasts(self, options: Options) -> bool:
+        """Whether it may take several ticks."""
+        return _pauses(options)
+
+    def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
+        """Report a condition that may take several ticks."""
+        for below in children[1].lasting():
+            below.wrong(
+                f"{below.name} may take time, and while asks for an answer at once; the guard "
+                "asks again by itself"
+            )
+
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how it can end."""
+        pauses, condition = _pauses(node.options), node.child(1, halted=False)
+        child = node.child(0, node.halted or (condition.fails and not pauses))
+        return PossibleOutcomes(child.succeeds, child.fails or not pauses, child.shortest)
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the nodes of BehaviorTree.CPP; a retried sequence waits as a guard does."""
+        description = {"_description": f"asked every {options['every']:g} s"}
+        if _pauses(options):
+            attributes = {"num_attempts": "-1", **description}
+            return [("RetryUntilSuccessful", attributes), ("ReactiveSequence", {})]
+        return [("ReactiveSequence", description)]
+
+
+def _pauses(options: Options) -> bool:
+    return bool(options["otherwise"] == "pause")

@@ -1,0 +1,216 @@
+"""The interface of a kind of control node: all that the rest of armtree knows about it.
+
+A kind is a subclass of `ControlNodeKind`. It is registered in `KINDS` when its class is defined.
+Reading, compilation, analysis and export take everything from there.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import Any, ClassVar, Protocol
+
+from py_trees.behaviour import Behaviour
+
+from skills import Context
+from trees.declarations import Declaration
+
+Options = Mapping[str, Any]
+Element = tuple[str, Mapping[str, str]]  # tag and attributes of an XML element
+
+MAX_DURATION = 86_400.0  # [s]
+
+
+class Flow(Enum):
+    """How the children of a node follow each other, if the node succeeds."""
+
+    SEQUENCE = auto()  # all of them, one after the other
+    ALTERNATIVES = auto()  # one of them, and it is not known which
+    PARALLEL = auto()  # all of them, at the same time
+    UNCERTAIN = auto()  # its child may have stopped anywhere
+    UNKNOWN = auto()  # any of them, in any order
+
+
+@dataclass(frozen=True, slots=True)
+class PossibleOutcomes:
+    """How a node can end.
+
+    Attributes:
+        succeeds: Whether it can succeed.
+        fails: Whether it can fail.
+        shortest: Least time that a success takes [s].
+    """
+
+    succeeds: bool = True
+    fails: bool = True
+    shortest: float = 0.0
+
+
+class Child(Protocol):
+    """A compiled child of a node."""
+
+    name: str
+
+    def moves(self) -> bool:
+        """Whether a skill in it moves the arm."""
+
+    def action(self) -> str:
+        """Return the name of the first skill in it that is not a condition, or an empty text."""
+
+    def lasting(self) -> Iterator["Child"]:
+        """Return the nodes in it that may take longer than one tick."""
+
+    def is_constant(self) -> bool:
+        """Whether its result depends only on values that are known before the run."""
+
+    def wrong(self, message: str) -> None:
+        """Report a mistake at its place in the file."""
+
+
+class Outcomes(Protocol):
+    """A compiled node, and how its children can end.
+
+    Attributes:
+        options: Values of the node's options.
+        halted: Whether a node above may halt this one before it ends.
+        count: Number of children.
+    """
+
+    options: Options
+    halted: bool
+    count: int
+
+    def child(self, number: int, halted: bool) -> PossibleOutcomes:
+        """Return how a child can end, if it may or may not be halted before it ends."""
+
+    def children(self, halted: bool) -> list[PossibleOutcomes]:
+        """Return how all children can end."""
+
+    def check_reached(self, continues: Sequence[bool], how: str) -> None:
+        """Report children that are never reached.
+
+        Args:
+            continues: For every child, whether the next one can follow it.
+            how: How a child ends if the next one follows, for the message.
+        """
+
+    def wrong(self, message: str) -> None:
+        """Report a mistake of the node."""
+
+
+class ControlNodeKind(ABC):
+    """A kind of node that has children. Subclasses are registered in `KINDS` by their name.
+
+    Attributes:
+        name: Its key in task files.
+        description: What it does, in a few words.
+        options: Keys that may be written beside it.
+        placeholders: Values of options that are not known before the task is called, for the
+            analysis of a task. An option that is missing here has its default.
+        many: True if it has a list of children, False if it has one.
+        condition: Key of a second child that must be a condition; empty if there is none.
+        only_asks: True if its child must be a condition.
+        may_halt: True if it may halt children that still run.
+    """
+
+    name: ClassVar[str]
+    description: ClassVar[str]
+    options: ClassVar[Mapping[str, Declaration]] = {}
+    placeholders: ClassVar[Mapping[str, Any]] = {}
+    many: ClassVar[bool] = False
+    condition: ClassVar[str] = ""
+    only_asks: ClassVar[bool] = False
+    may_halt: ClassVar[bool] = False
+
+    def __init_subclass__(cls, register: bool = True) -> None:
+        """Register the kind."""
+        if register:
+            KINDS[cls.name] = cls()
+
+    @abstractmethod
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node. A child that must be a condition is the last one."""
+
+    def label(self, options: Options) -> str:
+        """Return its name in drawings."""
+        return self.name.replace("_", " ")
+
+    def flow(self, options: Options) -> Flow:
+        """Return how its children follow each other."""
+        return Flow.SEQUENCE
+
+    def rounds(self, options: Options) -> int | None:
+        """Return how often its children have succeeded when it succeeds; None for any number."""
+        return 1
+
+    def lasts(self, options: Options) -> bool:
+        """Whether it may take several ticks, although its children end at once."""
+        return False
+
+    def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
+        """Report mistakes that concern its children together.
+
+        Args:
+            children: Its children.
+            options: Values of its options.
+            node: The node itself.
+        """
+        return
+
+    @abstractmethod
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how a node can end, and report what cannot be intended."""
+
+    @abstractmethod
+    def groot(self, options: Options) -> list[Element]:
+        """Return the nodes of BehaviorTree.CPP that do the same, each around the next one.
+
+        A condition comes before the node that it guards.
+        """
+
+
+KINDS: dict[str, ControlNodeKind] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """What a compiled node was made from.
+
+    Attributes:
+        kind: Its kind.
+        options: Values of its options.
+    """
+
+    kind: ControlNodeKind
+    options: Options
+
+
+def all_of(outcomes: Sequence[PossibleOutcomes], shortest: float) -> PossibleOutcomes:
+    """Return the outcomes of a node that succeeds if all its children do."""
+    succeeds = all(each.succeeds for each in outcomes)
+    return PossibleOutcomes(succeeds, any(each.fails for each in outcomes), shortest)
+
+
+def any_of(outcomes: Sequence[PossibleOutcomes]) -> PossibleOutcomes:
+    """Return the outcomes of a node that succeeds if any of its children does."""
+    return PossibleOutcomes(
+        any(each.succeeds for each in outcomes),
+        all(each.fails for each in outcomes),
+        min(each.shortest for each in outcomes),
+    )
+
+
+def duration(description: str, default: float | None = None, least: float = 0.0) -> Declaration:
+    """Declare an option that is a time [s]."""
+    return Declaration(
+        "duration", default=default, least=least, most=MAX_DURATION, description=description
+    )
+
+
+def count(description: str, optional: bool = False) -> Declaration:
+    """Declare an option that is a number of times."""
+    return Declaration(
+        "integer", optional=optional, least=1, most=1_000_000, description=description
+    )

@@ -1,0 +1,276 @@
+"""Retry, repeat and wait_for: nodes that run their child several times."""
+
+from collections.abc import Iterator, Sequence
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.decorators import Decorator
+
+from skills import Context, Skill
+
+from .kind import (
+    Child,
+    ControlNodeKind,
+    Element,
+    Options,
+    Outcomes,
+    PossibleOutcomes,
+    count,
+    duration,
+)
+
+# Least time between two rounds of a loop, so that a loop of instant nodes causes little load [s].
+LEAST_ROUND = 0.005
+
+
+class Loop(Decorator):
+    """Restarts its child, after a pause.
+
+    Attributes:
+        rounds: Number of rounds that have ended.
+    """
+
+    def __init__(self, name: str, child: Behaviour, context: Context) -> None:
+        super().__init__(name, child)
+        self._context = context
+        self._next: float | None = None
+        self.rounds = 0
+
+    @property
+    def failed_attempts(self) -> int:
+        """Number of rounds that have failed and are tried again."""
+        return 0
+
+    def progress(self, share: float | None) -> float | None:
+        """Return the progress of the loop.
+
+        Args:
+            share: Progress of the child, from 0 to 1; None if it is not known.
+        """
+        return None if self._next is not None else share  # between rounds it is of the last one
+
+    def initialise(self) -> None:
+        """Start the first round."""
+        self.rounds, self._next = 0, None
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick the child, unless its next round has to wait."""
+        if self.status is Status.RUNNING and self._next is not None:
+            if self._context.now() < self._next or busy(self.decorated):
+                self._wait(self._next)
+                yield self
+                return
+            self._next = None
+        yield from super().tick()
+
+    def again(self, pause: float) -> Status:
+        """Schedule another round, after a pause [s]."""
+        self._next = self._context.now() + max(pause, LEAST_ROUND)
+        self._wait(self._next)
+        return Status.RUNNING
+
+    def _wait(self, until: float) -> None:
+        self._context.wake_at(max(until, self._context.now() + LEAST_ROUND))
+
+
+class Retry(Loop):
+    """Runs its child until it succeeds.
+
+    Args:
+        name: Name of the node.
+        child: Node to run.
+        context: Source of time and of ticks.
+        attempts: Largest number of attempts.
+        backoff: Pause before the second attempt; it doubles each time [s].
+    """
+
+    def __init__(
+        self, name: str, child: Behaviour, context: Context, attempts: int, backoff: float
+    ) -> None:
+        super().__init__(name, child, context)
+        self.attempts, self.backoff = attempts, backoff
+
+    @property
+    def failed_attempts(self) -> int:
+        """Number of attempts that have failed."""
+        return self.rounds
+
+    def update(self) -> Status:
+        """Decide after an attempt."""
+        if self.decorated.status is not Status.FAILURE:
+            return self.decorated.status
+        self.rounds += 1
+        self.feedback_message = f"{self.rounds} of {self.attempts} attempts failed"
+        if self.rounds == self.attempts:
+            return Status.FAILURE
+        return self.again(self.backoff * 2.0 ** min(self.rounds - 1, 30))
+
+
+class RetryKind(ControlNodeKind):
+    """Runs its child until it succeeds."""
+
+    name = "retry"
+    description = "again until it succeeds"
+    options = {
+        "attempts": count("how often at most"),
+        "backoff": duration("pause before the second attempt; it doubles each time", 0.0),
+    }
+    placeholders = {"attempts": 1}
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node."""
+        return Retry(name, children[0], context, options["attempts"], options["backoff"])
+
+    def lasts(self, options: Options) -> bool:
+        """Whether it may take several ticks."""
+        return True
+
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how it can end, and report a child that never fails."""
+        child = node.child(0, node.halted)
+        if not child.fails:
+            node.wrong("has nothing to retry: what it holds never fails")
+        return child
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
+        attributes = {"num_attempts": str(options["attempts"])}
+        if backoff := options["backoff"]:
+            attributes["_description"] = f"after {backoff:g} s, which doubles each time"
+        return [("RetryUntilSuccessful", attributes)]
+
+
+class Repeat(Loop):
+    """Runs its child until it fails.
+
+    Args:
+        name: Name of the node.
+        child: Node to run.
+        context: Source of time and of ticks.
+        times: Number of rounds; None for no limit.
+    """
+
+    def __init__(self, name: str, child: Behaviour, context: Context, times: int | None) -> None:
+        super().__init__(name, child, context)
+        self.times = times
+
+    def progress(self, share: float | None) -> float | None:
+        """Return the progress of all rounds."""
+        share = super().progress(share)
+        if self.times and (self.rounds or share is not None):
+            return (self.rounds + (share or 0.0)) / self.times
+        return share
+
+    def update(self) -> Status:
+        """Decide after a round."""
+        if self.decorated.status is not Status.SUCCESS:
+            return self.decorated.status
+        self.rounds += 1
+        self.feedback_message = f"{self.rounds} of {self.times}" if self.times else f"{self.rounds}"
+        return Status.SUCCESS if self.rounds == self.times else self.again(0.0)
+
+
+class RepeatKind(ControlNodeKind):
+    """Runs its child until it fails."""
+
+    name = "repeat"
+    description = "again until it fails"
+    options = {"times": count("how often; without it for ever", optional=True)}
+    placeholders = {"times": 1}
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node."""
+        return Repeat(name, children[0], context, options["times"])
+
+    def rounds(self, options: Options) -> int | None:
+        """Return how often its child has succeeded."""
+        times: int | None = options["times"]
+        return times
+
+    def lasts(self, options: Options) -> bool:
+        """Whether it may take several ticks."""
+        return True
+
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how it can end, and report a loop that never starts again or never ends."""
+        child, times = node.child(0, node.halted), node.options["times"]
+        if not child.succeeds:
+            node.wrong("has nothing to repeat: what it holds never succeeds")
+        if times is not None:
+            return PossibleOutcomes(child.succeeds, child.fails, child.shortest * times)
+        if not child.fails and not node.halted:
+            node.wrong(
+                "never ends: nothing in it can fail; say times, or put it into a timeout or into a "
+                "parallel with policy any"
+            )
+        return PossibleOutcomes(False, child.fails, 0.0)
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
+        return [("Repeat", {"num_cycles": str(options["times"] or -1)})]
+
+
+class WaitFor(Loop):
+    """Checks a condition until it holds.
+
+    Args:
+        name: Name of the node.
+        child: The condition.
+        context: Source of time and of ticks.
+        every: Period of the checks [s].
+    """
+
+    def __init__(self, name: str, child: Behaviour, context: Context, every: float) -> None:
+        super().__init__(name, child, context)
+        self.every = every
+
+    def update(self) -> Status:
+        """Decide after a check."""
+        if self.decorated.status is Status.FAILURE:
+            return self.again(self.every)
+        return self.decorated.status
+
+
+class WaitForKind(ControlNodeKind):
+    """Checks a condition until it holds."""
+
+    name = "wait_for"
+    description = "until the condition holds"
+    options = {"every": duration("how often it is asked", 0.1, least=0.01)}
+    only_asks = True
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node."""
+        return WaitFor(name, children[0], context, options["every"])
+
+    def lasts(self, options: Options) -> bool:
+        """Whether it may take several ticks."""
+        return True
+
+    def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
+        """Report a condition that cannot change."""
+        if children[0].is_constant():
+            children[0].wrong("wait_for waits for nothing: its condition is known before the run")
+
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how it can end, and report a condition that never holds."""
+        child = node.child(0, node.halted)
+        if not child.succeeds:
+            node.wrong("never ends: what it waits for never holds")
+        return PossibleOutcomes(child.succeeds, False, child.shortest)
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
+        description = f"asked every {options['every']:g} s"
+        return [("RetryUntilSuccessful", {"num_attempts": "-1", "_description": description})]
+
+
+def busy(node: Behaviour) -> bool:
+    """Whether work that a node started still continues, even after the node was halted."""
+    return any(isinstance(below, Skill) and below.call_hook("busy") for below in node.iterate())

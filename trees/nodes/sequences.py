@@ -1,0 +1,138 @@
+"""Sequence and selector: children that run one after the other."""
+
+from collections.abc import Iterator, Sequence
+
+from py_trees import composites
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from skills import Context
+from trees.declarations import Declaration
+
+from .kind import (
+    Child,
+    ControlNodeKind,
+    Element,
+    Flow,
+    Options,
+    Outcomes,
+    PossibleOutcomes,
+    all_of,
+    any_of,
+)
+
+# Period in which nodes without memory repeat their conditions while a later child runs [s].
+RECHECK_PERIOD = 0.1
+
+_MEMORY = {
+    "memory": Declaration(
+        "boolean",
+        default=True,
+        description="whether a finished child is not asked again while a later one runs",
+    )
+}
+
+
+class ReactiveSequence(composites.Sequence):
+    """A sequence without memory: it repeats children that succeeded while a later one runs."""
+
+    def __init__(self, name: str, children: list[Behaviour], context: Context) -> None:
+        super().__init__(name, memory=False, children=children)
+        self._context = context
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick from the first child on."""
+        yield from super().tick()
+        _recheck(self, self._context)
+
+
+class ReactiveSelector(composites.Selector):
+    """A selector without memory: it repeats children that failed while a later one runs."""
+
+    def __init__(self, name: str, children: list[Behaviour], context: Context) -> None:
+        super().__init__(name, memory=False, children=children)
+        self._context = context
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick from the first child on."""
+        yield from super().tick()
+        _recheck(self, self._context)
+
+
+def _recheck(node: Behaviour, context: Context) -> None:
+    if node.status is Status.RUNNING:
+        context.wake_at(context.now() + RECHECK_PERIOD)
+
+
+class _InTurn(ControlNodeKind, register=False):
+    """Children that run one after the other, with or without memory."""
+
+    options = _MEMORY
+    many = True
+
+    def label(self, options: Options) -> str:
+        """Return its name in drawings."""
+        return self.name if options["memory"] else f"reactive {self.name}"
+
+    def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
+        """Report actions before the last child of a node without memory."""
+        for child in [] if options["memory"] else children[:-1]:
+            if name := child.action():
+                child.wrong(
+                    f"{name} acts, and without memory would begin anew for ever while a later node "
+                    "runs; only conditions may stand before the last node"
+                )
+
+
+class SequenceKind(_InTurn):
+    """Runs its children one after the other, until one fails."""
+
+    name = "sequence"
+    description = "one after the other, up to the first that fails"
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node."""
+        if options["memory"]:
+            return composites.Sequence(name, memory=True, children=children)
+        return ReactiveSequence(name, children, context)
+
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how it can end, and report children that are never reached."""
+        children = node.children(node.halted)
+        node.check_reached([each.succeeds for each in children], "succeeds")
+        return all_of(children, sum(each.shortest for each in children))
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
+        return [("Sequence" if options["memory"] else "ReactiveSequence", {})]
+
+
+class SelectorKind(_InTurn):
+    """Runs its children one after the other, until one succeeds."""
+
+    name = "selector"
+    description = "one after the other, up to the first that succeeds"
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a node."""
+        if options["memory"]:
+            return composites.Selector(name, memory=True, children=children)
+        return ReactiveSelector(name, children, context)
+
+    def flow(self, options: Options) -> Flow:
+        """Return how its children follow each other."""
+        return Flow.ALTERNATIVES
+
+    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+        """Return how it can end, and report children that are never reached."""
+        children = node.children(node.halted)
+        node.check_reached([each.fails for each in children], "fails")
+        return any_of(children)
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
+        return [("Fallback" if options["memory"] else "ReactiveFallback", {})]
