@@ -1,4 +1,4 @@
-"""`armtree log`: recordings listed, told, exported, compared, drawn, recovered and kept."""
+"""`armtree log`: list, show, export, compare, draw, recover and delete recordings."""
 
 import sys
 from pathlib import Path
@@ -30,13 +30,13 @@ _FILES = click.argument("recordings", metavar="RECORDING...", nargs=-1, required
 
 @click.group()
 def log() -> None:
-    """Look at recordings, and keep them in order."""
+    """List, show, compare, draw, recover and delete recordings."""
 
 
 @log.command()
 @_FOLDER
 def ls(folder: Path) -> None:
-    """List the recordings of a folder."""
+    """List the recordings of FOLDER, with task, outcome, duration and size."""
     from logs import LogError
     from logs.views.narrative import overview
     from logs.writing.retention import pinned
@@ -69,7 +69,7 @@ def _recordings_in(folder: Path) -> list[Path]:
 @log.command()
 @_FILE
 def info(recording: Path) -> None:
-    """Sum a recording up."""
+    """Summarise a recording: task, outcome, timing, files and versions."""
     from logs import RecordingTruncated
     from logs.views.narrative import overview
 
@@ -86,7 +86,7 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
     end = "being written" if found.written else end
     facts = [("file", f"{found.path}, {found.bytes} bytes, {found.messages} messages, {end}")]
     if torn := found.notes.get(RECOVERED, {}).get("torn_bytes"):
-        bytes_ = f" {torn} bytes of it were torn" if torn != "0" else ""
+        bytes_ = f" {torn} bytes were damaged" if torn != "0" else ""
         facts.append(("recovered", f"the file was cut off or damaged;{bytes_}".rstrip(";")))
     if goal := found.goal:
         facts.append(("goal", f"task {goal.task} {goal.name}, seed {goal.seed}"))
@@ -119,9 +119,9 @@ def _median(counted: "Counter[float]") -> float:
 
 @log.command()
 @_FILE
-@click.option("--all", "everything", is_flag=True, help="Every frame and received byte too.")
+@click.option("--all", "everything", is_flag=True, help="Include all frames and received bytes.")
 def show(recording: Path, everything: bool) -> None:
-    """Tell a run as a story, in seconds since its goal."""
+    """Print what happened in a run. Times are in seconds since its goal was accepted."""
     from logs.views.narrative import narrative
 
     for time, words in narrative(recording, everything):
@@ -131,9 +131,11 @@ def show(recording: Path, everything: bool) -> None:
 
 @log.command()
 @_FILE
-@click.option("-o", "--output", type=PATH, default=Path(), help="Folder for the CSV files.")
+@click.option(
+    "-o", "--output", type=PATH, default=Path(), help="Folder for the CSV files.", show_default="."
+)
 def export(recording: Path, output: Path) -> None:
-    """Write commanded joints and frames to CSV."""
+    """Write the commanded joint positions and the frames to CSV files."""
     from logs.views.table import export as write
 
     for path in write(recording, output):
@@ -144,15 +146,18 @@ def export(recording: Path, output: Path) -> None:
 @log.command()
 @click.argument("one", type=PATH)
 @click.argument("other", type=PATH)
-@click.option("-o", "--output", type=DRAWING, help="PNG, SVG or PDF of joints over each other.")
+@click.option("-o", "--output", type=DRAWING, help="Drawing to write: PNG, SVG or PDF.")
 def diff(one: Path, other: Path, output: Path | None) -> None:
-    """Compare two runs; exit status 12 where their frames differ."""
+    """Compare the frames and joint positions of two runs.
+
+    The exit status is 12 if the frames differ.
+    """
     from logs.views.comparison import compare
 
     both = compare(one, other)
     click.echo(both.first or f"all {len(both.runs[0].frames)} frames are the same")
     for joint, (distance, time) in both.joints.items():
-        click.echo(f"{joint:<12}{distance:.4f} rad apart at most, at {time:.3f} s")
+        click.echo(f"{joint:<12}differs by at most {distance:.4f} rad, at {time:.3f} s")
     if output:
         from logs.views.comparison_figure import draw_comparison
 
@@ -165,14 +170,17 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
 @log.command()
 @_FILES
 @click.option(
-    "-o", "--output", type=DRAWING, help="PNG, SVG or PDF; default: a PNG beside the recording."
+    "-o",
+    "--output",
+    type=DRAWING,
+    help="Drawing to write: PNG, SVG or PDF. Default: a PNG beside the recording.",
 )
 def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
-    """Draw recordings to files."""
+    """Draw joint positions, timing and scenes of recordings."""
     from logs.views.plot import plot as draw
 
     if output and len(recordings) > 1:
-        raise click.UsageError("--output goes with one recording")
+        raise click.UsageError("--output needs exactly one recording")
 
     def drawn(recording: Path) -> int:
         status = incomplete(recording)
@@ -188,7 +196,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
 
 
 def _scenes(recording: Path) -> "tuple[list[Scene], str]":
-    """The motions in space, or why they cannot be drawn."""
+    """Return the scenes of a recording, and why they cannot be drawn, or ""."""
     from executive.planning.motion_drawing import scenes_of
     from hardware import DescriptionError
     from logs import LogError
@@ -203,46 +211,49 @@ def _scenes(recording: Path) -> "tuple[list[Scene], str]":
 @log.command()
 @_FILES
 def recover(recordings: tuple[Path, ...]) -> None:
-    """Make recordings whole that a crash cut off; exit status 10 where something was lost."""
-    from logs import RecordingIncomplete
-    from logs import recover as mend
+    """Recover recordings that a crash has cut off.
 
-    def mended(recording: Path) -> int:
-        made = mend(recording)
+    The exit status is 10 if something was lost.
+    """
+    from logs import RecordingIncomplete
+    from logs import recover as recover_file
+
+    def recover_one(recording: Path) -> int:
+        made = recover_file(recording)
         click.echo(made.text() if made else f"{recording}: is complete, nothing to do")
         return 0 if made is None or made.whole else RecordingIncomplete.exit_status
 
-    sys.exit(with_each(recordings, mended))
+    sys.exit(with_each(recordings, recover_one))
 
 
 @log.command()
 @_FILES
-@click.option("--off", is_flag=True, help="Let it go again.")
+@click.option("--off", is_flag=True, help="Unpin: allow prune to delete it.")
 def pin(recordings: tuple[Path, ...], off: bool) -> None:
-    """Keep recordings for good: prune leaves what is write-protected."""
-    from logs.writing.retention import pin as keep
+    """Pin recordings: prune never deletes them. A pinned file is write-protected."""
+    from logs.writing.retention import pin as pin_file
 
-    def kept(recording: Path) -> int:
-        keep(recording, not off)
+    def pin_one(recording: Path) -> int:
+        pin_file(recording, not off)
         click.echo(f"{recording}: {'not pinned' if off else 'pinned'}")
         return 0
 
-    sys.exit(with_each(recordings, kept))
+    sys.exit(with_each(recordings, pin_one))
 
 
 @log.command()
 @_FOLDER
-@click.option("--days", type=AT_LEAST_0, help="Delete what is older.")
-@click.option("--mb", type=AT_LEAST_0, help="Delete the oldest beyond so many megabytes.")
+@click.option("--days", type=AT_LEAST_0, help="Delete recordings older than this [days].")
+@click.option("--mb", type=AT_LEAST_0, help="Delete the oldest beyond this total size [MB].")
 def prune(folder: Path, days: float | None, mb: float | None) -> None:
-    """Delete old recordings, never a pinned or an unfinished one."""
+    """Delete old recordings of FOLDER, but never a pinned or an unfinished one."""
     from hardware import RealClock
     from logs.writing.retention import Rule
-    from logs.writing.retention import prune as make_room
+    from logs.writing.retention import prune as delete_old
 
     if days is None and mb is None:
         raise click.UsageError("give --days, --mb or both")
-    _recordings_in(folder)  # a name that was misspelt has none
+    _recordings_in(folder)  # warns if the name of the folder is misspelt
     clock = RealClock()
-    for path in make_room(folder, Rule(days, mb), clock.epoch_ns() / 1e9 + clock.now()):
+    for path in delete_old(folder, Rule(days, mb), clock.epoch_ns() / 1e9 + clock.now()):
         click.echo(f"{path}: deleted")

@@ -1,6 +1,7 @@
-"""The commands around task files: list, check, show, begin one, and what may stand in them."""
+"""`armtree tasks`, `check`, `show`, `new`, `skills` and `schema`: commands for task files."""
 
 import json
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +14,14 @@ from .options import PATH, recordings_option, robot_option, skills_option, trees
 
 if TYPE_CHECKING:
     from trees import Declaration
+    from trees.check import Findings
+
+_RECORDING_NAME = re.compile(r"(\d{8}T\d{6}\.\d{3}Z)-(\d+)\.mcap")
+_MOST_RECORDINGS = 200  # that `armtree tasks` opens, so that it does not take long
+
+_output_option = click.option(
+    "-o", "--output", type=PATH, help="File to write. Default: standard output."
+)
 
 
 @click.command()
@@ -20,21 +29,19 @@ if TYPE_CHECKING:
 @recordings_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per task.")
 def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
-    """List the tasks there are."""
+    """List the tasks, with their parameters and the outcome of the last run."""
     from trees import FileError, Library
-
-    from .outcomes import last_outcomes
 
     library = Library(trees)
     mistakes = list(library.mistakes)
-    outcomes = last_outcomes(recordings)
+    outcomes = _last_outcomes(recordings)
     for number in library.numbers():
         try:
             task = library.head(number)
         except FileError as error:
             mistakes += error.mistakes
             if not as_json:
-                click.echo(f"{number:>4}  is wrong", err=True)
+                click.echo(f"{number:>4}  has mistakes", err=True)
             continue
         row = {
             "task": number,
@@ -44,31 +51,54 @@ def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
             "parameters": {name: _declared(p) for name, p in task.parameters.items()},
             "last_outcome": outcomes.get(number, ""),
         }
-        click.echo(json.dumps(row) if as_json else _row(row))
+        click.echo(json.dumps(row) if as_json else _task_lines(row))
     if mistakes:
         raise FileError(mistakes)
 
 
-def _row(row: dict[str, Any]) -> str:
+def _task_lines(row: dict[str, Any]) -> str:
     lines = [f"{row['task']:>4}  {row['name']:<12} {row['description']}"]
-    told = [row["source"]]
-    told += [f"--set {name}={declared}" for name, declared in row["parameters"].items()]
-    told += [f"last: {row['last_outcome']}"] if row["last_outcome"] else []
-    return "\n".join([*lines, *(f"{'':<19}{line}" for line in told)])
+    details = [row["source"]]
+    details += [f"--set {name}={declared}" for name, declared in row["parameters"].items()]
+    details += [f"last: {row['last_outcome']}"] if row["last_outcome"] else []
+    return "\n".join([*lines, *(f"{'':<19}{line}" for line in details)])
 
 
 def _declared(declared: "Declaration") -> str:
-    """A parameter in a few words."""
+    """Return the type, limits and default of a parameter."""
     default = declared.default
     text = default is not None and isinstance(default.value, str)
     value = "" if default is None else f" {default.value if text else default}"
-    bounds = ""
+    limits = ""
     if declared.least is not None or declared.most is not None:
         least = "" if declared.least is None else f"{declared.least:g}"
         most = "" if declared.most is None else f"{declared.most:g}"
-        bounds = f", {least}..{most}{' ' + declared.unit if declared.unit else ''}"
+        limits = f", {least}..{most}{' ' + declared.unit if declared.unit else ''}"
     choices = f", {'|'.join(declared.choices)}" if declared.choices else ""
-    return f"{declared.type.upper()}{bounds}{choices}" + (f" (default{value})" if value else "")
+    return f"{declared.type.upper()}{limits}{choices}" + (f" (default{value})" if value else "")
+
+
+def _last_outcomes(folder: Path) -> dict[int, str]:
+    """Return the outcome of the last recorded run of each task, by task number."""
+    latest: dict[int, tuple[str, Path]] = {}
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if found := _RECORDING_NAME.fullmatch(path.name):
+            number = int(found[2])
+            latest[number] = max(latest.get(number, ("", path)), (found[1], path))
+    newest = sorted(latest.items(), key=lambda item: item[1], reverse=True)[:_MOST_RECORDINGS]
+    return {number: _outcome(time, path) for number, (time, path) in newest}
+
+
+def _outcome(time: str, path: Path) -> str:
+    from logs import LogError, read
+
+    when = f"{time[:4]}-{time[4:6]}-{time[6:8]} {time[9:11]}:{time[11:13]} UTC"
+    try:
+        for message in read(path, ["/result"]):
+            return f"{message.fields()['state']} {when}"
+    except LogError:
+        pass  # reported as not complete
+    return f"unknown, {path.name} is not complete"
 
 
 @click.command()
@@ -80,35 +110,39 @@ def _declared(declared: "Declaration") -> str:
 def check(
     files: Sequence[Path],
     trees: Path | None,
-    skills: Path | None,
+    skills: Path | None,  # loaded by its option
     robot: Path | None,
     as_json: bool,
 ) -> None:
-    """Find every mistake in task files, without moving anything. Without FILE: in all of them."""
+    """Check task files and report every mistake with its line. Nothing moves.
+
+    Without FILE, all files of --trees are checked. A FILE is checked with the other files of its
+    own folder. The exit status is 3 if there is a mistake.
+    """
     source = click.get_current_context().get_parameter_source("trees")
     if files and source is click.core.ParameterSource.COMMANDLINE:
-        raise click.UsageError("--trees goes without FILE, which is checked with its own folder")
+        raise click.UsageError("give --trees or FILE; a FILE is checked with its own folder")
     from hardware import load_robot
     from trees import FileError
-    from trees.check import check as find
+    from trees.check import check as find_mistakes
 
-    findings = find(load_robot(robot), trees, files)
+    findings = find_mistakes(load_robot(robot), trees, files)
     for note in findings.notes:
         click.echo(f"note: {note.place} {note.message}", err=True)
+    mistakes, count = findings.mistakes, len(findings.mistakes)
     if as_json:
         click.echo(json.dumps(_findings(findings)))
-    elif findings.mistakes:
-        click.echo("\n".join(map(str, findings.mistakes)), err=True)
-        count = len(findings.mistakes)
-        told = "1 mistake" if count == 1 else f"{count} mistakes"
-        click.echo(f"{told} in {len(findings.files)} files", err=True)
+    elif mistakes:
+        click.echo("\n".join(map(str, mistakes)), err=True)
+        found = "1 mistake" if count == 1 else f"{count} mistakes"
+        click.echo(f"{found} in {len(findings.files)} files", err=True)
     else:
         click.echo(f"{len(findings.files)} files are right")
-    if findings.mistakes:
+    if mistakes:
         sys.exit(FileError.exit_status)
 
 
-def _findings(findings: Any) -> dict[str, Any]:
+def _findings(findings: "Findings") -> dict[str, Any]:
     mistakes = [
         {
             "file": str(mistake.place.path),
@@ -125,9 +159,12 @@ def _findings(findings: Any) -> dict[str, Any]:
 @click.command()
 @trees_option
 @skills_option
-@click.option("-o", "--output", type=PATH, help="File to write; default: standard output.")
+@_output_option
 def schema(trees: Path | None, skills: Path | None, output: Path | None) -> None:
-    """Print the JSON Schema of task files, for editors; it knows your skills and subtrees too."""
+    """Print the JSON Schema of task files. Editors use it to complete and check them.
+
+    It includes your own skills and subtrees.
+    """
     from trees import Library
     from trees.export.schema import schema_text
 
@@ -143,29 +180,29 @@ def schema(trees: Path | None, skills: Path | None, output: Path | None) -> None
 @skills_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per skill.")
 def skills(skills: Path | None, as_json: bool) -> None:
-    """List the skills there are, with their ports."""
+    """List the skills, with their ports."""
     from trees.compile.port_types import declarations, known_skills
 
     for name, kind in sorted(known_skills().items()):
         ports = declarations(kind)
-        words = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
+        description = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
         if as_json:
             rows = {
                 port: {
-                    "type": p.type,
-                    "output": p.output,
-                    "needed": p.needed,
-                    "description": p.description,
+                    "type": declared.type,
+                    "output": declared.output,
+                    "needed": declared.needed,
+                    "description": declared.description,
                 }
-                for port, p in ports.items()
+                for port, declared in ports.items()
             }
-            click.echo(json.dumps({"skill": name, "description": words, "ports": rows}))
+            click.echo(json.dumps({"skill": name, "description": description, "ports": rows}))
             continue
-        click.echo(f"{name}\n    {words}")
+        click.echo(f"{name}\n    {description}")
         for port, declared in ports.items():
-            arrow = "writes" if declared.output else "reads"
+            verb = "writes" if declared.output else "reads"
             default = "" if declared.needed else f", default {declared.default!r}"
-            click.echo(f"      {arrow:<6} {port:<12} {declared}{default}: {declared.description}")
+            click.echo(f"      {verb:<6} {port:<12} {declared}{default}: {declared.description}")
 
 
 @click.command()
@@ -173,7 +210,7 @@ def skills(skills: Path | None, as_json: bool) -> None:
 @trees_option
 @skills_option
 @robot_option
-@click.option("--ports", is_flag=True, help="Show what ports are wired to.")
+@click.option("--ports", is_flag=True, help="Show the ports and their values.")
 @click.option(
     "--format",
     "form",
@@ -182,17 +219,20 @@ def skills(skills: Path | None, as_json: bool) -> None:
     show_default=True,
     help="groot: XML for Groot2 and BehaviorTree.CPP 4.",
 )
-@click.option("-o", "--output", type=PATH, help="File to write; default: standard output.")
+@_output_option
 def show(
     task: str,
     trees: Path | None,
-    skills: Path | None,
+    skills: Path | None,  # loaded by its option
     robot: Path | None,
     ports: bool,
     form: str,
     output: Path | None,
 ) -> None:
-    """Show the tree of a task; of a RECORDING, coloured by what happened, with times."""
+    """Draw the tree of a task, given by its number, or of a recorded run.
+
+    In the tree of a recording, colours show how each node ended, and when.
+    """
     from hardware import load_robot
     from trees import Library
     from trees.check import compile_task
@@ -205,7 +245,7 @@ def show(
         root = outline(compile_task(load_robot(robot), Library(trees), number))
         text = as_groot(root, number) if form == "groot" else DRAWINGS[form](root, ports)
     elif ports or form == "groot":
-        raise click.UsageError("--ports and --format groot go with the number of a task")
+        raise click.UsageError("--ports and --format groot need the number of a task")
     else:
         from executive.replay.replayed_run import tree_of
 
@@ -228,12 +268,17 @@ def show(
     envvar="ARMTREE_TREES",
     default=Path("trees"),
     show_default=True,
-    help="Folder to write it to; made if it is not there.",
+    help="Folder to write to. It is created if it does not exist.",
 )
 @skills_option
 def new(number: int, name: str, trees: Path, skills: Path | None) -> None:
-    """Begin a task NUMBER called NAME: a file with comments that runs as it is."""
-    from .new_task import write_task
+    """Write a new task file: a commented example that runs.
+
+    \b
+    Example:
+      armtree new 3 wave
+    """  # noqa: D301
+    from trees.export.new_task import write_task
 
     path = write_task(trees, number, name)
     given = "" if trees == Path("trees") else f" --trees {trees}"

@@ -125,7 +125,7 @@ def test_check_as_json(tmp_path: Path) -> None:
     [
         (["check", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
         (["show", "0", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
-        (["check", "3_x.yaml", "--trees", "."], "--trees goes without FILE"),
+        (["check", "3_x.yaml", "--trees", "."], "give --trees or FILE"),
     ],
 )
 def test_what_is_typed_wrongly(arguments: list[str], words: str) -> None:
@@ -153,7 +153,7 @@ def test_show_a_run(tmp_path: Path) -> None:
     assert any(line.startswith("├─ ■ Execute  +0.750 s, 1.5") for line in told)
     assert "style=filled" in armtree("show", str(path), "--format", "dot").output
     refused = armtree("show", str(path), "--ports")
-    assert "--ports and --format groot go with the number of a task" in refused.output
+    assert "--ports and --format groot need the number of a task" in refused.output
 
 
 def test_the_last_outcome_of_a_task_is_listed(tmp_path: Path) -> None:

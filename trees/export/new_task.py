@@ -1,30 +1,32 @@
-"""`armtree new`: a commented task file that runs."""
+"""Writes a new task file: a commented example that runs."""
 
 import re
 from pathlib import Path
 
-from trees import FileError, Library, Mistake, Place
-from trees.export.schema import NAME, schema_text
+from trees.errors import FileError, Mistake, Place
+from trees.reading.library import Library
+
+from .schema import NAME, schema_text
 
 _TEXT = """\
 # yaml-language-server: $schema={schema}
-# Everything that can stand here is on one page: trees/README.md. `armtree check` finds mistakes.
+# trees/README.md describes everything that a task can contain. `armtree check` finds mistakes.
 task: {number}
 name: {name}
 description: Turn the arm to and fro.
 
-# What may be given when it is called: armtree run {number} --set swing="30 deg"
+# Parameters, given when the task is run: armtree run {number} --set swing="30 deg"
 parameters:
-  swing: {{type: angle, default: 20 deg, min: 1 deg, max: 60 deg, description: how far it turns}}
+  swing: {{type: angle, default: 20 deg, min: 1 deg, max: 60 deg, description: angle of the turn}}
 
-# What to do. `armtree skills` lists the skills, `armtree show {number}` draws this tree.
+# The tree. `armtree skills` lists the skills, `armtree show {number}` draws this tree.
 tree:
   sequence:
-    - subtree: reach                # a whole target: arm and gripper
+    - subtree: reach                # a target for arm and gripper
       with: {{arm: upright, gripper: open}}
     - repeat:
         sequence:
-          - subtree: move_joints    # some joints; the others stay
+          - subtree: move_joints    # some joints; the others do not move
             with: {{joints: {{joint_1: $swing}}}}   # in rad, or with a unit
           - Wait: {{duration: 200 ms}}
           - subtree: move_joints
@@ -35,15 +37,18 @@ tree:
 
 
 def write_task(folder: Path, number: int, name: str) -> Path:
-    """Write a task file, and the schema that editors complete it by.
+    """Write a task file, and the JSON Schema that editors use to complete it.
 
     Args:
-        folder: Where to; it is made if it is not there.
-        number: Of the task.
-        name: Of the task.
+        folder: Folder to write to. It is created if it does not exist.
+        number: Number of the task.
+        name: Name of the task.
+
+    Returns:
+        The path of the task file.
 
     Raises:
-        FileError: The number is taken, the name is none, or the file cannot be written.
+        FileError: The number is in use, the name is invalid, or the file cannot be written.
     """
     path = folder / f"{number}_{name}.yaml"
     try:
@@ -52,7 +57,9 @@ def write_task(folder: Path, number: int, name: str) -> Path:
         if number in library.numbers():
             raise _wrong(path, f"task {number} is in {library.path(number)} already")
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-            raise _wrong(path, f"{name!r} is not a name: a letter, then letters, digits, _ or -")
+            raise _wrong(
+                path, f"{name!r} is not a name; use a letter, then letters, digits, _ or -"
+            )
         (folder / NAME).write_text(schema_text(library))
         path.write_text(_TEXT.format(number=number, name=name, schema=NAME))
     except OSError as error:
