@@ -35,7 +35,7 @@ def doctor(
     Nothing moves, and the port is not opened unless --open is given. The last line is the command
     to type next. The exit status is 0 if all checks pass, else that of the first failure.
     """
-    from executive.readiness import check_readiness
+    from .readiness import check_readiness
     from hardware import serial_ports
 
     failures = []
