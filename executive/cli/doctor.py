@@ -35,8 +35,9 @@ def doctor(
     Nothing moves, and the port is not opened unless --open is given. The last line is the command
     to type next. The exit status is 0 if all checks pass, else that of the first failure.
     """
-    from .readiness import check_readiness
     from hardware import serial_ports
+
+    from .readiness import check_readiness
 
     failures = []
     for check in check_readiness(robot, port, trees, recordings, opens_port):
