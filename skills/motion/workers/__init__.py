@@ -1,1 +1,1 @@
-"""Planner processes and the messages to and from them."""
+"""Worker processes that plan: a pool, its processes, their main program, and messages."""

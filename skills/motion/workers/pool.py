@@ -1,4 +1,4 @@
-"""A pool of worker processes, so that planning can be ended at once and disturbs nobody."""
+"""A pool of worker processes: planning can be canceled at once and never blocks the caller."""
 
 from collections import deque
 from collections.abc import Callable
@@ -13,7 +13,13 @@ from .process import WorkerProcess
 
 
 class Job:
-    """A request handed to the pool."""
+    """A request in the pool.
+
+    Args:
+        pool: The pool.
+        request: The request.
+        done: Callback for the result.
+    """
 
     def __init__(self, pool: "Pool", request: Request, done: Callable[[Result], None]) -> None:
         self._pool = pool
@@ -21,10 +27,10 @@ class Job:
         self.done = done
 
     def cancel(self) -> None:
-        """End it; its result is PlanCanceled, unless it has one already. Returns at once.
+        """Cancel it and return at once. Its result is PlanCanceled, unless it has one already.
 
-        A job that still waits is told from this thread, one that runs from the pool's, as soon as
-        its process is dead.
+        The callback of a waiting job runs in this thread. That of a running job runs in the pool's,
+        as soon as its process is dead.
         """
         self._pool.cancel(self)
 
@@ -33,9 +39,9 @@ class Pool:
     """Worker processes for one robot, each with a thread that waits for it.
 
     Args:
-        robot: Whose motions are planned.
-        workers: How many processes.
-        clock: Threads are made by it and wait for jobs on it. Simulated time stands still while a
+        robot: The robot to plan for.
+        workers: Number of processes.
+        clock: Starts the threads, which wait for jobs on it. Simulated time stands still while a
             worker plans, but passes while one starts.
     """
 
@@ -43,26 +49,26 @@ class Pool:
         self._robot, self._clock = robot, clock
         self._signal = clock.signal()
         self._queue: deque[Job] = deque()
-        self._seats = [_Seat() for _ in range(workers)]
+        self._slots = [_Slot() for _ in range(workers)]
         self._closed = False
 
     def start(self) -> None:
-        """Start the processes in the background; returns at once."""
-        for number, seat in enumerate(self._seats):
-            seat.thread = self._clock.spawn(partial(self._serve, seat), f"plan-{number}")
+        """Start the processes in the background and return at once."""
+        for number, slot in enumerate(self._slots):
+            slot.thread = self._clock.spawn(partial(self._serve, slot), f"plan-{number}")
 
     def submit(self, request: Request, done: Callable[[Result], None]) -> Job:
-        """Have a request answered by the next free worker.
+        """Let the next free worker answer a request.
 
         Args:
-            request: What `Planner.answer` answers.
-            done: Called exactly once, with its answer or the MotionError; from a thread of the
-                pool, or from within `Job.cancel` and `close`. It must not block and must not raise.
+            request: A request that `Planner.answer` accepts.
+            done: Callback for the answer or the MotionError. It is called exactly once: from a
+                thread of the pool, or inside `Job.cancel` or `close`. It must not block or raise.
         """
         job = Job(self, request, done)
         with self._signal:
             if not self._closed:
-                if self._queue or not self._begin(job):
+                if self._queue or not self._assign(job):
                     self._queue.append(job)
                 self._signal.notify()
                 return job
@@ -70,101 +76,103 @@ class Pool:
         return job
 
     def cancel(self, job: Job) -> None:
-        """See `Job.cancel`."""
+        """Cancel a job; see `Job.cancel`."""
         with self._signal:
             waiting = job in self._queue
             if waiting:
                 self._queue.remove(job)
-            for seat in self._seats:
-                if seat.job is job:
-                    seat.end()
+            for slot in self._slots:
+                if slot.job is job:
+                    slot.cancel()
         if waiting:
             job.done(PlanCanceled())
 
     def close(self) -> None:
-        """Cancel everything, end all processes and threads. May be called again."""
+        """Cancel all jobs, and end all processes and threads. May be called again."""
         with self._signal:
             self._closed = True
             dropped = list(self._queue)
             self._queue.clear()
-            for seat in self._seats:
-                seat.end()
+            for slot in self._slots:
+                slot.cancel()
             self._signal.notify()
         for job in dropped:
             job.done(PlanCanceled())
-        for seat in self._seats:
-            if seat.thread:
-                seat.thread.join()
+        for slot in self._slots:
+            if slot.thread:
+                slot.thread.join()
 
-    def _serve(self, seat: "_Seat") -> None:
-        """What the thread of a worker does."""
-        self._seated(seat)
-        while self._next(seat):
-            if seat.job:
-                done = seat.job.done
-                done(self._answer(seat, seat.job))
-            self._seated(seat)
-        seat.close()
+    def _serve(self, slot: "_Slot") -> None:
+        """Main function of a slot's thread."""
+        self._ensure_process(slot)
+        while self._wait_for_job(slot):
+            if slot.job:
+                done = slot.job.done
+                done(self._answer(slot, slot.job))
+            self._ensure_process(slot)
+        slot.close()
 
-    def _seated(self, seat: "_Seat") -> None:
-        """See to it that a living process sits there."""
-        if not seat.alive:
-            seat.close()
+    def _ensure_process(self, slot: "_Slot") -> None:
+        if not slot.alive:
+            slot.close()
             process = WorkerProcess(self._robot)
             with self._signal:
-                seat.process = process
+                slot.process = process
 
-    def _begin(self, job: Job) -> bool:
-        """Have an idle worker begin at once: it works while its thread here wakes up."""
-        seat = next((seat for seat in self._seats if seat.idle and seat.alive), None)
-        if not (seat and seat.process):
+    def _assign(self, job: Job) -> bool:
+        """Give a job to an idle worker. It starts to work while its thread here wakes up."""
+        slot = next((slot for slot in self._slots if slot.idle and slot.alive), None)
+        if not (slot and slot.process):
             return False
-        seat.job, seat.ended, seat.idle = job, False, False
-        seat.process.begin(job.request)
+        slot.job, slot.canceled, slot.idle = job, False, False
+        slot.process.send_ahead(job.request)
         return True
 
-    def _next(self, seat: "_Seat") -> bool:
-        """Wait for a job, or for a dead process to be found; False when the pool closes."""
+    def _wait_for_job(self, slot: "_Slot") -> bool:
+        """Wait for a job or for the end of the process. Return False if the pool is closed."""
         with self._signal:
-            while not seat.job and not self._closed and seat.alive:
+            while not slot.job and not self._closed and slot.alive:
                 if self._queue:
-                    seat.job, seat.ended = self._queue.popleft(), False
+                    slot.job, slot.canceled = self._queue.popleft(), False
                 else:
-                    seat.idle = True
+                    slot.idle = True
                     self._signal.wait(None)
-                    seat.idle = False
-            return seat.job is not None or not self._closed
+                    slot.idle = False
+            return slot.job is not None or not self._closed
 
-    def _answer(self, seat: "_Seat", job: Job) -> Result:
-        self._seated(seat)  # it may have died while it had nothing to do
+    def _answer(self, slot: "_Slot", job: Job) -> Result:
+        self._ensure_process(slot)  # it may have died while it was idle
         with self._signal:
-            process = None if seat.ended else seat.process
-        result = process.ask(job.request) if process else PlanCanceled()
+            process = None if slot.canceled else slot.process
+        result = process.call(job.request) if process else PlanCanceled()
         with self._signal:
-            seat.job = None
-            return PlanCanceled() if seat.ended else result
+            slot.job = None
+            return PlanCanceled() if slot.canceled else result
 
 
-class _Seat:
-    """Where a worker sits: its process, its thread here, and the job it is at.
+class _Slot:
+    """A worker of the pool: its process, its thread here, and its job.
 
     Attributes:
-        ended: Whether that job was canceled, and the process killed for it.
-        idle: Whether its thread waits for a job.
+        process: The process, or None if it is closed.
+        thread: The thread that waits for the process.
+        job: The current job, or None.
+        canceled: True if that job was canceled, and the process killed.
+        idle: True while the thread waits for a job.
     """
 
     def __init__(self) -> None:
         self.process: WorkerProcess | None = None
         self.thread: Thread | None = None
         self.job: Job | None = None
-        self.ended = self.idle = False
+        self.canceled = self.idle = False
 
     @property
     def alive(self) -> bool:
         return self.process is not None and self.process.alive
 
-    def end(self) -> None:
-        self.ended = True
+    def cancel(self) -> None:
+        self.canceled = True
         if self.process:
             self.process.kill()
 

@@ -1,4 +1,4 @@
-"""One worker process, as the parent holds it."""
+"""One worker process, as its parent sees it."""
 
 import contextlib
 import os
@@ -18,7 +18,7 @@ from skills.motion.plan import Plan
 from skills.motion.query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
 from skills.motion.world import Body, World
 
-from .wire import Garbled, packed, receive, send
+from .messages import InvalidMessage, encode, receive, send
 
 _ANSWERS: dict[type, type[Any]] = {
     Query: Plan,
@@ -27,14 +27,14 @@ _ANSWERS: dict[type, type[Any]] = {
     Carry: Body,
     Verify: NoneType,
 }
-_LONGEST = 86_400.0  # time-out there can be [s]
-_GRACE = 0.008  # beyond its time-out, before a worker counts as hanging [s]
-_DYING = 0.2  # to say what was wrong, once it has hung up [s]
-_FEW = 100  # points and bodies
-_START = 30.0  # to load the model on a slow machine [s]
+_MAX_TIMEOUT = 86_400.0  # of a request [s]
+_GRACE = 0.008  # after a request's timeout, before the worker counts as hanging [s]
+_EXIT = 0.2  # longest wait for the exit status, once the worker closed its socket [s]
+_FEW = 100  # via points and bodies of a request that is encoded in no time
+_START = 30.0  # longest time to load the robot, on a slow machine [s]
 
-# What a request must hold, so that it is answered and ends no worker.
-_FORMS: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
+# Attributes that a worker relies on: name, type, and what to give instead.
+_TYPES: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
     ("group", str, "the name of a group"),
     ("via", (tuple, list), "a tuple of points"),
     ("point", (tuple, list), "x, y, z"),
@@ -43,31 +43,34 @@ _FORMS: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
 
 
 class WorkerProcess:
-    """A process that plans, started now and waited for by the first `ask`.
+    """A process that plans. It starts at once; the first `call` waits until it is ready.
 
-    It has a session of its own, so a Ctrl-C on the terminal does not reach it, and it ends by
-    itself when its end of the socket closes, that is, when this process ends.
+    It has a session of its own, so a Ctrl-C on the terminal does not reach it. It ends by itself
+    when its socket closes, at the latest when this process ends.
+
+    Args:
+        robot: The robot to plan for.
     """
 
     def __init__(self, robot: Robot) -> None:
         ours, theirs = socket.socketpair()
-        self._notes = tempfile.TemporaryFile()  # noqa: SIM115, closed by `close`
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115, closed by `close`
         with theirs:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "skills.motion.workers.worker", str(theirs.fileno())],
                 pass_fds=(theirs.fileno(),),
                 stdin=subprocess.DEVNULL,
-                stdout=self._notes,
-                stderr=self._notes,
+                stdout=self._output,
+                stderr=self._output,
                 env=_environment(),
                 start_new_session=True,
             )
         self._socket = ours
         self._ready = self._killed = False
-        self._unusable: MotionError | None = None  # what it says of the robot
+        self._unusable: MotionError | None = None  # its error about the robot
         self._number = 0  # of the last request
-        self._begun: tuple[float, bytes] | None = None  # until when, and what is still to be sent
-        self._hello(robot)
+        self._ahead: tuple[float, bytes] | None = None  # deadline, and bytes still to send
+        self._send_robot(robot)
 
     @property
     def pid(self) -> int:
@@ -76,157 +79,161 @@ class WorkerProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs, and nobody has ended it."""
+        """True while it runs and was not killed."""
         return not self._killed and self._process.poll() is None
 
-    def ask(self, request: Request) -> Result:
-        """Its answer, waited for; errors are answers.
+    def call(self, request: Request) -> Result:
+        """Wait for the answer to a request and return it. Errors are answers.
 
-        A worker that died, hung or answered nonsense is no longer alive after it.
+        A worker that died, hung or sent an invalid answer is no longer alive afterwards.
         """
-        begun, self._begun = self._begun, None
-        if wrong := _wrong(request):
-            return wrong
-        if not self._ready and (broken := self._start()):
-            return broken
+        ahead, self._ahead = self._ahead, None
+        if invalid := _check(request):
+            return invalid
+        if not self._ready and (failed := self._wait_until_ready()):
+            return failed
         try:
-            until, message = begun or self._packed(request)
+            until, message = ahead or self._encode(request)
         except BadQuery as error:
             return error
         try:
             if message:
                 send(self._socket, message, until)
-            number, answer = _pair(receive(self._socket, until))
+            number, answer = _numbered(receive(self._socket, until))
         except TimeoutError:
             self.kill()
             return PlanTimeout(request.timeout)
         except (EOFError, OSError):
             return self._died(until)
-        except Garbled as error:
-            return self._nonsense(str(error))
+        except InvalidMessage as error:
+            return self._invalid(str(error))
         if number != self._number:
-            return self._nonsense(f"request {number} instead of {self._number}")
+            return self._invalid(f"request {number} instead of {self._number}")
         if isinstance(answer, (_ANSWERS[type(request)], MotionError)):
             return answer
-        return self._nonsense(f"{type(request).__name__} with {type(answer).__name__}")
+        return self._invalid(f"{type(request).__name__} with {type(answer).__name__}")
 
-    def begin(self, request: Request) -> None:
-        """Send what will be asked next, if it is small, as far as that needs no waiting."""
-        if not self._ready or _wrong(request) or not _is_small(request):
+    def send_ahead(self, request: Request) -> None:
+        """Send the next request before its `call`, as far as that does not block.
+
+        Only small requests are sent. An error is returned by `call`.
+        """
+        if not self._ready or _check(request) or not _is_small(request):
             return
-        with contextlib.suppress(BadQuery, OSError):  # who asks is told
-            self._begun = until, message = self._packed(request)
+        with contextlib.suppress(BadQuery, OSError):
+            self._ahead = until, message = self._encode(request)
             sent = self._socket.send(message, socket.MSG_DONTWAIT)
-            self._begun = until, message[sent:]
+            self._ahead = until, message[sent:]
 
     def kill(self) -> None:
         """End it now. May be called from any thread, and again."""
         self._killed = True
         self._process.kill()
-        with contextlib.suppress(OSError):  # who waits for it need not wait until all is cleared up
+        with contextlib.suppress(OSError):  # wakes a `call` before the process is cleaned up
             self._socket.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """End it and leave nothing behind."""
+        """End it and free its resources."""
         self.kill()
         self._process.wait()
         self._socket.close()
-        self._notes.close()
+        self._output.close()
 
-    def _hello(self, robot: Robot) -> None:
+    def _send_robot(self, robot: Robot) -> None:
         try:
-            self._socket.sendall(packed(robot))
+            self._socket.sendall(encode(robot))
         except OSError:
-            self.kill()  # told by the first `ask`
+            self.kill()  # the first `call` returns the error
 
-    def _start(self) -> MotionError | None:
-        """Wait until it has loaded the robot; the error where it cannot."""
+    def _wait_until_ready(self) -> MotionError | None:
+        """Wait until it has loaded the robot; return the error if it cannot."""
         until = time.monotonic() + _START
         try:
             answer = self._unusable or receive(self._socket, until)
         except TimeoutError:
-            return self._nonsense(f"nothing within {_START:g} s of its start")
+            return self._invalid(f"nothing within {_START:g} s of its start")
         except (EOFError, OSError):
             return self._died(until)
-        except Garbled as error:
-            return self._nonsense(str(error))
+        except InvalidMessage as error:
+            return self._invalid(str(error))
         if isinstance(answer, MotionError):
             self._unusable = answer
             return answer
         if answer is not None:
-            return self._nonsense(f"{type(answer).__name__} when it started")
+            return self._invalid(f"{type(answer).__name__} when it started")
         self._ready = True
         return None
 
-    def _packed(self, request: Request) -> tuple[float, bytes]:
-        """Until when it may take, from now on, and the next request as it is sent.
+    def _encode(self, request: Request) -> tuple[float, bytes]:
+        """Return the request's deadline, from now on, and the request as it is sent.
 
         Raises:
-            BadQuery: It cannot be sent.
+            BadQuery: It cannot be pickled.
         """
         until = time.monotonic() + max(request.timeout, 0.0) + _GRACE
         self._number += 1
         try:
-            return until, packed((self._number, request))
-        except Exception as error:  # whatever the values in it raise
+            return until, encode((self._number, request))
+        except Exception as error:  # any exception that a value in it raises
             what = f"It cannot be sent to a worker ({shown(error)}); give plain numbers"
             raise BadQuery(what) from error
 
-    def _nonsense(self, what: str) -> WorkerDied:
+    def _invalid(self, what: str) -> WorkerDied:
         self.kill()
         return WorkerDied(f"it answered {what}")
 
     def _died(self, until: float) -> WorkerDied:
-        """What it died of, as far as that is known by then."""
+        """Return the cause of its death, as far as it is known before the deadline."""
         if self._killed:
             return WorkerDied("it was ended")
         try:
-            code = self._process.wait(min(_DYING, max(0.0, until - time.monotonic())))
+            code = self._process.wait(min(_EXIT, max(0.0, until - time.monotonic())))
         except subprocess.TimeoutExpired:
             self.kill()
             return WorkerDied("it hung up")
         self.kill()
         how = f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
-        return WorkerDied(how + self._last_words())
+        return WorkerDied(how + self._last_line())
 
-    def _last_words(self) -> str:
-        """What it said last, where it said anything."""
-        self._notes.seek(0)
-        lines = self._notes.read().decode(errors="replace").strip().splitlines()
+    def _last_line(self) -> str:
+        """Return the last line of its output in brackets, or an empty text."""
+        self._output.seek(0)
+        lines = self._output.read().decode(errors="replace").strip().splitlines()
         return f" ({lines[-1].strip()})" if lines else ""
 
 
 def _is_small(request: Request) -> bool:
-    """Whether it is packed in no time, so that nobody waits for it."""
+    """Return True if a request is encoded in no time, so that no other thread waits for it."""
     return isinstance(request, Query) and len(request.via) + len(request.world.bodies) < _FEW
 
 
-def _pair(answer: object) -> tuple[int, Any]:
-    """The number of a request, and its answer.
+def _numbered(answer: object) -> tuple[int, Any]:
+    """Return the number of a request and its answer.
 
     Raises:
-        Garbled: It is no pair.
+        InvalidMessage: The answer has no number.
     """
     if isinstance(answer, tuple) and len(answer) == 2 and type(answer[0]) is int:
         return answer
-    raise Garbled(f"{type(answer).__name__} without a number")
+    raise InvalidMessage(f"{type(answer).__name__} without a number")
 
 
-def _wrong(request: Request) -> BadQuery | None:
+def _check(request: Request) -> BadQuery | None:
+    """Return an error if a request could end a worker."""
     if type(request) not in _ANSWERS:
         return BadQuery(f"{type(request).__name__} is nothing that a planner can be asked")
-    for name, kind, form in _FORMS:
+    for name, kind, wanted in _TYPES:
         value = getattr(request, name, None)
         if hasattr(request, name) and not isinstance(value, kind):
-            return BadQuery(f"The {name} is {shown(value)}; give {form}")
+            return BadQuery(f"The {name} is {shown(value)}; give {wanted}")
     timeout = request.timeout
-    if isinstance(timeout, (int, float)) and abs(timeout) <= _LONGEST:  # not so if it is a NaN
+    if isinstance(timeout, (int, float)) and abs(timeout) <= _MAX_TIMEOUT:  # False for NaN
         return None
-    return BadQuery(f"The time-out is {shown(timeout)} s; give a number up to {_LONGEST:g}")
+    return BadQuery(f"The time-out is {shown(timeout)} s; give a number up to {_MAX_TIMEOUT:g}")
 
 
 def _environment() -> dict[str, str]:
-    """Ours, with the folder these rooms are in, and one thread per numeric library."""
+    """Return this process's environment with the rooms' folder, and one thread per library."""
     rooms = str(Path(__file__).parents[3])
     paths = [rooms, *filter(None, [os.environ.get("PYTHONPATH")])]
     single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

@@ -135,11 +135,11 @@ def growth_mb(robot: Robot, count: int) -> float:
     """What a worker's memory grows by over so many plans, one in ten round something [MB]."""
     with closing(_pool(robot)) as pool:
         _plans(pool, count // 10)
-        worker = pool._seats[0].process
+        worker = pool._slots[0].process
         assert worker
         before = _resident(worker.pid)
         _plans(pool, count)
-        assert pool._seats[0].process is worker
+        assert pool._slots[0].process is worker
         return _resident(worker.pid) - before
 
 

@@ -84,7 +84,7 @@ def ask(pool: Pool, request: Request) -> Result:
 
 
 def pid(pool: Pool) -> int:
-    process = pool._seats[0].process
+    process = pool._slots[0].process
     assert process
     return process.pid
 
@@ -181,7 +181,7 @@ def test_cancel_ends_the_process_and_the_next_job_is_fine(pool: Pool) -> None:
     job = pool.submit(LONG, running_job)
     waiting = pool.submit(PICK, waiting_job)
     taken = threading.Event()
-    while pool._seats[0].job is not job:
+    while pool._slots[0].job is not job:
         taken.wait(0.001)
     waiting.cancel()
     assert isinstance(waiting_job.wait(), PlanCanceled)
@@ -218,7 +218,7 @@ def test_a_worker_that_dies_idle_costs_nothing(pool: Pool) -> None:
 def test_a_worker_that_dies_idle_is_passed_over_and_replaced(robot: Robot) -> None:
     pool = Pool(robot, 2, RealClock())
     pool.start()
-    nap, (dead, other) = threading.Event(), pool._seats
+    nap, (dead, other) = threading.Event(), pool._slots
     while not (dead.idle and other.idle):
         nap.wait(0.001)
     assert dead.process
@@ -304,7 +304,7 @@ def test_close_cancels_and_leaves_nothing(robot: Robot) -> None:
     answers = [Answer() for _ in range(4)]
     for answer in answers:
         pool.submit(LONG, answer)
-    workers = [seat.process.pid for seat in pool._seats if seat.process]
+    workers = [slot.process.pid for slot in pool._slots if slot.process]
     pool.close()
     pool.close()
     assert all(isinstance(answer.wait(), PlanCanceled) for answer in answers)
@@ -343,7 +343,7 @@ pool.start()
 there = threading.Event()
 pool.submit(Query("gripper", (0.0, 0.0, 0.0, 0.0), (-0.7,)), lambda result: there.set())
 there.wait()
-print(pool._seats[0].process.pid, flush=True)
+print(pool._slots[0].process.pid, flush=True)
 os._exit(0)
 """
 

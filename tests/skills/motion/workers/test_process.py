@@ -52,7 +52,7 @@ def test_a_worker_that_hangs_in_its_first_goal_is_given_up(
     """All that it may need was loaded before, so the goal's own time holds."""
     program(tmp_path / "hangs", SAYS, monkeypatch, answer=b"")
     worker = WorkerProcess(robot)
-    assert isinstance(worker.ask(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
+    assert isinstance(worker.call(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
     assert not worker.alive
     worker.close()
 
@@ -115,7 +115,7 @@ def test_a_worker_that_answers_nonsense(
 ) -> None:
     program(tmp_path / "nonsense", SAYS, monkeypatch, answer=answer)
     worker = WorkerProcess(robot)
-    assert isinstance(worker.ask(PICK), WorkerDied)
+    assert isinstance(worker.call(PICK), WorkerDied)
     assert not worker.alive
     worker.close()
     assert not Path(f"/proc/{worker.pid}").exists()
@@ -127,7 +127,7 @@ def test_a_worker_that_announces_more_than_it_sends_is_given_up(
 ) -> None:
     program(tmp_path / "halts", SAYS, monkeypatch, answer=answer)
     worker = WorkerProcess(robot)
-    assert isinstance(worker.ask(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
+    assert isinstance(worker.call(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
     assert not worker.alive
     worker.close()
 
@@ -140,8 +140,8 @@ def test_a_worker_that_answers_twice(
     says = SAYS.replace("parent.recv(1)", again)
     program(tmp_path / "twice", says, monkeypatch, answer=answered(PlanTimeout(1.0)))
     worker = WorkerProcess(robot)
-    assert isinstance(worker.ask(PICK), PlanTimeout)
-    died = worker.ask(PICK)
+    assert isinstance(worker.call(PICK), PlanTimeout)
+    died = worker.call(PICK)
     assert isinstance(died, WorkerDied)
     assert died.why == "it answered request 1 instead of 2"
     assert not worker.alive
@@ -166,7 +166,7 @@ def test_a_worker_that_hangs_up_is_given_up_at_once(
     says = SAYS.replace("parent.recv(1)", "parent.close(); import signal; signal.pause()")
     program(tmp_path / "hangs_up", says, monkeypatch, answer=b"")
     worker = WorkerProcess(robot)
-    died = worker.ask(dataclasses.replace(PICK, timeout=0.05))
+    died = worker.call(dataclasses.replace(PICK, timeout=0.05))
     assert isinstance(died, WorkerDied)
     assert died.why == "it hung up"
     assert not worker.alive
@@ -176,9 +176,9 @@ def test_a_worker_that_hangs_up_is_given_up_at_once(
 def test_a_worker_that_takes_nothing_is_given_up(robot: Robot) -> None:
     """A request of a megabyte does not wait for it beyond its own time."""
     worker = WorkerProcess(robot)
-    assert worker.ask(Verify([robot.boot_pose], 0.0)) is None
+    assert worker.call(Verify([robot.boot_pose], 0.0)) is None
     os.kill(worker.pid, signal.SIGSTOP)
     rows = [robot.boot_pose] * 40_000
-    assert isinstance(worker.ask(Verify(rows, 0.0, timeout=0.05)), PlanTimeout)
+    assert isinstance(worker.call(Verify(rows, 0.0, timeout=0.05)), PlanTimeout)
     assert not worker.alive
     worker.close()

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skills.motion.workers.wire import Garbled, packed, receive
+from skills.motion.workers.messages import InvalidMessage, encode, receive
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
 def test_a_message_arrives_whole_however_it_is_cut(message: bytes, cuts: list[int]) -> None:
     here, there = socket.socketpair()
     with here, there:
-        sent = packed(message)
+        sent = encode(message)
         edges = [0, *sorted(min(cut, len(sent)) for cut in cuts), len(sent)]
 
         def send() -> None:
@@ -40,7 +40,7 @@ def test_a_message_arrives_whole_however_it_is_cut(message: bytes, cuts: list[in
 def test_a_message_longer_than_any_buffer(pair: tuple[socket.socket, socket.socket]) -> None:
     here, there = pair
     message = bytes(range(256)) * 20_000
-    thread = threading.Thread(target=lambda: there.sendall(packed(message)))
+    thread = threading.Thread(target=lambda: there.sendall(encode(message)))
     thread.start()
     assert receive(here) == message
     thread.join()
@@ -61,14 +61,14 @@ def test_what_is_no_message_ends_in_time(length: int, comes: int, closes: bool) 
         told, whole = comes >= 4, comes >= 4 + length
         expected: type[Exception] = EOFError if closes else TimeoutError
         if told and (whole or length > 2**30):
-            expected = Garbled
+            expected = InvalidMessage
         with pytest.raises(expected):
             receive(here, time.monotonic() + 0.001)
 
 
 def test_no_time_left_is_no_time(pair: tuple[socket.socket, socket.socket]) -> None:
     here, there = pair
-    there.sendall(packed(1))
+    there.sendall(encode(1))
     with pytest.raises(TimeoutError):
         receive(here, time.monotonic())
     assert receive(here, time.monotonic() + 1.0) == 1
