@@ -1,12 +1,12 @@
-"""Talking to a server from Python: `with Client() as arm: arm.run(1)`, or with `await`."""
+"""Use a server from Python: `with Client() as arm: arm.run(1)`, or AsyncClient with `await`."""
 
 from executive.goals.events import Status
 from executive.goals.outcome import CancelResult
 
 from .asynchronous import AsyncClient
 from .errors import ClientError, GoalFailed, Refused, ServerUnreachable
-from .requests import OpenQuestion, Task
 from .synchronous import Client
+from .values import OpenQuestion, Task
 
 __all__ = [
     "AsyncClient",

@@ -1,48 +1,48 @@
-"""The client for programs that use asyncio; its methods are those of `Client`, awaited."""
+"""The client for programs that use asyncio.
 
-import asyncio
+`synchronous.py` is made from this file: python -m tests.support.sync_client
+"""
+
 import json
 import uuid
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from types import MappingProxyType
+from typing import Any, Self, TypeVar
 
-from executive.goals.events import Status, event_from_json
-from executive.goals.outcome import CancelResult, GoalStatus, Outcome
+from executive.errors import ResultTimeout
+from executive.goals.events import Event, Status, event_from_json
+from executive.goals.outcome import CancelResult, GoalStatus, Outcome, cause_of
+from executive.server.http.operations import OPERATIONS
 from executive.server.token_file import KEEPALIVE
 
-from . import requests
+from . import transport
 from .errors import GoalFailed, Refused, ServerUnreachable
-from .replies import check, reached
-from .requests import OpenQuestion, Request, Task
-from .synchronous import ANSWER_TIMEOUT, BEAT_PERIOD, NOTHING, SILENCE_TIMEOUT
-
-if TYPE_CHECKING:
-    from executive.goals.events import Event
+from .values import OpenQuestion, Task
 
 T = TypeVar("T")
 
+NO_ARGUMENTS: Mapping[str, Any] = MappingProxyType({})
+
 
 class AsyncClient:
-    """A server, as an asyncio program sees it. Use it as an asynchronous context.
+    """A server, for programs that use asyncio. Use it as an asynchronous context.
 
     Args:
-        url: As of `Client`.
-        token: As of `Client`.
+        url: URL; default ARMTREE_SERVER, then the server on this machine.
+        token: Token; default ARMTREE_TOKEN, then the file that the server wrote for this user.
+
+    Every method raises ServerUnreachable if no server answers, and Refused if the server refuses
+    the request.
     """
 
     def __init__(self, url: str | None = None, token: str | None = None) -> None:
-        import httpx  # takes longer than all the rest
+        import httpx  # slow to import, and `--help` does not need it
 
-        address = requests.address(url, token)
+        address = transport.address(url, token)
         self.url = address.url
-        self._http = httpx.AsyncClient(
-            base_url=address.url,
-            headers=address.headers,
-            timeout=ANSWER_TIMEOUT,
-            transport=httpx.AsyncHTTPTransport(trust_env=False, socket_options=KEEPALIVE),
-            trust_env=False,
-        )
+        keepalive = httpx.AsyncHTTPTransport(trust_env=False, socket_options=KEEPALIVE)
+        self._http = httpx.AsyncClient(transport=keepalive, **address.options)
 
     async def __aenter__(self) -> Self:
         return self
@@ -51,14 +51,22 @@ class AsyncClient:
         await self.close()
 
     async def close(self) -> None:
-        """Close its connections; goals go on."""
+        """Close the connections. Goals continue."""
         await self._http.aclose()
 
     async def run(self, task: int, deadman: bool = False, **arguments: Any) -> Outcome:
-        """Run a task and wait until it is done.
+        """Run a task and wait for its end.
+
+        Args:
+            task: Number of the task.
+            deadman: True to cancel the goal if this program dies or stops answering.
+            arguments: Values of the task's parameters, by name.
+
+        Returns:
+            The outcome of a goal that succeeded.
 
         Raises:
-            GoalFailed: It was not done; `outcome` says why.
+            GoalFailed: The goal did not succeed; `outcome` says why.
         """
         if deadman:
             goal_id = uuid.uuid4().hex
@@ -74,129 +82,214 @@ class AsyncClient:
     async def send(
         self,
         task: int,
-        arguments: Mapping[str, Any] = NOTHING,
+        arguments: Mapping[str, Any] = NO_ARGUMENTS,
         goal_id: str = "",
         deadman: bool = False,
     ) -> str:
-        """Send a goal, and return its identity at once."""
-        return await self._do(requests.send(task, arguments, goal_id, deadman))
+        """Send a goal, without waiting for its end.
+
+        Args:
+            task: Number of the task.
+            arguments: Values of the task's parameters, by name.
+            goal_id: 32 hexadecimal digits; empty to let the server choose.
+            deadman: True to cancel the goal when its hold ends; see `hold`.
+
+        Returns:
+            The id of the goal.
+        """
+        return await self._call(
+            "send",
+            lambda answer: str(answer["goal_id"]),
+            task=task,
+            arguments=dict(arguments),
+            goal_id=goal_id or None,
+            deadman=deadman,
+        )
 
     async def result(self, goal_id: str, timeout: float | None = None) -> Outcome:
-        """Wait for the outcome of a goal [s]."""
-        for seconds in requests.waits(timeout):
+        """Wait for the outcome of a goal.
+
+        Args:
+            goal_id: Id of the goal.
+            timeout: Longest time to wait [s]; None for no limit. Refused is raised afterwards.
+        """
+        for seconds in transport.poll_times(timeout):
             try:
-                return await self._do(requests.result(goal_id, seconds))
+                return await self._call(
+                    "result",
+                    Outcome.from_json,
+                    extra_time=seconds,
+                    goal_id=goal_id,
+                    timeout=seconds,
+                )
             except Refused as error:
-                if error.code != requests.NOT_YET:
+                if error.code != ResultTimeout.code:
                     raise
-        raise requests.not_ended(goal_id, timeout)
+        raise Refused(cause_of(ResultTimeout(goal_id, timeout or 0.0)).to_json())
 
     async def goal(self, goal_id: str) -> GoalStatus:
-        """What a goal is at."""
-        return await self._do(requests.goal(goal_id))
+        """Return the state of a goal."""
+        return await self._call("goal", GoalStatus.from_json, goal_id=goal_id)
 
     async def goals(self) -> tuple[GoalStatus, ...]:
-        """All goals that are known."""
+        """Return all known goals. The server forgets ended ones after some time."""
+
+        def to_page(answer: Any) -> tuple[GoalStatus, ...]:
+            return tuple(map(GoalStatus.from_json, answer["goals"]))
+
         found: tuple[GoalStatus, ...] = ()
-        while page := await self._do(requests.goals(found)):
+        while page := await self._call(
+            "goals", to_page, before=found[0].stamp_ns if found else None
+        ):
             found = page + found
         return found
 
     async def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
-        """Cancel a goal, those accepted until a time [ns since 1970], both, or all."""
-        return await self._do(requests.cancel(goal_id, stamp_ns))
+        """Cancel goals: one, all accepted until a time, both, or all if neither is given.
+
+        Args:
+            goal_id: Id of the goal.
+            stamp_ns: Time of acceptance [ns since 1970].
+        """
+        return await self._call(
+            "cancel", CancelResult.from_json, goal_id=goal_id or None, stamp_ns=stamp_ns or None
+        )
 
     async def stop(self) -> CancelResult:
-        """Stop the arm, and cancel all goals. This is no emergency stop."""
-        return await self._do(requests.stop())
+        """Stop the arm and cancel all goals. This is not an emergency stop."""
+        return await self._call("stop", CancelResult.from_json)
 
     async def pause(self, goal_id: str) -> GoalStatus:
         """Stop the arm and keep the goal."""
-        return await self._do(requests.change(goal_id, "pause"))
+        return await self._call("pause", GoalStatus.from_json, goal_id=goal_id)
 
     async def resume(self, goal_id: str) -> GoalStatus:
-        """Go on with a paused goal."""
-        return await self._do(requests.change(goal_id, "resume"))
+        """Resume a paused goal."""
+        return await self._call("resume", GoalStatus.from_json, goal_id=goal_id)
 
     async def step(self, goal_id: str) -> GoalStatus:
-        """Let one node of a paused goal begin."""
-        return await self._do(requests.change(goal_id, "step"))
+        """Resume a paused goal until the next node starts."""
+        return await self._call("step", GoalStatus.from_json, goal_id=goal_id)
 
     async def break_at(self, node: str, on: bool = True) -> tuple[str, ...]:
-        """Have every goal pause before a node, by its path, or no longer; returns all such."""
-        return await self._do(requests.break_at(node, on))
+        """Set or clear a breakpoint: every goal pauses before that node starts.
+
+        Args:
+            node: Path of the node, such as `pick/Execute`.
+            on: False to clear the breakpoint.
+
+        Returns:
+            The paths of all breakpoints.
+        """
+        return await self._call(
+            "break_at", lambda answer: tuple(answer["breakpoints"]), node=node, on=on
+        )
 
     async def questions(self) -> tuple[OpenQuestion, ...]:
-        """What tasks ask now."""
-        return await self._do(requests.questions())
+        """Return the open questions of tasks."""
+        return await self._call(
+            "questions", lambda answer: tuple(map(OpenQuestion.from_json, answer["questions"]))
+        )
 
     async def answer(self, question_id: str, words: str) -> str:
-        """Answer a question; returns the answer that counts, which is the first."""
-        return await self._do(requests.answer(question_id, words))
+        """Answer a question.
+
+        Args:
+            question_id: Id of the question.
+            words: One of the choices, or an unambiguous abbreviation.
+
+        Returns:
+            The answer that counts, which is the first one.
+        """
+        return await self._call(
+            "answer", lambda answer: str(answer["answer"]), question_id=question_id, answer=words
+        )
 
     async def arm(self, transition: str, pose: str | None = None) -> str:
-        """Take the arm through a transition, as `Client.arm` does; activating moves it."""
-        return await self._do(requests.arm(transition, pose))
+        """Take the arm through its lifecycle.
+
+        Activating opens the port, which resets the board and moves the arm.
+
+        Args:
+            transition: configure, activate, deactivate, cleanup or shutdown.
+            pose: Pose of an arm whose board does not reset: `boot`, or `last` for the last
+                commanded pose.
+
+        Returns:
+            The new state.
+        """
+        return await self._call(
+            "arm",
+            lambda answer: str(answer["arm"]),
+            extra_time=30.0,
+            transition=transition,
+            pose=pose,
+        )
 
     async def status(self) -> Status:
-        """What the arm and the goals are at."""
-        return await self._do(requests.status())
+        """Return the state of the arm and of the goals."""
+        return await self._call("status", Status.from_json)
 
     async def tasks(self) -> tuple[Task, ...]:
-        """The tasks there are."""
-        return await self._do(requests.tasks())
+        """Return the tasks."""
+        return await self._call("tasks", lambda answer: tuple(map(Task.from_json, answer["tasks"])))
 
     @asynccontextmanager
-    async def events(self, *kinds: str) -> AsyncIterator[AsyncIterator["Event"]]:
-        """Watch what happens; first comes what still holds of the goal under way."""
-        query = {"events": ",".join(kinds)} if kinds else {}
-        with reached(self.url):
-            async with self._http.stream(
-                "GET", "/api/events", params=query, timeout=SILENCE_TIMEOUT
-            ) as response:
+    async def events(self, *kinds: str) -> AsyncIterator[AsyncIterator[Event]]:
+        """Watch events. The first ones describe the current state.
+
+        Args:
+            kinds: Kinds of events, such as `goal`, `node`, `status`; default all.
+        """
+        path, query, _ = OPERATIONS["events"].split({"events": ",".join(kinds) or None})
+        with transport.transport_errors(self.url):
+            stream = self._http.stream("GET", path, params=query, timeout=transport.SILENCE_TIMEOUT)
+            async with stream as response:
                 if response.is_error:
                     await response.aread()
-                check(response)
+                transport.raise_if_refused(response)
                 lines = response.aiter_lines()
-                await anext(lines, None)  # says that we watch
-                yield self._read(lines)
+                await anext(lines, None)  # the server confirms the subscription
+                yield self._read_events(lines)
 
     @asynccontextmanager
     async def hold(self, goal_id: str) -> AsyncIterator[None]:
-        """Hold a goal that is sent within a second: it is canceled when this context ends."""
-        released = asyncio.Event()
+        """Hold a goal, which must be sent within a second; it is canceled when this context ends.
 
-        async def beats() -> AsyncIterator[bytes]:
-            while not released.is_set():
-                yield b"."
-                with suppress(TimeoutError):
-                    await asyncio.wait_for(released.wait(), BEAT_PERIOD)
+        It is also canceled if this program dies, or if its machine cannot be reached for a second.
+        """
+        path, _, _ = OPERATIONS["hold"].split({"goal_id": goal_id})
 
-        async def hold() -> None:
-            with suppress(ServerUnreachable), reached(self.url):
-                await self._http.post(f"/api/goals/{goal_id}/hold", content=beats())
+        async def post(body: AsyncIterator[bytes]) -> None:
+            with suppress(ServerUnreachable), transport.transport_errors(self.url):
+                await self._http.post(path, content=body)
 
-        holding = asyncio.create_task(hold())
-        try:
+        async with transport.async_posted(post):
             yield
-        finally:
-            released.set()
-            await holding
 
-    async def _read(self, lines: AsyncIterator[str]) -> AsyncIterator["Event"]:
-        with reached(self.url, SILENCE_TIMEOUT):
+    async def _read_events(self, lines: AsyncIterator[str]) -> AsyncIterator[Event]:
+        with transport.transport_errors(self.url, transport.SILENCE_TIMEOUT):
             async for line in lines:
                 if line.startswith("data: "):
                     yield event_from_json(json.loads(line.removeprefix("data: ")))
 
-    async def _do(self, ask: Request[T]) -> T:
-        with reached(self.url):
+    async def _call(
+        self, name: str, read: Callable[[Any], T], /, extra_time: float = 0.0, **arguments: Any
+    ) -> T:
+        """Call an operation.
+
+        Args:
+            name: Name of its row in `operations`.
+            read: Converts the JSON of the answer.
+            extra_time: Time that the answer may take beyond `ANSWER_TIMEOUT` [s].
+            arguments: Parameters, and keys of the body; None is left out.
+        """
+        operation = OPERATIONS[name]
+        path, query, body = operation.split(arguments)
+        timeout = transport.ANSWER_TIMEOUT + extra_time
+        with transport.transport_errors(self.url):
             response = await self._http.request(
-                ask.method,
-                ask.path,
-                json=ask.body,
-                params=ask.query,
-                timeout=ANSWER_TIMEOUT + ask.patience,
+                operation.method, path, params=query, json=body, timeout=timeout
             )
-        check(response)
-        return ask.read(response.json())
+        transport.raise_if_refused(response)
+        return read(response.json())

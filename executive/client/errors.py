@@ -1,9 +1,9 @@
-"""What goes wrong when a server is asked.
+"""What the clients raise.
 
 ClientError
-├── ServerUnreachable   nobody answers, or no longer
-├── Refused             the server says no, and why
-└── GoalFailed          a goal ended, but was not done
+├── ServerUnreachable   no server answers
+├── Refused             the server refuses a request
+└── GoalFailed          a goal was canceled or aborted
 
 Every error carries a stable `code`.
 """
@@ -15,7 +15,7 @@ from executive.goals.outcome import Cause, Outcome
 
 
 class ClientError(Exception):
-    """Root of all that a client may raise."""
+    """Root of the errors of a client."""
 
     code = "server.error"
     exit_status = 13
@@ -25,7 +25,7 @@ class ClientError(Exception):
 
 
 class ServerUnreachable(ClientError, ConnectionError):
-    """Nobody answers, or no longer."""
+    """No server answers, or it stopped answering."""
 
     code = "server.unreachable"
     meaning = "No server answers"
@@ -33,44 +33,44 @@ class ServerUnreachable(ClientError, ConnectionError):
 
     def __init__(self, url: str, why: str) -> None:
         super().__init__(
-            f"no server answers at {url}: {why.rstrip('.')}. Start one with armtree serve, or say "
-            "where it is with --server URL or ARMTREE_SERVER"
+            f"no server answers at {url}: {why.rstrip('.')}. Start one with armtree serve, or "
+            "set its URL with --server URL or ARMTREE_SERVER"
         )
 
 
 class Refused(ClientError):
-    """The server says no.
+    """The server refuses a request.
 
     Args:
-        told: The error as it was sent.
+        fields: The error as JSON.
 
     Attributes:
         code: Stable name of the cause.
-        node: Of the tree, if one is to blame.
-        joint: If one is to blame.
-        value: What was asked for.
-        limit: What is allowed.
+        node: Path of the node that it concerns, or None.
+        joint: Name of the joint that it concerns, or None.
+        value: The wrong value [rad], [m] or [s].
+        limit: Limit of the value, in the same unit.
         hint: What to do about it.
-        cause: All of that in one, as outcomes have it.
+        cause: All of these as one value, as in an outcome.
     """
 
-    def __init__(self, told: Mapping[str, Any]) -> None:
-        self.code = str(told.get("code") or ClientError.code)
-        self.node, self.joint = told.get("node"), told.get("joint")
-        self.value, self.limit = told.get("value"), told.get("limit")
-        self.hint = str(told.get("hint") or "")
-        words = str(told.get("message") or "the server refused, and did not say why")
+    def __init__(self, fields: Mapping[str, Any]) -> None:
+        self.code = str(fields.get("code") or ClientError.code)
+        self.node, self.joint = fields.get("node"), fields.get("joint")
+        self.value, self.limit = fields.get("value"), fields.get("limit")
+        self.hint = str(fields.get("hint") or "")
+        words = str(fields.get("message") or "the server refused, and gave no reason")
         named = str(self.node or ""), str(self.joint or "")
         self.cause = Cause(self.code, words, *named, self.value, self.limit, self.hint)
-        adds = self.hint and self.code.startswith("request.")  # elsewhere the words say it all
+        adds = self.hint and self.code.startswith("request.")  # other messages contain the hint
         super().__init__(f"{words}; {self.hint}" if adds else words)
 
 
 class GoalFailed(ClientError):
-    """A goal ended, but was not done.
+    """A goal was canceled or aborted.
 
     Args:
-        outcome: How it ended.
+        outcome: Outcome of the goal.
     """
 
     def __init__(self, outcome: Outcome) -> None:

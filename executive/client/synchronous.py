@@ -1,57 +1,48 @@
-"""The client for ordinary programs."""
+"""The client for ordinary programs.
+
+`python -m tests.support.sync_client` makes this file from `asynchronous.py`.
+"""
 
 import json
-import threading
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Self, TypeVar
 
-from executive.goals.events import Status, event_from_json
-from executive.goals.outcome import CancelResult, GoalStatus, Outcome
+from executive.errors import ResultTimeout
+from executive.goals.events import Event, Status, event_from_json
+from executive.goals.outcome import CancelResult, GoalStatus, Outcome, cause_of
+from executive.server.http.operations import OPERATIONS
 from executive.server.token_file import KEEPALIVE
 
-from . import requests
+from . import transport
 from .errors import GoalFailed, Refused, ServerUnreachable
-from .replies import check, reached
-from .requests import OpenQuestion, Request, Task
-
-if TYPE_CHECKING:
-    from executive.goals.events import Event
+from .values import OpenQuestion, Task
 
 T = TypeVar("T")
 
-BEAT_PERIOD = 0.2  # [s] between two signs of life of who holds a goal
-SILENCE_TIMEOUT = 45.0  # [s] of a stream, of which a server breaks every 15
-ANSWER_TIMEOUT = 10.0  # [s] for an answer that needs no waiting
-NOTHING: Mapping[str, Any] = MappingProxyType({})
+NO_ARGUMENTS: Mapping[str, Any] = MappingProxyType({})
 
 
 class Client:
-    """A server, as a program sees it. Use it as a context; any thread may call.
+    """A server. Use it as a context; any thread may call.
 
     Args:
-        url: Where it is; without one ARMTREE_SERVER, else this machine's.
-        token: For whatever changes state; without one ARMTREE_TOKEN, else what the server wrote
-            for this user.
+        url: URL; default ARMTREE_SERVER, then the server on this machine.
+        token: Token; default ARMTREE_TOKEN, then the file that the server wrote for this user.
 
-    Every method raises ServerUnreachable where nobody answers, and Refused where the server says
-    no.
+    Every method raises ServerUnreachable if no server answers, and Refused if the server refuses
+    the request.
     """
 
     def __init__(self, url: str | None = None, token: str | None = None) -> None:
-        import httpx  # takes longer than all the rest, and `--help` needs none of it
+        import httpx  # slow to import, and `--help` does not need it
 
-        address = requests.address(url, token)
+        address = transport.address(url, token)
         self.url = address.url
-        self._http = httpx.Client(
-            base_url=address.url,
-            headers=address.headers,
-            timeout=ANSWER_TIMEOUT,
-            transport=httpx.HTTPTransport(trust_env=False, socket_options=KEEPALIVE),
-            trust_env=False,
-        )
+        keepalive = httpx.HTTPTransport(trust_env=False, socket_options=KEEPALIVE)
+        self._http = httpx.Client(transport=keepalive, **address.options)
 
     def __enter__(self) -> Self:
         return self
@@ -60,19 +51,22 @@ class Client:
         self.close()
 
     def close(self) -> None:
-        """Close its connections; goals go on."""
+        """Close the connections. Goals continue."""
         self._http.close()
 
     def run(self, task: int, deadman: bool = False, **arguments: Any) -> Outcome:
-        """Run a task and wait until it is done.
+        """Run a task and wait for its end.
 
         Args:
-            task: Its number.
-            deadman: Whether to cancel it if this program dies or stops answering.
-            arguments: Values of its parameters, by name.
+            task: Number of the task.
+            deadman: True to cancel the goal if this program dies or stops answering.
+            arguments: Values of the task's parameters, by name.
+
+        Returns:
+            The outcome of a goal that succeeded.
 
         Raises:
-            GoalFailed: It was not done; `outcome` says why.
+            GoalFailed: The goal did not succeed; `outcome` says why.
         """
         if deadman:
             goal_id = uuid.uuid4().hex
@@ -88,151 +82,210 @@ class Client:
     def send(
         self,
         task: int,
-        arguments: Mapping[str, Any] = NOTHING,
+        arguments: Mapping[str, Any] = NO_ARGUMENTS,
         goal_id: str = "",
         deadman: bool = False,
     ) -> str:
-        """Send a goal, and return its identity at once.
+        """Send a goal, without waiting for its end.
 
         Args:
             task: Number of the task.
-            arguments: Values of its parameters, by name.
-            goal_id: 32 hexadecimal digits; made by the server where there are none.
-            deadman: Whether it shall be canceled when nobody holds it any more; see `hold`.
+            arguments: Values of the task's parameters, by name.
+            goal_id: 32 hexadecimal digits; empty to let the server choose.
+            deadman: True to cancel the goal when its hold ends; see `hold`.
+
+        Returns:
+            The id of the goal.
         """
-        return self._do(requests.send(task, arguments, goal_id, deadman))
+        return self._call(
+            "send",
+            lambda answer: str(answer["goal_id"]),
+            task=task,
+            arguments=dict(arguments),
+            goal_id=goal_id or None,
+            deadman=deadman,
+        )
 
     def result(self, goal_id: str, timeout: float | None = None) -> Outcome:
-        """Wait for the outcome of a goal [s]; None to wait as long as it takes."""
-        for seconds in requests.waits(timeout):
+        """Wait for the outcome of a goal.
+
+        Args:
+            goal_id: Id of the goal.
+            timeout: Longest time to wait [s]; None for no limit. Refused is raised afterwards.
+        """
+        for seconds in transport.poll_times(timeout):
             try:
-                return self._do(requests.result(goal_id, seconds))
+                return self._call(
+                    "result",
+                    Outcome.from_json,
+                    extra_time=seconds,
+                    goal_id=goal_id,
+                    timeout=seconds,
+                )
             except Refused as error:
-                if error.code != requests.NOT_YET:
+                if error.code != ResultTimeout.code:
                     raise
-        raise requests.not_ended(goal_id, timeout)
+        raise Refused(cause_of(ResultTimeout(goal_id, timeout or 0.0)).to_json())
 
     def goal(self, goal_id: str) -> GoalStatus:
-        """What a goal is at."""
-        return self._do(requests.goal(goal_id))
+        """Return the state of a goal."""
+        return self._call("goal", GoalStatus.from_json, goal_id=goal_id)
 
     def goals(self) -> tuple[GoalStatus, ...]:
-        """All goals that are known; ended ones are forgotten after a while."""
+        """Return all known goals. The server forgets ended ones after some time."""
+
+        def to_page(answer: Any) -> tuple[GoalStatus, ...]:
+            return tuple(map(GoalStatus.from_json, answer["goals"]))
+
         found: tuple[GoalStatus, ...] = ()
-        while page := self._do(requests.goals(found)):
+        while page := self._call("goals", to_page, before=found[0].stamp_ns if found else None):
             found = page + found
         return found
 
     def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
-        """Cancel a goal, those accepted until a time [ns since 1970], both, or all."""
-        return self._do(requests.cancel(goal_id, stamp_ns))
+        """Cancel goals: one, all accepted until a time, both, or all if neither is given.
+
+        Args:
+            goal_id: Id of the goal.
+            stamp_ns: Time of acceptance [ns since 1970].
+        """
+        return self._call(
+            "cancel", CancelResult.from_json, goal_id=goal_id or None, stamp_ns=stamp_ns or None
+        )
 
     def stop(self) -> CancelResult:
-        """Stop the arm, and cancel all goals. This is no emergency stop."""
-        return self._do(requests.stop())
+        """Stop the arm and cancel all goals. This is not an emergency stop."""
+        return self._call("stop", CancelResult.from_json)
 
     def pause(self, goal_id: str) -> GoalStatus:
         """Stop the arm and keep the goal."""
-        return self._do(requests.change(goal_id, "pause"))
+        return self._call("pause", GoalStatus.from_json, goal_id=goal_id)
 
     def resume(self, goal_id: str) -> GoalStatus:
-        """Go on with a paused goal."""
-        return self._do(requests.change(goal_id, "resume"))
+        """Resume a paused goal."""
+        return self._call("resume", GoalStatus.from_json, goal_id=goal_id)
 
     def step(self, goal_id: str) -> GoalStatus:
-        """Let one node of a paused goal begin."""
-        return self._do(requests.change(goal_id, "step"))
+        """Resume a paused goal until the next node starts."""
+        return self._call("step", GoalStatus.from_json, goal_id=goal_id)
 
     def break_at(self, node: str, on: bool = True) -> tuple[str, ...]:
-        """Have every goal pause before a node, by its path, or no longer; returns all such."""
-        return self._do(requests.break_at(node, on))
-
-    def questions(self) -> tuple[OpenQuestion, ...]:
-        """What tasks ask now."""
-        return self._do(requests.questions())
-
-    def answer(self, question_id: str, words: str) -> str:
-        """Answer a question; returns the answer that counts, which is the first."""
-        return self._do(requests.answer(question_id, words))
-
-    def arm(self, transition: str, pose: str | None = None) -> str:
-        """Take the arm through configure, activate, deactivate, cleanup or shutdown.
-
-        Activating opens the port, which resets the board and moves the arm. Where it is not reset,
-        `pose` says where the arm stands: `boot`, or `last` for where it was commanded to last.
-
-        Returns:
-            Where it stands then.
-        """
-        return self._do(requests.arm(transition, pose))
-
-    def status(self) -> Status:
-        """What the arm and the goals are at."""
-        return self._do(requests.status())
-
-    def tasks(self) -> tuple[Task, ...]:
-        """The tasks there are."""
-        return self._do(requests.tasks())
-
-    @contextmanager
-    def events(self, *kinds: str) -> Iterator[Iterator["Event"]]:
-        """Watch what happens; first comes what still holds of the goal under way.
+        """Set or clear a breakpoint: every goal pauses before that node starts.
 
         Args:
-            kinds: Only these, such as `goal`, `node`, `status`; all where none is named.
+            node: Path of the node, such as `pick/Execute`.
+            on: False to clear the breakpoint.
+
+        Returns:
+            The paths of all breakpoints.
         """
-        query = {"events": ",".join(kinds)} if kinds else {}
-        with (
-            reached(self.url),
-            self._http.stream(
-                "GET", "/api/events", params=query, timeout=SILENCE_TIMEOUT
-            ) as response,
-        ):
-            if response.is_error:
-                response.read()
-            check(response)
-            lines = response.iter_lines()
-            next(lines, None)  # says that we watch
-            yield self._read(lines)
+        return self._call("break_at", lambda answer: tuple(answer["breakpoints"]), node=node, on=on)
+
+    def questions(self) -> tuple[OpenQuestion, ...]:
+        """Return the open questions of tasks."""
+        return self._call(
+            "questions", lambda answer: tuple(map(OpenQuestion.from_json, answer["questions"]))
+        )
+
+    def answer(self, question_id: str, words: str) -> str:
+        """Answer a question.
+
+        Args:
+            question_id: Id of the question.
+            words: One of the choices, or an unambiguous abbreviation.
+
+        Returns:
+            The answer that counts, which is the first one.
+        """
+        return self._call(
+            "answer", lambda answer: str(answer["answer"]), question_id=question_id, answer=words
+        )
+
+    def arm(self, transition: str, pose: str | None = None) -> str:
+        """Take the arm through its lifecycle.
+
+        Activating opens the port, which resets the board and moves the arm.
+
+        Args:
+            transition: configure, activate, deactivate, cleanup or shutdown.
+            pose: Pose of an arm whose board does not reset: `boot`, or `last` for the last
+                commanded pose.
+
+        Returns:
+            The new state.
+        """
+        return self._call(
+            "arm",
+            lambda answer: str(answer["arm"]),
+            extra_time=30.0,
+            transition=transition,
+            pose=pose,
+        )
+
+    def status(self) -> Status:
+        """Return the state of the arm and of the goals."""
+        return self._call("status", Status.from_json)
+
+    def tasks(self) -> tuple[Task, ...]:
+        """Return the tasks."""
+        return self._call("tasks", lambda answer: tuple(map(Task.from_json, answer["tasks"])))
+
+    @contextmanager
+    def events(self, *kinds: str) -> Iterator[Iterator[Event]]:
+        """Watch events. The first ones describe the current state.
+
+        Args:
+            kinds: Kinds of events, such as `goal`, `node`, `status`; default all.
+        """
+        path, query, _ = OPERATIONS["events"].split({"events": ",".join(kinds) or None})
+        with transport.transport_errors(self.url):
+            stream = self._http.stream("GET", path, params=query, timeout=transport.SILENCE_TIMEOUT)
+            with stream as response:
+                if response.is_error:
+                    response.read()
+                transport.raise_if_refused(response)
+                lines = response.iter_lines()
+                next(lines, None)  # the server confirms the subscription
+                yield self._read_events(lines)
 
     @contextmanager
     def hold(self, goal_id: str) -> Iterator[None]:
-        """Hold a goal that is sent within a second: it is canceled when this context ends.
+        """Hold a goal, which must be sent within a second; it is canceled when this context ends.
 
-        So it is when this program dies, or the machine it runs on cannot be reached for a second.
+        It is also canceled if this program dies, or if its machine cannot be reached for a second.
         """
-        released = threading.Event()
+        path, _, _ = OPERATIONS["hold"].split({"goal_id": goal_id})
 
-        def beats() -> Iterator[bytes]:
-            while not released.wait(BEAT_PERIOD):
-                yield b"."
+        def post(body: Iterator[bytes]) -> None:
+            with suppress(ServerUnreachable), transport.transport_errors(self.url):
+                self._http.post(path, content=body)
 
-        def hold() -> None:
-            with suppress(ServerUnreachable), reached(self.url):
-                self._http.post(f"/api/goals/{goal_id}/hold", content=beats())
-
-        holding = threading.Thread(target=hold, name="hold", daemon=True)
-        holding.start()
-        try:
+        with transport.posted(post):
             yield
-        finally:
-            released.set()
-            holding.join()
 
-    def _read(self, lines: Iterator[str]) -> Iterator["Event"]:
-        with reached(self.url, SILENCE_TIMEOUT):
+    def _read_events(self, lines: Iterator[str]) -> Iterator[Event]:
+        with transport.transport_errors(self.url, transport.SILENCE_TIMEOUT):
             for line in lines:
                 if line.startswith("data: "):
                     yield event_from_json(json.loads(line.removeprefix("data: ")))
 
-    def _do(self, ask: Request[T]) -> T:
-        with reached(self.url):
+    def _call(
+        self, name: str, read: Callable[[Any], T], /, extra_time: float = 0.0, **arguments: Any
+    ) -> T:
+        """Call an operation.
+
+        Args:
+            name: Name of its row in `operations`.
+            read: Converts the JSON of the answer.
+            extra_time: Time that the answer may take beyond `ANSWER_TIMEOUT` [s].
+            arguments: Parameters, and keys of the body; None is left out.
+        """
+        operation = OPERATIONS[name]
+        path, query, body = operation.split(arguments)
+        timeout = transport.ANSWER_TIMEOUT + extra_time
+        with transport.transport_errors(self.url):
             response = self._http.request(
-                ask.method,
-                ask.path,
-                json=ask.body,
-                params=ask.query,
-                timeout=ANSWER_TIMEOUT + ask.patience,
+                operation.method, path, params=query, json=body, timeout=timeout
             )
-        check(response)
-        return ask.read(response.json())
+        transport.raise_if_refused(response)
+        return read(response.json())

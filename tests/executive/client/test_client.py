@@ -6,6 +6,7 @@ import pytest
 
 from executive import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
 from tests.support.serving import Serve
+from tests.support.sync_client import TARGET, synchronous
 
 pytest_plugins = ["tests.support.server_fixtures"]
 
@@ -48,3 +49,7 @@ def test_the_same_with_await(serve: Serve) -> None:
                 await arm.pause(goal)
 
     asyncio.run(drive())
+
+
+def test_the_synchronous_client_is_made_from_the_other() -> None:
+    assert synchronous() == TARGET.read_text()

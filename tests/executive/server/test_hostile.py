@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from websockets.frames import Close, Frame, Opcode
 
-from executive.client import requests
+from executive.client import transport
 from executive.errors import AddressInUse, ServerError
 from executive.server import token_file
 from executive.server.http import app
@@ -282,7 +282,7 @@ def test_the_token_of_a_server_that_was_killed_is_shown_to_nobody(serve: Serve) 
     file = token_file.file_of(serve().server.port)
     left = token_file.ServerInfo("http://127.0.0.1:1", "secret", gone.pid)
     file.with_name("server-1.json").write_text(json.dumps(dataclasses.asdict(left)))
-    assert requests.address(left.url, None).headers == {}
+    assert transport.address(left.url, None).headers == {}
     serve()
     assert not token_file.file_of(1).exists()
     assert file.exists()

@@ -10,9 +10,7 @@ from pathlib import Path
 import pytest
 
 from executive import AsyncClient, Client, Refused, ServerUnreachable
-from executive.client import asynchronous as aio
-from executive.client import requests
-from executive.client import synchronous as sync
+from executive.client import transport
 from executive.server import event_hub
 from tests.support.foreign_clients import head, raw
 from tests.support.serving import Serve
@@ -67,8 +65,7 @@ def test_a_stream_on_which_nothing_happens_has_a_sign_of_life(
 def test_a_server_that_says_nothing_any_more_is_given_up(
     mute: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sync, "SILENCE_TIMEOUT", 0.05)
-    monkeypatch.setattr(aio, "SILENCE_TIMEOUT", 0.05)
+    monkeypatch.setattr(transport, "SILENCE_TIMEOUT", 0.05)
     with (
         Client(mute, "token") as client,
         client.events() as events,
@@ -87,9 +84,8 @@ def test_a_server_that_says_nothing_any_more_is_given_up(
 def test_a_server_that_does_not_answer_any_more_is_given_up_by_who_waits_for_a_goal(
     mute: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(requests, "POLL_PERIOD", 0.05)
-    monkeypatch.setattr(sync, "ANSWER_TIMEOUT", 0.05)
-    monkeypatch.setattr(aio, "ANSWER_TIMEOUT", 0.05)
+    monkeypatch.setattr(transport, "POLL_PERIOD", 0.05)
+    monkeypatch.setattr(transport, "ANSWER_TIMEOUT", 0.05)
     with Client(mute, "token") as client:
         with pytest.raises(ServerUnreachable, match="its answer takes too long"):
             client.result("ab" * 16)
@@ -109,7 +105,7 @@ def test_a_server_that_does_not_answer_any_more_is_given_up_by_who_waits_for_a_g
 def test_who_waits_for_a_goal_asks_again_and_again(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(requests, "POLL_PERIOD", 0.01)
+    monkeypatch.setattr(transport, "POLL_PERIOD", 0.01)
     served = serve()
     with served.client() as client:
         goal = client.send(10)
@@ -134,7 +130,7 @@ def test_who_waits_for_a_goal_asks_again_and_again(
 
 
 def test_silence_is_longer_than_a_beat_that_is_late() -> None:
-    assert sync.SILENCE_TIMEOUT >= 3 * event_hub.HEARTBEAT
+    assert transport.SILENCE_TIMEOUT >= 3 * event_hub.HEARTBEAT
 
 
 def test_both_ends_ask_whether_the_other_machine_is_there(serve: Serve) -> None:

@@ -1,0 +1,173 @@
+"""What both clients share below their methods: address, timeouts, errors and the hold of a goal."""
+
+import asyncio
+import json
+import math
+import os
+import threading
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from executive.server import token_file
+
+from .errors import Refused, ServerUnreachable
+
+if TYPE_CHECKING:
+    import httpx
+
+ANSWER_TIMEOUT = 10.0  # longest time for an answer that does not wait for anything [s]
+SILENCE_TIMEOUT = 45.0  # longest silence of an event stream [s]; the server sends every 15 s
+POLL_PERIOD = 15.0  # longest time to wait for a result in one request [s]
+BEAT_PERIOD = 0.2  # time between two bytes that hold a goal [s]
+
+_THIS_MACHINE = ("127.0.0.1", "localhost", "::1")
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where a server is.
+
+    Attributes:
+        url: URL of the server.
+        headers: Headers of every request.
+    """
+
+    url: str
+    headers: Mapping[str, str]
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Arguments of an httpx client for this server."""
+        return {
+            "base_url": self.url,
+            "headers": self.headers,
+            "timeout": ANSWER_TIMEOUT,
+            "trust_env": False,
+        }
+
+
+def address(url: str | None, token: str | None) -> Address:
+    """Find a server.
+
+    Args:
+        url: URL; default ARMTREE_SERVER, then the server on this machine.
+        token: Token; default ARMTREE_TOKEN, then the token file of the server.
+    """
+    port = os.environ.get("ARMTREE_TCP_PORT", token_file.PORT)
+    url = (url or os.environ.get("ARMTREE_SERVER") or f"http://127.0.0.1:{port}").rstrip("/")
+    token = token or os.environ.get("ARMTREE_TOKEN") or _token_in_file(url)
+    return Address(url, {"authorization": f"Bearer {token}"} if token else {})
+
+
+def _token_in_file(url: str) -> str:
+    """Return the token of a server of this user on this machine; empty if there is none."""
+    parts = urlsplit(url)
+    port = parts.port or (token_file.HTTP_PORT if parts.scheme == "http" else 0)
+    info = token_file.read(port) if parts.hostname in _THIS_MACHINE else None
+    return info.token if info else ""
+
+
+@contextmanager
+def transport_errors(url: str, silence: float = 0.0) -> Iterator[None]:
+    """Turn httpx's errors inside this context into ServerUnreachable.
+
+    Args:
+        url: URL of the server.
+        silence: Longest silence of the stream that is read [s]; 0 if none is read.
+
+    Raises:
+        ServerUnreachable: The server could not be reached.
+    """
+    import httpx
+
+    try:
+        yield
+    except httpx.ReadTimeout as error:
+        words = f"nothing came for {silence:g} s" if silence else "its answer takes too long"
+        raise ServerUnreachable(url, words) from error
+    except httpx.TransportError as error:
+        raise ServerUnreachable(url, str(error) or type(error).__name__) from error
+
+
+def raise_if_refused(response: "httpx.Response") -> None:
+    """Check an answer whose content has been read.
+
+    Raises:
+        Refused: The answer is an error.
+    """
+    if not response.is_error:
+        return
+    try:
+        fields = json.loads(response.content)
+    except ValueError:  # the answer of another program
+        fields = None
+    words = {"message": f"{response.url} answers {response.status_code}"}
+    raise Refused(fields if isinstance(fields, dict) else words)
+
+
+def poll_times(timeout: float | None) -> Iterator[float]:
+    """Split a wait into requests of `POLL_PERIOD`, so that a server that hangs is noticed.
+
+    Args:
+        timeout: Longest time to wait [s]; None for no limit.
+
+    Yields:
+        The longest time of each request [s].
+    """
+    left = math.inf if timeout is None else timeout
+    while left > POLL_PERIOD:
+        yield POLL_PERIOD
+        left -= POLL_PERIOD
+    yield left
+
+
+@contextmanager
+def posted(post: Callable[[Iterator[bytes]], object]) -> Iterator[None]:
+    """Send a body as long as the context lasts, on a thread.
+
+    Args:
+        post: Sends a request with the given body.
+    """
+    released = threading.Event()
+
+    def beats() -> Iterator[bytes]:
+        while not released.wait(BEAT_PERIOD):
+            yield b"."
+
+    posting = threading.Thread(target=post, args=(beats(),), name="hold", daemon=True)
+    posting.start()
+    try:
+        yield
+    finally:
+        released.set()
+        posting.join()
+
+
+@asynccontextmanager
+async def async_posted(
+    post: Callable[[AsyncIterator[bytes]], Awaitable[object]],
+) -> AsyncIterator[None]:
+    """Send a body as long as the context lasts, in a task.
+
+    Args:
+        post: Sends a request with the given body.
+    """
+    released = asyncio.Event()
+
+    async def beats() -> AsyncIterator[bytes]:
+        while not released.is_set():
+            yield b"."
+            try:
+                await asyncio.wait_for(released.wait(), BEAT_PERIOD)
+            except TimeoutError:
+                continue
+
+    posting = asyncio.ensure_future(post(beats()))
+    try:
+        yield
+    finally:
+        released.set()
+        await posting

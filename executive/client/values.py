@@ -1,0 +1,56 @@
+"""What only the clients return; `executive.goals` has the rest."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A task of a server.
+
+    Attributes:
+        number: Number of the task.
+        name: Name of the task.
+        description: One sentence.
+        source: `shipped`, or the path of its file.
+        parameters: Types of its parameters, by name.
+        wrong: What is wrong with its file; empty if it is valid.
+    """
+
+    number: int
+    name: str
+    description: str
+    source: str
+    parameters: Mapping[str, str]
+    wrong: str
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "Task":
+        """The task from the server's JSON."""
+        keys = ("task", "name", "description", "source", "parameters", "wrong")
+        return cls(*(plain[key] for key in keys))
+
+
+@dataclass(frozen=True, slots=True)
+class OpenQuestion:
+    """A question of a task that waits for an answer.
+
+    Attributes:
+        question_id: 8 hexadecimal digits.
+        text: The question.
+        choices: The possible answers; empty if any text is accepted.
+    """
+
+    question_id: str
+    text: str
+    choices: tuple[str, ...]
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "OpenQuestion":
+        """The question from the server's JSON."""
+        return cls(plain["question_id"], plain["text"], tuple(plain["choices"]))
+
+    def __str__(self) -> str:
+        choices = f" [{'/'.join(self.choices)}]" if self.choices else ""
+        return f"{self.question_id}  {self.text}{choices}"
