@@ -21,6 +21,7 @@ from hardware import (
 from skills import Context, NoOperator, Operator
 from skills.motion import Pool
 from trees import Library, Located
+from trees.live_library import LiveLibrary
 
 from .errors import NotExecuting, NotPaused, TooManyBreakpoints
 from .goals.events import Event, EventSubscribers, Status
@@ -65,7 +66,7 @@ class Executive:
         setup: Setup,
         robot: Robot,
         link: Link | None,
-        library: Library,
+        library: Library | LiveLibrary,
         pool: Pool,
         clock: Clock,
         operator: Operator | None = None,

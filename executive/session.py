@@ -12,11 +12,11 @@ from skills import Operator
 from skills.motion import Pool
 from trees import Library
 from trees.compile.plugins import load_skills
+from trees.live_library import LiveLibrary
 
 from .executive import Executive
 from .goals.events import Event
 from .goals.start_pose import find_start_pose
-from .server.live_library import LiveLibrary
 from .setup import Setup
 
 logger = logging.getLogger(__name__)

@@ -3,10 +3,37 @@
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from executive.errors import NoSuchNode
+from hardware.suggestions import suggestion
 from trees.build import Tree
 from trees.compile.paths import paths
+from trees.live_library import LiveLibrary
 
 from .mailbox import Mailbox
+
+_SHOWN = 20  # nodes in a message
+
+
+def check_node(library: LiveLibrary, path: str) -> None:
+    """Check that a task has a node with this path.
+
+    Args:
+        library: The tasks.
+        path: Path of a node, which begins with the name of its task.
+
+    Raises:
+        NoSuchNode: No task has such a node.
+        FileError: The folder of the tasks cannot be read.
+    """
+    tasks = {row["name"]: row["task"] for row in library.listed() if not row["wrong"]}
+    name = path.partition("/")[0]
+    if name not in tasks:
+        likely = suggestion(name, tasks) or f"; it begins with a task's name: {', '.join(tasks)}"
+        raise NoSuchNode(f"no task is called {name}{likely}")
+    nodes = library.node_paths(tasks[name])
+    if path not in nodes:
+        there = ", ".join(nodes[:_SHOWN]) + suggestion(path, nodes)
+        raise NoSuchNode(f"{name} has no node {path}; there are {there}")
 
 
 class Breakpoints:

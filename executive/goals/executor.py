@@ -17,6 +17,7 @@ from trees import Library, Located, TaskFile, TreeError, UnknownTask
 from trees.build import Tree, build
 from trees.compile.arguments import located
 from trees.errors import BadArguments
+from trees.live_library import LiveLibrary
 
 from .blocked_node import blocked_node
 from .breakpoints import Breakpoints
@@ -73,7 +74,7 @@ class GoalExecutor:
         self,
         goals: GoalQueue,
         arm: Arm,
-        library: Library,
+        library: Library | LiveLibrary,
         pool: Pool,
         recordings: Recordings,
         context: Context,

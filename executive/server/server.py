@@ -14,7 +14,7 @@ import uvicorn
 from executive.errors import AddressInUse, ServerError
 from executive.executive import Executive
 from executive.goals.questions import Questions, nobody
-from executive.server.live_library import LiveLibrary
+from trees.live_library import LiveLibrary
 
 from . import token_file
 from .event_hub import EventHub

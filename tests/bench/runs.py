@@ -35,7 +35,6 @@ from executive.goals.events import Event
 from executive.goals.outcome import GoalState
 from executive.goals.queue import Policy
 from executive.goals.run import Run
-from executive.server.live_library import LiveLibrary
 from executive.setup import Setup
 from hardware import (
     FIRMWARES,
@@ -55,6 +54,7 @@ from tests.bench.table import Row, arguments, show
 from tests.support.network_ports import in_a_flood, over_http, rosbridge_results, served
 from tests.support.recordings_finished import at_rest, finished, rest, sweep
 from tests.support.resources import descriptors_used, memory_used, threads_used
+from trees.live_library import LiveLibrary
 
 Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]
 

@@ -12,11 +12,11 @@ from executive import Client
 from executive.executive import Executive
 from executive.goals.questions import Questions
 from executive.goals.queue import Policy
-from executive.server.live_library import LiveLibrary
 from executive.server.server import ListenOptions, Server
 from executive.setup import Setup
 from hardware import BoardLink, RealClock, Robot, virtual_board
 from skills.motion import Pool
+from trees.live_library import LiveLibrary
 
 TASKS = {
     "10_wait.yaml": "task: 10\nname: wait\ndescription: Wait.\ntree:\n  Wait: {duration: 1 h}\n",

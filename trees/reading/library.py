@@ -7,6 +7,7 @@ reading the others; `poses.yaml` holds poses, any other `.yaml` file a subtree n
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from importlib import resources
 from pathlib import Path
 
@@ -52,6 +53,10 @@ class Library:
 
     def __init__(self, folder: Path | None = None, read: Callable[[Path], str] = read_text) -> None:
         self.read = read
+        # Each file is parsed once: a library stays as it was read.
+        self.draft = cache(self.draft)  # type: ignore[method-assign]
+        self.subtree = cache(self.subtree)  # type: ignore[method-assign]
+        self.draft_poses = cache(self.draft_poses)  # type: ignore[method-assign]
         tasks = Path(str(resources.files("trees"))) / "tasks"
         self.shipped = (tasks, tasks / "arduinobot")
         if folder is not None:
@@ -142,10 +147,7 @@ class Library:
             return ""
 
     def for_task(self, number: int) -> "tuple[Library, str]":
-        """What to read a task from, as one piece, and what its user is to know of that.
-
-        This library and nothing, but a kind of it may choose.
-        """
+        """Return this library and no warning. A `LiveLibrary` has this method, too."""
         return self, ""
 
     def numbers(self) -> list[int]:

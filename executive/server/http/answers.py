@@ -12,14 +12,15 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from executive.errors import BadRequest, NotHeld, ResultTimeout, TooMuch
 from executive.executive import Executive
+from executive.goals.breakpoints import check_node
 from executive.goals.events import KINDS, Event
 from executive.goals.outcome import GoalStatus, Outcome
 from executive.goals.questions import Questions
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
-from executive.server.live_library import LiveLibrary
 from executive.server.metrics import Metrics
 from executive.server.security import is_authenticated
+from trees.live_library import LiveLibrary
 
 from .errors import http_status
 from .openapi import document
@@ -157,7 +158,7 @@ class Answers:
     async def break_at(self, node: str, on: bool = True) -> Json:
         """Set or clear a breakpoint."""
         if on:
-            await asyncio.to_thread(self._library.check_node, node)
+            await asyncio.to_thread(check_node, self._library, node)
         self._executive.break_at(node, on)
         return {"breakpoints": self._executive.status().breakpoints}
 

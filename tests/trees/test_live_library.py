@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from executive.errors import NoSuchNode
-from executive.server.live_library import LiveLibrary
+from executive.goals.breakpoints import check_node
 from hardware import Robot
 from trees import FileError, UnknownTask
+from trees.live_library import LiveLibrary
 
 TASK = "task: 7\nname: say\ndescription: Say.\ntree:\n  Say: {text: %s}\n"
 
@@ -46,12 +47,12 @@ def test_a_change_shows_at_the_next_goal(files: Files) -> None:
 def test_where_a_goal_can_pause_is_known_of_the_tasks_there_are_now(
     files: Files, tmp_path: Path
 ) -> None:
-    files.library.check_node("say")
-    files.library.check_node("pick/parallel/PlanArm")
+    check_node(files.library, "say")
+    check_node(files.library, "pick/parallel/PlanArm")
     with pytest.raises(NoSuchNode, match="no task is called hush"):
-        files.library.check_node("hush")
+        check_node(files.library, "hush")
     (tmp_path / "8_hush.yaml").write_text("task: 8\nname: hush\ndescription: x\ntree: Succeed\n")
-    files.library.check_node("hush")
+    check_node(files.library, "hush")
 
 
 def test_a_change_by_renaming_too(files: Files, tmp_path: Path) -> None:

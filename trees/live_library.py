@@ -1,0 +1,190 @@
+"""Libraries for a server: each goal gets the latest valid state of the task files."""
+
+import os
+import threading
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from hardware import Robot
+
+from .check import check_task, compile_task
+from .compile.paths import paths
+from .errors import FileError, TreeError, UnknownTask
+from .reading.document import read_text
+from .reading.library import Library
+
+KEPT = 16  # snapshots; older ones are dropped
+
+_Stamp = tuple[int, int, int] | None
+
+
+class _Snapshot:
+    """The texts of all files at one moment.
+
+    Args:
+        folders: Folders of the files.
+        own: The user's folder, one of them; None if there is none.
+        before: The last snapshot. Files that have not changed since are not read again.
+    """
+
+    def __init__(self, folders: list[Path], own: Path | None, before: "_Snapshot | None") -> None:
+        self._stamps = {folder: _stamp(folder) for folder in folders}
+        self._texts: dict[Path, str | FileError] = {}
+        self._errors: dict[tuple[int, bool], TreeError | None] = {}
+        for path in (path for folder in folders for path in sorted(folder.glob("*.y*ml"))):
+            self._stamps[path] = _stamp(path)
+            if before and path in before._texts and before._stamps[path] == self._stamps[path]:
+                self._texts[path] = before._texts[path]
+            else:
+                self._texts[path] = _text(path)
+        self._library: Library | FileError
+        try:
+            self._library = Library(own, self._read)
+        except FileError as error:
+            self._library = error
+
+    @property
+    def library(self) -> Library:
+        """The library of these files.
+
+        Raises:
+            FileError: The user's folder cannot be read.
+        """
+        if isinstance(self._library, FileError):
+            raise self._library
+        return self._library
+
+    @property
+    def is_current(self) -> bool:
+        """Whether no file has changed since."""
+        return all(_stamp(path) == stamp for path, stamp in self._stamps.items())
+
+    def error(self, number: int, robot: Robot, validated: bool = True) -> TreeError | None:
+        """Return what is wrong with a task, or None.
+
+        Args:
+            number: Number of the task.
+            robot: The robot.
+            validated: Whether its skills validate their inputs, too.
+        """
+        if (number, validated) not in self._errors:
+            try:
+                (check_task if validated else compile_task)(robot, self.library, number)
+                self._errors[number, validated] = None
+            except TreeError as error:
+                self._errors[number, validated] = error
+        return self._errors[number, validated]
+
+    def _read(self, path: Path) -> str:
+        text = self._texts[path] if path in self._texts else _text(path)
+        if isinstance(text, FileError):
+            raise text
+        return text
+
+
+class LiveLibrary:
+    """Hands out a library for each goal, and looks for changed files before.
+
+    If the files of a task have become invalid, it runs as it last was in a snapshot that is still
+    kept. Snapshots are made at the start, and before a goal if a file has changed.
+
+    Args:
+        folder: The user's task files; None for only those that ship.
+        robot: The robot, for which the tasks are checked.
+
+    Raises:
+        FileError: The folder does not exist or cannot be read.
+    """
+
+    def __init__(self, folder: Path | None, robot: Robot) -> None:
+        library = Library(folder)
+        self._robot, self._own, self._lock = robot, library.folder, threading.Lock()
+        self._folders = [*library.shipped, *filter(None, (self._own,))]
+        self._snapshots = deque([_Snapshot(self._folders, self._own, None)], KEPT)  # newest first
+        self._rows: tuple[_Snapshot, list[dict[str, Any]]] | None = None
+
+    def for_task(self, number: int) -> tuple[Library, str]:
+        """Return the latest files in which a task is valid, and a warning if newer ones are not.
+
+        Raises:
+            UnknownTask: No task has that number.
+            TreeError: The task is not valid in any snapshot.
+        """
+        with self._lock:
+            now, *before = self._updated()
+            error = now.error(number, self._robot)
+            if error is None:
+                return now.library, ""
+            valid = (each for each in before if each.error(number, self._robot) is None)
+            if isinstance(error, UnknownTask) or not (last := next(valid, None)):
+                if now.error(number, self._robot, validated=False) is None:
+                    return now.library, ""  # the goal fails with the error of the skill
+                raise error
+            warning = f"Task {number} runs as it was: its files were changed and are wrong now: "
+            return last.library, f"{warning}{error}"
+
+    def listed(self) -> list[dict[str, Any]]:
+        """Return the current tasks as JSON objects.
+
+        Raises:
+            FileError: The folder cannot be read.
+        """
+        with self._lock:
+            now = self._updated()[0]
+            if not self._rows or self._rows[0] is not now:
+                library = now.library
+                self._rows = now, [_row(library, number) for number in library.numbers()]
+            return self._rows[1]
+
+    def node_paths(self, number: int) -> list[str]:
+        """Return the paths of all nodes of a task, as the next goal would run it.
+
+        Raises:
+            UnknownTask: No task has that number.
+            TreeError: The task is not valid in any snapshot.
+        """
+        library, _ = self.for_task(number)
+        return [path for _, path in paths(compile_task(self._robot, library, number).root)]
+
+    def _updated(self) -> deque[_Snapshot]:
+        """Return the snapshots, the first of which is current."""
+        if not self._snapshots[0].is_current:
+            now = _Snapshot(self._folders, self._own, self._snapshots[0])
+            self._snapshots.appendleft(now)
+        return self._snapshots
+
+
+def _row(library: Library, number: int) -> dict[str, Any]:
+    row: dict[str, Any] = {"task": number, "wrong": ""}
+    try:
+        path = library.path(number)
+        task = library.head(number)
+    except FileError as error:
+        source = str(error.mistakes[0].place.path)
+        return {**row, "source": source, "name": "", "description": "", "parameters": {}} | {
+            "wrong": str(error)
+        }
+    return {
+        **row,
+        "name": task.name,
+        "description": task.description,
+        "parameters": {name: declared.type for name, declared in task.parameters.items()},
+        "source": "shipped" if path.parent in library.shipped else str(path),
+    }
+
+
+def _text(path: Path) -> str | FileError:
+    try:
+        return read_text(path)
+    except FileError as error:
+        return error
+
+
+def _stamp(path: Path) -> _Stamp:
+    """Return a value that changes if a file or folder does; None if it does not exist."""
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino
