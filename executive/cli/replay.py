@@ -1,10 +1,9 @@
-"""`armtree replay`: a recording proved, watched, or sent once more."""
+"""`armtree replay`: verify recordings, show one, or send its frames again."""
 
 import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -16,15 +15,27 @@ from .options import ABOVE_0, AT_LEAST_0, PATH
 
 @click.command()
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
-@click.option("--verify", is_flag=True, help="Compile and plan it again; folders may be given too.")
-@click.option("--watch", is_flag=True, help="Show it as it was shown, without an arm.")
-@click.option("--on", "port", metavar="PORT", help="Send its frames again: a port, or virtual.")
-@click.option("--speed", type=ABOVE_0, default=1.0, show_default=True)
 @click.option(
-    "--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show this moment only."
+    "--verify", is_flag=True, help="Plan and compile again, and compare. Accepts folders too."
+)
+@click.option("--watch", is_flag=True, help="Show the run as it was shown, without an arm.")
+@click.option(
+    "--on", "port", metavar="PORT", help="Send the frames again: a serial port, or virtual."
 )
 @click.option(
-    "--jobs", type=click.IntRange(1), help="With --verify: processes; default: all cores."
+    "--speed",
+    type=ABOVE_0,
+    default=1.0,
+    show_default=True,
+    help="2 is twice as fast. At most 1 with --on.",
+)
+@click.option(
+    "--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show this moment only [s]."
+)
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    help="With --verify: number of processes. Default: one per core.",
 )
 @click.option("--robot", type=PATH, envvar="ARMTREE_ROBOT", help="With --on: robot file.")
 @click.option(
@@ -34,31 +45,69 @@ from .options import ABOVE_0, AT_LEAST_0, PATH
     envvar="ARMTREE_RECORDINGS",
     default=Path("recordings"),
     show_default=True,
-    help="With --on: folder for the recording of the replay.",
+    help="With --on: folder for the new recording.",
 )
-@click.option("--json", is_flag=True, help="Print one JSON object per event, or per recording.")
-def replay(recordings: tuple[Path, ...], **options: Any) -> None:
-    """Prove a recording (--verify), watch it (--watch), or send its frames again (--on PORT).
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON object per event, or per recording."
+)
+def replay(
+    recordings: tuple[Path, ...],
+    verify: bool,
+    watch: bool,
+    port: str | None,
+    speed: float,
+    at: float | None,
+    jobs: int | None,
+    robot: Path | None,
+    folder: Path,
+    as_json: bool,
+) -> None:
+    """Verify recordings (--verify), show one (--watch), or send its frames again (--on PORT).
 
-    Exit status of --verify: 0 if all is the same in all of them, 12 where one differs, else 10
-    where one lacks its end, 3 where one cannot be read; one that is being written is passed over,
-    and 10 if there is no other. While watching in a terminal: space pauses,
-    left and right go back and forth by 1 s, up and down change the speed, q quits.
-    """
-    chosen = [bool(options["verify"]), bool(options["watch"]), options["port"] is not None]
-    if sum(chosen) != 1:
+    Exit status of --verify: 12 if a recording differs, else 10 if one is cut off, else 3 if one
+    cannot be read, else 0. Recordings that are being written are skipped; if there is no other, the
+    exit status is 10.
+
+    Keys of --watch in a terminal: space pauses, left and right move by 1 s, up and down change the
+    speed, q quits.
+
+    \b
+    Examples:
+      armtree replay recordings --verify
+      armtree replay recordings/pick.mcap --watch --speed 2
+      armtree replay recordings/pick.mcap --on virtual
+    """  # noqa: D301
+    if verify + watch + (port is not None) != 1:
         raise click.UsageError("give one of --verify, --watch and --on PORT")
-    if options["verify"]:
-        _verify(recordings, options["jobs"], options["json"])
+    if verify:
+        _verify(recordings, jobs, as_json)
         return
     if len(recordings) > 1:
-        raise click.UsageError("--watch and --on go with one recording")
-    if options["watch"]:
-        from .watching import watch
+        raise click.UsageError("--watch and --on need exactly one recording")
+    verbose = click.get_current_context().find_root().params["verbose"]
+    if port is None:
+        from .display import view_for
+        from .player import play
 
-        watch(recordings[0], options["speed"], options["at"], _view(options["json"]))
+        play(recordings[0], speed, at, view_for(as_json, verbose))
         sys.exit(incomplete(recordings[0]))
-    _send(recordings[0], **options)
+    if speed > 1:
+        why = "the motion was timed to the limits of the joints; at most 1, or faster with --watch"
+        raise click.UsageError(f"--speed {speed:g}: {why}")
+    from tempfile import TemporaryDirectory
+
+    from executive.replay.send_again import write_replay_task
+    from executive.setup import Setup
+
+    from .run import execute
+
+    with TemporaryDirectory() as trees:
+        setup = Setup(
+            port=port, robot=robot, trees=Path(trees), recordings=folder, single_user=True
+        )
+        task = write_replay_task(recordings[0], speed, setup.load_robot(), Path(trees))
+        outcomes = execute(setup, [task], as_json=as_json, verbose=verbose)
+    sys.exit(look_up(outcomes[-1].code).exit_status)
 
 
 def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
@@ -83,48 +132,22 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
     sys.exit(max((look_up(code).exit_status for _, code in wrong), default=0))
 
 
-def _sum_up(judged: int, written: int, wrong: Sequence[tuple[Path, str]]) -> None:
-    passed = f", {written} still being written" if written else ""
-    held = f"{judged - len(wrong)} of {judged} recordings hold{passed}"
+def _sum_up(verified: int, written: int, wrong: Sequence[tuple[Path, str]]) -> None:
+    skipped = f", {written} still being written" if written else ""
+    held = f"{verified - len(wrong)} of {verified} recordings hold{skipped}"
     click.echo(f"{held}{'; not:' if wrong else ''}")
     for path, code in wrong:
         click.echo(f"  {path}  {code}")
 
 
 def files_of(path: Path) -> list[Path]:
-    """A recording, or all recordings of a folder.
+    """Return a recording, or all recordings of a folder.
 
     Raises:
-        click.UsageError: The folder has none.
+        click.UsageError: The folder has no recordings.
     """
     if not path.is_dir():
         return [path]
     if found := sorted(path.glob("*.mcap")):
         return found
     raise click.UsageError(f"{path}: there are no recordings here")
-
-
-def _view(as_json: bool) -> Any:
-    from .display import view_for
-
-    verbose = click.get_current_context().find_root().params["verbose"]
-    return view_for(as_json, verbose)
-
-
-def _send(recording: Path, **options: Any) -> None:
-    from executive.setup import Setup
-
-    from .sending import send
-
-    if options["speed"] > 1:
-        what = "the motion was timed to the limits of the joints; at most 1, or faster with --watch"
-        raise click.UsageError(f"--speed {options['speed']:g}: {what}")
-    verbose = click.get_current_context().find_root().params["verbose"]
-    setup = Setup(
-        port=options["port"],
-        robot=options["robot"],
-        recordings=options["folder"],
-        single_user=True,
-    )
-    outcomes = send(recording, options["speed"], setup, options["json"], verbose)
-    sys.exit(look_up(outcomes[-1].code).exit_status)

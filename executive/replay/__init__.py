@@ -1,1 +1,1 @@
-"""A recording verified: planned again, compiled again, and the first difference explained."""
+"""What a recording is good for: verify it, show its tree, send its frames again."""

@@ -64,7 +64,7 @@ class Execute(Skill):
         arm = self.context.arm
         self._playback, self._remaining, self._paused = None, None, False
         self._frames_before, self._progress_before = 0, None
-        schedule, motion = self._compile(arm.commanded)
+        schedule, motion = self.compile_motion(arm.commanded)
         return self._check(schedule, motion, None)
 
     def on_running(self) -> Status:
@@ -84,7 +84,7 @@ class Execute(Skill):
             self._playback = arm.play(self._schedule, wake, self.name, self._generation)
         return self._follow(self._playback)
 
-    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
+    def compile_motion(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
         """Return the frames to play from a start position [rad], and the motion they come from."""
         plans: list[Plan] = [self.get_input("arm_plan"), self.get_input("gripper_plan")]
         return self._merge(start, plans, self.get_input("together"))

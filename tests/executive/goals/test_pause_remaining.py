@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.cli.sending import Replay, _setpoints
 from executive.goals.outcome import GoalState
+from executive.replay.send_again import Replay, _setpoints
 from executive.replay.verification import verify
 from hardware import compile_schedule
 from tests.conftest import Rig, RigMaker

@@ -13,8 +13,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import logs
-from executive.cli import watching
-from executive.cli.watching import Player
+from executive.cli import player as keyboard
+from executive.cli.player import Player
 from executive.errors import RecordingBehind
 from executive.recording.recorded_link import RecordedLink
 from executive.replay.verification import verify
@@ -384,8 +384,8 @@ def test_no_frame_overtakes_its_recording_but_a_hold_always_goes(rig: RigMaker) 
 def test_keys_that_come_at_once_all_count() -> None:
     reader, writer = os.pipe()
     os.write(writer, b"\x1b[D\x1b[D\x1bOC q")
-    assert watching._pressed(reader, 0.0) == ["\x1b[D", "\x1b[D", "\x1b[C", " ", "q"]
-    assert watching._pressed(reader, 0.0) == []
+    assert keyboard._pressed(reader, 0.0) == ["\x1b[D", "\x1b[D", "\x1b[C", " ", "q"]
+    assert keyboard._pressed(reader, 0.0) == []
     os.close(reader)
     os.close(writer)
 

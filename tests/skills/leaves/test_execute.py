@@ -170,8 +170,8 @@ def test_the_arm_left_the_active_state_meanwhile(bench: Bench, skill: Execute) -
 class Unplanned(Execute, register=False):
     """Frames of which no motion is known."""
 
-    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
-        schedule, _ = super()._compile(start)
+    def compile_motion(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
+        schedule, _ = super().compile_motion(start)
         return schedule, None
 
 

@@ -1,4 +1,4 @@
-"""A recording shown as it was shown: in real time, faster, or moved through by keys."""
+"""Shows a recorded run: in real time, faster, or controlled by keys."""
 
 import contextlib
 import os
@@ -16,7 +16,7 @@ from logs import Record, Recording, Result
 
 from .view import View
 
-_STEP = 1.0  # [s] of the recording, for an arrow key
+_STEP = 1.0  # move of an arrow key within the recording [s]
 _KEYS = "space pause, <- -> 1 s, up down speed, q quit"
 _MOVES = {"\x1b[D": -_STEP, "\x1b[C": _STEP}
 _SPEEDS = {"\x1b[A": 2.0, "\x1b[B": 0.5}
@@ -24,12 +24,16 @@ _KEY = re.compile("\x1b[O\\[][A-D]|.", re.DOTALL)  # an arrow, in either of a te
 
 
 class Player:
-    """Shows the records of a file at their times.
+    """Shows the records of a recording at their times.
 
     Args:
-        recording: Whose.
-        view: Where.
+        recording: The recording.
+        view: Shows the records.
         speed: 2 for twice as fast.
+
+    Attributes:
+        speed: 2 for twice as fast.
+        at: Present time within the recording [s since the first record].
     """
 
     def __init__(self, recording: Recording, view: View, speed: float) -> None:
@@ -42,17 +46,17 @@ class Player:
 
     @property
     def over(self) -> bool:
-        """Whether all has been shown."""
+        """True if all records have been shown."""
         return self._next is None
 
     @property
     def due(self) -> float:
-        """How long until the next record at this speed [s]."""
+        """Time until the next record at the present speed [s]."""
         assert self._next
         return (self._next.time - self._zero - self.at) / self.speed
 
     def show_until(self, at: float) -> None:
-        """Show what had happened by a time [s since the first record]; that may lie before now."""
+        """Show all records until a time [s since the first record], which may be in the past."""
         if at < self.at:
             self._records = self._recording.records()
             self._next = next(self._records, None)
@@ -67,17 +71,17 @@ class Player:
             self._view.report(Outcome.from_record(record, str(self._recording.path)))
 
 
-def watch(path: Path, speed: float, at: float | None, view: View) -> None:
+def play(path: Path, speed: float, at: float | None, view: View) -> None:
     """Show a recording.
 
     Args:
-        path: Which.
+        path: Path of the recording.
         speed: 2 for twice as fast.
-        at: Show only what had happened by then [s since the first record].
-        view: Where.
+        at: Show only this moment [s since the first record]; None to play the recording.
+        view: Shows the records.
 
     Raises:
-        LogError: It cannot be read.
+        LogError: The recording cannot be read.
     """
     recording = Recording(path)
     with view, _keys() as keys:
@@ -93,9 +97,9 @@ def watch(path: Path, speed: float, at: float | None, view: View) -> None:
 def _play(player: Player, keys: int | None) -> None:
     clock, paused = RealClock(), False
     while not player.over:
-        begun = clock.now()
+        before = clock.now()
         pressed = _pressed(keys, None if paused else max(0.0, player.due))
-        passed = 0.0 if paused else (clock.now() - begun) * player.speed
+        passed = 0.0 if paused else (clock.now() - before) * player.speed
         for key in pressed:
             if key == "q":
                 return
@@ -106,16 +110,16 @@ def _play(player: Player, keys: int | None) -> None:
 
 
 def _pressed(keys: int | None, seconds: float | None) -> list[str]:
-    """The keys pressed until now, or nothing once the time is up [s]."""
-    watched = [] if keys is None else [keys]
-    ready, _, _ = select.select(watched, [], [], seconds)
+    """Return the pressed keys; wait at most for a time [s], or forever."""
+    handles = [] if keys is None else [keys]
+    ready, _, _ = select.select(handles, [], [], seconds)
     typed = os.read(keys, 4096).decode("ascii", "replace") if ready and keys is not None else ""
     return [key.replace("O", "[") if len(key) > 1 else key for key in _KEY.findall(typed)]
 
 
 @contextlib.contextmanager
 def _keys() -> Iterator[int | None]:
-    """The keyboard, key by key; None where there is none."""
+    """Read the keyboard key by key. Yield its file handle, or None if there is no terminal."""
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         yield None
         return

@@ -1,7 +1,6 @@
-"""Sending a recording's frames once more, as a run of its own."""
+"""Sends the frames of a recording again, as a new run."""
 
 import json
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -10,8 +9,6 @@ from typing import Any
 
 from py_trees.ports import PortInformation
 
-from executive.goals.outcome import Outcome
-from executive.setup import Setup
 from hardware import Frame, HardwareError, Robot, Schedule, Setpoint, load_robot
 from logs import Goal as RecordedGoal
 from logs import Recording
@@ -21,10 +18,8 @@ from skills import Execute
 from skills.errors import NotReplayable
 from skills.merged_motion import MergedMotion
 
-from .run import execute
-
 _ROUNDING = 1e-6  # [rad]
-_NUMBERS = 1000  # a replay of task 1 is task 1001
+_FIRST_NUMBER = 1000  # a replay of task 1 is task 1001
 
 _TASK = """\
 task: {number}
@@ -41,65 +36,61 @@ tree:
 
 
 class Replay(Execute):
-    """Send the frames of a recording at their times, once the arm stands where it began."""
+    """Send the frames of a recording at their times. The arm must be at the recorded start."""
 
     INPUT_PORTS = {
         "recording": PortInformation(str, description="path of the recording"),
-        "speed": PortInformation(float, description="1 for the times as recorded, less for slower"),
+        "speed": PortInformation(float, description="1 for the recorded times, less for slower"),
     }
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Refuse frames that this arm cannot take, before it moves."""
+        """Check that this arm can play the frames."""
         _setpoints(Path(inputs["recording"]), robot.path)
 
-    def _compile(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
+    def compile_motion(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
+        """Return the recorded frames. They come from no plan of this run."""
         path, speed = Path(self.get_input("recording")), self.get_input("speed")
         recorded = _setpoints(path, self.context.robot.path)
         setpoints = tuple(replace(setpoint, time=setpoint.time / speed) for setpoint in recorded)
         return Schedule(setpoints, setpoints[-1].positions, setpoints[-1].time, 0.0), None
 
 
-def send(
-    recording: Path, speed: float, setup: Setup, as_json: bool, verbose: bool
-) -> list[Outcome]:
-    """Move to where a recording begins, then send its frames at their times.
+def write_replay_task(recording: Path, speed: float, robot: Robot, folder: Path) -> int:
+    """Write a task that moves to the start of a recording, then sends its frames at their times.
 
     Args:
-        recording: Which.
-        speed: 1 for the times as recorded, less for slower.
-        setup: What to run on, apart from the tasks.
-        as_json: As of `execute`.
-        verbose: As of `execute`.
+        recording: Path of the recording.
+        speed: 1 for the recorded times, less for slower.
+        robot: Robot that runs the task.
+        folder: Folder to write the task file to.
+
+    Returns:
+        The number of the task.
 
     Raises:
-        NotReplayable: It holds no motion.
-        LogError: It cannot be read.
-        HardwareError: The robot file is wrong.
+        NotReplayable: The recording contains no motion.
+        LogError: The recording cannot be read.
     """
-    task, start = _beginning(Recording(recording))
-    number = _NUMBERS + task
-    arm = setup.load_robot()
+    task, start = _start_of(Recording(recording))
     targets = {
-        group: {joint.name: start.get(joint.name, joint.boot) for joint in arm.actuated_in(group)}
-        for group in arm.groups
+        group: {joint.name: start.get(joint.name, joint.boot) for joint in robot.actuated_in(group)}
+        for group in robot.groups
     }
-    with tempfile.TemporaryDirectory() as folder:
-        text = _TASK.format(
-            number=number,
-            name=recording.name,
-            path=json.dumps(str(recording.absolute())),
-            speed=speed,
-            **{group: json.dumps(target) for group, target in targets.items()},
-        )
-        (Path(folder) / f"{number}_replay.yaml").write_text(text)
-        return execute(
-            replace(setup, trees=Path(folder)), [number], as_json=as_json, verbose=verbose
-        )
+    number = _FIRST_NUMBER + task
+    text = _TASK.format(
+        number=number,
+        name=recording.name,
+        path=json.dumps(str(recording.absolute())),
+        speed=speed,
+        **{group: json.dumps(target) for group, target in targets.items()},
+    )
+    (folder / f"{number}_replay.yaml").write_text(text)
+    return number
 
 
-def _beginning(recording: Recording) -> tuple[int, dict[str, float]]:
-    """The number of the task that was recorded, and where its first motion begins [rad]."""
+def _start_of(recording: Recording) -> tuple[int, dict[str, float]]:
+    """Return the number of the recorded task, and the start of its first motion [rad]."""
     number = 0
     for record in recording.records(RecordedGoal, RecordedSchedule):
         if isinstance(record, RecordedGoal):
@@ -110,19 +101,18 @@ def _beginning(recording: Recording) -> tuple[int, dict[str, float]]:
 
 
 def _moves(sent: RecordedFrame) -> bool:
-    """Whether it is a frame of a motion, neither a hold nor a setting of the board."""
+    """Return True for a frame of a motion, False for a hold or a setting of the board."""
     return bool(sent.joints) and not sent.hold
 
 
 @lru_cache(maxsize=1)
 def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
-    """The frames of a recording without the holds, each as this robot would send it.
+    """Return the frames of a recording without holds, encoded for this robot.
 
-    They are due as scheduled, and schedules follow each other as they did; times are since the
-    first frame [s].
+    Each has its scheduled time, counted from the first frame [s]. Pauses between schedules stay.
 
     Raises:
-        NotReplayable: This arm cannot take them, or not at these times.
+        NotReplayable: This arm cannot play the frames at these times.
     """
     robot = load_robot(robot_file)
     setpoints: list[Setpoint] = []
@@ -136,7 +126,10 @@ def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
         start = tuple(schedule.start.values())
         if setpoints and _encoded(robot, start, path) != setpoints[-1].frame:
             raise NotReplayable(f"{path}: a motion does not begin where the one before it ended")
-        before, passed = start, -1 / robot.firmware.rate  # a frame is carried out in one period
+        before, passed = (
+            start,
+            -1 / robot.firmware.rate,
+        )  # one frame per period
         for due, frame in zip(schedule.times, frames, strict=False):
             setpoint = Setpoint(
                 begins + due - zero, 0.0, frame.positions, _same(robot, frame, path)
@@ -154,7 +147,7 @@ def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
 
 
 def _motions(path: Path) -> Iterator[tuple[RecordedSchedule, list[RecordedFrame]]]:
-    """The schedules of a recording that were begun, each with its frames."""
+    """Yield the schedules of a recording that were started, each with its frames."""
     schedule: RecordedSchedule | None = None
     frames: list[RecordedFrame] = []
     for record in Recording(path).records(RecordedSchedule, RecordedFrame):
@@ -174,7 +167,7 @@ def _same(robot: Robot, frame: RecordedFrame, path: Path) -> Frame:
     encoded = _encoded(robot, frame.positions, path)
     if encoded.data != frame.data:
         raise NotReplayable(
-            f"{path}: {frame.text} is another frame on this arm; give its robot file"
+            f"{path}: {frame.text} would be another frame on this arm; give its robot file"
         )
     return encoded
 
@@ -183,7 +176,7 @@ def _encoded(robot: Robot, positions: tuple[float, ...], path: Path) -> Frame:
     try:
         return robot.wire_format.encode(positions)
     except HardwareError as error:
-        raise NotReplayable(f"{path}: this arm cannot take its frames: {error}") from error
+        raise NotReplayable(f"{path}: this arm cannot play its frames: {error}") from error
 
 
 def _check_speed(

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from executive.cli.sending import _setpoints
+from executive.replay.send_again import _setpoints
 from hardware import load_robot
 from skills.errors import NotReplayable
 from tests.conftest import RigMaker
@@ -66,7 +66,7 @@ def test_frames_that_mean_something_else_on_this_arm_are_refused(
     arguments = ["replay", str(picked), "--on", "virtual", "--robot", str(quick), "--json"]
     status, out, _ = typed(tmp_path, *arguments)
     assert status == 4
-    assert "is another frame on this arm" in events(out)[-1]["message"]
+    assert "would be another frame on this arm" in events(out)[-1]["message"]
     assert not [event for event in events(out) if event["event"] == "sent"]
 
 
