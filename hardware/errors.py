@@ -1,34 +1,34 @@
-"""What can go wrong with the arm.
+"""Errors of the arm.
 
     HardwareError
     ├── DescriptionError          the robot file or its URDF is wrong
-    ├── NoDriver                  the robot file names no driver, so nothing can be moved
+    ├── NoDriver                  the robot file names no driver, so the arm cannot move
     ├── LinkError                 the serial port
-    │   ├── PortNotGiven          nobody said which
-    │   ├── PortMissing           there is no such port
+    │   ├── PortNotGiven          no port is configured
+    │   ├── PortMissing           the port does not exist
     │   ├── PortDenied            no permission
-    │   ├── PortBusy              somebody else has it
-    │   ├── PortLost              it went away, or a write failed half-way
-    │   └── PortStalled           the other end stopped taking bytes
-    ├── BoardError                what the board says, or keeps to itself
-    │   ├── BoardSilent           it did not say that it has booted
-    │   ├── WrongFirmware         it says that it runs another one than the robot file names
-    │   ├── PoseOutsideLimits     it holds what the arm must never be sent
-    │   ├── BoardReset            it started anew while the arm was active
-    │   └── FrameLost             it took other frames than were sent
-    ├── DriverFailed              what is no error of ours came out of the driver, or a bug of ours
-    ├── TransitionRefused         the lifecycle does not allow it now
-    │   └── ActivationStopped     somebody stopped the arm while its board booted
-    ├── CancelTimeout             what drove the arm did not stop in time
-    └── WriteRefused              the write guard said no; nothing was sent
-        ├── NotActive             only an active arm may be written to
+    │   ├── PortBusy              another program has the port
+    │   ├── PortLost              the port disappeared, or a write failed
+    │   └── PortStalled           the other end accepts no more bytes
+    ├── BoardError                the board misbehaves
+    │   ├── BoardSilent           it did not report that it has booted
+    │   ├── WrongFirmware         it runs another firmware than the robot file names
+    │   ├── PoseOutsideLimits     it holds a servo outside the limits of its joint
+    │   ├── BoardReset            it restarted while the arm was active
+    │   └── FrameLost             it received other frames than were sent
+    ├── DriverFailed              the driver raised another exception, or armtree has a bug
+    ├── TransitionRefused         the lifecycle does not allow the transition now
+    │   └── ActivationStopped     the arm was stopped while its board booted
+    ├── CancelTimeout             the goal did not stop in time
+    └── WriteRefused              the write guard refused; nothing was sent
+        ├── NotActive             the arm is not active
         ├── InterfaceUnknown      the arm has no such command interface
-        ├── InterfaceClaimed      somebody else commands that joint
-        ├── StaleGeneration       the motion was stopped meanwhile
-        ├── BadPosition           not finite, missing or outside the limits
-        └── TooFast               more than the board can digest
+        ├── InterfaceClaimed      another owner has claimed the joint
+        ├── StaleGeneration       the motion was stopped
+        ├── BadPosition           a position is missing, not finite or outside the limits
+        └── TooFast               the board cannot process the frame now
 
-Every error carries a stable `code`, and its message says what to do next.
+Every error has a stable `code`, and its message says what to do.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ from pathlib import Path
 
 
 class HardwareError(Exception):
-    """Root of everything this room raises."""
+    """Base class of all errors of this package."""
 
     code = "hw.error"
     exit_status = 6
@@ -50,7 +50,7 @@ class DescriptionError(HardwareError):
 
     Attributes:
         path: The file.
-        line: Line number, 0 where no line can be named.
+        line: Line number, 0 if no line can be named.
     """
 
     code = "file.robot"
@@ -64,7 +64,7 @@ class DescriptionError(HardwareError):
 
 
 class NoDriver(HardwareError):
-    """The robot file names no driver: its arm can be planned for, and not moved.
+    """The robot file names no driver. The arm can be planned for but not moved.
 
     Attributes:
         path: The file.
@@ -78,9 +78,9 @@ class NoDriver(HardwareError):
     def __init__(self, path: Path) -> None:
         self.path = path
         super().__init__(
-            f"{path} names no driver, so this arm can be planned for and not moved, not by a "
-            "virtual board either. To move it write driver, [serial], and a wire for each joint; "
-            "hardware/README.md explains them. `armtree plan`, `check` and `show` do without"
+            f"{path} names no driver, so this arm can be planned for but not moved, not even on "
+            "the virtual board. To move it, add driver, [serial], and a wire for each joint; "
+            "hardware/README.md explains them. `armtree plan`, `check` and `show` need no driver"
         )
 
 
@@ -88,7 +88,7 @@ class LinkError(HardwareError):
     """A serial port failed.
 
     Attributes:
-        port: The port's name as it was given.
+        port: Name of the port, as the user gave it.
     """
 
     code = "hw.link"
@@ -105,7 +105,7 @@ class PortNotGiven(LinkError):
 
     code = "hw.no_port"
     exit_status = 3
-    meaning = "Nobody said which serial port"
+    meaning = "No serial port is configured"
     hint = "give --port, or ARMTREE_PORT"
 
     def __init__(self) -> None:
@@ -117,11 +117,11 @@ class PortNotGiven(LinkError):
 
 
 class PortMissing(LinkError):
-    """There is no such port."""
+    """The port does not exist."""
 
     code = "hw.port_missing"
-    meaning = "There is no such serial port"
-    hint = "`armtree doctor` shows those there are"
+    meaning = "The serial port does not exist"
+    hint = "`armtree doctor` lists the ports"
 
     def __init__(self, port: str, present: list[str]) -> None:
         there = ", ".join(present) or "none"
@@ -133,7 +133,7 @@ class PortMissing(LinkError):
 
 
 class PortDenied(LinkError):
-    """The port is there, but not for this user."""
+    """The user has no permission to open the port."""
 
     code = "hw.port_denied"
     meaning = "No permission to open the serial port"
@@ -160,10 +160,10 @@ class PortBusy(LinkError):
 
 
 class PortLost(LinkError):
-    """The port went away while it was open; what the board got last is unknown."""
+    """The port disappeared while it was open. It is unknown which bytes the board received."""
 
     code = "hw.port_lost"
-    meaning = "The serial port went away while it was open"
+    meaning = "The serial port disappeared while it was open"
     hint = "check the cable, then configure and activate"
 
     def __init__(self, port: str, why: str) -> None:
@@ -174,45 +174,45 @@ class PortLost(LinkError):
 
 
 class PortStalled(LinkError):
-    """A write did not finish in time; it may or may not have arrived, and is never repeated."""
+    """A write did not finish in time. Its bytes may have arrived; they are never sent again."""
 
     code = "hw.port_stalled"
-    meaning = "The board takes no more bytes"
+    meaning = "The board accepts no more bytes"
     hint = "check its power, then configure and activate"
 
     def __init__(self, port: str, why: str) -> None:
         super().__init__(
             port,
-            f"{why}: the port {port} takes no more bytes. Check the cable and the power of the "
+            f"{why}: the port {port} accepts no more bytes. Check the cable and the power of the "
             "board, then run again",
         )
 
 
 class BoardError(HardwareError):
-    """The board does not do what it was told."""
+    """The board misbehaves."""
 
     code = "hw.board"
-    meaning = "The board does not do what it was told"
+    meaning = "The board misbehaves"
     hint = "check the cable and its power"
 
 
 class BoardSilent(BoardError):
-    """The board did not say that it has booted."""
+    """The board did not report that it has booted."""
 
     code = "hw.board_silent"
-    meaning = "The board did not say that it has booted"
-    hint = "flash it, or name what it runs"
+    meaning = "The board did not report that it has booted"
+    hint = "flash the firmware, or name the right one in the robot file"
 
     def __init__(self, port: str, firmware: str, seconds: float) -> None:
         super().__init__(
-            f"The board on port {port} did not say within {seconds:g} s that it runs the firmware "
-            f"{firmware}. Flash it, or name in the robot file what the board runs; opening the "
-            "port must reset it"
+            f"The board on port {port} did not report within {seconds:g} s that it runs the "
+            f"firmware {firmware}. Flash it, or name the board's firmware in the robot file; "
+            "opening the port must reset the board"
         )
 
 
 class WrongFirmware(BoardError):
-    """The board says that it runs another firmware than the robot file names."""
+    """The board runs another firmware than the robot file names."""
 
     code = "hw.wrong_firmware"
     meaning = "The board runs another firmware than the robot file names"
@@ -226,10 +226,10 @@ class WrongFirmware(BoardError):
 
 
 class PoseOutsideLimits(BoardError):
-    """The board holds what is outside a joint's limits, so the first frame would make it jump."""
+    """The board holds a servo outside its joint's limits; the first frame would make it jump."""
 
     code = "hw.pose_outside"
-    meaning = "The board holds what is outside a joint's limits"
+    meaning = "The board holds a servo outside the limits of its joint"
     hint = "switch the board off and on"
 
     def __init__(self, joint: str, lower: float, upper: float, angle: int, nearest: int) -> None:
@@ -242,56 +242,56 @@ class PoseOutsideLimits(BoardError):
 
 
 class BoardReset(BoardError):
-    """The board started anew, so where its servos go nobody commanded."""
+    """The board restarted, so its servos are no longer where armtree sent them."""
 
     code = "hw.board_reset"
-    meaning = "The board started anew while the arm was active"
-    hint = "check the servos' supply"
+    meaning = "The board restarted while the arm was active"
+    hint = "check the power supply of the servos"
 
     def __init__(self, line: str) -> None:
         super().__init__(
-            f"The board was reset while the arm was active; it says {line!r}. Check the servos' "
-            "supply (a dip resets the board), then run again"
+            f"The board was reset while the arm was active; it sent {line!r}. Check the power "
+            "supply of the servos (a voltage drop resets the board), then run again"
         )
 
 
 class FrameLost(BoardError):
-    """The board took other frames than were sent."""
+    """The board received other frames than were sent."""
 
     code = "hw.frame_lost"
-    meaning = "The board took other frames than were sent"
+    meaning = "The board received other frames than were sent"
     hint = "check the cable"
 
     def __init__(self, what: str) -> None:
-        super().__init__(f"{what}. Check the cable and what runs beside it, then run again")
+        super().__init__(f"{what}. Check the cable and the wires beside it, then run again")
 
 
 class DriverFailed(HardwareError):
-    """What is no HardwareError came out of the driver of the arm, or out of a bug of ours.
+    """The driver of the arm raised an exception that is no HardwareError, or armtree has a bug.
 
     Attributes:
-        __cause__: What it was.
+        __cause__: The exception.
     """
 
     code = "hw.driver"
     meaning = "The driver of the arm failed"
-    hint = "mend the driver"
+    hint = "fix the driver"
 
     def __init__(self, cause: BaseException) -> None:
         self.__cause__ = cause
         super().__init__(
-            f"The driver failed: {cause!r}. What the board got last is unknown. Mend the driver, "
-            "or the cause that it names, then run again"
+            f"The driver failed: {cause!r}. It is unknown what the board received last. Fix the "
+            "driver, or the cause that it names, then run again"
         )
 
 
-def ours(error: BaseException) -> HardwareError:
-    """An error of ours, whatever came out of a driver."""
+def as_hardware_error(error: BaseException) -> HardwareError:
+    """Return the error itself if it is a HardwareError, else DriverFailed with it as the cause."""
     return error if isinstance(error, HardwareError) else DriverFailed(error)
 
 
 class TransitionRefused(HardwareError):
-    """The lifecycle allows no such transition now."""
+    """The lifecycle does not allow this transition now."""
 
     code = "hw.transition_refused"
     meaning = "The arm's lifecycle does not allow that now"
@@ -299,36 +299,36 @@ class TransitionRefused(HardwareError):
 
 
 class ActivationStopped(TransitionRefused):
-    """Somebody stopped the arm while its board booted; it is inactive."""
+    """The arm was stopped while its board booted. It is inactive."""
 
     code = "hw.activation_stopped"
-    meaning = "Somebody stopped the arm while its board booted"
+    meaning = "The arm was stopped while its board booted"
     hint = "activate it again"
 
 
 class CancelTimeout(HardwareError):
-    """What drove the arm was asked to stop and did not in time, so the arm left *active*."""
+    """A goal did not stop in time, so the arm left *active*."""
 
     code = "hw.cancel_timeout"
-    meaning = "What drove the arm did not stop in time, so the arm left *active*"
-    hint = "mend the skill that is named, then configure and activate"
+    meaning = "The goal did not stop in time, so the arm left *active*"
+    hint = "fix the skill that the message names, then configure and activate"
 
 
 class WriteRefused(HardwareError):
     """The write guard refused; nothing was sent."""
 
     code = "hw.refused"
-    meaning = "The guard in front of the wire refused; nothing was sent"
+    meaning = "The write guard refused; nothing was sent"
 
 
 class NotActive(WriteRefused):
-    """Only an active arm may be written to."""
+    """The arm is not active, so nothing may be written to it."""
 
     code = "hw.not_active"
-    meaning = "Only an active arm may be written to"
+    meaning = "The arm is not active, so nothing may be written to it"
     hint = (
-        "`armtree arm configure` where it is unconfigured, then `armtree arm activate`; where it "
-        "is finalized, start armtree again"
+        "`armtree arm configure` if it is unconfigured, then `armtree arm activate`; if it is "
+        "finalized, start armtree again"
     )
 
 
@@ -337,17 +337,17 @@ class InterfaceUnknown(WriteRefused):
 
     code = "hw.no_interface"
     meaning = "The arm has no such command interface"
-    hint = "the message lists those there are"
+    hint = "the message lists the existing ones"
 
     def __init__(self, name: str, present: Sequence[str]) -> None:
         super().__init__(f"there is no command interface {name}; there are {', '.join(present)}")
 
 
 class InterfaceClaimed(WriteRefused):
-    """Somebody else commands that joint."""
+    """Another owner has claimed the joint."""
 
     code = "hw.claimed"
-    meaning = "Somebody else commands that joint"
+    meaning = "Another owner has claimed the joint"
     hint = "stop the arm first"
 
     def __init__(self, name: str, owner: str, other: str) -> None:
@@ -357,25 +357,25 @@ class InterfaceClaimed(WriteRefused):
 
 
 class StaleGeneration(WriteRefused):
-    """The motion that wants to write was stopped."""
+    """The motion was stopped, so it may not write."""
 
     code = "hw.stale"
-    meaning = "The motion that wants to write was stopped"
+    meaning = "The motion was stopped, so it may not write"
     hint = "run again"
 
 
 class BadPosition(WriteRefused, ValueError):
-    """A joint value is missing, not finite or outside its limits.
+    """A joint position is missing, not finite or outside its limits.
 
     Attributes:
-        joint: Which; empty where none can be named.
-        value: What was given for it [rad].
-        limit: What it is held against [rad]; None where the value is no finite number.
+        joint: Name of the joint, or "" if none can be named.
+        value: The position that was given [rad].
+        limit: The limit that it exceeds [rad], or None if the value is no finite number.
     """
 
     code = "hw.bad_position"
-    meaning = "A joint value is missing, not finite or outside its limits"
-    hint = "choose one within"
+    meaning = "A joint position is missing, not finite or outside its limits"
+    hint = "choose a position within the limits"
 
     def __init__(
         self, message: str, joint: str = "", value: object = None, limit: float | None = None
@@ -385,8 +385,8 @@ class BadPosition(WriteRefused, ValueError):
 
 
 class TooFast(WriteRefused):
-    """The board could not digest this: a frame that is too early or too far, or a jump."""
+    """The board cannot process the frame: it comes too early or moves too far, or it is a jump."""
 
     code = "hw.too_fast"
-    meaning = "More than the board can digest"
+    meaning = "The board cannot process the frame"
     hint = "lower the velocity in the robot file"

@@ -1,6 +1,7 @@
-"""Joints as data: limits, whom they follow, how they travel.
+"""Joints as data, and the check of joint positions.
 
-Positions are in rad, and in m for a joint that slides; wherever these files say rad, this is meant.
+The position of a prismatic joint is in metres. Where the documentation of this package gives the
+unit [rad] for a joint, read [m] for such a joint.
 """
 
 import math
@@ -16,8 +17,8 @@ class Mimic:
 
     Attributes:
         leader: Name of the joint it follows.
-        multiplier: Unitless.
-        offset: [rad].
+        multiplier: Factor of the leader's position.
+        offset: Position of the follower when the leader is at 0 [rad].
     """
 
     leader: str
@@ -25,25 +26,25 @@ class Mimic:
     offset: float
 
     def value(self, leader: float) -> float:
-        """The follower's value [rad] for the leader's [rad]."""
+        """Return the follower's position for the position of its leader [rad]."""
         return self.multiplier * leader + self.offset
 
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """One moving joint.
+    """A joint that moves.
 
     Attributes:
-        name: As in the URDF.
+        name: Name in the URDF.
         lower: Smallest position [rad].
         upper: Largest position [rad].
-        velocity: Limit [rad/s].
-        acceleration: Limit [rad/s2].
-        boot: Where a reset of the board puts it [rad].
-        mimic: Whom it follows; None for a joint of its own.
-        wire: How it travels in a frame, as its driver read it; None for a joint that has no servo
-            of its own, or whose robot file names no driver.
-        unit: Of its position: `rad`, or `m` where it slides.
+        velocity: Velocity limit [rad/s].
+        acceleration: Acceleration limit [rad/s2].
+        boot: Position after a reset of the board [rad].
+        mimic: How it follows another joint, or None if it moves independently.
+        wire: How its driver encodes it in a frame, or None if it has no servo of its own or the
+            robot file names no driver.
+        unit: Unit of its position: `rad`, or `m` for a prismatic joint.
     """
 
     name: str
@@ -58,18 +59,22 @@ class Joint:
 
     @property
     def continuous(self) -> bool:
-        """Whether it turns without end, so that it stands the same a whole turn on."""
+        """Whether it turns without limits, so that positions a whole turn apart are equal."""
         return self.unit == "rad" and self.lower == -math.inf and self.upper == math.inf
 
 
 def check_position(joint: Joint, q: object) -> float:
-    """Refuse a joint value that must never travel.
+    """Check that a joint position may be sent.
+
+    Args:
+        joint: The joint.
+        q: Position of the joint [rad]; any real number except a bool.
 
     Returns:
-        The value as a float [rad], whatever kind of number it was.
+        The position as a float [rad].
 
     Raises:
-        BadPosition: Not a number, not finite, or outside the limits.
+        BadPosition: It is not a number, not finite, or outside the limits.
     """
     try:
         value = float(q) if isinstance(q, Real) and not isinstance(q, bool) else math.nan

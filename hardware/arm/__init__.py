@@ -1,1 +1,1 @@
-"""The arm at work: lifecycle, connection, write guard, schedules and the streamer."""
+"""The arm: lifecycle, connection, write guard, schedules and the streamer."""

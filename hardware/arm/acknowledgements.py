@@ -1,4 +1,7 @@
-"""What the board says, held against what it was sent. The protocol is in `firmware/README.md`."""
+"""Acknowledgements: compares what the board reports with the frames it was sent.
+
+`drivers/arduino/firmware/README.md` describes the protocol.
+"""
 
 import binascii
 import re
@@ -9,127 +12,133 @@ from hardware.description.robot import Robot
 from hardware.drivers.driver import Frame
 from hardware.errors import BoardReset, FrameLost, WrongFirmware
 
-# A line of ours is shorter; what never ends a line is none [bytes].
-_LONGEST = 200
-_ACK = re.compile(rb"k([0-9a-f]{4}),([0-9a-f]{2}),([0-9a-f]{2}),([0-9a-f]{4})")
-# An answer takes 2 ms on the line, and an adapter keeps it for up to 16 ms more.
-ANSWER = 0.25  # [s]
-# It is counted in looks. A stall of the host, in which nobody reads, is one look and no more.
-_LOOKS = 5
-_LOOK = ANSWER / _LOOKS  # [s]
-_WRAP = 0x10000  # the board counts frames in 16 bits
+_LONGEST_LINE = 200  # longer input without a line end is noise [bytes]
+_ACKNOWLEDGEMENT = re.compile(rb"k([0-9a-f]{4}),([0-9a-f]{2}),([0-9a-f]{2}),([0-9a-f]{4})")
+# An answer takes 2 ms on the line, and a USB adapter may keep it for another 16 ms.
+ANSWER_TIMEOUT = 0.25  # [s]
+# The timeout is counted in checks, so that a stall of the host, which reads nothing meanwhile,
+# counts as one check only.
+_CHECKS = 5
+_CHECK_PERIOD = ANSWER_TIMEOUT / _CHECKS  # [s]
+_COUNTER_RANGE = 0x10000  # the board counts frames in 16 bits
 
 
 class Acknowledgements:
-    """What is known of a board since its port was opened. Threads may share it.
+    """Frames sent and acknowledged since the port was opened. Thread-safe.
+
+    A board whose firmware has no banner acknowledges nothing. The only thing understood from it is
+    the banner of another firmware.
 
     Args:
-        robot: Whose board. One whose firmware has no banner says nothing that is understood here,
-            unless it is another's banner.
+        robot: The robot.
 
     Attributes:
-        holds: What the board said, when it had booted, that it holds; None until then.
-        sent: Frames that went out.
+        boot_frame: Frame that the board reported to hold after booting, or None before that.
+        sent: Number of frames sent.
     """
 
     def __init__(self, robot: Robot) -> None:
         self._robot, self._banner = robot, robot.firmware.banner
-        self._lock = threading.RLock()  # a signal's handler may stop the arm
+        self._lock = threading.RLock()  # a signal handler may stop the arm
         self._unfinished = b""
-        self._taken = self._sum = 0
-        self._waiting = deque[int]()  # of each frame that it has not acknowledged, its sum after it
-        self._look, self._silent = 0.0, 0  # when to look next [s]; looks that found nothing new
-        self.holds: Frame | None = None
+        self._acknowledged = self._sum = 0
+        self._pending = deque[int]()  # for each unacknowledged frame, the checksum after it
+        self._next_check, self._silent = 0.0, 0  # [s]; number of checks without news
+        self.boot_frame: Frame | None = None
         self.sent = 0
 
     @property
-    def taken(self) -> int:
-        """Frames that the board has; all that were sent where it tells nothing."""
-        return self._taken if self._banner else self.sent
+    def acknowledged(self) -> int:
+        """Number of frames that the board has received; all sent frames if it reports none."""
+        return self._acknowledged if self._banner else self.sent
 
     @property
-    def greeting(self) -> bytes:
-        """What to send a board that has booted, so that it acknowledges frames."""
-        return self.holds.data[:1] + b"A01;" if self.holds else b""
+    def enable_command(self) -> bytes:
+        """Command that makes a booted board acknowledge frames; empty if it cannot."""
+        return self.boot_frame.data[:1] + b"A01;" if self.boot_frame else b""
 
-    def sends(self, frame: Frame, now: float) -> None:
-        """Note a frame that is about to go out at a time [s]."""
+    def note_sent(self, frame: Frame, now: float) -> None:
+        """Count a frame that is about to be sent.
+
+        Args:
+            frame: The frame.
+            now: Current time [s].
+        """
         with self._lock:
             self.sent += 1
             if self._banner:
-                if not self._waiting:
-                    self._look, self._silent = now + _LOOK, 0
+                if not self._pending:
+                    self._next_check, self._silent = now + _CHECK_PERIOD, 0
                 self._sum = binascii.crc_hqx(bytes(frame.servos), self._sum)
-                self._waiting.append(self._sum)
+                self._pending.append(self._sum)
 
-    def hear(self, data: bytes) -> None:
-        """Take what the board said; what is damaged on its way is passed over.
+    def receive(self, data: bytes) -> None:
+        """Process bytes from the board. Damaged lines are ignored.
 
         Raises:
-            BoardReset: It has started anew, so it holds what nobody commanded.
-            FrameLost: It took other frames than were sent.
-            WrongFirmware: It runs another firmware than the robot file names.
+            BoardReset: The board restarted, so it holds a pose that was not commanded.
+            FrameLost: The board received other frames than were sent.
+            WrongFirmware: The board runs another firmware than the robot file names.
         """
         *lines, rest = (self._unfinished + data).split(b"\n")
-        self._unfinished = rest[-_LONGEST:]
+        self._unfinished = rest[-_LONGEST_LINE:]
         for line in lines:
-            if self._banner and self._banner in line:  # a reset may have cut the line before short
-                self._start(line)
-            elif self._banner and (match := _ACK.fullmatch(line)):
+            if self._banner and self._banner in line:  # a reset may cut the line before it short
+                self._process_banner(line)
+            elif self._banner and (match := _ACKNOWLEDGEMENT.fullmatch(line)):
                 self._acknowledge(*(int(digits, 16) for digits in match.groups()))
             else:
-                self._refuse(line)
+                self._check_other_banners(line)
 
     @property
-    def due(self) -> float | None:
-        """When to look whether the board has answered [s]; None where nothing waits for that."""
+    def next_check(self) -> float | None:
+        """Time of the next `check` [s], or None if no frame is unacknowledged."""
         with self._lock:
-            return self._look if self._waiting else None
+            return self._next_check if self._pending else None
 
     def check(self, now: float) -> None:
-        """Look, if it is time to, whether the board has answered.
+        """Check that the board still answers. Does nothing before `next_check`.
 
         Args:
-            now: The time [s].
+            now: Current time [s].
 
         Raises:
-            FrameLost: It leaves a frame without an answer.
+            FrameLost: The board did not acknowledge a frame in time.
         """
         with self._lock:
-            if not self._waiting or now < self._look:
+            if not self._pending or now < self._next_check:
                 return
-            self._look, self._silent = now + _LOOK, self._silent + 1
-            if self._silent < _LOOKS:
+            self._next_check, self._silent = now + _CHECK_PERIOD, self._silent + 1
+            if self._silent < _CHECKS:
                 return
-        taken = f"the board acknowledged {self._taken} of {self.sent} frames"
-        raise FrameLost(f"{taken}, and then nothing for {ANSWER:g} s")
+        count = f"the board acknowledged {self._acknowledged} of {self.sent} frames"
+        raise FrameLost(f"{count}, and then nothing for {ANSWER_TIMEOUT:g} s")
 
-    def settled(self) -> bool:
-        """Whether the board has all that was sent."""
-        return self.taken == self.sent
+    def all_acknowledged(self) -> bool:
+        """Whether the board has received every frame that was sent."""
+        return self.acknowledged == self.sent
 
-    def _refuse(self, line: bytes) -> None:
-        """Refuse the banner of another firmware; pass over all else."""
+    def _check_other_banners(self, line: bytes) -> None:
         for other in self._robot.driver.firmwares.values():
             if other.banner and other.banner in line:
                 raise WrongFirmware(other.name, self._robot.firmware.name, self._robot.path)
 
-    def _start(self, line: bytes) -> None:
-        if self.holds:
+    def _process_banner(self, line: bytes) -> None:
+        if self.boot_frame:
             raise BoardReset(line.decode(errors="replace"))
         try:
-            self.holds = self._robot.wire_format.parse(line.split()[-1])
+            self.boot_frame = self._robot.wire_format.parse(line.split()[-1])
         except ValueError:
-            return  # damaged; whoever waits for it gives up in time
+            return  # damaged; activation then ends with BoardSilent
 
     def _acknowledge(self, count: int, refused: int, lost: int, total: int) -> None:
         with self._lock:
-            new = (count - self._taken) % _WRAP
-            known = min(new, len(self._waiting))
-            expected = [self._waiting.popleft() for _ in range(known)]
-            self._taken += new
+            new = (count - self._acknowledged) % _COUNTER_RANGE
+            known = min(new, len(self._pending))
+            expected = [self._pending.popleft() for _ in range(known)]
+            self._acknowledged += new
             if new:
-                self._silent = -1  # the next look may come too soon to count
+                self._silent = -1  # the next check may come too soon to count
             if new and (known < new or expected[-1] != total):
                 counts = f"it refused {refused} bytes and lost {lost}"
-                raise FrameLost(f"the board took other frames than were sent; {counts}")
+                raise FrameLost(f"the board received other frames than were sent; {counts}")

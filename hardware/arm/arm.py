@@ -1,4 +1,4 @@
-"""The arm: its lifecycle, its link, and what may be sent when."""
+"""The arm: its lifecycle, its connection, and the motions that it plays."""
 
 import atexit
 import contextlib
@@ -17,7 +17,7 @@ from hardware.errors import (
     PortLost,
     PortNotGiven,
     TransitionRefused,
-    ours,
+    as_hardware_error,
 )
 from hardware.link.link import Link
 
@@ -32,53 +32,54 @@ from .write_guard import WriteGuard
 
 logger = logging.getLogger(__name__)
 
-# Who shuts down waits this long for a transition of another thread. Closing a port takes less, even
-# where a driver's write does not return.
-_SETTLE = 3.0  # [s]
+# Longest time that a shutdown waits for a transition of another thread [s]. Closing a port takes
+# less, even if a write of the driver does not return.
+_SETTLE_TIMEOUT = 3.0
 
-_arms: "weakref.WeakSet[Arm]" = weakref.WeakSet()  # to shut down when the interpreter exits
+_arms: "weakref.WeakSet[Arm]" = weakref.WeakSet()  # shut down when the interpreter exits
 
 
-def _nobody(event: ArmEvent) -> None:
-    """Watches nothing."""
+def _ignore(event: ArmEvent) -> None:
+    """Default observer."""
 
 
 class Arm:
-    """A robot arm on a serial line, open loop: its state is what it was last commanded.
+    """A robot arm. It is open loop: its state is the last command.
 
-    Used as a context, it is shut down at the end; an interpreter that exits closes the port too.
+    As a context manager it is shut down at the end. It is also shut down when the interpreter
+    exits.
 
     Args:
         robot: The robot.
-        link: The line to its board; None where nobody said which port.
-        clock: Whose time.
-        observe: Told of every frame, byte, transition and fault, from any thread, frames in the
-            order they went. It must be quick, for what tells it waits for it. It may stop the arm,
-            and may take locks, re-entrant ones if they are held where the arm is stopped. What it
-            raises is logged and keeps the arm from nothing.
+        link: Link to the board, or None if no port is configured.
+        clock: Time source.
+        observe: Callback for every event, from any thread; frames come in the order in which they
+            were sent. It must return quickly, because the caller waits for it. It may stop the arm
+            and may take locks. A lock that is held while the arm is stopped must be re-entrant.
+            Its exceptions are logged and have no other effect.
     """
 
     def __init__(
-        self, robot: Robot, link: Link | None, clock: Clock, observe: Observer = _nobody
+        self, robot: Robot, link: Link | None, clock: Clock, observe: Observer = _ignore
     ) -> None:
         self.robot = robot
         self._link, self._clock, self._observe = link, clock, observe
         self._signal = clock.signal()
         self._canceled = False
         self._start_pose = robot.boot_pose
-        self._refusal: HardwareError | None = None  # why the last request was not carried out
-        self._failure: HardwareError | None = None  # the fault that ends this activation
+        self._refusal: HardwareError | None = None  # why the last request was refused
+        self._failure: HardwareError | None = None  # the fault that ended the activation
         self._connection: Connection | None = None
-        self._lookout: ReconnectWatcher | None = None
+        self._reconnect: ReconnectWatcher | None = None
         self._lifecycle = Lifecycle(
             {
                 State.CONFIGURING: self._configure,
                 State.ACTIVATING: self._activate,
                 State.DEACTIVATING: self._deactivate,
                 State.SHUTTINGDOWN: self._deactivate,
-                State.ERRORPROCESSING: self._give_up,
+                State.ERRORPROCESSING: self._process_error,
             },
-            self._changed,
+            self._state_changed,
         )
         _arms.add(self)
 
@@ -90,145 +91,146 @@ class Arm:
 
     @property
     def state(self) -> State:
-        """Where the lifecycle stands."""
+        """State of the lifecycle."""
         return self._lifecycle.state
 
     @property
     def failure(self) -> HardwareError | None:
-        """The fault that took the arm out of *active*; None once it is activated again."""
+        """The fault that took the arm out of *active*, or None since the next activation."""
         return self._failure
 
     @property
     def commanded(self) -> tuple[float, ...]:
-        """Where the arm was last commanded to, one value per actuated joint [rad].
+        """Last commanded positions, one per actuated joint [rad].
 
         Raises:
-            NotActive: Where an arm stands is only known once it was activated.
+            NotActive: The arm is not active, so its pose is unknown.
         """
-        return self._open_door().commanded
+        return self._guard().commanded
 
     def check_active(self) -> None:
-        """See that a motion may begin.
+        """Check that a motion may start.
 
         Raises:
-            NotActive: The arm is not active, or has failed and is about to be no longer.
+            NotActive: The arm is not active, or a fault is just ending its activation.
         """
         if self._failure or self.state is not State.ACTIVE:
             raise self._not_active()
 
     def configure(self) -> None:
-        """Check that all that is needed is there; never touches the port.
+        """Check that a port is configured. This does not open it.
 
         Raises:
-            PortNotGiven: No port was named; the arm stays unconfigured.
-            TransitionRefused: Not legal now.
+            PortNotGiven: No port is configured. The arm stays unconfigured.
+            NoDriver: The robot file names no driver. The arm stays unconfigured.
+            TransitionRefused: The transition is not legal now.
         """
         self._request("configure", State.INACTIVE)
 
     def activate(self, start_pose: tuple[float, ...] | None = None) -> None:
-        """Open the port, which resets most boards and may move the arm, and wait for the boot.
+        """Open the port and wait for the board to boot. Most boards reset, which may move the arm.
 
         Args:
-            start_pose: Pose of the arm when the port opens, one value per actuated joint [rad];
+            start_pose: Pose of the arm when the port opens, one position per actuated joint [rad];
                 default: the boot pose of the robot file.
 
         Raises:
-            LinkError: The port cannot be had, and the arm stays inactive; or it was lost while the
-                board booted, and the arm is unconfigured.
-            BoardError: The board is not the one that the robot file names, or not in a pose from
-                which the arm may move.
-            DriverFailed: Something that is no error of ours came out of the driver.
-            ActivationStopped: Somebody called `stop` while the board booted.
-            TransitionRefused: Not legal now.
+            LinkError: The port cannot be opened, and the arm stays inactive; or it was lost during
+                the boot, and the arm is unconfigured.
+            BoardError: The board is not the one that the robot file names, or the arm may not move
+                from its pose.
+            DriverFailed: The driver raised another exception.
+            ActivationStopped: `stop` was called during the boot.
+            TransitionRefused: The transition is not legal now.
         """
         self._start_pose = start_pose or self.robot.boot_pose
         self._request("activate", State.ACTIVE)
         if connection := self._connection:
-            connection.greet()
-        if self._failure:  # in the very moment of becoming active, when it could not be raised
+            connection.enable_acknowledgements()
+        if self._failure:  # a fault during the transition, when raise_error was refused
             with contextlib.suppress(TransitionRefused):
                 self._transition("raise_error")
             raise self._failure
 
     def deactivate(self) -> None:
-        """Stop, and close the port; the servos keep holding.
+        """Stop and close the port. The servos keep holding.
 
         Raises:
-            TransitionRefused: Not legal now.
+            TransitionRefused: The transition is not legal now.
         """
-        self._come_to_rest()
+        self._stop_and_settle()
         self._request("deactivate", State.INACTIVE)
 
     def cleanup(self) -> None:
-        """Forget the configuration.
+        """Drop the configuration.
 
         Raises:
-            TransitionRefused: Not legal now.
+            TransitionRefused: The transition is not legal now.
         """
         self._request("cleanup", State.UNCONFIGURED)
 
     def shutdown(self) -> None:
-        """Stop, close the port, and end for good. Harmless when it has ended.
+        """Stop, close the port, and finalize. Does nothing if finalized.
 
-        A transition that another thread has under way comes to its end first.
+        It first waits for a transition of another thread.
 
         Raises:
             TransitionRefused: That transition does not end.
         """
-        self._come_to_rest()
+        self._stop_and_settle()
         self._cancel()
         self._settle()
         if self.state is not State.FINALIZED:
             self._request("shutdown", State.FINALIZED)
 
     def read(self) -> Mapping[str, float]:
-        """The state interfaces, such as `joint_1/position`, and their values [rad].
+        """Return the state interfaces, such as `joint_1/position`, and their values [rad].
 
-        Open loop: they are what was commanded, and joints that follow others do so exactly.
+        The values are commanded, not measured. Mimic joints follow exactly.
 
         Raises:
-            NotActive: Where an arm stands is only known once it was activated.
+            NotActive: The arm is not active, so its pose is unknown.
         """
         return state_interfaces(self.robot, self.commanded)
 
     @property
     def generation(self) -> int:
-        """Counts the ends of motions, and stops; a motion is decided on in one.
+        """Counts ended motions and stops. A motion must start in the generation of its plan.
 
         Raises:
             NotActive: The arm is not active.
         """
-        return self._open_door().generation
+        return self._guard().generation
 
     def play(
-        self, schedule: Schedule, changed: Callable[[], None], owner: str, generation: int
+        self, schedule: Schedule, on_change: Callable[[], None], owner: str, generation: int
     ) -> Playback:
-        """Begin to play a schedule.
+        """Start to play a schedule.
 
         Args:
-            schedule: What to play.
-            changed: Called from another thread after every frame and at the end, and sometimes
-                where nothing has changed. It may take locks; what it raises is logged.
-            owner: Whose motion it is, for whoever is refused meanwhile.
-            generation: The arm's, when the motion was decided on.
+            schedule: The schedule.
+            on_change: Callback after every frame and at the end, from another thread. It may also
+                be called without a change. It may take locks. Its exceptions are logged.
+            owner: Name of the owner of the motion, for error messages.
+            generation: Generation of the arm in which the motion was planned.
 
         Raises:
             NotActive: The arm is not active.
-            InterfaceClaimed: Another motion is being played; stop it first.
-            StaleGeneration: There was a stop, or another motion, since then.
+            InterfaceClaimed: Another motion is being played. Stop it first.
+            StaleGeneration: Since then there was a stop, or another motion ended.
             PortStalled: A write does not return.
         """
         streamer = self._streamer
         if self.state is not State.ACTIVE or streamer is None:
             raise self._not_active()
-        return streamer.play(schedule, changed, owner, generation)
+        return streamer.play(schedule, on_change, owner, generation)
 
     def stop(self) -> None:
-        """Drop what is left of the motion and hold; in any state, any number of times.
+        """Drop the rest of the motion and hold. Allowed in any state, any number of times.
 
-        What the board has already swallowed it still carries out. While the board boots, this
-        ends the activation. A robot that brakes slows down first, and another stop does not
-        shorten that.
+        The board still executes the frames that it has received. During the boot, a stop ends the
+        activation. A robot with `brake_s` slows down first, and a second stop does not shorten
+        that.
         """
         self._cancel()
         connection = self._connection
@@ -236,11 +238,14 @@ class Arm:
             connection.hold(self.robot.brake)
 
     def fault(self, cause: BaseException) -> None:
-        """Take the arm out of *active*, for this error; coming back is a person's act.
+        """Take the arm out of *active* because of an error. Only a person can activate it again.
 
-        The first fault of an activation counts; those that follow from it are not told again.
+        Only the first fault of an activation is reported.
+
+        Args:
+            cause: The error.
         """
-        error = ours(cause)
+        error = as_hardware_error(cause)
         with self._signal:
             if self._failure:
                 return
@@ -249,36 +254,36 @@ class Arm:
         if streamer := self._streamer:
             streamer.close(error)
         logger.error("%s", error)
-        self._tell(Faulted(self._clock.now(), error))
-        if self._lookout and isinstance(error, PortLost):
-            self._lookout.begin()
-        with contextlib.suppress(TransitionRefused):  # outside active it changes no state
+        self._publish(Faulted(self._clock.now(), error))
+        if self._reconnect and isinstance(error, PortLost):
+            self._reconnect.start()
+        with contextlib.suppress(TransitionRefused):  # outside of *active* it changes no state
             self._transition("raise_error")
 
-    def _come_to_rest(self) -> None:
+    def _stop_and_settle(self) -> None:
         connection = self._connection
         if self.state is State.ACTIVE and connection:
             connection.stop_and_settle()
 
     def _notify(self) -> None:
-        """Wake who waits for the board's boot, or for the end of a transition."""
+        """Wake threads that wait for the boot or for the end of a transition."""
         with self._signal:
             self._signal.notify()
 
     def _cancel(self) -> None:
-        """End an activation that is under way."""
+        """End an activation in progress."""
         with self._signal:
             self._canceled = self.state is State.ACTIVATING
             self._signal.notify()
 
     def _settle(self) -> None:
-        """Wait for the end of a transition, or of a fault, that another thread is at."""
-        until = self._clock.now() + _SETTLE
+        """Wait for a transition or a fault that another thread is processing."""
+        until = self._clock.now() + _SETTLE_TIMEOUT
         with self._signal:
-            while self._unsettled() and self._clock.now() < until:
+            while self._is_changing() and self._clock.now() < until:
                 self._signal.wait(until)
 
-    def _unsettled(self) -> bool:
+    def _is_changing(self) -> bool:
         faulting = self._failure is not None and self.state is State.ACTIVE
         return faulting or self._lifecycle.changing
 
@@ -298,11 +303,11 @@ class Arm:
         connection = self._connection
         return connection.streamer if connection else None
 
-    def _open_door(self) -> WriteGuard:
+    def _guard(self) -> WriteGuard:
         connection = self._connection
-        if self.state is not State.ACTIVE or connection is None or connection.door is None:
+        if self.state is not State.ACTIVE or connection is None or connection.guard is None:
             raise self._not_active()
-        return connection.door
+        return connection.guard
 
     def _not_active(self) -> NotActive:
         state = "failing" if self.state is State.ACTIVE else self.state.value
@@ -312,7 +317,7 @@ class Arm:
         return NotActive(f"the arm is {state}; {advice}{why}")
 
     def _configure(self) -> Result:
-        self._look_out_no_longer()
+        self._stop_reconnect()
         if self._link is None:
             self._refusal = PortNotGiven() if self.robot.has_driver else NoDriver(self.robot.path)
             logger.error("%s", self._refusal)
@@ -325,13 +330,21 @@ class Arm:
         with self._signal:
             self._failure = None
         logger.info("Starting the arm on port %s: it %s", port, self.robot.open_effect)
-        self._connection = connection = self._connect(self._link)
+        self._connection = connection = Connection(
+            self.robot,
+            self._link,
+            self._clock,
+            self._publish,
+            lambda: self.state is State.ACTIVE,
+            self.fault,
+            self._notify,
+        )
         try:
-            self._lookout = ReconnectWatcher(port, self._clock, self._tell)
+            self._reconnect = ReconnectWatcher(port, self._clock, self._publish)
             connection.open()
             self._boot(connection)
-        except Exception as error:  # a driver may raise what it likes
-            self._refusal = ours(error)
+        except Exception as error:  # a driver may raise any exception
+            self._refusal = as_hardware_error(error)
             if error is self._failure:
                 return Result.ERROR
             logger.error("The arm on port %s did not start: %s", port, self._refusal)
@@ -340,30 +353,28 @@ class Arm:
         logger.info("The arm on port %s is ready to take commands", port)
         return Result.SUCCESS
 
-    def _connect(self, link: Link) -> Connection:
-        told = self._tell, lambda: self.state is State.ACTIVE, self.fault, self._notify
-        return Connection(self.robot, link, self._clock, *told)
-
     def _boot(self, connection: Connection) -> None:
-        """Wait until the board listens; our firmware says when."""
+        """Wait until the board has booted: until its banner comes, or for the boot wait."""
         until = self._clock.now() + self.robot.serial.boot_wait
         with self._signal:
-            while not (self._unwanted or connection.dialogue.holds) and self._clock.now() < until:
+            while self._clock.now() < until:
+                if self._activation_ended or connection.acknowledgements.boot_frame:
+                    break
                 self._signal.wait(until)
-        if not self._unwanted:
+        if not self._activation_ended:
             connection.start(self._start_pose)
-        if unwanted := self._unwanted:
-            raise unwanted
+        if error := self._activation_ended:
+            raise error
 
     @property
-    def _unwanted(self) -> HardwareError | None:
-        """What ends this activation, if something does."""
+    def _activation_ended(self) -> HardwareError | None:
+        """The fault or stop that ends this activation, or None."""
         if self._failure or not self._canceled:
             return self._failure
         return ActivationStopped("the arm was stopped while its board booted")
 
     def _deactivate(self) -> Result:
-        self._look_out_no_longer()
+        self._stop_reconnect()
         port = self._link.port if self._link and self._connection else None
         if port:
             logger.info("Stopping the arm on port %s", port)
@@ -372,11 +383,11 @@ class Arm:
             logger.info("The arm on port %s is stopped", port)
         return Result.SUCCESS
 
-    def _look_out_no_longer(self) -> None:
-        if self._lookout:
-            self._lookout.end()
+    def _stop_reconnect(self) -> None:
+        if self._reconnect:
+            self._reconnect.stop()
 
-    def _give_up(self) -> Result:
+    def _process_error(self) -> Result:
         self._close(self._failure)
         return Result.SUCCESS
 
@@ -385,15 +396,15 @@ class Arm:
             connection.close(error)
             self._connection = None
 
-    def _changed(self, label: str, start: State, goal: State) -> None:
-        if goal is State.INACTIVE:  # a stop from now on is one of the next activation
+    def _state_changed(self, label: str, start: State, goal: State) -> None:
+        if goal is State.INACTIVE:  # a later stop belongs to the next activation
             with self._signal:
                 self._canceled = False
         elif goal is State.FINALIZED:
-            self._close(self._failure)  # two Ctrl-C may have kept everybody from it
-        self._tell(StateChanged(self._clock.now(), label, start, goal))
+            self._close(self._failure)  # two Ctrl-C may have interrupted it before
+        self._publish(StateChanged(self._clock.now(), label, start, goal))
 
-    def _tell(self, event: ArmEvent) -> None:
+    def _publish(self, event: ArmEvent) -> None:
         try:
             self._observe(event)
         except Exception:
@@ -403,5 +414,5 @@ class Arm:
 @atexit.register
 def _shut_down_all() -> None:
     for arm in list(_arms):
-        with contextlib.suppress(TransitionRefused):  # somebody is at it already
+        with contextlib.suppress(TransitionRefused):  # another thread is doing it
             arm.shutdown()

@@ -1,4 +1,4 @@
-"""An open line to a board: from an activation to its end."""
+"""The connection to a board, from activation to deactivation."""
 
 import logging
 import threading
@@ -10,7 +10,7 @@ from hardware.errors import BoardSilent, FrameLost, HardwareError, NotActive, Po
 from hardware.link.link import Link
 
 from .acknowledgements import Acknowledgements
-from .events import PATIENCE, BytesReceived, Observer
+from .events import OBSERVER_TIMEOUT, BytesReceived, Observer
 from .streamer import Streamer
 from .write_guard import WriteGuard
 
@@ -18,21 +18,21 @@ logger = logging.getLogger(__name__)
 
 
 class Connection:
-    """The line, the thread that listens on it, and, once the board has booted, what may write.
+    """An open link, the thread that reads from it and, after the boot, guard and streamer.
 
     Args:
-        robot: Whose board.
-        link: The line to it.
-        clock: Whose time.
-        observe: Told of every byte in both directions.
-        active: Tells whether the lifecycle stands in *active*.
-        fault: Told what fails, from any thread.
-        heard: Called whenever the board has said something.
+        robot: The robot.
+        link: Link to the board.
+        clock: Time source.
+        observe: Callback for all bytes in both directions.
+        is_active: Returns whether the lifecycle is *active*.
+        on_fault: Callback for errors, from any thread.
+        on_receive: Callback after bytes were received.
 
     Attributes:
-        dialogue: What the board said.
-        door: Through which it is written to; None until `start`.
-        streamer: What plays motions; None until `start`.
+        acknowledgements: What the board has acknowledged.
+        guard: The write guard, or None before `start`.
+        streamer: The streamer, or None before `start`.
     """
 
     def __init__(
@@ -41,79 +41,84 @@ class Connection:
         link: Link,
         clock: Clock,
         observe: Observer,
-        active: Callable[[], bool],
-        fault: Callable[[BaseException], None],
-        heard: Callable[[], None],
+        is_active: Callable[[], bool],
+        on_fault: Callable[[BaseException], None],
+        on_receive: Callable[[], None],
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
-        self._observe, self._active = observe, active
-        self._report, self._heard = fault, heard
+        self._observe, self._is_active = observe, is_active
+        self._on_fault, self._on_receive = on_fault, on_receive
         self._closed = False
-        self._listener: threading.Thread | None = None
-        self.dialogue = Acknowledgements(robot)
-        self.door: WriteGuard | None = None
+        self._reader: threading.Thread | None = None
+        self.acknowledgements = Acknowledgements(robot)
+        self.guard: WriteGuard | None = None
         self.streamer: Streamer | None = None
 
     def open(self) -> None:
-        """Open the port, which resets the board, and listen.
+        """Open the port, which resets the board, and start to read.
 
         Raises:
-            LinkError: The port cannot be had.
+            LinkError: The port cannot be opened.
         """
         self._link.open()
-        self._listener = self._clock.spawn(self._listen, "listener")
+        self._reader = self._clock.spawn(self._read, "listener")
 
     def start(self, start_pose: tuple[float, ...]) -> None:
-        """Prepare to write, once the board has booted.
+        """Create the guard and the streamer of a booted board.
 
         Args:
-            start_pose: Pose of the arm, unless the board reports another one; one value per
+            start_pose: Pose of the arm, unless the board reports another one; one position per
                 actuated joint [rad].
 
         Raises:
-            BoardSilent: It did not say what its firmware says when it has booted.
-            PoseOutsideLimits: It holds what is outside a joint's limits.
+            BoardSilent: The board did not report that it has booted, as its firmware does.
+            PoseOutsideLimits: The board holds a servo outside the limits of its joint.
         """
-        robot, dialogue = self._robot, self.dialogue
-        if robot.firmware.banner and not dialogue.holds:
+        robot, acknowledgements = self._robot, self.acknowledgements
+        if robot.firmware.banner and not acknowledgements.boot_frame:
             raise BoardSilent(self._link.port, robot.firmware.name, robot.serial.boot_wait)
-        pose = self._held_pose(start_pose)
-        self.door = WriteGuard(
-            robot, self._link, self._clock, self._active, self._observe, dialogue, pose
+        self.guard = WriteGuard(
+            robot,
+            self._link,
+            self._clock,
+            self._is_active,
+            self._observe,
+            acknowledgements,
+            self._held_pose(start_pose),
         )
         period = 1 / robot.firmware.rate
-        self.streamer = Streamer(self.door, dialogue, self._clock, period, self._fault)
+        self.streamer = Streamer(self.guard, acknowledgements, self._clock, period, self._fault)
 
-    def greet(self) -> None:
-        """Ask a board that has booted to acknowledge frames, if it can."""
+    def enable_acknowledgements(self) -> None:
+        """Make a booted board acknowledge frames, if its firmware can."""
         try:
-            if self.door:
-                self.door.greet()
+            if self.guard:
+                self.guard.enable_acknowledgements()
         except NotActive:
             return  # a fault came first
-        except Exception as error:  # a driver may raise what it likes
+        except Exception as error:  # a driver may raise any exception
             self._fault(error)
 
     def hold(self, brake: float = 0.0) -> None:
-        """Drop what is left of a motion and hold.
+        """Drop the rest of the motion and hold.
 
         Args:
-            brake: How long to slow down before [s].
+            brake: How long to slow down first [s].
         """
         try:
             if self.streamer:
                 self.streamer.stop(brake)
-        except Exception as error:  # a driver may raise what it likes
+        except Exception as error:  # a driver may raise any exception
             self._fault(error)
 
     def stop_and_settle(self) -> None:
-        """Hold what moves, and wait until the board has answered."""
+        """Hold a moving arm, and wait until the board has acknowledged all frames."""
         if not self.streamer:
             return
         if self.streamer.playing:
             self.hold()
         try:
-            self.streamer.settle()
+            self.streamer.wait_until_acknowledged()
         except FrameLost as error:
             self._fault(error)
 
@@ -121,7 +126,7 @@ class Connection:
         """Close the port and wait for the threads that used it.
 
         Args:
-            error: Why, where a fault is the reason.
+            error: The fault that is the reason, or None if there was none.
         """
         if self.streamer:
             self.streamer.close(error)
@@ -129,28 +134,29 @@ class Connection:
         self._closed = True
         try:
             self._link.close(discard=error is not None)
-        except Exception as failure:  # a driver may raise what it likes
+        except Exception as failure:  # a driver may raise any exception
             logger.error("Closing the port %s failed: %s", self._link.port, failure)
-        if self._listener:
-            _join(self._listener)
+        if self._reader:
+            _join(self._reader)
 
     def _held_pose(self, start_pose: tuple[float, ...]) -> tuple[float, ...]:
-        """Pose that the board reports [rad], or the start pose if it reports none."""
-        robot, held = self._robot, self.dialogue.holds
+        """Return the pose that the board reports, or the start pose if it reports none [rad]."""
+        robot, held = self._robot, self.acknowledgements.boot_frame
         wire_format = robot.wire_format
         if held is None or held == wire_format.encode(start_pose):
             return start_pose
-        pose = wire_format.decode(held)  # inside the limits, whatever is held
+        pose = wire_format.decode(held)  # moved inside the limits
         nearest = wire_format.encode(pose).servos
         for joint, angle, near in zip(robot.actuated, held.servos, nearest, strict=True):
             if angle != near:
                 raise PoseOutsideLimits(joint.name, joint.lower, joint.upper, angle, near)
         return pose
 
-    def _listen(self) -> None:
-        """Read what the board says until the link is closed or lost.
+    def _read(self) -> None:
+        """Read from the board until the link is closed or lost.
 
-        An observer may have kept this thread for so long that the port is the next one's by now.
+        A slow observer may keep this thread until the port belongs to the next connection.
+        Therefore it checks after every read whether this connection is closed.
         """
         try:
             while not self._closed:
@@ -160,22 +166,22 @@ class Connection:
                 if not data:
                     raise EOFError(f"its read ended while the port {self._link.port} was open")
                 self._observe(BytesReceived(self._clock.now(), data))
-                self.dialogue.hear(data)
+                self.acknowledgements.receive(data)
                 if self.streamer:
-                    self.streamer.heard()
-                self._heard()
-        except BaseException as error:  # a driver may raise what it likes
+                    self.streamer.on_received()
+                self._on_receive()
+        except BaseException as error:  # a driver may raise any exception
             self._fault(error)
 
     def _fault(self, error: BaseException) -> None:
-        """Report what failed; nobody wants to know of a connection that has ended."""
+        """Report an error, unless the connection is closed."""
         if not self._closed:
-            self._report(error)
+            self._on_fault(error)
 
 
 def _join(thread: threading.Thread) -> None:
-    """Wait until a thread has ended, unless it is the caller, or an observer keeps it for long."""
+    """Wait until a thread has ended, unless it is the caller. A slow observer may delay it."""
     if thread is not threading.current_thread():
-        thread.join(PATIENCE)
+        thread.join(OBSERVER_TIMEOUT)
         if thread.is_alive():
-            logger.warning("an observer of the arm keeps its %s for long", thread.name)
+            logger.warning("an observer of the arm delays its %s", thread.name)

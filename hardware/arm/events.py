@@ -1,4 +1,4 @@
-"""What the arm tells whoever watches it. Times are on the injected clock [s]."""
+"""Events that the arm reports to its observer. Times are on the injected clock [s]."""
 
 import threading
 from collections import deque
@@ -9,20 +9,20 @@ from hardware.errors import HardwareError
 
 from .lifecycle import State
 
-# Observers are quick; where one is not, perhaps as it waits for a lock of the one who closes the
-# arm, whoever closes it waits no longer than this [s].
-PATIENCE = 0.5
+# Longest time that closing the arm waits for a slow observer, which may itself wait for a lock of
+# the thread that closes the arm [s].
+OBSERVER_TIMEOUT = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class FrameSent:
-    """A frame went out.
+    """A frame was written.
 
     Attributes:
-        time: When it was written [s].
+        time: Time of the write [s].
         data: Its bytes.
-        positions: The joint values it stands for, one per actuated joint [rad].
-        scheduled: When it was due [s]; None for the hold frame of a stop.
+        positions: Commanded positions, one per actuated joint [rad].
+        scheduled: Planned time of the write [s], or None for the hold frame of a stop.
     """
 
     time: float
@@ -33,10 +33,10 @@ class FrameSent:
 
 @dataclass(frozen=True, slots=True)
 class CommandSent:
-    """Bytes that are no frame went out: a setting of the board.
+    """Bytes that are not a frame were written: a setting of the board.
 
     Attributes:
-        time: When they were written [s].
+        time: Time of the write [s].
         data: The bytes.
     """
 
@@ -46,11 +46,11 @@ class CommandSent:
 
 @dataclass(frozen=True, slots=True)
 class BytesReceived:
-    """The board said something.
+    """The board sent bytes.
 
     Attributes:
-        time: When it was read [s].
-        data: What it said.
+        time: Time of the read [s].
+        data: The bytes.
     """
 
     time: float
@@ -59,13 +59,13 @@ class BytesReceived:
 
 @dataclass(frozen=True, slots=True)
 class StateChanged:
-    """The lifecycle took an edge.
+    """The lifecycle changed its state.
 
     Attributes:
-        time: When [s].
-        label: Name of the edge.
-        start: Where it began.
-        goal: Where it led.
+        time: Time of the change [s].
+        label: Name of the transition.
+        start: State before it.
+        goal: State after it.
     """
 
     time: float
@@ -76,11 +76,11 @@ class StateChanged:
 
 @dataclass(frozen=True, slots=True)
 class Faulted:
-    """Something failed while the arm was active.
+    """An error occurred while the arm was active.
 
     Attributes:
-        time: When [s].
-        error: What failed.
+        time: Time of the error [s].
+        error: The error.
     """
 
     time: float
@@ -89,12 +89,12 @@ class Faulted:
 
 @dataclass(frozen=True, slots=True)
 class BoardReturned:
-    """A board that was lost is there again; to go on is a person's act.
+    """A lost board was plugged in again. Only a person may then activate the arm.
 
     Attributes:
-        time: When it was seen [s].
-        port: What it was called when it was opened.
-        device: What it is now, such as `/dev/ttyACM1`.
+        time: Time at which the board was found [s].
+        port: Name under which its port was opened.
+        device: Its present device, such as `/dev/ttyACM1`.
     """
 
     time: float
@@ -103,7 +103,7 @@ class BoardReturned:
 
     def __str__(self) -> str:
         back = f"The board of port {self.port} is back as {self.device}"
-        return f"{back}; configure and activate the arm to go on"
+        return f"{back}; configure and activate the arm to continue"
 
 
 ArmEvent = FrameSent | CommandSent | BytesReceived | StateChanged | Faulted | BoardReturned
@@ -111,35 +111,35 @@ Observer = Callable[[ArmEvent], None]
 
 
 class Outbox:
-    """Events on their way to an observer: each once, in the order in which they were put.
+    """Delivers events to an observer, each once and in the order in which they were put.
 
-    Whoever puts them under a lock delivers them after letting go of it, so that an observer may
-    wait for a lock whose owner wants that one.
+    A caller that puts events under a lock delivers them after releasing it. The observer may then
+    wait for that lock without a deadlock.
 
     Args:
-        observe: Told of them.
+        observe: Callback for every event.
     """
 
     def __init__(self, observe: Observer) -> None:
         self._observe = observe
         self._events = deque[ArmEvent]()
-        self._delivering = threading.RLock()  # an observer may bring about the next event
+        self._delivering = threading.RLock()  # the observer may cause the next event
 
     def put(self, event: ArmEvent) -> None:
         """Add an event."""
         self._events.append(event)
 
-    def deliver(self, patience: float = 0.0) -> None:
-        """Tell all that was put; where another thread is at it, that one does.
+    def deliver(self, timeout: float = 0.0) -> None:
+        """Deliver all events. If another thread is delivering, it delivers these too.
 
         Args:
-            patience: How long to wait for that thread to end [s].
+            timeout: Longest time to wait for that thread [s].
         """
-        while self._delivering.acquire(timeout=patience):
+        while self._delivering.acquire(timeout=timeout):
             try:
                 while self._events:
                     self._observe(self._events.popleft())
             finally:
                 self._delivering.release()
-            if not self._events:  # who put one meanwhile may have left it to this thread
+            if not self._events:  # another thread may have put one and left it to this one
                 return

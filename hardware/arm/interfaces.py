@@ -1,7 +1,7 @@
-"""Interfaces by name, as in ros2_control: what can be commanded and known, and who commands it.
+"""Command and state interfaces by name, and who has claimed them, as in ros2_control.
 
-Every joint with a servo has the command interface `<joint>/position`; every joint, those that
-follow another included, has the state interface of the same name.
+Every actuated joint has the command interface `<joint>/position`. Every joint, mimic joints
+included, has the state interface of the same name.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,12 +14,13 @@ from hardware.joints import Joint
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """The right to command some joints, until it is given up or a stop ends it.
+    """The right to command some joints, until it is released or a stop ends it.
 
     Attributes:
-        owner: Who has it.
+        owner: Name of the owner.
         interfaces: Names of the command interfaces.
-        generation: In which it was taken; its end begins the next, so no later claim equals it.
+        generation: Generation in which it was claimed. When a claim ends the next generation
+            begins, so no later claim equals this one.
     """
 
     owner: str
@@ -28,13 +29,16 @@ class Claim:
 
 
 class Claims:
-    """Who commands which joint; one user at a time. Its caller locks.
+    """The claims on the command interfaces. Each interface has one owner at most.
+
+    The caller holds a lock.
 
     Args:
-        interfaces: The command interfaces there are.
+        interfaces: Names of all command interfaces.
 
     Attributes:
-        generation: Counts the ends of claims, and stops; a motion is decided on in one.
+        generation: Counts ended claims and stops. A motion must begin in the generation in which
+            it was planned.
     """
 
     def __init__(self, interfaces: Sequence[str]) -> None:
@@ -42,59 +46,64 @@ class Claims:
         self._held: list[Claim] = []
         self.generation = 0
 
-    def take(self, owner: str, interfaces: Iterable[str], generation: int) -> Claim:
-        """Claim interfaces for a motion that was decided on in a generation.
+    def acquire(self, owner: str, interfaces: Iterable[str], generation: int) -> Claim:
+        """Claim interfaces.
+
+        Args:
+            owner: Name of the owner.
+            interfaces: Names of the command interfaces.
+            generation: Generation in which the motion was planned.
 
         Raises:
-            InterfaceUnknown: There is no such interface.
-            InterfaceClaimed: Another owner has it.
-            StaleGeneration: There was a stop, or another motion ended, since then.
+            InterfaceUnknown: An interface does not exist.
+            InterfaceClaimed: Another owner has an interface.
+            StaleGeneration: Since then there was a stop, or another motion ended.
         """
         names = tuple(interfaces)
-        taken = {name: claim.owner for claim in self._held for name in claim.interfaces}
+        owners = {name: claim.owner for claim in self._held for name in claim.interfaces}
         for name in names:
             if name not in self._interfaces:
                 raise InterfaceUnknown(name, self._interfaces)
-            if name in taken:
-                raise InterfaceClaimed(name, taken[name], owner)
+            if name in owners:
+                raise InterfaceClaimed(name, owners[name], owner)
         if generation != self.generation:
-            raise StaleGeneration("the arm was stopped or moved since this motion was decided on")
+            raise StaleGeneration("the arm was stopped or moved since this motion was planned")
         claim = Claim(owner, names, generation)
         self._held.append(claim)
         return claim
 
     def check(self, claim: Claim) -> None:
-        """Refuse a claim that has ended.
+        """Check that a claim has not ended.
 
         Raises:
-            StaleGeneration: It has.
+            StaleGeneration: It has ended.
         """
         if claim not in self._held:
             raise StaleGeneration("this motion was stopped; nothing more is sent for it")
 
-    def give_up(self, claim: Claim) -> None:
-        """End a claim. Harmless when it has ended."""
+    def release(self, claim: Claim) -> None:
+        """End a claim. Does nothing if it has ended."""
         if claim in self._held:
             self._held.remove(claim)
             self.generation += 1
 
-    def end(self) -> None:
+    def release_all(self) -> None:
         """End all claims."""
         self._held.clear()
         self.generation += 1
 
 
 def command_interfaces(robot: Robot) -> tuple[str, ...]:
-    """The interfaces that can be claimed, in the order of the fields in a frame."""
+    """Return the names of the command interfaces, in the order of the fields in a frame."""
     return tuple(_position(joint) for joint in robot.actuated)
 
 
 def state_interfaces(robot: Robot, commanded: Sequence[float]) -> Mapping[str, float]:
-    """The state interfaces and their values [rad]: the command, for nothing is measured.
+    """Return the state interfaces and their values [rad]. They are commanded, not measured.
 
     Args:
-        robot: Whose joints.
-        commanded: One value per actuated joint [rad].
+        robot: The robot.
+        commanded: One position per actuated joint [rad].
     """
     known = {joint.name: q for joint, q in zip(robot.actuated, commanded, strict=True)}
     for joint in robot.joints:

@@ -1,7 +1,7 @@
-"""The hardware lifecycle: ROS 2's managed-node table, as data, over `transitions`.
+"""The lifecycle of the arm: the state machine of ROS 2 managed nodes, as a table.
 
-The edges are those of rcl (`rcl_lifecycle/src/default_state_machine.c`) and one more, from the
-design article on managed nodes: an error raised while active.
+The edges are those of rcl (`rcl_lifecycle/src/default_state_machine.c`) and one from the design
+article on managed nodes: an error raised while active.
 """
 
 import logging
@@ -17,7 +17,7 @@ logger = logging.getLogger(__name__)
 
 
 class State(StrEnum):
-    """Primary states, then transition states; the values are what logs and pages show."""
+    """Primary states, then transition states. Logs and pages show the values."""
 
     UNCONFIGURED = "unconfigured"
     INACTIVE = "inactive"
@@ -32,7 +32,7 @@ class State(StrEnum):
 
 
 class Result(Enum):
-    """What a transition's callback answers; the values name the edges out of its state."""
+    """Result of a callback. The values are the labels of the edges out of a transition state."""
 
     SUCCESS = "transition_success"
     FAILURE = "transition_failure"
@@ -53,7 +53,7 @@ REQUESTS = (
     ("raise_error", _S.ACTIVE, _S.ERRORPROCESSING),  # not in rcl
 )
 
-# state: where SUCCESS, FAILURE and ERROR lead
+# Transition state: the states after SUCCESS, FAILURE and ERROR
 OUTCOMES = {
     _S.CONFIGURING: (_S.INACTIVE, _S.UNCONFIGURED, _S.ERRORPROCESSING),
     _S.ACTIVATING: (_S.ACTIVE, _S.INACTIVE, _S.ERRORPROCESSING),
@@ -70,23 +70,24 @@ EDGES = REQUESTS + tuple(
 )
 
 Callback = Callable[[], Result]
-Watcher = Callable[[str, State, State], None]
+ChangeCallback = Callable[[str, State, State], None]
 
 
 class Lifecycle:
-    """A managed component. One transition at a time; a second caller is refused, not kept waiting.
+    """A lifecycle. It runs one transition at a time and refuses a second one meanwhile.
 
-    Callbacks run while the machine stands in the transition state, outside its own callbacks: an
-    exception there would leave the state changed. One that raises, or answers anything but a
-    result, counts as ERROR; what is no `Exception`, such as Ctrl-C, is then raised on.
+    Callbacks run while the machine is in a transition state, and outside the callbacks of the
+    library: an exception there would leave the state changed. A callback that raises an
+    `Exception`, or does not return a result, counts as ERROR. Any other exception, such as Ctrl-C,
+    counts as ERROR and is raised again.
 
     Args:
-        callbacks: What to do in each transition state; a state without one succeeds at once.
-        watch: Called after every edge with its label and both states.
+        callbacks: Callback of each transition state. A state without one succeeds at once.
+        on_change: Callback after every edge, with its label, start and goal.
     """
 
-    def __init__(self, callbacks: dict[State, Callback], watch: Watcher) -> None:
-        self._callbacks, self._watch = callbacks, watch
+    def __init__(self, callbacks: dict[State, Callback], on_change: ChangeCallback) -> None:
+        self._callbacks, self._on_change = callbacks, on_change
         self._changing = threading.Lock()
         self._machine = Machine(states=State, initial=State.UNCONFIGURED, auto_transitions=False)
         for label, start, goal in EDGES:
@@ -94,7 +95,7 @@ class Lifecycle:
 
     @property
     def state(self) -> State:
-        """Where the component stands."""
+        """The present state."""
         state: State = self._machine.state
         return state
 
@@ -110,13 +111,13 @@ class Lifecycle:
             label: configure, activate, deactivate, cleanup, shutdown or raise_error.
 
         Returns:
-            The primary state it ended in.
+            The primary state at its end.
 
         Raises:
-            TransitionRefused: Not legal now, or another transition is under way.
+            TransitionRefused: It is not legal now, or another transition is under way.
         """
         if self.state in _PRIMARY:
-            self._check(label)  # what is illegal must not be in the way of an error
+            self._check(label)  # an illegal request must not take the lock from a raise_error
         if not self._changing.acquire(blocking=False):
             raise TransitionRefused(f"cannot {label} now: {self.state.value} is under way")
         try:
@@ -127,26 +128,22 @@ class Lifecycle:
             self._changing.release()
 
     def legal(self) -> list[str]:
-        """The requests that the present state allows."""
+        """Return the requests that the present state allows."""
         return [label for label, start, _ in REQUESTS if start is self.state]
 
     def _check(self, label: str) -> None:
         legal = self.legal()
         if label not in legal:
-            there = (
-                f"; legal: {', '.join(legal)}"
-                if legal
-                else ", which is for good; start armtree again"
-            )
-            raise TransitionRefused(f"cannot {label} while {self.state.value}{there}")
+            hint = f"; legal: {', '.join(legal)}" if legal else "; start armtree again"
+            raise TransitionRefused(f"cannot {label} while {self.state.value}{hint}")
 
     def _run(self, label: str) -> None:
-        """Take an edge, and those that the callbacks answer, to a primary state."""
+        """Take an edge, then those that the callbacks select, up to a primary state."""
         try:
             self._fire(label)
             while self.state not in _PRIMARY:
                 self._fire(self._call().value)
-        except BaseException:  # such as Ctrl-C, which must leave nothing half-way
+        except BaseException:  # such as Ctrl-C, which must not leave a transition state
             if self.state not in _PRIMARY:
                 self._run(Result.ERROR.value)
             raise
@@ -164,4 +161,4 @@ class Lifecycle:
     def _fire(self, label: str) -> None:
         start = self.state
         self._machine.trigger(label)
-        self._watch(label, start, self.state)
+        self._on_change(label, start, self.state)

@@ -1,4 +1,4 @@
-"""A motion as the frames that play it: sampled, encoded, thinned and spaced for the board."""
+"""Schedules: a motion as timed frames, sampled, encoded and spaced so that the board keeps up."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 from hardware.description.robot import Robot
 from hardware.drivers.driver import Frame, WireFormat
-from hardware.drivers.pacing import Pace
+from hardware.drivers.pacing import PacingModel
 from hardware.errors import TooFast
 
-# Rows of joint positions [rad] at the given times [s], one value per actuated joint.
+# Returns the joint positions at the given times [s], one row per time [rad].
 Sampler = Callable[[Sequence[float]], Sequence[Sequence[float]]]
 
-# What turns the servos by more than a frame may in less than this is a jump [s]; four hobby servos
-# at full speed take six times as long.
-_SHORTEST = 0.001
+# A motion that needs more than one frame within this time is a jump [s]. Hobby servos at full speed
+# need six times as long for a full frame.
+_SHORTEST_STEP = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,10 +22,10 @@ class Setpoint:
     """A frame and its time.
 
     Attributes:
-        time: From the start of the motion [s].
-        delay: How much later that is than planned, for the board's sake [s].
-        positions: The joint values it stands for, one per actuated joint [rad].
-        frame: What travels.
+        time: Time of the frame from the start of the motion [s].
+        delay: How much later this is than planned, because the board needs the time [s].
+        positions: Joint positions of the frame, one per actuated joint [rad].
+        frame: The frame.
     """
 
     time: float
@@ -39,10 +39,11 @@ class Schedule:
     """The frames of a motion.
 
     Attributes:
-        setpoints: Only frames that differ from the one before.
-        end: Where the motion ends [rad]; it may lie in the last frame's bin, not at its sample.
-        duration: Until the board is done with the last frame [s].
-        slowed: How much longer the board makes it than it was planned [s].
+        setpoints: The frames. Each differs from the one before it.
+        end: Joint positions at the end of the motion [rad]. They may differ from those of the last
+            setpoint, but encode to the same frame.
+        duration: Time until the board has executed the last frame [s].
+        slowed: How much longer the motion takes than planned, because of the board [s].
     """
 
     setpoints: tuple[Setpoint, ...]
@@ -54,37 +55,36 @@ class Schedule:
 def compile_schedule(
     robot: Robot, start: Sequence[float], sample: Sampler, duration: float
 ) -> Schedule:
-    """Turn a motion into the frames that play it.
+    """Convert a motion to the frames that play it.
 
-    The motion is sampled on the firmware's grid. A frame goes out one period before the arm shall
-    be there, for a board takes up to that long to get there. Where one grid step asks for more
-    than one frame may, samples in between get periods of their own, so the motion takes longer
-    there.
+    The motion is sampled at the frame rate of the firmware. A frame is sent one period before the
+    arm must reach its positions, because the board takes up to one period to execute it. If a step
+    is too large for one frame, it is divided and the motion takes longer.
 
     Args:
-        robot: Whose arm and board.
-        start: Where the arm is commanded to stand, one value per actuated joint [rad].
+        robot: The robot.
+        start: Commanded positions at the start, one per actuated joint [rad].
         sample: The motion.
-        duration: Of the motion as planned [s].
+        duration: Planned duration of the motion [s].
 
     Raises:
         BadPosition: A sample is missing, not finite or outside the limits.
-        TooFast: The motion jumps, or does not begin where the arm is commanded to stand.
+        TooFast: The motion jumps, or does not begin at the commanded positions.
     """
     codec = robot.wire_format
     last = codec.encode(start)
-    pace = Pace(robot.firmware, robot.serial.baud, last)
+    pacing = PacingModel(robot.firmware, robot.serial.baud, last)
     period, setpoints, shift = 1 / robot.firmware.rate, [], 0.0
     end, periods = tuple(start), 0
     for number, (planned, end) in enumerate(_steps(robot, codec, start, sample, duration)):
         frame, periods = codec.encode(end), number + 1
         if frame != last:
-            time = max(number * period + shift, pace.earliest)
+            time = max(number * period + shift, pacing.earliest)
             shift = time - number * period
-            pace.sent(frame, time)
+            pacing.note_sent(frame, time)
             setpoints.append(Setpoint(time, max(0.0, time - planned), end, frame))
             last = frame
-    done = max(periods * period + shift, pace.done) if setpoints else 0.0
+    done = max(periods * period + shift, pacing.done) if setpoints else 0.0
     late = done - math.ceil(duration / period - 1e-9) * period
     return Schedule(tuple(setpoints), end, done, max(0.0, late))
 
@@ -92,72 +92,71 @@ def compile_schedule(
 def servo_path(
     robot: Robot, start: Sequence[float], schedule: Schedule
 ) -> tuple[list[float], list[tuple[float, ...]]]:
-    """The positions the servos really pass, one after the other along straight lines.
+    """Return the path that the servos follow when the board plays a schedule.
 
-    They are those that the frames decode to, and a board that turns one servo after the other
-    also stands at every corner in between.
+    The waypoints are the positions that the frames decode to. If the board turns one servo after
+    the other, the corners in between are waypoints too. The servos move in straight lines between
+    waypoints.
 
     Args:
-        robot: Whose board.
-        start: Where the arm was commanded to stand, one value per actuated joint [rad].
-        schedule: What is to be played.
+        robot: The robot.
+        start: Commanded positions at the start, one per actuated joint [rad].
+        schedule: The schedule.
 
     Returns:
-        When the frame of each position goes out [s], and the positions, one value per actuated
-        joint [rad].
+        The time of each waypoint's frame [s], and the waypoints, one position per actuated joint
+        [rad].
     """
-    codec, in_turn = robot.wire_format, robot.firmware.degree_time > 0
-    held = list(codec.encode(start).servos)
-    times, rows = [0.0], [codec.decode(codec.frame(held))]
+    codec, one_by_one = robot.wire_format, robot.firmware.degree_time > 0
+    angles = list(codec.encode(start).servos)
+    times, waypoints = [0.0], [codec.decode(codec.frame(angles))]
     for setpoint in schedule.setpoints:
         for servo, angle in enumerate(setpoint.frame.servos):
-            if held[servo] != angle:
-                held[servo] = angle
-                if in_turn:
-                    rows.append(codec.decode(codec.frame(held)))
-        if not in_turn:
-            rows.append(codec.decode(setpoint.frame))
-        times += [setpoint.time] * (len(rows) - len(times))
-    return times, rows
+            if angles[servo] != angle:
+                angles[servo] = angle
+                if one_by_one:
+                    waypoints.append(codec.decode(codec.frame(angles)))
+        if not one_by_one:
+            waypoints.append(codec.decode(setpoint.frame))
+        times += [setpoint.time] * (len(waypoints) - len(times))
+    return times, waypoints
 
 
 def _steps(
     robot: Robot, codec: WireFormat, start: Sequence[float], sample: Sampler, duration: float
 ) -> Iterator[tuple[float, tuple[float, ...]]]:
-    """The positions at the end of every period, as many periods as the board needs.
+    """Yield the planned start of every period [s] and the positions at its end [rad].
 
-    With each comes when the period begins, as planned [s].
+    A step that is too large for one frame gets several periods.
     """
-    rate = robot.firmware.rate
+    rate, max_step = robot.firmware.rate, robot.firmware.max_step
     times = [min(k / rate, duration) for k in range(math.ceil(duration * rate - 1e-9) + 1)]
     before, before_time = codec.encode(start), 0.0
     for number, (time, row) in enumerate(zip(times[1:], sample(times)[1:], strict=True)):
         frame, parts = codec.encode(row), 1
         rows = [row]
-        while not _fits(codec, before, rows, robot.firmware.max_step):
+        while not _fits(codec, before, rows, max_step):
             parts += 1
             step = (time - before_time) / parts
-            if step < _SHORTEST:
-                raise _jump(before_time, time, robot.firmware.max_step)
+            if step < _SHORTEST_STEP:
+                raise TooFast(
+                    f"the motion jumps between {before_time:.3f} and {time:.3f} s: it turns the "
+                    f"servos by more than {max_step} degrees in sum within "
+                    f"{_SHORTEST_STEP * 1000:g} ms. It must begin at the commanded positions and "
+                    "be continuous"
+                )
             rows = [*sample([before_time + step * k for k in range(1, parts)]), row]
         for part, positions in enumerate(rows):
             yield (number + part / parts) / rate, tuple(float(q) for q in positions)
         before, before_time = frame, time
 
 
-def _jump(start: float, end: float, most: int) -> TooFast:
-    return TooFast(
-        f"the motion jumps between {start:.3f} and {end:.3f} s: it turns the servos by more than "
-        f"{most} degrees in sum within {_SHORTEST * 1000:g} ms. It must begin where the arm is "
-        "commanded to stand, and go on without a gap"
-    )
-
-
-def _fits(codec: WireFormat, before: Frame, rows: Sequence[Sequence[float]], most: int) -> bool:
+def _fits(codec: WireFormat, before: Frame, rows: Sequence[Sequence[float]], max_step: int) -> bool:
+    """Whether each row is at most one frame's step from the row before it."""
     servos = before.servos
     for row in rows:
         after = codec.encode(row).servos
-        if sum(abs(b - a) for a, b in zip(servos, after, strict=True)) > most:
+        if sum(abs(b - a) for a, b in zip(servos, after, strict=True)) > max_step:
             return False
         servos = after
     return True

@@ -1,4 +1,4 @@
-"""Plays schedules: every frame at its time, on absolute deadlines, in a thread of its own."""
+"""The streamer: a thread that plays schedules, each frame at its absolute deadline."""
 
 import contextlib
 import logging
@@ -18,7 +18,7 @@ logger = logging.getLogger(__name__)
 
 
 class PlaybackState(Enum):
-    """How far a playback is."""
+    """State of a playback."""
 
     PLAYING = "playing"
     DONE = "done"
@@ -27,156 +27,162 @@ class PlaybackState(Enum):
 
 
 class Playback:
-    """A schedule being played. Written by the streamer, read by anybody.
+    """A schedule being played. The streamer writes it; every thread may read it.
+
+    Args:
+        schedule: The schedule.
+        claim: Claim under which it is written.
+        sent_before: Number of frames sent before it.
+        on_change: Callback after every change.
 
     Attributes:
-        schedule: What is played.
-        claim: By which it is written.
-        written: Setpoints whose frames were written.
-        arrived: Setpoints whose frames the board has; it is not later than it says so, and where
-            it says nothing, those that were written.
-        state: How far it is.
-        error: What failed, where it failed.
-        latest: Largest lateness of a frame so far [s].
+        schedule: The schedule.
+        claim: Claim under which it is written.
+        written: Number of setpoints whose frames were written.
+        arrived: Number of setpoints whose frames the board has acknowledged, or `written` if the
+            board acknowledges none.
+        state: State of the playback.
+        error: The error if it failed, else None.
+        max_lateness: Largest lateness of a frame so far [s].
     """
 
     def __init__(
-        self, schedule: Schedule, claim: Claim, began: int, changed: Callable[[], None]
+        self, schedule: Schedule, claim: Claim, sent_before: int, on_change: Callable[[], None]
     ) -> None:
         self.schedule = schedule
-        self.claim, self._began = claim, began
+        self.claim, self._sent_before = claim, sent_before
         self.written = self.arrived = 0
         self.state = PlaybackState.PLAYING
         self.error: HardwareError | None = None
-        self.latest = 0.0
-        self._changed = changed
+        self.max_lateness = 0.0
+        self._on_change = on_change
 
     @property
     def sent_all(self) -> bool:
         """Whether every frame was written."""
         return self.written == len(self.schedule.setpoints)
 
-    def wrote(self, lateness: float, taken: int) -> None:
-        """Note a frame that was written.
+    def note_written(self, lateness: float, acknowledged: int) -> None:
+        """Count a frame that was written.
 
         Args:
-            lateness: By how much it was late [s].
-            taken: Frames that the board has, those from before included.
+            lateness: Lateness of the frame [s].
+            acknowledged: Number of frames acknowledged since the port was opened.
         """
-        self.latest = max(self.latest, lateness)
+        self.max_lateness = max(self.max_lateness, lateness)
         self.written += 1
-        self.took(taken)
+        self.note_acknowledged(acknowledged)
 
-    def took(self, taken: int) -> None:
-        """Note how many frames the board has, those from before included."""
-        self.arrived = max(self.arrived, taken - self._began)
+    def note_acknowledged(self, acknowledged: int) -> None:
+        """Update `arrived` from the number of frames acknowledged since the port was opened."""
+        self.arrived = max(self.arrived, acknowledged - self._sent_before)
 
-    def end(self, state: PlaybackState, error: HardwareError | None = None) -> None:
-        """Note how it ended; only the first end counts."""
+    def finish(self, state: PlaybackState, error: HardwareError | None = None) -> None:
+        """Set the final state. Only the first call counts."""
         if self.state is PlaybackState.PLAYING:
             self.error, self.state = error, state
 
-    def tell(self) -> None:
-        """Tell who watches that something may have changed; hold no lock meanwhile."""
+    def notify(self) -> None:
+        """Call the callback. The caller must not hold a lock."""
         try:
-            self._changed()
+            self._on_change()
         except Exception:
-            logger.exception("who watches a motion failed")
+            logger.exception("the callback of a motion failed")
 
 
 class Streamer:
     """A thread that plays one schedule at a time.
 
     Args:
-        door: Through which it writes.
-        dialogue: Which knows what has arrived.
-        clock: Whose time.
-        period: Lateness up to this is absorbed; beyond it the rest shifts by it [s].
-        fault: Told what failed; it closes this streamer.
+        guard: The write guard.
+        acknowledgements: What the board has acknowledged.
+        clock: Time source.
+        period: Period of frames [s]. A frame that is later than this shifts the rest of the motion.
+        on_fault: Callback for errors. It must close this streamer.
 
     Attributes:
-        thread: It ends soon after this streamer is closed.
+        thread: The thread. It ends soon after this streamer is closed.
     """
 
     def __init__(
         self,
-        door: WriteGuard,
-        dialogue: Acknowledgements,
+        guard: WriteGuard,
+        acknowledgements: Acknowledgements,
         clock: Clock,
         period: float,
-        fault: Callable[[BaseException], None],
+        on_fault: Callable[[BaseException], None],
     ) -> None:
-        self._door, self._dialogue, self._clock = door, dialogue, clock
-        self._period, self._fault = period, fault
+        self._guard, self._acknowledgements, self._clock = guard, acknowledgements, clock
+        self._period, self._on_fault = period, on_fault
         self._signal = clock.signal()
         self._playback: Playback | None = None
-        self._braking: tuple[float, float] | None = None  # since when and for how long [s]
+        self._braking: tuple[float, float] | None = None  # start and duration [s]
         self._closing = False
-        self._why: HardwareError | None = None  # it was closed
+        self._cause: HardwareError | None = None  # fault for which it was closed
         self.thread = clock.spawn(self._run, "streamer")
 
     def play(
-        self, schedule: Schedule, changed: Callable[[], None], owner: str, generation: int
+        self, schedule: Schedule, on_change: Callable[[], None], owner: str, generation: int
     ) -> Playback:
-        """Begin to play, from now on.
+        """Start to play a schedule now.
 
         Args:
-            schedule: What to play.
-            changed: Called from another thread after every frame and at the end, and sometimes
-                where nothing has changed; what it raises is logged.
-            owner: Whose motion it is.
-            generation: The door's, when the motion was decided on.
+            schedule: The schedule.
+            on_change: Callback after every frame and at the end, from another thread. It may also
+                be called without a change. Its exceptions are logged.
+            owner: Name of the owner of the motion.
+            generation: Generation of the guard in which the motion was planned.
 
         Raises:
             NotActive: The streamer was closed.
             InterfaceClaimed: Another motion is being played.
-            StaleGeneration: There was a stop, or another motion, since then.
+            StaleGeneration: Since then there was a stop, or another motion ended.
         """
         with self._signal:
             if self._closing:
                 raise NotActive("the arm left the active state; configure and activate it first")
-            claim = self._door.claim(owner, self._door.interfaces, generation)
-            self._playback = Playback(schedule, claim, self._dialogue.sent, changed)
+            claim = self._guard.claim(owner, self._guard.interfaces, generation)
+            self._playback = Playback(schedule, claim, self._acknowledgements.sent, on_change)
             self._braking = None
             self._signal.notify()
             return self._playback
 
-    def heard(self) -> None:
-        """Note that the board said something."""
+    def on_received(self) -> None:
+        """Process new acknowledgements."""
         with self._signal:
             if playback := self._playback:
-                playback.took(self._dialogue.taken)
+                playback.note_acknowledged(self._acknowledgements.acknowledged)
             self._signal.notify()
         if playback:
-            playback.tell()
+            playback.notify()
 
-    def settle(self) -> None:
-        """Wait until the board has answered what it was sent, or this streamer is closed.
+    def wait_until_acknowledged(self) -> None:
+        """Wait until the board has acknowledged all frames, or this streamer is closed.
 
         Raises:
-            FrameLost: It does not answer in time.
+            FrameLost: The board does not acknowledge a frame in time.
         """
         with self._signal:
-            while not self._closing and self._dialogue.due is not None:
+            while not self._closing and self._acknowledgements.next_check is not None:
                 self._wait()
 
     def stop(self, brake: float = 0.0) -> None:
-        """Drop what is left and hold.
+        """Drop the rest of the schedule and hold.
 
         Args:
-            brake: How long to slow down before, evenly and along the schedule [s].
+            brake: How long to slow down first, evenly and along the schedule [s].
 
         Raises:
-            LinkError: The hold frame could not be written; the playback ends with that fault.
+            LinkError: The hold frame could not be written. The playback ends with that fault.
         """
-        if brake and self._brakes(brake):
+        if brake and self._start_braking(brake):
             return
-        with contextlib.suppress(NotActive):  # whatever took it out of *active* stops it, too
-            self._door.hold()
+        with contextlib.suppress(NotActive):  # what took the arm out of *active* stops it too
+            self._guard.hold()
         self._drop(PlaybackState.STOPPED)
 
-    def _brakes(self, brake: float) -> bool:
-        """Begin to slow down, or go on with it; false where there is nothing left to slow down."""
+    def _start_braking(self, brake: float) -> bool:
+        """Start to slow down, unless it does already. Return False if no motion is left."""
         with self._signal:
             playback = self._playback
             if not self.playing or not playback or playback.sent_all:
@@ -187,16 +193,16 @@ class Streamer:
             return True
 
     def close(self, error: HardwareError | None = None) -> None:
-        """Shut the door and drop what is left, without a hold frame. Harmless when closed.
+        """Close the guard and drop the rest, without a hold frame. Does nothing if closed.
 
         Args:
-            error: Why, where a fault is the reason.
+            error: The fault that is the reason, or None if there was none.
         """
         with self._signal:
             self._closing = True
-            self._why = self._why or error  # known before a frame can come to a shut door
-        self._door.close()
-        self._drop(PlaybackState.FAILED if self._why else PlaybackState.STOPPED, self._why)
+            self._cause = self._cause or error  # before the closed guard can refuse a frame
+        self._guard.close()
+        self._drop(PlaybackState.FAILED if self._cause else PlaybackState.STOPPED, self._cause)
 
     @property
     def playing(self) -> bool:
@@ -205,26 +211,26 @@ class Streamer:
         return playback is not None and playback.state is PlaybackState.PLAYING
 
     def _drop(self, state: PlaybackState, error: HardwareError | None = None) -> None:
-        """End what is played, whoever plays it, and wake the thread."""
-        self._door.tell()  # the end of a motion is told after the last of its frames
+        """End the playback, from any thread, and wake the thread of the streamer."""
+        self._guard.flush_events()  # the end of a motion is reported after its last frame
         with self._signal:
             playback, self._playback = self._playback, None
             if playback:
-                playback.end(state, error)
+                playback.finish(state, error)
             self._signal.notify()
         if playback:
-            playback.tell()
+            playback.notify()
 
     def _run(self) -> None:
         try:
             while playback := self._next():
-                self._play_to_its_end(playback)
+                self._play_to_end(playback)
         except NotActive:
-            self.close()  # who took the arm out of *active* says why
-        except BaseException as error:  # a driver may raise what it likes
-            self._fault(error)
+            self.close()  # what took the arm out of *active* reports the cause
+        except BaseException as error:  # a driver may raise any exception
+            self._on_fault(error)
 
-    def _play_to_its_end(self, playback: Playback) -> None:
+    def _play_to_end(self, playback: Playback) -> None:
         try:
             self._play(playback)
             self._end(playback, PlaybackState.DONE)
@@ -239,14 +245,14 @@ class Streamer:
     def _end(
         self, playback: Playback, state: PlaybackState, error: HardwareError | None = None
     ) -> None:
-        self._door.tell()
+        self._guard.flush_events()
         with self._signal:
-            self._door.give_up(playback.claim)
-            playback.end(state, error)
-        playback.tell()
+            self._guard.release(playback.claim)
+            playback.finish(state, error)
+        playback.notify()
 
     def _next(self) -> Playback | None:
-        """Wait for a playback, and for the answer to what was sent before; None when closing."""
+        """Wait for a playback, and check acknowledgements meanwhile. Return None when closing."""
         with self._signal:
             while not (self._closing or self.playing):
                 self._wait()
@@ -255,39 +261,40 @@ class Streamer:
     def _play(self, playback: Playback) -> None:
         origin = self._clock.now()
         for setpoint in playback.schedule.setpoints:
-            self._await(playback, origin + setpoint.time)
+            self._wait_for_frame(playback, origin + setpoint.time)
             due = self._due(origin + setpoint.time)
             if due == math.inf:
-                self._door.hold(playback.claim)
+                self._guard.hold(playback.claim)
                 raise StaleGeneration("slowed down to a stop")
             late = self._clock.now() - due
             if late > self._period:
                 origin += late
-            self._dialogue.check(self._clock.now())
-            self._door.write(setpoint.positions, playback.claim, due)
+            self._acknowledgements.check(self._clock.now())
+            self._guard.write(setpoint.positions, playback.claim, due)
             with self._signal:
-                playback.wrote(late, self._dialogue.taken)
-            playback.tell()
-        self._door.write(playback.schedule.end, playback.claim, self._clock.now())
+                playback.note_written(late, self._acknowledgements.acknowledged)
+            playback.notify()
+        self._guard.write(playback.schedule.end, playback.claim, self._clock.now())
         if playback.schedule.setpoints:
-            self._sleep(playback, max(origin + playback.schedule.duration, self._door.done))
-            self._sleep(playback, math.inf, self._dialogue.settled)
+            self._sleep(playback, max(origin + playback.schedule.duration, self._guard.done))
+            self._sleep(playback, math.inf, self._acknowledgements.all_acknowledged)
 
-    def _await(self, playback: Playback, planned: float) -> None:
-        """Wait until a frame is due that was planned for a time [s]; braking may shift it."""
+    def _wait_for_frame(self, playback: Playback, planned: float) -> None:
+        """Wait until a frame with this planned time [s] is due. Braking may shift it meanwhile."""
         with self._signal:
             while playback is self._playback:
-                until = max(self._due(planned), self._door.earliest)
+                until = max(self._due(planned), self._guard.earliest)
                 if until == math.inf or self._clock.now() >= until:
                     return
                 self._wait(until)
         raise StaleGeneration("stopped")
 
     def _due(self, planned: float) -> float:
-        """When a frame is due that was planned for a time [s]; infinite where braking ends before.
+        """Time at which a frame with this planned time is due; inf if braking ends before it [s].
 
-        Slowing down evenly to rest within T covers half of what T would: the time t(s) at which
-        the schedule's s is reached solves s = t - t^2 / 2T.
+        Braking lowers the speed of playback from 1 to 0 within a duration T. After a time t of
+        braking, s = t - t^2 / 2T of the schedule has been played, at most T / 2. The frame is due
+        at the t that solves this for its s.
         """
         if self._braking is None:
             return planned
@@ -300,27 +307,27 @@ class Streamer:
         return since + brake * (1 - math.sqrt(1 - 2 * ahead / brake))
 
     def _wait(self, until: float = math.inf) -> None:
-        """Wait for a time [s], or for news, and see to it that the board answers meanwhile.
+        """Wait until a time [s], a notification, or the next check of acknowledgements.
 
         Raises:
-            FrameLost: It leaves a frame without an answer.
+            FrameLost: The board did not acknowledge a frame in time.
         """
-        self._dialogue.check(self._clock.now())
-        due = self._dialogue.due
-        first = until if due is None else min(until, due)
+        self._acknowledgements.check(self._clock.now())
+        next_check = self._acknowledgements.next_check
+        first = until if next_check is None else min(until, next_check)
         self._signal.wait(None if first == math.inf else first)
 
     def _sleep(
-        self, playback: Playback, until: float, over: Callable[[], bool] = lambda: False
+        self, playback: Playback, until: float, is_over: Callable[[], bool] = lambda: False
     ) -> None:
-        """Wait for a time [s], or until it is over.
+        """Wait until a time [s], or until `is_over` returns True.
 
         Raises:
             StaleGeneration: The playback was stopped meanwhile.
-            FrameLost: The board leaves a frame without an answer.
+            FrameLost: The board did not acknowledge a frame in time.
         """
         with self._signal:
-            while playback is self._playback and not over() and self._clock.now() < until:
+            while playback is self._playback and not is_over() and self._clock.now() < until:
                 self._wait(until)
             if playback is not self._playback:
                 raise StaleGeneration("stopped")

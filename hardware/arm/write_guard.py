@@ -1,8 +1,8 @@
-"""The one door to the wire: the only place that writes to the port, and the guard in front of it.
+"""The write guard: the only code that writes to the board.
 
-Trees, planners and servers may be wrong; this may not. It checks by itself, at every write, that
-the arm is active, that the motion is the current one, that every value is finite and within its
-limits, and that the board can digest the frame now.
+Trees, planners and servers may have bugs; the guard must not. Before every write it checks that the
+arm is active, that the motion is the current one, that every position is finite and within its
+limits, and that the board can process the frame now.
 """
 
 import contextlib
@@ -12,31 +12,31 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from hardware.clock import Clock
 from hardware.description.robot import Robot
 from hardware.drivers.driver import Frame
-from hardware.drivers.pacing import Pace
+from hardware.drivers.pacing import PacingModel
 from hardware.errors import BadPosition, DriverFailed, LinkError, NotActive, PortStalled, TooFast
 from hardware.joints import check_position
 from hardware.link.link import Link
 
 from .acknowledgements import Acknowledgements
-from .events import PATIENCE, CommandSent, FrameSent, Observer, Outbox
+from .events import OBSERVER_TIMEOUT, CommandSent, FrameSent, Observer, Outbox
 from .interfaces import Claim, Claims, command_interfaces
 
-# A write that takes longer than all these waits is stuck. They are several, because a stall of the
-# whole host ends one of them at once, without the writer having had its time.
-_WAITS, _WAIT = 10, PATIENCE / 10  # how many, and how long one is [s]
+# A write is stuck if it outlasts all these waits. There are several, because a stall of the whole
+# host ends one of them at once and gives the write no time.
+_WAITS, _WAIT = 10, OBSERVER_TIMEOUT / 10  # number, and length of each [s]
 
 
 class WriteGuard:
-    """Writes commanded positions to the board.
+    """Checks commanded positions and writes them to the board. Thread-safe.
 
     Args:
-        robot: Whose limits and firmware count.
-        link: Where to write.
-        clock: Whose time.
-        active: Tells whether the lifecycle stands in *active*.
-        observe: Told of all that was written, in order, while no lock is held.
-        dialogue: Which counts what goes out.
-        positions: Where the arm stands, one value per actuated joint [rad].
+        robot: The robot, with its limits and firmware.
+        link: Link to the board.
+        clock: Time source.
+        is_active: Returns whether the lifecycle is *active*.
+        observe: Callback for every write, in order. No lock is held during the call.
+        acknowledgements: Counts the frames that are sent.
+        positions: Present positions, one per actuated joint [rad].
 
     Attributes:
         interfaces: The command interfaces, in the order of the fields in a frame.
@@ -47,140 +47,148 @@ class WriteGuard:
         robot: Robot,
         link: Link,
         clock: Clock,
-        active: Callable[[], bool],
+        is_active: Callable[[], bool],
         observe: Observer,
-        dialogue: Acknowledgements,
+        acknowledgements: Acknowledgements,
         positions: tuple[float, ...],
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
-        self._active, self._dialogue, self._outbox = active, dialogue, Outbox(observe)
+        self._is_active, self._outbox = is_active, Outbox(observe)
+        self._acknowledgements = acknowledgements
         self._codec = robot.wire_format
-        self._lock = threading.RLock()  # a signal's handler may hold the arm
+        self._lock = threading.RLock()  # a signal handler may hold the arm
         self.interfaces = command_interfaces(robot)
         self._claims = Claims(self.interfaces)
         self._closed = self._hold_due = False
         self._commanded = positions
-        self._holds = self._codec.encode(self._commanded)
-        self._pace = Pace(robot.firmware, robot.serial.baud, self._holds)
+        self._last_frame = self._codec.encode(self._commanded)
+        self._pacing = PacingModel(robot.firmware, robot.serial.baud, self._last_frame)
 
     @property
     def commanded(self) -> tuple[float, ...]:
-        """Where the arm was last commanded to, one value per actuated joint [rad]."""
+        """Last commanded positions, one per actuated joint [rad]."""
         return self._commanded
 
     @property
     def earliest(self) -> float:
-        """When the board can take the next frame [s]."""
-        return self._pace.earliest
+        """Earliest time at which the board can receive the next frame [s]."""
+        return self._pacing.earliest
 
     @property
     def done(self) -> float:
-        """When the board is done with what it was sent [s]."""
-        return self._pace.done
+        """Time at which the board has executed all frames [s]."""
+        return self._pacing.done
 
     @property
     def generation(self) -> int:
-        """Counts the ends of motions, and stops; a motion is decided on in one."""
+        """Counts ended motions and stops; see `Claims`."""
         return self._claims.generation
 
     def claim(self, owner: str, interfaces: Iterable[str], generation: int) -> Claim:
-        """Claim command interfaces, for a motion that was decided on in a generation.
+        """Claim command interfaces.
+
+        Args:
+            owner: Name of the owner.
+            interfaces: Names of the command interfaces.
+            generation: Generation in which the motion was planned.
 
         Raises:
-            WriteRefused: Unknown, claimed by another, or there was a stop since then.
+            WriteRefused: An interface is unknown or claimed, or there was a stop since then.
             PortStalled: A write does not return.
         """
-        with self._alone():
-            return self._claims.take(owner, interfaces, generation)
+        with self._exclusive():
+            return self._claims.acquire(owner, interfaces, generation)
 
-    def give_up(self, claim: Claim) -> None:
-        """End a claim. Harmless when it has ended.
+    def release(self, claim: Claim) -> None:
+        """End a claim. Does nothing if it has ended.
 
         Raises:
             PortStalled: A write does not return.
         """
-        with self._alone():
-            self._claims.give_up(claim)
+        with self._exclusive():
+            self._claims.release(claim)
 
-    def greet(self) -> None:
-        """Ask a board that has booted to acknowledge frames, if it can.
+    def enable_acknowledgements(self) -> None:
+        """Make a booted board acknowledge frames, if its firmware can.
 
         Raises:
-            NotActive: Only an active arm is written to.
+            NotActive: The arm is not active.
             LinkError: The port failed.
         """
-        with self._alone():
+        with self._exclusive():
             self._check_active()
-            if greeting := self._dialogue.greeting:
-                self._put(greeting)
-                self._outbox.put(CommandSent(self._clock.now(), greeting))
+            if command := self._acknowledgements.enable_command:
+                self._put(command)
+                self._outbox.put(CommandSent(self._clock.now(), command))
         self._outbox.deliver()
 
     def close(self) -> None:
-        """Shut the door for good; a write that is under way ends first, and is told."""
+        """Refuse all writes from now on. A write in progress finishes and is reported first."""
         self._closed = True
-        with contextlib.suppress(PortStalled), self._alone():  # stuck: nothing follows either way
+        with contextlib.suppress(PortStalled), self._exclusive():  # stuck: nothing follows anyway
             pass
-        self.tell()
+        self.flush_events()
 
-    def tell(self) -> None:
-        """See that all that was written is told, also where another thread is at it."""
-        self._outbox.deliver(PATIENCE)
+    def flush_events(self) -> None:
+        """Wait until all writes are reported, even if another thread reports them."""
+        self._outbox.deliver(OBSERVER_TIMEOUT)
 
     def write(self, positions: Sequence[float], claim: Claim, scheduled: float) -> bool:
-        """Command positions; a frame of the same bytes as the last is not sent again.
+        """Command positions. A frame equal to the last one is not sent again.
 
         Args:
-            positions: One value per claimed interface [rad]; the other joints stay.
-            claim: Whose motion this is.
-            scheduled: When this was due [s].
+            positions: One position per claimed interface [rad]. Other joints keep theirs.
+            claim: Claim of the motion.
+            scheduled: Planned time of the write [s].
 
         Returns:
             Whether a frame was sent.
 
         Raises:
-            WriteRefused: Not active, a claim that ended, a bad value, or too much for the board.
-            PortLost: The port went away; what the board got is unknown.
-            PortStalled: The board takes no more, or a write does not return; likewise.
+            WriteRefused: The arm is not active, the claim has ended, a position is invalid, or the
+                board cannot process the frame now.
+            PortLost: The port disappeared. It is unknown what the board received.
+            PortStalled: The board accepts no more bytes, or a write does not return. It is unknown
+                what the board received.
         """
-        with self._alone():
+        with self._exclusive():
             self._check_active()
             self._claims.check(claim)
             target = self._target(positions, claim)
             frame = self._codec.encode(target)
-            sends = frame != self._holds
-            if sends:
-                self._check_pace(frame)
+            changed = frame != self._last_frame
+            if changed:
+                self._check_pacing(frame)
                 self._send(frame, target, scheduled)
             self._commanded = target
         self._outbox.deliver()
-        return sends
+        return changed
 
     def hold(self, claim: Claim | None = None) -> None:
-        """End all claims and repeat the last frame, once; nothing if none was written since.
+        """End all claims and repeat the last frame once. Sends nothing if none was written since.
 
         Args:
-            claim: Whose motion shall be held; all where it is left out.
+            claim: Claim of the motion to hold, or None to hold any motion.
 
         Raises:
-            NotActive: Only an active arm is written to.
-            StaleGeneration: That claim has ended.
-            PortLost: The port went away.
-            PortStalled: The board takes no more, or a write does not return.
+            NotActive: The arm is not active.
+            StaleGeneration: The claim has ended.
+            PortLost: The port disappeared.
+            PortStalled: The board accepts no more bytes, or a write does not return.
         """
-        with self._alone():
+        with self._exclusive():
             if claim:
                 self._claims.check(claim)
-            self._claims.end()
-            due, self._hold_due = self._hold_due, False  # a signal's handler may come in between
+            self._claims.release_all()
+            due, self._hold_due = self._hold_due, False  # a signal handler may call it in between
             if due:
                 self._check_active()
-                self._send(self._holds, self._commanded, None)
+                self._send(self._last_frame, self._commanded, None)
         self._outbox.deliver()
 
     @contextlib.contextmanager
-    def _alone(self) -> Iterator[None]:
-        """Keep everybody else out, once the write that is under way has ended."""
+    def _exclusive(self) -> Iterator[None]:
+        """Hold the lock. Wait for a write in progress, but not forever."""
         if not any(self._lock.acquire(timeout=_WAIT) for _ in range(_WAITS)):
             raise PortStalled(self._link.port, "A write to the port does not return")
         try:
@@ -189,7 +197,7 @@ class WriteGuard:
             self._lock.release()
 
     def _check_active(self) -> None:
-        if self._closed or not self._active():
+        if self._closed or not self._is_active():
             raise NotActive("the arm is not active; configure and activate it first")
 
     def _target(self, positions: Sequence[float], claim: Claim) -> tuple[float, ...]:
@@ -201,28 +209,28 @@ class WriteGuard:
         joints = zip(self._robot.actuated, commanded.values(), strict=True)
         return tuple(check_position(joint, q) for joint, q in joints)
 
-    def _check_pace(self, frame: Frame) -> None:
-        step, most = self._pace.step(frame), self._robot.firmware.max_step
+    def _check_pacing(self, frame: Frame) -> None:
+        step, most = self._pacing.step(frame), self._robot.firmware.max_step
         if step > most:
             raise TooFast(f"{frame} turns the servos by {step} degrees in sum; the most is {most}")
-        early = self._pace.earliest - self._clock.now()
+        early = self._pacing.earliest - self._clock.now()
         if early > 0:
             raise TooFast(f"{frame} comes {early * 1000:.1f} ms before the board has room for it")
 
     def _send(self, frame: Frame, positions: tuple[float, ...], scheduled: float | None) -> None:
         began = self._clock.now()
         self._hold_due = scheduled is not None
-        self._dialogue.sends(frame, began)
+        self._acknowledgements.note_sent(frame, began)
         self._put(frame.data)
-        self._pace.sent(frame, self._clock.now())  # after the write, which may have waited
-        self._holds = frame
+        self._pacing.note_sent(frame, self._clock.now())  # after the write, which may have waited
+        self._last_frame = frame
         self._outbox.put(FrameSent(began, frame.data, positions, scheduled))
 
     def _put(self, data: bytes) -> None:
         try:
             self._link.write(data)
         except BaseException as error:
-            self._closed = True  # what the board got is unknown, so nothing may follow
+            self._closed = True  # it is unknown what the board received, so nothing may follow
             if isinstance(error, LinkError) or not isinstance(error, Exception):
                 raise
-            raise DriverFailed(error) from error  # also one of ours that only a guard may raise
+            raise DriverFailed(error) from error  # even a WriteRefused, which only the guard raises

@@ -1,1 +1,1 @@
-"""The robot as data: its file, its URDF, its joints and where its links are."""
+"""The robot as data: robot file, URDF and forward kinematics."""

@@ -1,1 +1,1 @@
-"""One folder per kind of board, behind one interface."""
+"""Drivers: one interface, and one folder per kind of board."""

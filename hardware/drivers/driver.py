@@ -1,9 +1,11 @@
-"""What speaks to one kind of board, as a seam: an installed package may bring its own.
+"""The driver interface: what armtree needs to speak to one kind of board.
 
-A robot file names its driver; it is found among the entry points `armtree.hardware`. Limits,
-lifecycle, pace and stop stay in front of every driver, and so does the dialogue with a board that
-acknowledges frames: a firmware with a `banner` speaks the protocol of `firmware/README.md`. A board
-with another one leaves `banner` empty, and what it says is recorded but not understood.
+A robot file names its driver, which is found among the entry points `armtree.hardware`, so an
+installed package may add one. Limits, lifecycle, pacing and stop are the same for every driver.
+
+A firmware with a `banner` speaks the protocol of `arduino/firmware/README.md`, acknowledgements
+included. A board with another protocol must leave `banner` empty: its bytes are recorded but not
+interpreted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,8 +27,8 @@ class Frame:
     """One command to all servos.
 
     Attributes:
-        servos: Servo angles in the order of the fields [deg].
-        data: The bytes that travel.
+        servos: Servo angles in the order of the fields, in the unit of the servos.
+        data: Bytes that are sent.
     """
 
     servos: tuple[int, ...]
@@ -37,72 +39,87 @@ class Frame:
 
 
 class WireFormat(Protocol):
-    """Joint positions to frames and back."""
+    """Converts joint positions to frames and back."""
 
     def encode(self, positions: Sequence[float]) -> Frame:
-        """The frame for joint positions [rad], one value per actuated joint.
+        """Return the frame for joint positions, one per actuated joint [rad].
 
         Raises:
-            BadPosition: A value is missing, not a number, not finite or outside its limits.
+            BadPosition: A position is missing, not a number, not finite or outside its limits.
         """
 
     def frame(self, servos: Sequence[int]) -> Frame:
-        """The frame for servo angles, in the servos' own unit."""
+        """Return the frame for servo angles, in the unit of the servos."""
 
     def parse(self, data: bytes) -> Frame:
-        """The frame that these bytes spell.
+        """Return the frame with these bytes.
 
         Raises:
-            ValueError: They are no frame of this robot.
+            ValueError: They are not a frame of this robot.
         """
 
     def decode(self, frame: Frame) -> tuple[float, ...]:
-        """The joint positions that a frame stands for [rad], within their limits."""
+        """Return the joint positions of a frame, within their limits [rad]."""
 
 
 class Driver(Protocol):
-    """The kind of board a robot file names. Made without arguments; equal ones are alike."""
+    """The driver of one kind of board. Created without arguments; equal drivers behave equally."""
 
     @property
     def firmwares(self) -> Mapping[str, Firmware]:
-        """What may run on the board, by the names that a robot file gives."""
+        """The firmwares that the board may run, by their names in a robot file."""
 
     def wire(self, joint: TomlTable, lower: float, upper: float) -> object:
-        """Read how a joint travels, from the key `wire` of its table.
+        """Read how a joint is encoded in a frame, from the key `wire` of its table.
 
         Args:
-            joint: The table, which refuses wrong values.
-            lower: The joint's smallest position [rad].
-            upper: Its largest [rad].
+            joint: Table of the joint. It rejects wrong values.
+            lower: Smallest position of the joint [rad].
+            upper: Largest position of the joint [rad].
 
         Raises:
             DescriptionError: The table is wrong.
         """
 
     def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
-        """Refuse actuated joints that the board cannot drive.
+        """Check that the board can drive the joints.
+
+        Args:
+            root: Root table of the robot file.
+            joints: The actuated joints.
+            firmware: Firmware of the board.
 
         Raises:
             DescriptionError: It cannot.
         """
 
     def wire_format(self, joints: Sequence[Joint]) -> WireFormat:
-        """The wire format of these actuated joints."""
+        """Return the wire format of the actuated joints."""
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
-        """The line to a board that drives these joints; `virtual` is a port without hardware."""
+        """Return a link to a board that drives the actuated joints.
+
+        Args:
+            joints: The actuated joints.
+            firmware: Firmware of the board.
+            baud: Speed of the line [bit/s].
+            port: Name of the port; `virtual` needs no hardware.
+        """
 
 
 def load_driver(root: TomlTable) -> Driver:
-    """The driver that a robot file names.
+    """Load the driver that a robot file names.
+
+    Args:
+        root: Root table of the robot file.
 
     Raises:
-        DescriptionError: There is none of that name, or it cannot be loaded.
+        DescriptionError: There is no driver of that name, or it cannot be loaded.
     """
     present = {point.name: point for point in entry_points(group=GROUP)}
     name = root.choice("driver", present)
     try:
         driver: Driver = present[name].load()()
-    except Exception as error:  # somebody else's code: whatever it raises, the file names it
+    except Exception as error:  # code of another package may raise any exception
         root.fail("driver", f"{name} cannot be loaded from {present[name].value}: {error!r}")
     return driver

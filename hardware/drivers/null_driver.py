@@ -1,4 +1,4 @@
-"""What stands in for a driver where a robot file names none: the arm is planned for, not moved."""
+"""The driver of an arm whose robot file names none: it can be planned for but not moved."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,32 +11,31 @@ from hardware.toml_table import TomlTable
 
 from .firmware import Firmware
 
-# Of a robot file that names no driver.
 NO_FIRMWARE = Firmware("none", 10.0, 0.0, 0, 0, 0.0, b"")
 
 
 @dataclass(frozen=True)
 class NullDriver:
-    """A driver that refuses to drive.
+    """A driver that refuses to move.
 
     Attributes:
-        path: The robot file that names none.
+        path: Path of the robot file.
     """
 
     path: Path
 
     @property
     def firmwares(self) -> Mapping[str, Firmware]:
-        """The profile of what is not there."""
+        """The profile of no firmware."""
         return {NO_FIRMWARE.name: NO_FIRMWARE}
 
     def wire(self, joint: TomlTable, lower: float, upper: float) -> None:
-        """Refuse a `wire`."""
+        """Refuse the key `wire`."""
         if "wire" in joint:
             joint.fail("wire", "goes with a driver; write driver and [serial] too, or leave it out")
 
     def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
-        """Any joints will do."""
+        """Accept any joints."""
 
     def wire_format(self, joints: Sequence[Joint]) -> NoReturn:
         """Refuse."""

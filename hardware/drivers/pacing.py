@@ -1,4 +1,4 @@
-"""How fast the board digests frames, as a model: it never says so itself."""
+"""The pacing model: when a board can receive the next frame. The board does not report it."""
 
 import math
 
@@ -8,17 +8,17 @@ from .driver import Frame
 from .firmware import Firmware
 
 
-class Pace:
-    """Knows from what was sent when the next frame may go.
+class PacingModel:
+    """Computes from the frames that were sent when the next one may be sent.
 
-    A frame may go once the one before the last is done: one is carried out and one waits. Where
-    the ring would then have no room for the hold frame of a stop, it may go only once the last is
-    done. So a hold fits at any moment.
+    A frame may be sent when the board has executed the frame before the last one: then one frame is
+    being executed and one waits. If the board's buffer would then have no room for the hold frame
+    of a stop, the next frame must wait for the last one too. So a hold frame always fits.
 
     Args:
-        firmware: What the board runs.
+        firmware: Firmware of the board.
         baud: Speed of the line [bit/s].
-        frame: What the board holds now.
+        frame: Frame that the board holds now.
     """
 
     def __init__(self, firmware: Firmware, baud: int, frame: Frame) -> None:
@@ -30,20 +30,25 @@ class Pace:
 
     @property
     def earliest(self) -> float:
-        """When the next frame may go [s]."""
+        """Earliest time for the next frame [s]."""
         return self._done_before if self._one_may_wait else self._done
 
     @property
     def done(self) -> float:
-        """When the board is done with all it was sent [s]."""
+        """Time at which the board has executed all frames [s]."""
         return self._done
 
     def step(self, frame: Frame) -> int:
-        """How far a frame would turn the servos, summed [deg]."""
+        """Return how far a frame turns the servos, in sum [deg]."""
         return sum(abs(b - a) for a, b in zip(self._servos, frame.servos, strict=True))
 
-    def sent(self, frame: Frame, now: float) -> None:
-        """Note that a frame went out at a time [s]."""
+    def note_sent(self, frame: Frame, now: float) -> None:
+        """Account for a frame that was sent.
+
+        Args:
+            frame: The frame.
+            now: Time at which it was sent [s].
+        """
         begins = max(now + self._wire_time, self._done)
         self._done_before = self._done
         self._done = begins + self._firmware.service_time(self._servos, frame.servos)
@@ -51,11 +56,11 @@ class Pace:
 
 
 def unread_bytes(frame: Frame, waiting: int) -> int:
-    """Bytes in the ring while a board turns the first servo of a frame and others wait.
+    """Return the bytes in the board's buffer while it turns the first servo of a frame.
 
     Args:
-        frame: Any frame of the robot; they are all of one length.
-        waiting: Whole frames behind it.
+        frame: Any frame of the robot; all have the same length.
+        waiting: Number of whole frames behind it.
     """
     first_field = len(frame.data) // len(frame.servos)
     return len(frame.data) - first_field + waiting * len(frame.data)

@@ -66,7 +66,7 @@ def serial_ports() -> list[SerialPort]:
     ]
 
 
-def lasting_name(port: str) -> Path | None:
+def persistent_name(port: str) -> Path | None:
     """The name of a port that stays when its board is plugged in again; None without one."""
     device = os.path.realpath(port)
     return next((link for link in _links() if os.path.realpath(link) == device), None)

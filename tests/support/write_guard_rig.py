@@ -1,4 +1,4 @@
-"""A door in front of an in-process board, for its tests."""
+"""A write guard in front of an in-process board, for its tests."""
 
 import dataclasses
 import math
@@ -45,7 +45,7 @@ class Slow(BoardLink):
 
 
 class Rig:
-    """A door in front of an in-process board that has booted."""
+    """A write guard in front of an in-process board that has booted."""
 
     def __init__(self, firmware: Firmware = ROBOT.firmware, driver: Driver = ROBOT.driver) -> None:
         self.robot = dataclasses.replace(ROBOT, firmware=firmware, driver=driver)
@@ -56,14 +56,14 @@ class Rig:
         self.then: Observer = lambda _: None
         self.events: list[ArmEvent] = []
         self.wait(2.0)
-        self.dialogue = Acknowledgements(self.robot)
-        self.door = WriteGuard(
+        self.acknowledgements = Acknowledgements(self.robot)
+        self.guard = WriteGuard(
             self.robot,
             self.link,
             self.clock,
             lambda: self.active,
             self.tell,
-            self.dialogue,
+            self.acknowledgements,
             self.robot.boot_pose,
         )
         self.claim = self.claimed()
@@ -78,10 +78,10 @@ class Rig:
                 signal.wait(until)
 
     def claimed(self) -> Claim:
-        return self.door.claim("test", self.door.interfaces, self.door.generation)
+        return self.guard.claim("test", self.guard.interfaces, self.guard.generation)
 
     def write(self, positions: tuple[float, ...]) -> bool:
-        return self.door.write(positions, self.claim, self.clock.now())
+        return self.guard.write(positions, self.claim, self.clock.now())
 
     @property
     def sent(self) -> list[str]:

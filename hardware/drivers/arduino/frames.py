@@ -1,7 +1,7 @@
-"""The wire format: joint values to frames such as `b090,s090,e090,g000,` and back.
+"""The wire format: joint positions to frames such as `b090,s090,e090,g000,` and back.
 
-The order of the operations is that of the published driver and must stay: the value is truncated,
-so an equal formula in another order gives other bytes.
+The arithmetic has the same order as in the published driver and must keep it: angles are truncated,
+so an equal formula in another order can give other bytes.
 """
 
 import re
@@ -12,21 +12,21 @@ from hardware.drivers.driver import Frame
 from hardware.errors import BadPosition
 from hardware.joints import Joint, check_position
 
-ANGLE_MAX = 180  # of a servo [deg]
+ANGLE_MAX = 180  # largest angle of a servo [deg]
 
 
 @dataclass(frozen=True, slots=True)
 class WireField:
-    """How one joint travels in a frame, in servo degrees.
+    """How one joint is encoded in a frame, in servo degrees.
 
-    The value is `trunc((sign * q + offset) * 180 / span)`, and 180 minus that where `reversed`.
+    The angle is `trunc((sign * q + offset) * 180 / span)`, or 180 minus that if `reversed`.
 
     Attributes:
-        letter: Names the servo on the wire.
-        sign: +1 or -1, applied to the joint value.
-        offset: Added to the signed joint value [rad].
-        span: Joint travel that the servo's 180 degrees cover [rad].
-        reversed: Whether the servo is mounted the other way round.
+        letter: Letter of the servo in a frame.
+        sign: +1 or -1, the factor of the joint position.
+        offset: Added to the signed joint position [rad].
+        span: Range of the joint over the 180 degrees of the servo [rad].
+        reversed: Whether the servo turns in the opposite direction.
     """
 
     letter: str
@@ -37,13 +37,13 @@ class WireField:
 
 
 class Codec:
-    """Encodes the actuated joints of a robot into frames.
+    """Encodes the positions of the actuated joints into frames, and decodes them.
 
     Args:
-        joints: The joints with a servo, in the order of their fields.
+        joints: The actuated joints, in the order of their fields.
 
     Attributes:
-        letters: The letters of the fields, in order.
+        letters: Letters of the fields, in order.
     """
 
     def __init__(self, joints: Sequence[Joint]) -> None:
@@ -52,13 +52,13 @@ class Codec:
         self._pattern = re.compile(re.sub("(.)", r"\1([0-9]{3}),", self.letters).encode())
 
     def encode(self, positions: Sequence[float]) -> Frame:
-        """The frame for joint positions [rad].
+        """Return the frame for joint positions.
 
         Args:
-            positions: One value per actuated joint.
+            positions: One position per actuated joint [rad].
 
         Raises:
-            BadPosition: A value is missing, not a number, not finite or outside its limits.
+            BadPosition: A position is missing, not a number, not finite or outside its limits.
         """
         if len(positions) != len(self._fields):
             names = ", ".join(joint.name for joint, _ in self._fields)
@@ -67,16 +67,16 @@ class Codec:
         return self.frame([servo_angle(w, check_position(joint, q)) for (joint, w), q in fields])
 
     def frame(self, servos: Sequence[int]) -> Frame:
-        """The frame for servo angles [deg], each from 0 to 180."""
+        """Return the frame for servo angles, each from 0 to 180 [deg]."""
         fields = zip(self._fields, servos, strict=True)
         text = "".join(f"{wire.letter}{angle:03d}," for (_, wire), angle in fields)
         return Frame(tuple(servos), text.encode())
 
     def parse(self, data: bytes) -> Frame:
-        """The frame that these bytes spell.
+        """Return the frame with these bytes.
 
         Raises:
-            ValueError: They are no frame of this robot.
+            ValueError: They are not a frame of this robot.
         """
         match = self._pattern.fullmatch(data)
         servos = tuple(int(angle) for angle in match.groups()) if match else ()
@@ -85,23 +85,22 @@ class Codec:
         return Frame(servos, data)
 
     def decode(self, frame: Frame) -> tuple[float, ...]:
-        """The joint positions that a frame stands for [rad].
+        """Return the joint positions of a frame, within their limits [rad].
 
-        Truncation maps a whole bin of positions to one angle; this is the middle of the bin, moved
-        inside the limits.
+        Truncation maps an interval of positions to one angle. This is the middle of the interval.
         """
         return tuple(
-            min(max(_joint(wire, angle), joint.lower), joint.upper)
+            min(max(_position(wire, angle), joint.lower), joint.upper)
             for (joint, wire), angle in zip(self._fields, frame.servos, strict=True)
         )
 
 
 def servo_angle(wire: WireField, q: float) -> int:
-    """The servo angle [deg] that a joint value [rad] travels as."""
+    """Return the servo angle for a joint position [rad], in [deg]."""
     angle = int(((wire.sign * q + wire.offset) * 180) / wire.span)
     return 180 - angle if wire.reversed else angle
 
 
-def _joint(wire: WireField, servo: int) -> float:
+def _position(wire: WireField, servo: int) -> float:
     angle = 180 - servo if wire.reversed else servo
     return wire.sign * ((angle + 0.5) * wire.span / 180 - wire.offset)

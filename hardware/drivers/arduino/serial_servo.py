@@ -1,4 +1,4 @@
-"""The driver for servos on an Arduino that takes frames such as `b090,s090,e090,g000,`."""
+"""The driver for servos on an Arduino that receives frames such as `b090,s090,e090,g000,`."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -11,18 +11,21 @@ from hardware.link.link import Link
 from hardware.link.serial_link import SerialLink
 from hardware.toml_table import TomlTable
 
-from .frames import Codec, WireField, servo_angle
+from .frames import ANGLE_MAX, Codec, WireField, servo_angle
 from .virtual.arduino import VirtualLink
 
 VIRTUAL = "virtual"
 
-# The published sketch, built by avr-gcc 5.4.0 with Arduino's core and Servo library (as of 2026)
-# and run on simavr, takes 5.058 ms a degree: delay(5) and Servo.write, which divides. A turn takes
-# 0.12 ms more (atoi, and Servo.read twice) and the reading of its five bytes 0.03 ms. The figures
-# here are higher by what the resonator of an Uno may be slow, 0.5 %. 10 Hz leaves 100 ms a frame,
-# which 4 servos and 15 degrees need; frames of more come slower.
+# The published sketch turns one servo after the other in steps of one degree, a first step of zero
+# degrees included, waits about 5 ms after each, and reads nothing meanwhile. Built by avr-gcc 5.4.0
+# with Arduino's core and Servo library (as of 2026) and run on simavr, it needs 5.058 ms a degree:
+# delay(5) and Servo.write, which divides. Each turn takes another 0.12 ms (atoi, and Servo.read
+# twice), and reading its five bytes 0.03 ms. The figures here are 0.5 % higher, because the
+# resonator of an Uno may be that slow. 10 Hz leaves 100 ms per frame, enough for 4 servos and 15
+# degrees in sum; larger frames are sent at a lower rate.
 STOCK = Firmware("stock", 10.0, 0.0051, 16, 63, 1.0, b"", turn_time=0.00015)
-# The same largest step: it bounds how far the arm still moves after a stop.
+# It stores a frame, and timers move the servos, so a frame needs only its time on the line. The
+# largest step is the same, because it bounds how far the arm moves after a stop.
 ARMTREE = Firmware(
     "armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ", letters="bseg", baud=115200
 )
@@ -32,11 +35,11 @@ FIRMWARES = {firmware.name: firmware for firmware in (STOCK, ARMTREE)}
 
 @dataclass(frozen=True)
 class SerialServo:
-    """The published sketch's wire format, on the published sketch and on our firmware."""
+    """The wire format of the published sketch, which the firmware of armtree uses too."""
 
     @property
     def firmwares(self) -> Mapping[str, Firmware]:
-        """The profiles there are."""
+        """The published sketch and the firmware of armtree."""
         return FIRMWARES
 
     def wire(self, joint: TomlTable, lower: float, upper: float) -> WireField:
@@ -54,18 +57,18 @@ class SerialServo:
         )
         table.done()
         for limit in (lower, upper):
-            if not _travels(field, limit):
+            if not _is_servo_angle(field, limit):
                 what = f"the URDF's limit {limit:g} rad is no servo angle from 0 to 180 degrees"
                 joint.fail("wire", f"{what} with this field")
         return field
 
     def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
-        """Letters tell joints apart, the board knows them, and a stop fits its ring."""
+        """Check that letters are unique and known to the board, and that a stop fits its buffer."""
         _check_letters(root.table("joints"), joints)
         codec = Codec(joints)
         if firmware.letters not in ("", codec.letters):
-            knows = f"{firmware.name} has servos {_listed(firmware.letters)}, in this order"
-            what = f"{knows}; the joints here have {_listed(codec.letters)}"
+            knows = f"{firmware.name} has servos {', '.join(firmware.letters)}, in this order"
+            what = f"{knows}; the joints here have {', '.join(codec.letters)}"
             root.table("serial").fail(
                 "firmware", f"{what}. Change those, or flash another firmware"
             )
@@ -75,11 +78,11 @@ class SerialServo:
             root.fail("joints", f"{what} that {firmware.name} can hold; a stop would not fit")
 
     def wire_format(self, joints: Sequence[Joint]) -> Codec:
-        """The codec of these joints."""
+        """Return the codec of these joints."""
         return Codec(joints)
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
-        """A serial port, or the virtual Arduino."""
+        """Return a serial port, or the virtual Arduino."""
         if port != VIRTUAL:
             return SerialLink(port, baud)
         return VirtualLink(Codec(joints).letters, _boot_angles(joints), firmware, baud)
@@ -89,16 +92,12 @@ def _boot_angles(joints: Sequence[Joint]) -> tuple[int, ...]:
     return Codec(joints).encode([joint.boot for joint in joints]).servos
 
 
-def _travels(field: WireField, limit: float) -> bool:
-    """Whether a limit [rad] is an angle that a frame can hold and a servo can turn to."""
+def _is_servo_angle(field: WireField, limit: float) -> bool:
+    """Whether a position limit [rad] is an angle from 0 to 180 degrees."""
     try:
-        return 0 <= servo_angle(field, limit) <= 180
-    except (ArithmeticError, ValueError):  # an endless limit, or next to no span
+        return 0 <= servo_angle(field, limit) <= ANGLE_MAX
+    except (ArithmeticError, ValueError):  # an infinite limit, or a span near 0
         return False
-
-
-def _listed(letters: str) -> str:
-    return ", ".join(letters)
 
 
 def _check_letters(table: TomlTable, joints: Sequence[Joint]) -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware import FIRMWARES, BoardReset, Codec, FrameLost, WrongFirmware, load_robot
-from hardware.arm.acknowledgements import ANSWER, Acknowledgements
+from hardware.arm.acknowledgements import ANSWER_TIMEOUT, Acknowledgements
 
 OURS = FIRMWARES["armtree"]
 OTHER = dataclasses.replace(OURS, name="other", banner=b"other 1 ")
@@ -23,34 +23,34 @@ def ack(frames: int, total: int, refused: int = 0, lost: int = 0) -> bytes:
 
 
 def booted() -> Acknowledgements:
-    dialogue = Acknowledgements(ROBOT)
-    dialogue.hear(LINE)
-    return dialogue
+    acks = Acknowledgements(ROBOT)
+    acks.receive(LINE)
+    return acks
 
 
 @given(st.integers(0, len(LINE)), st.binary(max_size=40))
 def test_a_banner_in_pieces_after_noise_is_heard(cut: int, noise: bytes) -> None:
-    dialogue = Acknowledgements(ROBOT)
-    dialogue.hear(noise + b"\n")
-    dialogue.hear(LINE[:cut])
-    dialogue.hear(LINE[cut:])
-    assert str(dialogue.holds) == "b009,s125,e085,g000,"
-    assert dialogue.greeting == b"bA01;"
+    acks = Acknowledgements(ROBOT)
+    acks.receive(noise + b"\n")
+    acks.receive(LINE[:cut])
+    acks.receive(LINE[cut:])
+    assert str(acks.boot_frame) == "b009,s125,e085,g000,"
+    assert acks.enable_command == b"bA01;"
 
 
 @pytest.mark.parametrize("line", [LINE[:-2], LINE.replace(b"g000", b"g0x0"), b"READY\n", b"\n"])
 def test_what_is_no_banner_is_none(line: bytes) -> None:
-    dialogue = Acknowledgements(ROBOT)
-    dialogue.hear(line)
-    assert dialogue.holds is None
-    assert dialogue.greeting == b""
+    acks = Acknowledgements(ROBOT)
+    acks.receive(line)
+    assert acks.boot_frame is None
+    assert acks.enable_command == b""
 
 
 def test_what_never_ends_is_not_kept() -> None:
-    dialogue = Acknowledgements(ROBOT)
+    acks = Acknowledgements(ROBOT)
     for _ in range(1000):
-        dialogue.hear(b"x" * 1000)
-    assert len(dialogue._unfinished) <= 1000
+        acks.receive(b"x" * 1000)
+    assert len(acks._unfinished) <= 1000
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 180)] * 4), max_size=50), st.data())
@@ -58,140 +58,140 @@ def test_acknowledgements_count_what_arrived(
     frames: list[tuple[int, ...]], data: st.DataObject
 ) -> None:
     """The board may leave lines out; the next one tells the newest state."""
-    dialogue, total = booted(), 0
+    acks, total = booted(), 0
     for number, servos in enumerate(frames, 1):
-        dialogue.sends(CODEC.frame(servos), 0.0)
-        assert not dialogue.settled()
+        acks.note_sent(CODEC.frame(servos), 0.0)
+        assert not acks.all_acknowledged()
         total = binascii.crc_hqx(bytes(servos), total)
         if number == len(frames) or data.draw(st.booleans()):
-            dialogue.hear(ack(number, total))
-            assert dialogue.taken == number
-    assert dialogue.settled()
+            acks.receive(ack(number, total))
+            assert acks.acknowledged == number
+    assert acks.all_acknowledged()
 
 
 def test_the_count_wraps() -> None:
-    dialogue, total = booted(), 0
+    acks, total = booted(), 0
     for number in range(1, 0x10000 + 3):
-        dialogue.sends(CODEC.frame([number % 181, 90, 90, 0]), 0.0)
+        acks.note_sent(CODEC.frame([number % 181, 90, 90, 0]), 0.0)
         total = binascii.crc_hqx(bytes([number % 181, 90, 90, 0]), total)
-        dialogue.hear(ack(number, total))
-    assert dialogue.taken == 0x10000 + 2
+        acks.receive(ack(number, total))
+    assert acks.acknowledged == 0x10000 + 2
 
 
 def test_a_frame_that_was_lost_or_changed_or_came_from_elsewhere_is_told() -> None:
     first, second = [10, 90, 90, 0], [11, 90, 90, 0]
     lost = booted()
-    lost.sends(CODEC.frame(first), 0.0)
-    lost.sends(CODEC.frame(second), 0.0)
+    lost.note_sent(CODEC.frame(first), 0.0)
+    lost.note_sent(CODEC.frame(second), 0.0)
     with pytest.raises(FrameLost, match="refused 20 bytes and lost 1"):
-        lost.hear(ack(1, binascii.crc_hqx(bytes(second), 0), 20, 1))
+        lost.receive(ack(1, binascii.crc_hqx(bytes(second), 0), 20, 1))
     changed = booted()
-    changed.sends(CODEC.frame(first), 0.0)
+    changed.note_sent(CODEC.frame(first), 0.0)
     with pytest.raises(FrameLost, match="other frames than were sent"):
-        changed.hear(ack(1, binascii.crc_hqx(bytes(second), 0)))
+        changed.receive(ack(1, binascii.crc_hqx(bytes(second), 0)))
     foreign = booted()
     with pytest.raises(FrameLost):
-        foreign.hear(ack(1, binascii.crc_hqx(bytes(first), 0)))
+        foreign.receive(ack(1, binascii.crc_hqx(bytes(first), 0)))
 
 
 def test_the_first_that_is_heard_may_be_an_acknowledgement() -> None:
-    dialogue = Acknowledgements(ROBOT)
-    dialogue.sends(CODEC.frame([10, 90, 90, 0]), 0.0)
-    dialogue.hear(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
-    assert dialogue.taken == 1
+    acks = Acknowledgements(ROBOT)
+    acks.note_sent(CODEC.frame([10, 90, 90, 0]), 0.0)
+    acks.receive(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
+    assert acks.acknowledged == 1
 
 
-def watched(dialogue: Acknowledgements, until: float) -> None:
+def watched(acks: Acknowledgements, until: float) -> None:
     """Looks, as often as it is time to, until a time [s]."""
-    while dialogue.due is not None and dialogue.due <= until:
-        dialogue.check(math.nextafter(dialogue.due, 0))  # too soon, so that it does not count
-        dialogue.check(dialogue.due)
+    while acks.next_check is not None and acks.next_check <= until:
+        acks.check(math.nextafter(acks.next_check, 0))  # too soon, so that it does not count
+        acks.check(acks.next_check)
 
 
 @pytest.mark.parametrize("times", [1, 2])
 def test_a_frame_without_an_answer_is_told_when_its_time_is_over(times: int) -> None:
     """The answer to one before is no answer to the next one."""
-    dialogue, total = booted(), 0
-    dialogue.check(100.0)
+    acks, total = booted(), 0
+    acks.check(100.0)
     for time in range(1, times):
-        dialogue.sends(CODEC.frame([10, 90, 90, 0]), time)
-        watched(dialogue, time + ANSWER - 0.01)
+        acks.note_sent(CODEC.frame([10, 90, 90, 0]), time)
+        watched(acks, time + ANSWER_TIMEOUT - 0.01)
         total = binascii.crc_hqx(bytes([10, 90, 90, 0]), total)
-        dialogue.hear(ack(time, total))
-        assert dialogue.due is None
-        dialogue.check(time + 0.9)
-    dialogue.sends(CODEC.frame([11, 90, 90, 0]), times)
-    dialogue.sends(CODEC.frame([12, 90, 90, 0]), times + 0.2)
-    watched(dialogue, times + ANSWER - 0.001)
+        acks.receive(ack(time, total))
+        assert acks.next_check is None
+        acks.check(time + 0.9)
+    acks.note_sent(CODEC.frame([11, 90, 90, 0]), times)
+    acks.note_sent(CODEC.frame([12, 90, 90, 0]), times + 0.2)
+    watched(acks, times + ANSWER_TIMEOUT - 0.001)
     why = rf"^the board acknowledged {times - 1} of {times + 1} frames, and then nothing for 0.25 s"
     with pytest.raises(FrameLost, match=why + r"\. Check the cable"):
-        watched(dialogue, times + ANSWER + 1e-9)
+        watched(acks, times + ANSWER_TIMEOUT + 1e-9)
 
 
 def test_a_board_that_answers_one_of_two_frames_has_its_time_for_the_other() -> None:
-    dialogue = booted()
-    dialogue.sends(CODEC.frame([10, 90, 90, 0]), 1.0)
-    dialogue.sends(CODEC.frame([11, 90, 90, 0]), 1.2)
-    watched(dialogue, 1.24)
-    dialogue.hear(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
-    watched(dialogue, 1.24 + ANSWER)
+    acks = booted()
+    acks.note_sent(CODEC.frame([10, 90, 90, 0]), 1.0)
+    acks.note_sent(CODEC.frame([11, 90, 90, 0]), 1.2)
+    watched(acks, 1.24)
+    acks.receive(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
+    watched(acks, 1.24 + ANSWER_TIMEOUT)
     with pytest.raises(FrameLost, match="acknowledged 1 of 2 frames"):
-        watched(dialogue, 1.24 + ANSWER + 0.05)
+        watched(acks, 1.24 + ANSWER_TIMEOUT + 0.05)
 
 
 def test_a_board_that_says_what_is_known_already_has_not_answered() -> None:
-    dialogue = booted()
-    dialogue.sends(CODEC.frame([10, 90, 90, 0]), 1.0)
-    watched(dialogue, 1.0 + ANSWER - 0.01)
-    dialogue.hear(ack(0, 0))
+    acks = booted()
+    acks.note_sent(CODEC.frame([10, 90, 90, 0]), 1.0)
+    watched(acks, 1.0 + ANSWER_TIMEOUT - 0.01)
+    acks.receive(ack(0, 0))
     with pytest.raises(FrameLost):
-        watched(dialogue, 1.0 + ANSWER + 1e-9)
+        watched(acks, 1.0 + ANSWER_TIMEOUT + 1e-9)
 
 
 def test_a_stall_of_the_host_takes_the_board_no_more_than_a_look() -> None:
     """However long it is: what the board has said meanwhile is not read yet."""
-    dialogue = booted()
-    dialogue.sends(CODEC.frame([10, 90, 90, 0]), 1.0)
+    acks = booted()
+    acks.note_sent(CODEC.frame([10, 90, 90, 0]), 1.0)
     for stall in (10.0, 20.0, 30.0, 40.0):
-        dialogue.check(stall)
-    assert dialogue.due == pytest.approx(40.0 + ANSWER / 5)
-    dialogue.hear(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
-    dialogue.check(50.0)
+        acks.check(stall)
+    assert acks.next_check == pytest.approx(40.0 + ANSWER_TIMEOUT / 5)
+    acks.receive(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
+    acks.check(50.0)
 
 
 def test_a_second_start_is_a_reset() -> None:
-    with pytest.raises(BoardReset, match=r"it says 'armtree 1 AVW. kept b009,s125,e085,g000,'"):
-        booted().hear(LINE)
+    with pytest.raises(BoardReset, match=r"it sent 'armtree 1 AVW. kept b009,s125,e085,g000,'"):
+        booted().receive(LINE)
 
 
 def test_a_start_after_noise_is_a_reset() -> None:
-    with pytest.raises(BoardReset, match="it says '\ufffdarmtree 1 AVW"):
-        booted().hear(b"\xff" + LINE)
+    with pytest.raises(BoardReset, match="it sent '\ufffdarmtree 1 AVW"):
+        booted().receive(b"\xff" + LINE)
 
 
 def test_a_board_that_says_nothing_has_what_it_was_sent() -> None:
-    dialogue = Acknowledgements(load_robot())
-    dialogue.hear(LINE[1:] + ack(3, 7))
-    dialogue.sends(CODEC.frame([10, 90, 90, 0]), 0.0)
-    assert (dialogue.holds, dialogue.taken, dialogue.settled()) == (None, 1, True)
+    acks = Acknowledgements(load_robot())
+    acks.receive(LINE[1:] + ack(3, 7))
+    acks.note_sent(CODEC.frame([10, 90, 90, 0]), 0.0)
+    assert (acks.boot_frame, acks.acknowledged, acks.all_acknowledged()) == (None, 1, True)
 
 
 @pytest.mark.parametrize("noise", [b"", b"\n", b"xx"])
 def test_a_banner_of_another_firmware_is_told(noise: bytes) -> None:
     for robot in (load_robot(), dataclasses.replace(ROBOT, firmware=OTHER)):
-        dialogue = Acknowledgements(robot)
-        dialogue.hear(noise + LINE[:-1])
+        acks = Acknowledgements(robot)
+        acks.receive(noise + LINE[:-1])
         why = f"^The board runs armtree, but the robot file names {robot.firmware.name}. Write "
         with pytest.raises(WrongFirmware, match=why + 'firmware = "armtree" under .serial. in /'):
-            dialogue.hear(LINE[-1:])
+            acks.receive(LINE[-1:])
 
 
 def test_nobody_looks_while_nothing_waits_for_an_answer() -> None:
-    dialogue = booted()
-    assert dialogue.due is None
-    dialogue.sends(CODEC.frame([10, 90, 90, 0]), 1.0)
-    dialogue.sends(CODEC.frame([11, 90, 90, 0]), 1.01)
-    assert dialogue.due == pytest.approx(1.0 + ANSWER / 5)
+    acks = booted()
+    assert acks.next_check is None
+    acks.note_sent(CODEC.frame([10, 90, 90, 0]), 1.0)
+    acks.note_sent(CODEC.frame([11, 90, 90, 0]), 1.01)
+    assert acks.next_check == pytest.approx(1.0 + ANSWER_TIMEOUT / 5)
     total = binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)
-    dialogue.hear(ack(2, binascii.crc_hqx(bytes([11, 90, 90, 0]), total)))
-    assert dialogue.due is None
+    acks.receive(ack(2, binascii.crc_hqx(bytes([11, 90, 90, 0]), total)))
+    assert acks.next_check is None

@@ -95,7 +95,7 @@ def test_a_motion_plays_at_its_times_to_its_end(rig: Rig) -> None:
     rig.until(lambda: playback.state is not PlaybackState.PLAYING)
     assert playback.state is PlaybackState.DONE
     assert playback.written == len(schedule.setpoints) == len(rig.frames)
-    assert playback.latest == pytest.approx(0, abs=1e-9)
+    assert playback.max_lateness == pytest.approx(0, abs=1e-9)
     for frame, setpoint in zip(rig.frames, schedule.setpoints, strict=True):
         assert frame.time == pytest.approx(began + setpoint.time)
         assert frame.data == setpoint.frame.data
@@ -221,7 +221,7 @@ def late(rig: Rig, frame: int, seconds: float) -> list[float]:
     rig.until(lambda: playback.state is not PlaybackState.PLAYING)
     assert playback.state is PlaybackState.DONE
     assert [event.data for event in rig.frames] == [s.frame.data for s in schedule.setpoints]
-    assert playback.latest == pytest.approx(max(0.0, seconds - 0.1))
+    assert playback.max_lateness == pytest.approx(max(0.0, seconds - 0.1))
     pairs = zip(rig.frames, schedule.setpoints, strict=True)
     return [event.time - began - setpoint.time for event, setpoint in pairs]
 

@@ -37,7 +37,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from hardware.arm.acknowledgements import ANSWER
+from hardware.arm.acknowledgements import ANSWER_TIMEOUT
 from tests.support.hardware_rigs import HOME, PICK, motion
 from tests.support.paths import ROOT
 
@@ -150,7 +150,7 @@ def test_a_lost_hold_frame_is_told(ends: Callable[[Arm], None]) -> None:
             rig.settle()
         (fault,) = [event.error for event in rig.events if isinstance(event, Faulted)]
         assert isinstance(fault, FrameLost)
-        assert ANSWER <= rig.clock.now() - stopped <= ANSWER * 1.25
+        assert ANSWER_TIMEOUT <= rig.clock.now() - stopped <= ANSWER_TIMEOUT * 1.25
 
 
 @pytest.mark.parametrize("ends", [Arm.stop, Arm.deactivate, Arm.shutdown])
@@ -284,7 +284,7 @@ def test_a_board_that_does_not_run_what_the_robot_file_says_is_refused() -> None
     rig = Rig(FIRMWARES["stock"])
     with rig.clock.working(), rig.arm:
         rig.arm.configure()
-        why = "did not say within 2 s that it runs the firmware armtree"
+        why = "did not report within 2 s that it runs the firmware armtree"
         with pytest.raises(BoardSilent, match=why):
             rig.arm.activate()
         assert rig.arm.state is State.INACTIVE
@@ -330,7 +330,7 @@ def test_a_host_that_stood_still_is_no_lost_frame() -> None:
     ) as process:
         _, status = os.waitpid(process.pid, os.WUNTRACED)
         assert os.WIFSTOPPED(status)
-        threading.Event().wait(2 * ANSWER)  # the stall
+        threading.Event().wait(2 * ANSWER_TIMEOUT)  # the stall
         process.send_signal(signal.SIGCONT)
         said, _ = process.communicate(timeout=30)
     assert said == "done None\n"

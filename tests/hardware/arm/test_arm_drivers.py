@@ -145,7 +145,7 @@ class Stuck(BoardLink):
 def test_a_write_that_does_not_return_keeps_nobody_for_ever_and_its_end_harms_no_next_motion(
     monkeypatch: pytest.MonkeyPatch, act: Callable[[Arm], None]
 ) -> None:
-    monkeypatch.setattr("hardware.arm.connection.PATIENCE", 0.02)
+    monkeypatch.setattr("hardware.arm.connection.OBSERVER_TIMEOUT", 0.02)
     monkeypatch.setattr("hardware.arm.write_guard._WAIT", 0.002)
     robot = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
     link, events = Stuck(), list[ArmEvent]()

@@ -73,7 +73,7 @@ def test_a_fault_ends_the_motion_with_that_fault_named(rig: Rig, cause: type[Por
     assert len(rig.frames) == written
 
 
-def test_a_frame_that_comes_to_a_shut_door_does_not_hide_why_it_is_shut(
+def test_a_frame_that_comes_to_a_closed_guard_does_not_hide_why_it_is_closed(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rig.start()
@@ -81,9 +81,9 @@ def test_a_frame_that_comes_to_a_shut_door_does_not_hide_why_it_is_shut(
     rig.wait(1.0)
     close = WriteGuard.close
 
-    def close_before_the_next_frame(door: WriteGuard) -> None:
+    def close_before_the_next_frame(guard: WriteGuard) -> None:
         monkeypatch.setattr(WriteGuard, "close", close)
-        close(door)
+        close(guard)
         rig.until(lambda: playback.state is not PlaybackState.PLAYING)
 
     monkeypatch.setattr(WriteGuard, "close", close_before_the_next_frame)
@@ -330,7 +330,7 @@ def test_who_watches_a_motion_and_fails_does_not_end_it(
     rig.wait(10.0)
     assert playback.state is PlaybackState.DONE
     assert rig.arm.state is State.ACTIVE
-    assert "who watches a motion failed" in caplog.text
+    assert "the callback of a motion failed" in caplog.text
 
 
 def test_an_arm_that_is_gone_leaves_nothing_behind() -> None:

@@ -53,14 +53,14 @@ class Watch:
 @pytest.fixture
 def line(monkeypatch: pytest.MonkeyPatch) -> Line:
     """Those who close a connection wait for nobody."""
-    monkeypatch.setattr("hardware.arm.connection.PATIENCE", 0.01)
+    monkeypatch.setattr("hardware.arm.connection.OBSERVER_TIMEOUT", 0.01)
     return Line()
 
 
 def ended(connection: Connection) -> bool:
-    assert connection._listener
-    connection._listener.join(5)
-    return not connection._listener.is_alive()
+    assert connection._reader
+    connection._reader.join(5)
+    return not connection._reader.is_alive()
 
 
 def test_who_still_listens_after_the_end_leaves_the_next_ones_bytes_alone(line: Line) -> None:

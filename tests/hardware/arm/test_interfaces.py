@@ -5,7 +5,7 @@ import pytest
 from hardware import InterfaceClaimed, InterfaceUnknown, StaleGeneration, load_robot
 from hardware.arm.interfaces import Claim, Claims, command_interfaces, state_interfaces
 
-STALE = "^the arm was stopped or moved since this motion was decided on$"
+STALE = "^the arm was stopped or moved since this motion was planned$"
 STOPPED = "^this motion was stopped; nothing more is sent for it$"
 
 
@@ -33,37 +33,37 @@ def test_states_need_one_value_per_actuated_joint(count: int) -> None:
 def test_every_end_of_a_claim_counts_one_generation() -> None:
     claims = Claims(["a", "b"])
     assert claims.generation == 0
-    first = claims.take("one", ["a"], 0)
+    first = claims.acquire("one", ["a"], 0)
     assert first == Claim("one", ("a",), 0)
-    claims.take("two", ["b"], 0)
+    claims.acquire("two", ["b"], 0)
     assert claims.generation == 0
-    claims.end()
+    claims.release_all()
     assert claims.generation == 1
-    claims.end()  # a stop where nothing moves counts too
+    claims.release_all()  # a stop where nothing moves counts too
     assert claims.generation == 2
-    third = claims.take("one", ["a"], 2)
-    claims.give_up(third)
+    third = claims.acquire("one", ["a"], 2)
+    claims.release(third)
     assert claims.generation == 3
-    claims.give_up(third)  # has ended already
+    claims.release(third)  # has ended already
     assert claims.generation == 3
 
 
 def test_who_decided_before_another_joint_was_claimed_may_move_his() -> None:
     claims = Claims(["a", "b"])
     decided = claims.generation
-    first = claims.take("one", ["a"], decided)
-    second = claims.take("two", ["b"], decided)
+    first = claims.acquire("one", ["a"], decided)
+    second = claims.acquire("two", ["b"], decided)
     claims.check(first)
     claims.check(second)
-    claims.give_up(first)
+    claims.release(first)
     with pytest.raises(StaleGeneration, match=STALE):
-        claims.take("three", ["a"], decided)
+        claims.acquire("three", ["a"], decided)
 
 
 def test_to_give_up_one_claim_leaves_the_others() -> None:
     claims = Claims(["a", "b"])
-    first, second = claims.take("one", ["a"], 0), claims.take("two", ["b"], 0)
-    claims.give_up(first)
+    first, second = claims.acquire("one", ["a"], 0), claims.acquire("two", ["b"], 0)
+    claims.release(first)
     claims.check(second)
     with pytest.raises(StaleGeneration, match=STOPPED):
         claims.check(first)
@@ -71,35 +71,35 @@ def test_to_give_up_one_claim_leaves_the_others() -> None:
 
 def test_what_is_claimed_again_is_not_the_old_claims() -> None:
     claims = Claims(["a"])
-    old = claims.take("one", ["a"], 0)
-    claims.end()
-    new = claims.take("one", ["a"], claims.generation)
+    old = claims.acquire("one", ["a"], 0)
+    claims.release_all()
+    new = claims.acquire("one", ["a"], claims.generation)
     claims.check(new)
     with pytest.raises(StaleGeneration, match=STOPPED):
         claims.check(old)
-    claims.give_up(old)
+    claims.release(old)
     claims.check(new)
 
 
 def test_a_claim_of_nothing_ends_like_any_other() -> None:
     claims = Claims(["a"])
-    empty = claims.take("one", [], 0)
+    empty = claims.acquire("one", [], 0)
     claims.check(empty)
-    claims.end()
+    claims.release_all()
     with pytest.raises(StaleGeneration, match=STOPPED):
         claims.check(empty)
 
 
 def test_a_claim_that_is_refused_takes_nothing() -> None:
     claims = Claims(["a", "b"])
-    claims.end()
-    claims.take("one", ["b"], 1)
+    claims.release_all()
+    claims.acquire("one", ["b"], 1)
     with pytest.raises(InterfaceClaimed, match="b is claimed by one, so two cannot command it"):
-        claims.take("two", ["a", "b"], 1)
+        claims.acquire("two", ["a", "b"], 1)
     with pytest.raises(InterfaceUnknown, match=r"no command interface c; there are a, b$"):
-        claims.take("two", ["a", "c"], 1)
+        claims.acquire("two", ["a", "c"], 1)
     for never in (0, 2):
         with pytest.raises(StaleGeneration, match=STALE):
-            claims.take("two", ["a"], never)
+            claims.acquire("two", ["a"], never)
     assert claims.generation == 1
-    claims.take("two", ["a"], 1)
+    claims.acquire("two", ["a"], 1)

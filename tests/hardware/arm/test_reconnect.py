@@ -115,16 +115,16 @@ def test_who_goes_on_looks_out_no_longer(
     arm, _ = lost
     if gone:
         by_id.unlink()
-    (lookout,) = (thread for thread in threading.enumerate() if thread.name == "lookout")
+    (watcher,) = (thread for thread in threading.enumerate() if thread.name == "reconnect")
     act(arm)
-    lookout.join(PATIENCE)
-    assert not lookout.is_alive()
+    watcher.join(PATIENCE)
+    assert not watcher.is_alive()
 
 
 @pytest.mark.usefixtures("by_id")
 def test_nobody_looks_out_for_a_port_without_a_lasting_name() -> None:
     with closing(VirtualArduino(*BOARD)) as arduino:
-        assert ReconnectWatcher(arduino.port, RealClock(), Watch()).begin() is None
+        assert ReconnectWatcher(arduino.port, RealClock(), Watch()).start() is None
 
 
 def test_a_missing_port_is_told_the_lasting_names(

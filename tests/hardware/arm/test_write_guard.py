@@ -1,4 +1,4 @@
-"""The one door to the wire: what it refuses, and who may write."""
+"""The write guard: what it refuses, and who may write."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from hardware import (
     StaleGeneration,
     TooFast,
 )
-from hardware.arm.acknowledgements import ANSWER
+from hardware.arm.acknowledgements import ANSWER_TIMEOUT
 from hardware.drivers.arduino.serial_servo import SerialServo
 from hardware.drivers.driver import Frame
 from tests.support.write_guard_rig import HOME, Rig, degrees
@@ -28,14 +28,14 @@ def test_a_frame_goes_out_and_is_told() -> None:
     rig = Rig()
     assert rig.write(degrees(10))
     assert rig.events == [FrameSent(2.0, b"b100,s090,e090,g000,", degrees(10), 2.0)]
-    assert rig.door.commanded == degrees(10)
+    assert rig.guard.commanded == degrees(10)
     assert rig.board() == (100, 90, 90, 0)
 
 
 def test_the_same_bytes_are_not_sent_again_but_count_as_commanded() -> None:
     rig = Rig()
     assert rig.write((1e-4, 0, 0, 0)) is False
-    assert rig.door.commanded == (1e-4, 0, 0, 0)
+    assert rig.guard.commanded == (1e-4, 0, 0, 0)
     assert rig.sent == []
 
 
@@ -47,7 +47,7 @@ def test_a_bad_value_is_refused(positions: tuple[float, ...]) -> None:
     with pytest.raises(BadPosition):
         rig.write(positions)
     assert rig.sent == []
-    assert rig.door.commanded == HOME
+    assert rig.guard.commanded == HOME
 
 
 class Careless(Codec):
@@ -70,7 +70,7 @@ def test_a_bad_value_is_refused_even_where_the_wire_format_takes_it(place: int, 
     positions[place] = bad
     with pytest.raises(BadPosition, match=f"joint_{place + 1} = {bad} "):
         rig.write(tuple(positions))
-    assert rig.door.commanded == HOME
+    assert rig.guard.commanded == HOME
 
 
 def test_only_active_may_write() -> None:
@@ -85,20 +85,20 @@ def test_only_active_may_write() -> None:
 
 def test_only_active_is_greeted() -> None:
     rig = Rig(FIRMWARES["armtree"])
-    rig.dialogue.hear(rig.link.read())
+    rig.acknowledgements.receive(rig.link.read())
     rig.active = False
     with pytest.raises(NotActive):
-        rig.door.greet()
+        rig.guard.enable_acknowledgements()
     assert rig.events == []
     rig.active = True
-    rig.door.greet()
+    rig.guard.enable_acknowledgements()
     assert rig.events == [CommandSent(2.0, b"bA01;")]
 
 
 def test_a_claim_that_was_given_up_is_refused() -> None:
     rig = Rig()
     for _ in range(2):
-        rig.door.give_up(rig.claim)
+        rig.guard.release(rig.claim)
     with pytest.raises(StaleGeneration):
         rig.write(degrees(1))
     assert rig.sent == []
@@ -108,58 +108,58 @@ def test_two_owners_of_one_joint_are_an_error_that_names_both() -> None:
     rig = Rig()
     why = "joint_1/position is claimed by test, so jog cannot command it; stop the arm first"
     with pytest.raises(InterfaceClaimed, match=why):
-        rig.door.claim("jog", ["joint_1/position"], rig.door.generation)
+        rig.guard.claim("jog", ["joint_1/position"], rig.guard.generation)
     assert rig.write(degrees(1))
-    rig.door.give_up(rig.claim)
-    rig.door.claim("jog", ["joint_1/position"], rig.door.generation)
+    rig.guard.release(rig.claim)
+    rig.guard.claim("jog", ["joint_1/position"], rig.guard.generation)
 
 
 def test_a_joint_that_has_no_servo_cannot_be_claimed() -> None:
     rig = Rig()
     with pytest.raises(InterfaceUnknown, match="no command interface joint_5/position; there are"):
-        rig.door.claim("jog", ["joint_5/position"], rig.door.generation)
+        rig.guard.claim("jog", ["joint_5/position"], rig.guard.generation)
 
 
 def test_who_claims_one_joint_moves_that_one() -> None:
     rig = Rig()
     rig.write(degrees(10))
-    rig.door.give_up(rig.claim)
-    jog = rig.door.claim("jog", ["joint_2/position"], rig.door.generation)
-    other = rig.door.claim("other", ["joint_4/position"], rig.door.generation)
-    assert rig.door.write([math.radians(-4.5)], jog, 2.0)
+    rig.guard.release(rig.claim)
+    jog = rig.guard.claim("jog", ["joint_2/position"], rig.guard.generation)
+    other = rig.guard.claim("other", ["joint_4/position"], rig.guard.generation)
+    assert rig.guard.write([math.radians(-4.5)], jog, 2.0)
     with pytest.raises(BadPosition, match="2 values for 1: joint_2/position"):
-        rig.door.write([0.0, 0.0], jog, 2.0)
-    rig.wait(rig.door.earliest)
-    assert rig.door.write([-0.1], other, 2.0)
+        rig.guard.write([0.0, 0.0], jog, 2.0)
+    rig.wait(rig.guard.earliest)
+    assert rig.guard.write([-0.1], other, 2.0)
     assert rig.sent[1:] == ["b100,s095,e090,g000,", "b100,s095,e090,g011,"]
-    rig.door.hold()
+    rig.guard.hold()
     for claim in (jog, other):
         with pytest.raises(StaleGeneration):
-            rig.door.write([0.0], claim, 2.0)
+            rig.guard.write([0.0], claim, 2.0)
 
 
 def test_a_claim_takes_one_value_per_interface() -> None:
     rig = Rig()
-    rig.door.give_up(rig.claim)
-    jog = rig.door.claim("jog", rig.door.interfaces[:2], rig.door.generation)
+    rig.guard.release(rig.claim)
+    jog = rig.guard.claim("jog", rig.guard.interfaces[:2], rig.guard.generation)
     why = "^3 values for 2: joint_1/position, joint_2/position$"
     with pytest.raises(BadPosition, match=why):
-        rig.door.write([0.0, 0.0, 0.0], jog, 2.0)
+        rig.guard.write([0.0, 0.0, 0.0], jog, 2.0)
 
 
-def test_the_dialogue_is_told_what_went_out_and_when() -> None:
+def test_acknowledgements_know_what_was_sent_and_when() -> None:
     rig = Rig(FIRMWARES["armtree"])
     rig.write(degrees(1))
-    assert rig.dialogue.sent == 1
-    assert rig.dialogue.due == 2.0 + ANSWER / 5
+    assert rig.acknowledgements.sent == 1
+    assert rig.acknowledgements.next_check == 2.0 + ANSWER_TIMEOUT / 5
 
 
 def test_a_motion_decided_on_before_another_one_began_or_ended_is_refused() -> None:
     rig = Rig()
-    during = rig.door.generation
-    rig.door.give_up(rig.claim)
+    during = rig.guard.generation
+    rig.guard.release(rig.claim)
     with pytest.raises(StaleGeneration):
-        rig.door.claim("test", rig.door.interfaces, during)
+        rig.guard.claim("test", rig.guard.interfaces, during)
 
 
 def test_too_large_a_step_is_refused() -> None:
@@ -174,13 +174,13 @@ def test_a_frame_before_the_board_has_room_is_refused() -> None:
     assert rig.write(degrees(10))  # moves until 2.073 s
     assert rig.write(degrees(0))  # waits behind it
     busy = 14 * 0.0051 + 4 * 0.00015
-    assert rig.door.earliest == pytest.approx(2.0 + 20 * 10 / 115200 + busy)
+    assert rig.guard.earliest == pytest.approx(2.0 + 20 * 10 / 115200 + busy)
     why = "^b100,s090,e090,g000, comes 73.7 ms before the board has room for it$"
     with pytest.raises(TooFast, match=why):
         rig.write(degrees(10))
-    rig.wait(math.nextafter(rig.door.earliest, 0))
+    rig.wait(math.nextafter(rig.guard.earliest, 0))
     with pytest.raises(TooFast, match=r"comes 0\.0 ms before"):
         rig.write(degrees(10))
-    rig.wait(rig.door.earliest)
+    rig.wait(rig.guard.earliest)
     assert rig.write(degrees(10))
     assert rig.link.board.state(100.0).lost == 0

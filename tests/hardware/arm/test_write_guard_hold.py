@@ -1,4 +1,4 @@
-"""The one door to the wire: holds, failed writes, slow ones, and many threads at it."""
+"""The write guard: holds, failed writes, slow ones, and many threads at it."""
 
 import contextlib
 import threading
@@ -26,7 +26,7 @@ def test_a_hold_repeats_the_last_frame_exactly_once() -> None:
     rig = Rig()
     rig.write(degrees(1))
     for _ in range(3):
-        rig.door.hold()
+        rig.guard.hold()
     assert rig.sent == ["b091,s090,e090,g000,"] * 2
     assert rig.events[-1] == FrameSent(2.0, b"b091,s090,e090,g000,", degrees(1), None)
 
@@ -34,13 +34,13 @@ def test_a_hold_repeats_the_last_frame_exactly_once() -> None:
 def test_after_a_hold_the_old_motion_is_over_and_a_new_one_may_begin() -> None:
     rig = Rig()
     rig.write(degrees(1))
-    rig.door.hold()
+    rig.guard.hold()
     with pytest.raises(StaleGeneration):
         rig.write(degrees(2))
     rig.claim = rig.claimed()
-    rig.wait(rig.door.earliest)
+    rig.wait(rig.guard.earliest)
     rig.write(degrees(2))
-    rig.door.hold()
+    rig.guard.hold()
     assert len(rig.sent) == 4
 
 
@@ -48,22 +48,22 @@ def test_a_hold_for_a_motion_that_is_over_leaves_the_next_one_alone() -> None:
     rig = Rig()
     rig.write(degrees(1))
     over = rig.claim
-    rig.door.hold()
+    rig.guard.hold()
     rig.claim = rig.claimed()
-    rig.wait(rig.door.earliest)
+    rig.wait(rig.guard.earliest)
     rig.write(degrees(2))
     with pytest.raises(StaleGeneration):
-        rig.door.hold(over)
-    rig.wait(rig.door.earliest)
+        rig.guard.hold(over)
+    rig.wait(rig.guard.earliest)
     rig.write(degrees(3))
-    rig.door.hold(rig.claim)
+    rig.guard.hold(rig.claim)
     assert [frame[:4] for frame in rig.sent] == ["b091", "b091", "b092", "b093", "b093"]
 
 
 def test_a_hold_writes_nothing_where_no_frame_has_left() -> None:
     rig = Rig()
     rig.write(HOME)
-    rig.door.hold()
+    rig.guard.hold()
     assert rig.sent == []
 
 
@@ -72,7 +72,7 @@ def test_a_hold_writes_nothing_where_the_arm_is_not_active() -> None:
     rig.write(degrees(1))
     rig.active = False
     with pytest.raises(NotActive):
-        rig.door.hold()
+        rig.guard.hold()
     assert len(rig.sent) == 1
 
 
@@ -80,7 +80,7 @@ def test_a_hold_finds_room_while_two_frames_are_under_way() -> None:
     rig = Rig()
     rig.write(degrees(16))
     rig.write(degrees(0))
-    rig.door.hold()
+    rig.guard.hold()
     assert rig.board() == (90, 90, 90, 0)
     assert rig.link.board.state(100.0).lost == 0
 
@@ -94,13 +94,13 @@ def test_after_a_failed_write_nothing_follows() -> None:
         rig.write(degrees(2))
     rig.link.open()  # as if it came back
     with pytest.raises(NotActive):
-        rig.door.hold()
+        rig.guard.hold()
     for _ in range(2):
         with pytest.raises(NotActive):
             rig.write(degrees(3))
-        rig.door.hold()  # the hold that was due is given up
+        rig.guard.hold()  # the hold that was due is given up
     assert rig.sent == ["b091,s090,e090,g000,"]
-    assert rig.door.commanded == degrees(1)
+    assert rig.guard.commanded == degrees(1)
 
 
 def test_a_failed_hold_is_not_repeated() -> None:
@@ -108,9 +108,9 @@ def test_a_failed_hold_is_not_repeated() -> None:
     rig.write(degrees(1))
     rig.link.unplug()
     with pytest.raises(PortLost):
-        rig.door.hold()
+        rig.guard.hold()
     rig.link.open()
-    rig.door.hold()
+    rig.guard.hold()
     assert len(rig.sent) == 1
 
 
@@ -118,33 +118,33 @@ def test_a_hold_within_a_hold_writes_one_frame(monkeypatch: pytest.MonkeyPatch) 
     """As where a signal's handler stops an arm that is being stopped."""
     rig = Rig()
     rig.write(degrees(1))
-    check = rig.door._check_active
+    check = rig.guard._check_active
 
     def interrupted() -> None:
-        monkeypatch.setattr(rig.door, "_check_active", check)
-        rig.door.hold()
+        monkeypatch.setattr(rig.guard, "_check_active", check)
+        rig.guard.hold()
         check()
 
-    monkeypatch.setattr(rig.door, "_check_active", interrupted)
-    rig.door.hold()
+    monkeypatch.setattr(rig.guard, "_check_active", interrupted)
+    rig.guard.hold()
     assert rig.sent == ["b091,s090,e090,g000,"] * 2
 
 
 def test_a_closed_door_stays_closed() -> None:
     rig = Rig()
     rig.write(degrees(1))
-    rig.door.close()
-    rig.door.close()
+    rig.guard.close()
+    rig.guard.close()
     with pytest.raises(NotActive):
         rig.write(degrees(2))
     with pytest.raises(NotActive):
-        rig.door.hold()
+        rig.guard.hold()
     assert len(rig.sent) == 1
 
 
 def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
     rig = Rig()
-    rig.then = lambda _: rig.door.hold()
+    rig.then = lambda _: rig.guard.hold()
     told = threading.Thread(target=lambda: rig.write(degrees(1)), daemon=True)
     told.start()
     told.join(5)
@@ -154,9 +154,10 @@ def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
 
 @pytest.mark.parametrize(
     "act",
-    [Rig.claimed, lambda rig: rig.door.give_up(rig.claim), lambda rig: rig.door.greet(),
-     lambda rig: rig.door.close(), lambda rig: rig.door.hold(), lambda rig: rig.write(degrees(1))],
-    ids=["claim", "give up", "greet", "close", "hold", "write"],
+    [Rig.claimed, lambda rig: rig.guard.release(rig.claim),
+     lambda rig: rig.guard.enable_acknowledgements(), lambda rig: rig.guard.close(),
+     lambda rig: rig.guard.hold(), lambda rig: rig.write(degrees(1))],
+    ids=["claim", "release", "enable", "close", "hold", "write"],
 )  # fmt: skip
 def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object]) -> None:
     rig = Rig()
@@ -181,9 +182,10 @@ def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object
 
 @pytest.mark.parametrize(
     "act",
-    [Rig.claimed, lambda rig: rig.door.give_up(rig.claim), lambda rig: rig.door.greet(),
-     lambda rig: rig.door.hold(), lambda rig: rig.write(degrees(1))],
-    ids=["claim", "give up", "greet", "hold", "write"],
+    [Rig.claimed, lambda rig: rig.guard.release(rig.claim),
+     lambda rig: rig.guard.enable_acknowledgements(), lambda rig: rig.guard.hold(),
+     lambda rig: rig.write(degrees(1))],
+    ids=["claim", "release", "enable", "hold", "write"],
 )  # fmt: skip
 def test_nobody_waits_for_ever_for_a_write_that_does_not_return(
     act: Callable[[Rig], object], monkeypatch: pytest.MonkeyPatch
@@ -199,16 +201,16 @@ def test_nobody_waits_for_ever_for_a_write_that_does_not_return(
     stuck = threading.Thread(target=rig.write, args=(degrees(1),))
     stuck.start()
     assert entered.wait(5)
-    why = "^A write to the port does not return: the port board takes no more bytes"
+    why = "^A write to the port does not return: the port board accepts no more bytes"
     with pytest.raises(PortStalled, match=why) as raised:
         act(rig)
     assert raised.value.port == "board"
-    rig.door.close()  # does not wait for ever either
+    rig.guard.close()  # does not wait for ever either
     assert stuck.is_alive()
     leave.set()
     stuck.join(5)
     with pytest.raises(NotActive):
-        rig.door.hold()
+        rig.guard.hold()
     assert rig.sent == ["b091,s090,e090,g000,"]
 
 
@@ -219,8 +221,8 @@ def test_the_time_that_a_write_waits_is_the_boards_too() -> None:
     rig.write(degrees(0))
     busy = 20 * 0.0051 + 4 * 0.00015
     done = 2.15 + 20 * 10 / 115200 + busy
-    assert rig.door.earliest == pytest.approx(done)
-    assert rig.door.done == pytest.approx(done + busy)
+    assert rig.guard.earliest == pytest.approx(done)
+    assert rig.guard.done == pytest.approx(done + busy)
 
 
 @given(st.lists(st.tuples(st.integers(-4, 4), st.floats(0.0, 0.19), st.floats(0.0, 0.2))))
@@ -228,7 +230,7 @@ def test_slow_writes_overrun_no_board(frames: list[tuple[int, float, float]]) ->
     """Each frame is written as early as it may, and its write waits before it goes through."""
     rig, angle = Rig(), 0
     for step, waits, pause in frames:
-        rig.wait(max(rig.clock.now() + pause, rig.door.earliest))
+        rig.wait(max(rig.clock.now() + pause, rig.guard.earliest))
         until = rig.clock.now() + waits
         rig.link.meanwhile = lambda until=until: rig.wait(until)  # type: ignore[misc]
         angle += 4 * step
@@ -236,18 +238,18 @@ def test_slow_writes_overrun_no_board(frames: list[tuple[int, float, float]]) ->
             rig.write(degrees(angle))
         else:
             angle -= 4 * step
-    rig.door.hold()
+    rig.guard.hold()
     rig.board()
     assert rig.link.board.state(rig.clock.now()).lost == 0
 
 
 @pytest.mark.parametrize("error", [OSError("not ours"), NotActive("not by us"), SystemExit()])
-@pytest.mark.parametrize("act", [Rig.write, lambda rig, _: rig.door.greet()])
+@pytest.mark.parametrize("act", [Rig.write, lambda rig, _: rig.guard.enable_acknowledgements()])
 def test_after_whatever_a_driver_raises_nothing_follows(
     act: Callable[[Rig, tuple[float, ...]], object], error: BaseException
 ) -> None:
     rig = Rig(FIRMWARES["armtree"])
-    rig.dialogue.hear(rig.link.read())
+    rig.acknowledgements.receive(rig.link.read())
     rig.write(degrees(1))
 
     def fail() -> None:
@@ -259,7 +261,7 @@ def test_after_whatever_a_driver_raises_nothing_follows(
     assert error in (raised.value, raised.value.__cause__)
     assert repr(error) in repr(raised.value)
     with pytest.raises(NotActive):
-        rig.door.hold()
+        rig.guard.hold()
 
 
 def test_a_closed_door_has_told_all() -> None:
@@ -275,7 +277,7 @@ def test_a_closed_door_has_told_all() -> None:
     told = threading.Thread(target=rig.write, args=(degrees(1),))
     told.start()
     assert entered.wait(5)
-    close = threading.Thread(target=rig.door.close)
+    close = threading.Thread(target=rig.guard.close)
     close.start()
     close.join(0.02)
     assert close.is_alive()
@@ -289,7 +291,7 @@ def test_many_holds_at_once_write_one_frame() -> None:
     for _ in range(50):
         rig = Rig()
         rig.write(degrees(1))
-        threads = [threading.Thread(target=rig.door.hold) for _ in range(4)]
+        threads = [threading.Thread(target=rig.guard.hold) for _ in range(4)]
         for thread in threads:
             thread.start()
         for thread in threads:

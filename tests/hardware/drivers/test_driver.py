@@ -1,4 +1,4 @@
-"""Another arm's driver is another package: found by name, and behind the same door."""
+"""Another arm's driver is another package: found by name, and behind the same write guard."""
 
 import dataclasses
 import sys

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hardware import FIRMWARES, Board
 from hardware.drivers.driver import Frame
-from hardware.drivers.pacing import Pace, unread_bytes
+from hardware.drivers.pacing import PacingModel, unread_bytes
 
 BAUD = 115200
 LETTERS = "bsegtw"
@@ -30,22 +30,22 @@ def test_one_frame_waits_where_the_ring_then_has_room_for_a_hold(
     ring: int, one_waits: bool
 ) -> None:
     firmware = dataclasses.replace(FIRMWARES["stock"], ring=ring)
-    pace = Pace(firmware, BAUD, frame([90, 90, 90, 0]))
-    assert pace.earliest == pace.done == -math.inf
-    pace.sent(frame([91, 90, 90, 0]), 1.0)
+    pacing = PacingModel(firmware, BAUD, frame([90, 90, 90, 0]))
+    assert pacing.earliest == pacing.done == -math.inf
+    pacing.note_sent(frame([91, 90, 90, 0]), 1.0)
     done = 1.0 + 20 * 10 / BAUD + 5 * firmware.degree_time + 4 * firmware.turn_time
-    assert pace.done == pytest.approx(done)
-    assert pace.earliest == (-math.inf if one_waits else pace.done)
-    pace.sent(frame([91, 90, 90, 3]), 1.01)
-    assert pace.done == pytest.approx(done + 7 * firmware.degree_time + 4 * firmware.turn_time)
-    assert pace.earliest == (pytest.approx(done) if one_waits else pace.done)
+    assert pacing.done == pytest.approx(done)
+    assert pacing.earliest == (-math.inf if one_waits else pacing.done)
+    pacing.note_sent(frame([91, 90, 90, 3]), 1.01)
+    assert pacing.done == pytest.approx(done + 7 * firmware.degree_time + 4 * firmware.turn_time)
+    assert pacing.earliest == (pytest.approx(done) if one_waits else pacing.done)
 
 
 @pytest.mark.parametrize("count", [3, 5])
 def test_a_frame_of_another_robot_has_no_step(count: int) -> None:
-    pace = Pace(FIRMWARES["stock"], BAUD, frame([90, 90, 90, 0]))
+    pacing = PacingModel(FIRMWARES["stock"], BAUD, frame([90, 90, 90, 0]))
     with pytest.raises(ValueError, match=r"argument 2 is (shorter|longer)"):
-        pace.step(frame([90] * count))
+        pacing.step(frame([90] * count))
 
 
 @pytest.mark.parametrize("joints", range(1, 7))
@@ -53,14 +53,17 @@ def test_a_frame_of_another_robot_has_no_step(count: int) -> None:
 def test_a_hold_at_any_instant_loses_nothing(joints: int, data: st.DataObject) -> None:
     stock = FIRMWARES["stock"]
     held = [90] * joints
-    board, pace = Board(LETTERS[:joints], held, stock, BAUD), Pace(stock, BAUD, frame(held))
+    board, pacing = (
+        Board(LETTERS[:joints], held, stock, BAUD),
+        PacingModel(stock, BAUD, frame(held)),
+    )
     now = stock.boot_time
     for _ in range(data.draw(st.integers(1, 12))):
         steps = st.lists(st.integers(-4, 4), min_size=joints, max_size=joints)
         held = [min(180, max(0, h + s)) for h, s in zip(held, data.draw(steps), strict=True)]
-        now = max(now + data.draw(st.floats(0.0, 0.2)), pace.earliest)
+        now = max(now + data.draw(st.floats(0.0, 0.2)), pacing.earliest)
         board.receive(frame(held).data, now)
-        pace.sent(frame(held), now)
+        pacing.note_sent(frame(held), now)
     board.receive(frame(held).data, now + data.draw(st.floats(0.0, 0.2)))
     state = board.state(now + 60.0)
     assert state.lost == 0

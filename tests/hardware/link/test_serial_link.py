@@ -237,7 +237,7 @@ def test_a_stuck_line_is_told_and_nothing_is_repeated(line: Pty) -> None:
     frames, error = fill(link)
     link.close()
     sending = f"sending the message {frames[-1].decode()} to the port {line.port}"
-    assert f"{sending}: the port {line.port} takes no more bytes" in str(error)
+    assert f"{sending}: the port {line.port} accepts no more bytes" in str(error)
     arrived = line.drain()
     assert len(arrived) > 1000
     assert b"".join(frames).startswith(arrived)  # of the last one perhaps a part, or nothing

@@ -1,1 +1,1 @@
-"""The virtual Arduino: one pure model, behind a pseudo-terminal or in-process."""
+"""The virtual Arduino: a model of the board, behind a pseudo-terminal or in this process."""

@@ -9,7 +9,7 @@ import pytest
 
 from hardware import FIRMWARES, Board, Codec, load_robot
 from hardware.drivers.driver import Frame
-from hardware.drivers.pacing import Pace
+from hardware.drivers.pacing import PacingModel
 from tests.avr import rig
 from tests.avr.rig import BAUD, BOOT, MakeBoard, frame
 from tests.support.frame_damage import damaged
@@ -124,16 +124,16 @@ def test_the_pace_is_that_of_the_code(
     firmware, held = FIRMWARES["stock"], list(BOOT)
     if changes:
         firmware = dataclasses.replace(firmware, **changes)  # type: ignore[arg-type]
-    code, pace = board("stock"), Pace(firmware, BAUD, Frame(BOOT, frame(BOOT)))
+    code, pacing = board("stock"), PacingModel(firmware, BAUD, Frame(BOOT, frame(BOOT)))
     now = 0.0
     for _ in range(100):
         if not 20 < held[0] - step < 160:
             step = -step
         held[0] -= step
-        wait = max(0.0, pace.earliest - now)
+        wait = max(0.0, pacing.earliest - now)
         code.run(wait * (1 - SLOW))
         now += wait
         code.put(frame(held))
-        pace.sent(Frame(tuple(held), frame(held)), now)
+        pacing.note_sent(Frame(tuple(held), frame(held)), now)
     code.put(frame(held))  # the hold
     assert (code.run(0.5).lost > 0) == loses
