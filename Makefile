@@ -1,7 +1,7 @@
-# `make demo` shows the arm at work on the virtual Arduino, `make test` runs every check. Both set
-# up .venv first if it is missing or older than the lock; the tools of `make test` come with it only.
+# `make demo` runs tasks on the virtual Arduino, `make test` runs every check. Both install into
+# .venv first if it is missing or older than the lock. Only `make test` installs the test tools.
 
-# Downloads, the build of a peer and the linters do not wait for each other; the tests do for all.
+# Downloads, linters and the build of a peer run in parallel; the tests run after them.
 MAKEFLAGS += --jobs=3
 
 PYTHON ?= python3
@@ -24,7 +24,7 @@ demo: $(READY)
 test: lint types rooms $(PEERS) $(GROOT)
 	$(VENV)/bin/pytest
 
-# All but what is slow by nature, in less than a minute on 2 cores.
+# All tests except those marked slow; less than a minute on 2 cores.
 quick: $(TOOLS)
 	$(VENV)/bin/pytest -m "not slow"
 
@@ -38,16 +38,16 @@ types: $(TOOLS)
 rooms: $(TOOLS)
 	$(VENV)/bin/lint-imports
 
-# The suite damages 10 000 frames; here it is ten times as many.
+# 100,000 damaged frames; the suite sends 10,000.
 damage: $(TOOLS)
 	ARMTREE_CORRUPTIONS=100000 $(VENV)/bin/pytest -k corruptions --durations=2 \
 		tests/hardware/drivers/arduino/firmware/test_avr_armtree.py tests/hardware/drivers/arduino/virtual/test_armtree.py
 
-# Two to ten minutes: does a test notice every small change to what guards the wire?
+# Takes two to ten minutes. Fails if no test notices a small change to the code that guards the wire.
 mutation: $(TOOLS)
 	$(VENV)/bin/python -P tests/mutation/run.py
 
-# Needs avr-gcc; the committed .hex is what Debian 12's makes.
+# Needs avr-gcc. The version in Debian 12 builds the committed .hex.
 firmware:
 	hardware/drivers/arduino/firmware/build
 
@@ -65,16 +65,16 @@ $(TOOLS): $(READY) .ci/lock-dev.txt
 	$(INSTALL) --require-hashes -r .ci/lock-dev.txt
 	@touch $@
 
-# A client in JavaScript for the tests; where there is no npm, its test says that it is skipped.
+# JavaScript clients for the tests. Without npm, their tests report that they are skipped.
 $(PEERS): tests/peers/package-lock.json | $(PIP)
 	@command -v npm >/dev/null || exit 0; cd tests/peers && npm ci --silent --ignore-scripts --no-audit --no-fund
 	@touch $@
 
-# BehaviorTree.CPP for the tests; where there is no C++ compiler, its test says that it is skipped.
+# BehaviorTree.CPP for the tests. Without a C++ compiler, its test reports that it is skipped.
 $(GROOT): tests/peers/build_behaviortree tests/peers/behaviortree.cpp tests/peers/behaviortree.txt | $(PIP)
 	@command -v g++ >/dev/null || exit 0; tests/peers/build_behaviortree $(PIP) $(CURDIR)/$@
 
-# For maintainers, with uv: pin everything anew, all in one go, then in the two parts.
+# For maintainers, with uv: resolve all pins together, then write the two locks.
 lock:
 	mkdir -p build
 	$(COMPILE) --upgrade pyproject.toml --group build --group dev -o build/lock.txt
