@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 import logs
 from hardware import (
+    TRANSITIONS,
     Arm,
     ArmEvent,
     Clock,
@@ -40,7 +41,6 @@ from .setup import Setup
 logger = logging.getLogger(__name__)
 
 BREAKPOINTS = 100  # so many may be marked
-TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
 
 
 class Executive:

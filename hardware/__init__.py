@@ -12,7 +12,7 @@ from .arm.events import (
     StateChanged,
 )
 from .arm.interfaces import state_interfaces
-from .arm.lifecycle import State
+from .arm.lifecycle import TRANSITIONS, State
 from .arm.schedule import Schedule, Setpoint, compile_schedule, servo_path
 from .arm.streamer import Playback, PlaybackState
 from .clock import Clock, RealClock, Signal, SimulatedClock
@@ -61,6 +61,7 @@ from .simulation import virtual_board
 
 __all__ = [
     "FIRMWARES",
+    "TRANSITIONS",
     "VIRTUAL",
     "ActivationStopped",
     "Arm",

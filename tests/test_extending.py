@@ -1,10 +1,20 @@
 """One of each thing that people add, in as many places as ARCHITECTURE.md says."""
 
 from pathlib import Path
+from typing import Any
 
+import pytest
+
+from executive.client import Client
+from executive.server.http import schemas
+from executive.server.http.answers import Answers
+from executive.server.http.operations import OPERATIONS, Access, Operation
 from executive.testing import SimulatedArm
 from hardware import load_robot
 from tests.support.paths import ROBOT_FILE
+from tests.support.serving import Serve
+
+pytest_plugins = ["tests.support.server_fixtures"]
 
 TASK = "task: {number}\nname: {name}\ndescription: Try it.\ntree:\n  {tree}\n"
 
@@ -48,3 +58,38 @@ def test_an_arm_is_one_robot_file_with_its_urdf(tmp_path: Path) -> None:
     assert load_robot(tmp_path / "mine.toml").name == "mine"
     with SimulatedArm(robot=tmp_path / "mine.toml") as arm:
         assert arm.run(0).success
+
+
+def test_a_server_operation_is_a_row_and_an_answer(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = Operation(
+        "POST",
+        Access.CHANGE,
+        "/api/echo/{text}",
+        "echo",
+        "Repeat a text.",
+        schemas.answer("Echo", text=schemas.TEXT),
+        {"text": schemas.TEXT},
+        schemas.body("times", times=schemas.COUNT),
+    )
+
+    async def echo(_: Answers, text: str, times: int) -> dict[str, Any]:
+        return {"text": text * times}
+
+    monkeypatch.setitem(OPERATIONS, "echo", row)
+    monkeypatch.setattr(Answers, "echo", echo, raising=False)
+    served = serve(active=False)
+    assert served.ask("POST", "/api/echo/ha", {"times": 2})[1] == {"text": "haha"}
+    assert served.ask("POST", "/api/echo/ha", {})[0] == 422
+    assert served.ask("POST", "/api/echo/ha", {"times": 2}, token=False)[0] == 401
+    document = served.ask("GET", "/openapi.json")[1]
+    assert document["paths"]["/api/echo/{text}"]["post"]["summary"] == row.summary
+    assert "Echo" in document["components"]["schemas"]
+
+    class Caller(Client):  # the third place, for those who use it
+        def echo(self, text: str, times: int) -> str:
+            return self._call("echo", lambda answer: str(answer["text"]), text=text, times=times)
+
+    with Caller(served.server.url) as client:
+        assert client.echo("ha", 3) == "hahaha"

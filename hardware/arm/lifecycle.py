@@ -53,6 +53,9 @@ REQUESTS = (
     ("raise_error", _S.ACTIVE, _S.ERRORPROCESSING),  # not in rcl
 )
 
+# What people request; only the arm itself raises errors.
+TRANSITIONS = tuple(dict.fromkeys(label for label, *_ in REQUESTS if label != "raise_error"))
+
 # Transition state: the states after SUCCESS, FAILURE and ERROR
 OUTCOMES = {
     _S.CONFIGURING: (_S.INACTIVE, _S.UNCONFIGURED, _S.ERRORPROCESSING),

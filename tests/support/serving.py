@@ -3,6 +3,7 @@
 import dataclasses
 import http.client
 import json
+import re
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,6 +13,7 @@ from executive import Client
 from executive.executive import Executive
 from executive.goals.questions import Questions
 from executive.goals.queue import Policy
+from executive.server.http.operations import OPERATIONS
 from executive.server.server import ListenOptions, Server
 from executive.setup import Setup
 from hardware import BoardLink, RealClock, Robot, virtual_board
@@ -93,7 +95,7 @@ class Served:
         headers: Mapping[str, str] | None = None,
         token: bool = True,
     ) -> tuple[int, Any]:
-        """A plain request; status and JSON of the answer."""
+        """A plain request; status and JSON of the answer. An error must be one of its row."""
         connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10)
         sent = {"authorization": f"Bearer {self.server.token}"} if token else {}
         data = body if isinstance(body, bytes) or body is None else json.dumps(body).encode()
@@ -107,7 +109,26 @@ class Served:
             connection.close()
         assert response.headers["x-content-type-options"] == "nosniff"
         json_comes = response.headers["content-type"] == "application/json"
-        return response.status, json.loads(text) if json_comes and text else text
+        fields = json.loads(text) if json_comes and text else text
+        if response.status >= 400 and isinstance(fields, dict):
+            assert fields["code"].startswith("request.") or fields["code"] in declared(method, path)
+        return response.status, fields
+
+
+class Codes(tuple[str, ...]):
+    """Codes of errors, and families of codes."""
+
+    def __contains__(self, code: object) -> bool:
+        return isinstance(code, str) and any(f"{code}.".startswith(f"{each}.") for each in self)
+
+
+def declared(method: str, path: str) -> Codes:
+    """The errors that the operation at a path may answer."""
+    plain = path.partition("?")[0].rstrip("/")
+    for row in OPERATIONS.values():
+        if row.method == method and re.fullmatch(re.sub(r"{\w+}", "[^/]+", row.path), plain):
+            return Codes(row.errors)
+    return Codes()
 
 
 Serve = Callable[..., Served]

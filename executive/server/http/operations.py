@@ -10,6 +10,8 @@ from enum import Enum
 from functools import partial
 from typing import Any
 
+from hardware import TRANSITIONS
+
 from . import schemas as s
 from .schemas import Component, Schema
 
@@ -105,10 +107,7 @@ _KINDS = {
     "maxLength": 200,
     "description": "Kinds of events to send, such as `goal,status`; default all.",
 }
-_TRANSITION = {
-    "type": "string",
-    "enum": ["configure", "activate", "deactivate", "cleanup", "shutdown"],
-}
+_TRANSITION = {"type": "string", "enum": list(TRANSITIONS)}
 _PAUSE_ERRORS = ("goal.unknown", "goal.not_executing")
 
 _ROWS = (

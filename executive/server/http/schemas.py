@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from executive.goals.outcome import GoalState
+from executive.goals.outcome import CancelCode, GoalState
+from executive.goals.queue import Policy
 from hardware import State
 
 Schema = Mapping[str, Any]
@@ -142,7 +143,7 @@ CANCELED = answer(
     "Canceled",
     return_code={
         "type": "integer",
-        "enum": [0, 1, 2, 3],
+        "enum": [code.value for code in CancelCode],
         "description": "As in action_msgs/srv/CancelGoal: 0 none, 1 rejected, 2 unknown goal, "
         "3 goal has ended.",
     },
@@ -163,7 +164,7 @@ STATUS = answer(
     node=TEXT,
     attempt=COUNT,
     waiting=array(GOAL_ID),
-    policy={"type": "string", "enum": ["reject", "queue", "preempt"]},
+    policy={"type": "string", "enum": [policy.value for policy in Policy]},
     paused=BOOLEAN,
     breakpoints=array(TEXT),
     uptime_s=NUMBER,

@@ -1,5 +1,6 @@
-"""The OpenAPI document against the server, by somebody else's reading of it."""
+"""The rows of operations: the document made from them, the server, and what answers."""
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -8,7 +9,9 @@ import fastjsonschema
 import pytest
 
 import executive.server as server
-from executive.server.http.operations import OPERATIONS
+from executive.codes import all_codes
+from executive.server.http.answers import Answers
+from executive.server.http.operations import OPERATIONS, Operation
 from tests.executive.server.rosbridge.test_bridge import GOAL, heard, say, websocket
 from tests.support.serving import Serve
 
@@ -57,3 +60,32 @@ def test_the_page_lists_every_operation() -> None:
     page = (Path(server.__file__).parent / "README.md").read_text()
     rows = [f"| `{each.method} {each.path}` | {each.summary} |" for each in OPERATIONS.values()]
     assert [row for row in rows if row not in page] == []
+
+
+@pytest.mark.parametrize("operation", OPERATIONS.values(), ids=OPERATIONS)
+def test_an_answer_takes_what_its_row_says(operation: Operation) -> None:
+    method = inspect.signature(getattr(Answers, operation.name))
+    taken = set(method.parameters) - {"self", "request"}
+    keys = operation.body["properties"] if operation.body else {}
+    assert taken == {*operation.parameters, *keys}
+    assert ("request" in method.parameters) == operation.streams
+    needed = {name for name in operation.parameters if operation.in_path(name)}
+    needed |= set(operation.body.get("required", ())) if operation.body else set()
+    empty = inspect.Parameter.empty
+    assert {name for name in taken if method.parameters[name].default is empty} == needed
+
+
+@pytest.mark.parametrize("operation", OPERATIONS.values(), ids=OPERATIONS)
+def test_a_row_puts_each_argument_where_the_server_reads_it(operation: Operation) -> None:
+    keys = list(operation.body["properties"]) if operation.body else []
+    names = [*operation.parameters, *keys]
+    path, query, body = operation.split(dict(zip(names, names, strict=True)) | {"other": None})
+    in_path = [name for name in operation.parameters if operation.in_path(name)]
+    assert path == operation.path.replace("{", "").replace("}", "")
+    assert list(query) == [name for name in operation.parameters if name not in in_path]
+    assert body == (None if operation.body is None else {key: key for key in keys})
+
+
+def test_errors_of_a_row_are_codes_or_their_families() -> None:
+    known = {part for code in all_codes() for part in (code, code.partition(".")[0])}
+    assert {error for row in OPERATIONS.values() for error in row.errors} <= known
