@@ -1,4 +1,4 @@
-"""The command line. What is heavy is loaded by the command that needs it."""
+"""The command line. Each command imports slow libraries only when it runs."""
 
 import logging
 import os
@@ -9,10 +9,12 @@ import click
 
 from executive.codes import INTERRUPTED_EXIT, look_up
 
+from .client import COMMANDS as CLIENT_COMMANDS
 from .doctor import doctor
 from .failures import tell
 from .log import log
 from .options import (
+    Finite,
     keep_days_option,
     keep_mb_option,
     port_option,
@@ -20,28 +22,42 @@ from .options import (
     recordings_option,
     robot_option,
     seed_option,
+    set_option,
     skills_option,
     trees_option,
     workers_option,
 )
 from .plan import plan
 from .replay import replay
-from .server import COMMANDS as SERVER_COMMANDS
 from .tasks import COMMANDS as TASK_COMMANDS
+
+_TCP_PORT = 8765
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(package_name="armtree")
-@click.option("-v", "--verbose", is_flag=True, help="Show the log, as plain lines.")
-@click.option("--debug", is_flag=True, help="Show tracebacks.")
+@click.option("-v", "--verbose", is_flag=True, help="Print the log to standard error.")
+@click.option("--debug", is_flag=True, help="Print the traceback of an error.")
 def cli(verbose: bool, debug: bool) -> None:
-    """Pick a task number, and the arm does it.
+    """Run numbered tasks on a small robot arm.
 
-    Exit codes: 0 done, 1 a bug of ours, 2 usage, 3 bad file, 4 goal refused, 5 planning failed,
-    6 hardware fault, 7 canceled, 8 timed out, 9 port busy, 10 recording incomplete, 11 the task
-    failed by its own tree, 12 a replay differs, 13 no server, or it ended, 130 left by Ctrl-C
-    before a goal had begun, or by a second one.
-    """
+    \b
+    Start here:
+      armtree doctor           check what a run needs
+      armtree tasks            list the tasks
+      armtree run 0            run task 0
+
+    \b
+    Exit status:
+      0 done                   8 timed out
+      1 a bug in armtree       9 port busy
+      2 wrong usage           10 recording incomplete
+      3 invalid file          11 the task failed by its own tree
+      4 goal rejected         12 a replay differs
+      5 planning failed       13 no server, or it ended
+      6 hardware fault       130 Ctrl-C before a goal started, or a second Ctrl-C
+      7 canceled
+    """  # noqa: D301
     root = logging.getLogger()
     root.setLevel(logging.INFO)
     root.addHandler(logging.StreamHandler(sys.stderr) if verbose else logging.NullHandler())
@@ -56,13 +72,7 @@ def cli(verbose: bool, debug: bool) -> None:
 @trees_option
 @skills_option
 @recordings_option
-@click.option(
-    "--set",
-    "settings",
-    metavar="NAME=VALUE",
-    multiple=True,
-    help="Value of a parameter of the task; may be given again.",
-)
+@set_option
 @seed_option
 @workers_option
 @keep_days_option
@@ -73,10 +83,19 @@ def run(
     numbers: tuple[int, ...],
     settings: tuple[str, ...],
     as_json: bool,
-    skills: object,  # its option has loaded them
+    skills: object,  # loaded by its option
     **options: Any,
 ) -> None:
-    """Run tasks N in turn. Ctrl-C cancels and stops the arm; a second one leaves at once."""
+    """Run tasks N, one after the other, and record each run.
+
+    The first Ctrl-C cancels the task and stops the arm, the second one exits at once. The exit
+    status is that of the last task that ran.
+
+    \b
+    Examples:
+      armtree run 1 --port virtual
+      armtree run 3 --port /dev/ttyACM0 --set swing="30 deg"
+    """  # noqa: D301
     from executive.setup import Setup
 
     from .run import execute
@@ -87,7 +106,94 @@ def run(
     sys.exit(look_up(outcomes[-1].code).exit_status)
 
 
-for command in (doctor, plan, replay, log, *TASK_COMMANDS, *SERVER_COMMANDS):
+@cli.command()
+@port_option
+@robot_option
+@trees_option
+@skills_option
+@recordings_option
+@click.option("--activate", is_flag=True, help="Activate the arm at once. This may move it.")
+@click.option(
+    "--policy",
+    type=click.Choice(["reject", "queue", "preempt"]),
+    default="reject",
+    show_default=True,
+    help="What happens to a goal while another one runs.",
+)
+@click.option(
+    "--bind", "address", default="127.0.0.1", show_default=True, help="Address to listen on."
+)
+@click.option(
+    "--tcp-port",
+    type=click.IntRange(0, 65535),
+    envvar="ARMTREE_TCP_PORT",
+    default=_TCP_PORT,
+    show_default=True,
+    help="Port to listen on; 0 for any free one.",
+)
+@click.option(
+    "--result-timeout",
+    type=Finite(-1),
+    default=900.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="How long a result is kept [s]; -1: until there are 1000 newer ones.",
+)
+@click.option(
+    "--host", "hosts", multiple=True, help="Further name of this server: NAME or NAME:PORT."
+)
+@click.option(
+    "--origin", "origins", multiple=True, help="Web page that may connect: http://NAME:PORT."
+)
+@click.option(
+    "--expose",
+    is_flag=True,
+    help="Accept other machines. Everything but a stop needs the token.",
+)
+@click.option("--rosbridge", is_flag=True, help="Accept rosbridge clients too, without a token.")
+@pose_option
+@seed_option
+@workers_option
+@keep_days_option
+@keep_mb_option
+def serve(
+    address: str,
+    tcp_port: int,
+    hosts: tuple[str, ...],
+    origins: tuple[str, ...],
+    expose: bool,
+    rosbridge: bool,
+    policy: str,
+    skills: object,  # loaded by its option
+    **options: Any,
+) -> None:
+    """Run a server that executes goals of other programs, until Ctrl-C.
+
+    The arm is inactive until --activate is given or a client activates it.
+
+    \b
+    Examples:
+      armtree serve --port virtual --activate
+      armtree serve --bind 0.0.0.0 --expose --policy queue
+    """  # noqa: D301
+    from executive.goals.queue import Policy
+    from executive.server.server import ListenOptions
+    from executive.setup import Setup
+
+    from .serve import serve as run_server
+
+    listen = ListenOptions(
+        address=address,
+        port=tcp_port,
+        hosts=hosts,
+        origins=origins,
+        expose=expose,
+        rosbridge=rosbridge,
+    )
+    run_server(Setup(policy=Policy(policy), **options), listen)
+
+
+for command in (doctor, plan, replay, log, *TASK_COMMANDS, *CLIENT_COMMANDS):
     cli.add_command(command)
 
 
@@ -100,7 +206,7 @@ def main() -> None:
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED_EXIT)
-    except BrokenPipeError:  # nobody reads any more
+    except BrokenPipeError:  # the reader of a pipe has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except Exception as error:
         if "--debug" in sys.argv:

@@ -1,4 +1,4 @@
-"""Options that several commands have."""
+"""Options of several commands."""
 
 import math
 import os
@@ -12,12 +12,12 @@ OWN_TREES = Path("trees")
 
 
 class Finite(click.FloatRange):
-    """A number in a range, never NaN or infinite: no comparison would refuse a NaN."""
+    """A number in a range. NaN, which no comparison excludes, and infinity are rejected."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """The number; anything else is a wrong usage."""
+        """Return the number; raise a usage error for anything else."""
         number: float = super().convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"{value} is no finite number", param, ctx)
@@ -29,7 +29,7 @@ ABOVE_0 = Finite(0, min_open=True)
 
 
 class Drawing(click.Path):
-    """A file for a drawing; its suffix says the format, without one it is PNG."""
+    """A file for a drawing. Its suffix is the format; without a suffix it is PNG."""
 
     FORMATS = ("png", "svg", "pdf")
 
@@ -37,7 +37,7 @@ class Drawing(click.Path):
         super().__init__(path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """The path; one that cannot be drawn to is a wrong usage, told before anything is done."""
+        """Return the path; raise a usage error if it cannot be written."""
         path = Path(value)
         if path.suffix and path.suffix.lower()[1:] not in self.FORMATS:
             there = ", ".join(f".{each}" for each in self.FORMATS)
@@ -45,7 +45,7 @@ class Drawing(click.Path):
         if path.is_dir():
             self.fail(f"{path} is a folder; name a file in it, such as plan.png", param, ctx)
         if not path.parent.is_dir():
-            why = f"{path}: there is no folder {path.parent}; make it, or give another"
+            why = f"{path}: there is no folder {path.parent}; create it, or give another"
             self.fail(why, param, ctx)
         if not os.access(path if path.exists() else path.parent, os.W_OK):
             self.fail(f"{path} cannot be written to; give another file", param, ctx)
@@ -60,14 +60,18 @@ def _own_trees() -> Path | None:
 
 
 robot_option = click.option(
-    "--robot", type=PATH, envvar="ARMTREE_ROBOT", help="Robot file; default: the Arduinobot."
+    "--robot", type=PATH, envvar="ARMTREE_ROBOT", help="Robot file. Default: the Arduinobot."
 )
-port_option = click.option("--port", envvar="ARMTREE_PORT", help="Serial port, or: virtual.")
+port_option = click.option(
+    "--port",
+    envvar="ARMTREE_PORT",
+    help="Serial port, or virtual. Default: the port of the robot file.",
+)
 pose_option = click.option(
     "--pose",
     type=click.Choice(["boot", "last"]),
-    help="Where the arm stands, for a board that opening the port does not reset: in its boot "
-    "pose, or where it was commanded to last.",
+    help="Confirm the pose of the arm: the boot pose, or the last commanded one. Needed if opening "
+    "the port does not reset the board.",
 )
 recordings_option = click.option(
     "--recordings",
@@ -77,8 +81,15 @@ recordings_option = click.option(
     show_default=True,
     help="Folder for recordings.",
 )
+set_option = click.option(
+    "--set",
+    "settings",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="Value of a parameter of the task. May be repeated.",
+)
 seed_option = click.option(
-    "--seed", type=click.IntRange(1), default=1, show_default=True, help="Of planning."
+    "--seed", type=click.IntRange(1), default=1, show_default=True, help="Seed of the planner."
 )
 workers_option = click.option(
     "--workers",
@@ -86,28 +97,31 @@ workers_option = click.option(
     envvar="ARMTREE_WORKERS",
     default=1,
     show_default=True,
-    help="Planner processes.",
+    help="Number of planner processes.",
 )
 keep_days_option = click.option(
-    "--keep-days", type=AT_LEAST_0, envvar="ARMTREE_KEEP_DAYS", help="Delete older recordings."
+    "--keep-days",
+    type=AT_LEAST_0,
+    envvar="ARMTREE_KEEP_DAYS",
+    help="Delete recordings older than this [days].",
 )
 keep_mb_option = click.option(
     "--keep-mb",
     type=AT_LEAST_0,
     envvar="ARMTREE_KEEP_MB",
-    help="Delete the oldest recordings beyond so many megabytes.",
+    help="Delete the oldest recordings beyond this total size [MB].",
 )
 trees_option = click.option(
     "--trees",
     type=PATH,
     envvar="ARMTREE_TREES",
     default=_own_trees,
-    help="Folder with task files of your own; default: ./trees, if there is one.",
+    help="Folder with your own task files. Default: ./trees, if it exists.",
 )
 
 
 def _load(_context: click.Context, _option: click.Parameter, folder: Path | None) -> Path | None:
-    """Load the skills before anything asks for them; a broken file is told of."""
+    """Load the skills before the command runs; warn of broken ones."""
     from trees.compile.plugins import load_skills
 
     if folder is not None and not folder.is_dir():
@@ -122,5 +136,5 @@ skills_option = click.option(
     type=PATH,
     envvar="ARMTREE_SKILLS",
     callback=_load,
-    help="Folder with skills of your own: Python files.",
+    help="Folder with your own skills: Python files.",
 )

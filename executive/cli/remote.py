@@ -1,11 +1,11 @@
-"""What the commands that talk to a server do."""
+"""What the commands that talk to a server do with it, and how they print it."""
 
 import dataclasses
 import json
 import logging
 import re
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 
 import click
@@ -24,8 +24,8 @@ from .display import view_for
 from .interrupts import Interrupts
 from .view import View
 
-# An id that is mistaken for words would answer another question.
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
+_NO_QUESTION = "there is no open question"
 
 logger = logging.getLogger(__name__)
 
@@ -33,63 +33,64 @@ logger = logging.getLogger(__name__)
 def send_and_wait(
     client: Client, task: int, settings: Sequence[str], deadman: bool, as_json: bool, verbose: bool
 ) -> Outcome:
-    """Run a task as `armtree run` does, on a server; Ctrl-C cancels it.
+    """Run a task on a server, and show it as `armtree run` does. Ctrl-C cancels it.
 
     Args:
-        client: Of the server.
+        client: Client of the server.
         task: Number of the task.
         settings: Values of its parameters, each as NAME=VALUE.
-        deadman: Whether it is canceled when this process dies.
-        as_json: Whether JSON is wanted.
-        verbose: Whether the log is shown, so that no live picture may be in its way.
+        deadman: True to cancel the goal if this process dies.
+        as_json: True to print JSON. A rejected goal is then an outcome, as in `armtree run`.
+        verbose: True if the log is printed, so that lines are printed instead of a live picture.
 
     Raises:
-        ClientError: The server cannot be reached; or it refuses the goal, where no JSON is wanted,
-            in which that is an outcome, as `run` has it.
+        ClientError: The server cannot be reached, or it rejects the goal and `as_json` is false.
     """
-    arguments, goal_id = texts(settings, task), uuid.uuid4().hex
+    arguments, goal_id = parameters(settings, task), uuid.uuid4().hex
     with Interrupts() as interrupts, view_for(as_json, verbose) as view:
 
         def work() -> Outcome:
-            held = client.hold(goal_id) if deadman else nullcontext()
-            with client.events() as events, held:
+            hold = client.hold(goal_id) if deadman else nullcontext()
+            with client.events() as events, hold:
                 try:
                     client.send(task, arguments, goal_id, deadman)
                 except Refused as error:
                     if not as_json:
                         raise
-                    return _refused(task, error, view)
-                interrupts.on_cancel(lambda: _aside(lambda: client.cancel(goal_id)))
-                return _show(events, goal_id, view)
+                    outcome = Outcome.of(task, GoalState.ABORTED, error.cause)
+                    view.report(outcome)
+                    return outcome
+                interrupts.on_cancel(lambda: _cancel_on_thread(client, goal_id))
+                return _show_goal(events, goal_id, view)
 
         return interrupts.run(work)
 
 
 @contextmanager
-def errors_told(as_json: bool) -> Iterator[None]:
-    """Where JSON is wanted, tell in it, too, what a command ends with."""
+def errors_as_json(as_json: bool) -> Iterator[None]:
+    """Print an error as JSON if `as_json` is true, then raise it."""
     try:
         yield
     except (ClientError, TreeError) as error:
         if as_json:
             cause = error.cause if isinstance(error, Refused) else cause_of(error)
-            told = {"code": cause.code, "message": cause.message}
-            click.echo(json.dumps({"event": "error", **told, "cause": cause.to_json()}))
+            event = {"event": "error", "code": cause.code, "message": cause.message}
+            click.echo(json.dumps({**event, "cause": cause.to_json()}))
         raise
 
 
-def texts(settings: Sequence[str], task: int) -> dict[str, str]:
-    """Values of parameters as they were typed; the server reads them as `run` would.
+def parameters(settings: Sequence[str], task: int) -> dict[str, str]:
+    """Return the values of parameters as texts. The server reads them as `armtree run` does.
 
     Raises:
-        FileError: A setting is wrong.
+        FileError: A setting is invalid.
     """
     read_arguments(settings, (task,))
     return dict(setting.split("=", 1) for setting in settings)
 
 
 def watch(client: Client, as_json: bool, verbose: bool) -> None:
-    """Show whatever a server does, until Ctrl-C.
+    """Show every event of a server, until Ctrl-C.
 
     Raises:
         ClientError: The server cannot be reached, or has ended.
@@ -97,46 +98,46 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
     with view_for(as_json, verbose) as view, client.events() as events:
         for event in events:
             if not isinstance(event, GoalStatus):
-                _see(event, view)
+                _watch(event, view)
             elif event.outcome:
                 view.report(event.outcome)
     raise _ended()
 
 
-def reply(client: Client, words: Sequence[str], as_json: bool) -> str:
-    """Answer a question, the only one where no id is given; without words, list what is asked.
+def answer_question(client: Client, words: Sequence[str], as_json: bool) -> str:
+    """Answer a question of a server, or list the open ones.
+
+    Args:
+        client: Client of the server.
+        words: The answer. The id of the question comes first; it may be omitted if only one
+            question is open. No words: list the questions.
+        as_json: True to return JSON.
 
     Returns:
-        The answer that counts, or the list; as the server puts it where JSON is wanted.
+        The answer that the server accepted, or the list of questions.
 
     Raises:
-        UsageError: It is not clear which is meant.
-        ClientError: The server cannot be reached, or refuses the answer.
+        UsageError: An id is needed, or no question is open.
+        ClientError: The server cannot be reached, or rejects the answer.
     """
-    asked = client.questions()
+    open_questions = client.questions()
     if not words:
-        listed = "\n".join(map(str, asked)) or "nothing is asked"
-        questions = [dataclasses.asdict(each) for each in asked]
+        listed = "\n".join(map(str, open_questions)) or _NO_QUESTION
+        questions = [dataclasses.asdict(question) for question in open_questions]
         return json.dumps({"questions": questions}) if as_json else listed
     if _QUESTION_ID.fullmatch(words[0]):
         question, *words = words
-    elif len(asked) == 1:
-        question = asked[0].question_id
+    elif len(open_questions) == 1:
+        question = open_questions[0].question_id
     else:
-        there = "; ".join(map(str, asked))
-        raise click.UsageError(f"give an id: {there}" if there else "nothing is asked")
-    counts = client.answer(question, " ".join(words))
-    return json.dumps({"question_id": question, "answer": counts}) if as_json else counts
+        listed = "; ".join(map(str, open_questions))
+        raise click.UsageError(f"give an id: {listed}" if listed else _NO_QUESTION)
+    accepted = client.answer(question, " ".join(words))
+    return json.dumps({"question_id": question, "answer": accepted}) if as_json else accepted
 
 
-def _refused(task: int, error: Refused, view: View) -> Outcome:
-    outcome = Outcome.of(task, GoalState.ABORTED, error.cause)
-    view.report(outcome)
-    return outcome
-
-
-def _show(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
-    """Show one goal to its end."""
+def _show_goal(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
+    """Show the events of one goal until it ends."""
     ours = False
     for event in events:
         if isinstance(event, GoalStatus):
@@ -147,34 +148,36 @@ def _show(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
         if isinstance(event, logs.Goal):
             ours = event.goal_id == goal_id
         if ours or isinstance(event, logs.Transition):
-            _see(event, view)
+            _watch(event, view)
     raise _ended()
 
 
-def _see(event: logs.Record | QuestionStatus, view: View) -> None:
+def _watch(event: logs.Record | QuestionStatus, view: View) -> None:
     if isinstance(event, logs.LogLine) and event.level >= logging.WARNING:
         view.say(f"warning: {event.message}")
     view.watch(event)
 
 
 def _ended() -> Refused:
-    return Refused({"code": CLOSING, "message": "the server has ended, or dropped who is too slow"})
+    return Refused(
+        {"code": CLOSING, "message": "the server has ended, or this client read too slowly"}
+    )
 
 
-def _aside(act: Callable[[], object]) -> None:
-    """Do it on a thread of its own; its failure shows where the events end."""
+def _cancel_on_thread(client: Client, goal_id: str) -> None:
+    """Cancel a goal on another thread, because a signal handler must not wait."""
 
-    def tried() -> None:
+    def cancel() -> None:
         try:
-            act()
+            client.cancel(goal_id)
         except ClientError as error:
             logger.warning("%s", error)
 
-    RealClock().spawn(tried, "aside")
+    RealClock().spawn(cancel, "cancel")
 
 
 def status_lines(status: Status) -> Iterator[str]:
-    """What a server is at, for people."""
+    """Yield the state of a server, line by line."""
     yield f"Arm       {status.arm}, port {status.port or 'none'}"
     if fault := status.fault:
         yield f"Fault     {fault}"
@@ -183,10 +186,10 @@ def status_lines(status: Status) -> Iterator[str]:
         joints = ", ".join(f"{name} {q:.3f}" for name, q in status.commanded.items())
         yield f"Commanded {joints} rad"
     if status.goal:
-        far = "" if status.percentage is None else f", {status.percentage} %"
-        doing = "PAUSED" if status.paused else status.phase
-        what = " ".join(filter(None, (doing, status.node)))
-        yield f"Goal      task {status.goal.task}, {status.goal.state.name}{far}  {what}".rstrip()
+        percentage = "" if status.percentage is None else f", {status.percentage} %"
+        phase = " ".join(filter(None, ("PAUSED" if status.paused else status.phase, status.node)))
+        goal = f"task {status.goal.task}, {status.goal.state.name}{percentage}"
+        yield f"Goal      {goal}  {phase}".rstrip()
         yield f"          {status.goal.identity}"
     else:
         yield "Goal      none"
@@ -197,14 +200,9 @@ def status_lines(status: Status) -> Iterator[str]:
     yield f"Policy    {status.policy}"
 
 
-def status_json(status: Status) -> str:
-    """The same for programs."""
-    return json.dumps(status.to_json())
-
-
-CANCEL_WORDS = {
+CANCEL_MESSAGES = {
     CancelCode.NONE: "there is nothing to cancel",
-    CancelCode.REJECTED: "the server will not cancel it",
+    CancelCode.REJECTED: "the server does not cancel it",
     CancelCode.UNKNOWN_GOAL_ID: "no such goal is known",
-    CancelCode.GOAL_TERMINATED: "that goal has ended, or is being canceled already",
+    CancelCode.GOAL_TERMINATED: "that goal has ended, or is already being canceled",
 }

@@ -99,7 +99,7 @@ def test_an_address_that_is_no_url_is_a_mistake_of_usage(
     typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch, url: str
 ) -> None:
     _, type_in = typed
-    wanted = f"{url!r} is no URL of a server, which begins with http://\n"
+    wanted = f"{url!r} is not the URL of a server, such as http://arm:8765\n"
     assert wanted in type_in("status", "--server", url)[2]
     monkeypatch.setenv("ARMTREE_SERVER", url)
     status, _, error = type_in("status")

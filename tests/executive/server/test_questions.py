@@ -96,8 +96,8 @@ def test_the_command_answers(serve: Serve) -> None:
     served = serve()
     nothing = armtree(served, "answer", "yes")
     assert nothing.returncode == 2
-    assert "nothing is asked" in nothing.stderr
-    assert armtree(served, "answer").stdout == "nothing is asked\n"
+    assert "there is no open question" in nothing.stderr
+    assert armtree(served, "answer").stdout == "there is no open question\n"
     with served.client() as client:
         goal, question = asked(client)
         assert armtree(served, "answer").stdout == f"{question}  Free? [yes/no]\n"

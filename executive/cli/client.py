@@ -1,0 +1,232 @@
+"""The commands that talk to a server: send, cancel, answer, pause, status and others."""
+
+import functools
+import json
+import re
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from executive.codes import look_up
+
+from .options import pose_option, set_option
+
+if TYPE_CHECKING:
+    from executive.client.synchronous import Client
+
+
+def _url(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+    if value and not value.startswith(("http://", "https://")):
+        raise click.BadParameter(f"{value!r} is not the URL of a server, such as http://arm:8765")
+    return value
+
+
+def _goal_id(context: click.Context, parameter: click.Parameter, value: str) -> str:
+    if value and not re.fullmatch("[0-9a-f]{32}", value):
+        raise click.BadParameter(
+            f"{value!r} is not the id of a goal, which has 32 digits, 0 to 9 and a to f"
+        )
+    return value
+
+
+_goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callback=_goal_id)
+_json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+_server_option = click.option(
+    "--server",
+    metavar="URL",
+    callback=_url,
+    envvar="ARMTREE_SERVER",
+    show_envvar=True,
+    help="URL of the server. Default: this machine, port ARMTREE_TCP_PORT.",
+)
+
+
+def _with_client(function: Callable[..., None]) -> Callable[..., None]:
+    """Add --json and --server to a command; call it with the client and `as_json`.
+
+    An error is printed as JSON too if `as_json` is true.
+    """
+
+    @_json_option
+    @_server_option
+    @functools.wraps(function)
+    def command(server: str | None, as_json: bool, **options: Any) -> None:
+        from executive.client.synchronous import Client
+
+        from .remote import errors_as_json
+
+        with errors_as_json(as_json), Client(server) as client:
+            function(client, as_json, **options)
+
+    return command
+
+
+def _verbose() -> bool:
+    return bool(click.get_current_context().find_root().params["verbose"])
+
+
+@click.command()
+@click.argument("number", metavar="N", type=click.IntRange(0, 2**31 - 1))
+@click.option("--wait", is_flag=True, help="Show the run until it ends. Ctrl-C cancels it.")
+@click.option(
+    "--deadman",
+    is_flag=True,
+    help="As --wait; cancel the goal if this command dies or does not respond.",
+)
+@set_option
+@_with_client
+def send(
+    client: "Client",
+    as_json: bool,
+    number: int,
+    wait: bool,
+    deadman: bool,
+    settings: tuple[str, ...],
+) -> None:
+    """Send a goal to a server: run task N.
+
+    Prints the id of the goal, or with --wait the same as `armtree run`.
+    """
+    from .remote import parameters, send_and_wait
+
+    if wait or deadman:
+        outcome = send_and_wait(client, number, settings, deadman, as_json, _verbose())
+        sys.exit(look_up(outcome.code).exit_status)
+    goal_id = client.send(number, parameters(settings, number))
+    click.echo(json.dumps({"goal_id": goal_id}) if as_json else goal_id)
+
+
+@click.command()
+@_goal_argument
+@click.option(
+    "--until",
+    "stamp_ns",
+    type=click.IntRange(1, 2**63 - 1),
+    metavar="NS",
+    help="Cancel all goals accepted at or before this time [ns since 1970].",
+)
+@_with_client
+def cancel(client: "Client", as_json: bool, goal_id: str, stamp_ns: int | None) -> None:
+    """Cancel GOAL on a server. Without GOAL, stop the arm and cancel all goals.
+
+    The exit status is 4 if there is nothing to cancel.
+    """
+    from executive.errors import GoalError
+
+    from .remote import CANCEL_MESSAGES
+
+    some = goal_id or stamp_ns
+    answer = client.cancel(goal_id, stamp_ns or 0) if some else client.stop()
+    if as_json:
+        click.echo(json.dumps({"return_code": answer.code.value, "goals": answer.goals}))
+    else:
+        canceled = "\n".join(f"canceling {goal}" for goal in answer.goals)
+        click.echo(canceled or CANCEL_MESSAGES[answer.code])
+    sys.exit(GoalError.exit_status if answer.code.value else 0)
+
+
+@click.command()
+@_with_client
+def status(client: "Client", as_json: bool) -> None:
+    """Print the state of a server: its arm, goals and breakpoints."""
+    from .remote import status_lines
+
+    found = client.status()
+    click.echo(json.dumps(found.to_json()) if as_json else "\n".join(status_lines(found)))
+
+
+@click.command()
+@_with_client
+def watch(client: "Client", as_json: bool) -> None:
+    """Show everything that a server does, until Ctrl-C. Goals are not affected."""
+    from .remote import watch as watch_server
+
+    watch_server(client, as_json, _verbose())
+
+
+@click.command()
+@click.argument(
+    "transition",
+    type=click.Choice(["configure", "activate", "deactivate", "cleanup", "shutdown"]),
+)
+@pose_option
+@_with_client
+def arm(client: "Client", as_json: bool, transition: str, pose: str | None) -> None:
+    """Change the lifecycle state of a server's arm.
+
+    activate opens the serial port, which may move the arm.
+    """
+    state = client.arm(transition, pose)
+    click.echo(json.dumps({"arm": state}) if as_json else state)
+
+
+def _change_goal(client: "Client", change: str, goal_id: str, as_json: bool) -> None:
+    """Call a method of the client with a goal, or with the running one."""
+    from executive.client.errors import Refused
+
+    running = client.status().goal
+    if not goal_id and running is None:
+        raise Refused({"code": "goal.not_executing", "message": "no goal is being executed"})
+    goal = getattr(client, change)(goal_id or (running and running.identity))
+    click.echo(json.dumps(goal.to_json()) if as_json else f"task {goal.task} ({goal.identity})")
+
+
+@click.command()
+@_goal_argument
+@_with_client
+def pause(client: "Client", as_json: bool, goal_id: str) -> None:
+    """Pause GOAL on a server and stop the arm. Without GOAL, pause the running one."""
+    _change_goal(client, "pause", goal_id, as_json)
+
+
+@click.command()
+@_goal_argument
+@_with_client
+def resume(client: "Client", as_json: bool, goal_id: str) -> None:
+    """Resume a paused GOAL on a server. Without GOAL, resume the running one."""
+    _change_goal(client, "resume", goal_id, as_json)
+
+
+@click.command()
+@_goal_argument
+@_with_client
+def step(client: "Client", as_json: bool, goal_id: str) -> None:
+    """Resume a paused GOAL on a server until its next skill starts.
+
+    Without GOAL, resume the running one.
+    """
+    _change_goal(client, "step", goal_id, as_json)
+
+
+@click.command("break")
+@click.argument("node", required=False)
+@click.option("--off", is_flag=True, help="Remove the breakpoint.")
+@_with_client
+def break_at(client: "Client", as_json: bool, node: str | None, off: bool) -> None:
+    """Set a breakpoint on a server: pause each goal before NODE, such as pick/Execute.
+
+    Without NODE, list all breakpoints.
+    """
+    if off and not node:
+        raise click.UsageError("--off needs a NODE")
+    breakpoints = client.break_at(node, not off) if node else client.status().breakpoints
+    lines = "\n".join(breakpoints) or "no breakpoints"
+    click.echo(json.dumps({"breakpoints": breakpoints}) if as_json else lines)
+
+
+@click.command()
+@click.argument("words", nargs=-1, metavar="[ID] [WORDS]...")
+@_with_client
+def answer(client: "Client", as_json: bool, words: tuple[str, ...]) -> None:
+    """Answer a question of a running task on a server.
+
+    ID is needed if there are several open questions. Without WORDS, list them.
+    """
+    from .remote import answer_question
+
+    click.echo(answer_question(client, words, as_json))
+
+
+COMMANDS = (send, cancel, answer, pause, resume, step, break_at, status, watch, arm)
