@@ -29,6 +29,9 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
+# Units in messages: factor and name, by the unit of a joint's position.
+_DISPLAY = {"rad": (math.degrees(1.0), "deg"), "m": (1e3, "mm")}
+
 
 class MotionError(Exception):
     """Base class of all errors of motion planning.
@@ -143,9 +146,11 @@ class OutOfBounds(MotionError, ValueError):
         self.what = what or self.what
         self.joint, self.value, self.unit = joint, value, unit
         self.lower, self.upper = lower, upper
+        scale, display = _DISPLAY[unit]
+        position, low, high = (f"{scale * x:.6g}" for x in (value, lower, upper))
         super().__init__(
-            f"{_the(self.what)} of {joint}, {value:.6g} {unit}, is outside "
-            f"[{lower:.6g}, {upper:.6g}]; choose a value within"
+            f"{_the(self.what)} of {joint}, {position} {display} ({value:.6g} {unit}), "
+            f"is outside [{low}, {high}] {display}; choose a value within these limits"
         )
 
 
@@ -190,7 +195,7 @@ class EndInCollision(MotionError):
         advice = "choose another via point" if what else self.advice
         super().__init__(
             f"At {_the(self.what).lower()}, {_contact(first, second, distance)} "
-            f"({1e3 * margin:.1f} mm must be kept); {advice}"
+            f"(margin: {1e3 * margin:.1f} mm); {advice}"
         )
 
 
@@ -201,7 +206,7 @@ class StartInCollision(EndInCollision):
     meaning = "The arm stands too near to something"
     hint = "free it by hand, then run again"
     what = "start"
-    advice = "free the arm by hand, then run again"
+    advice = "move the arm away by hand, then run again"
 
 
 class GoalInCollision(EndInCollision):
@@ -247,20 +252,20 @@ class Unreachable(MotionError):
     def _too_far(self) -> str:
         # Enough digits that two different points look different.
         digits = max(4, 1 - math.floor(math.log10(self.distance)))
-        off = f"{1e3 * self.distance:.{max(1, digits - 3)}f} mm off"
+        off = f"{1e3 * self.distance:.{max(1, digits - 3)}f} mm away"
         if digits > 4:
-            off += f" where {1e3 * self.tolerance:g} mm would do"
-        anyhow = "" if self.direction is None else ", wherever it points"
+            off += f" (tolerance: {1e3 * self.tolerance:g} mm)"
+        anyhow = "" if self.direction is None else ", in any direction"
         return (
-            f"The tool cannot reach {_place(self.point, digits)}{anyhow}: the nearest it comes is "
+            f"The tool cannot reach {_place(self.point, digits)}{anyhow}. The nearest point is "
             f"{_place(self.nearest, digits)}, {off}; choose a point within reach"
         )
 
     def _too_askew(self) -> str:
         direction = ", ".join(f"{x:.4g}" for x in self.direction or ())
         return (
-            f"The tool can reach {_place(self.point)}, but there its axis comes no nearer than "
-            f"{math.degrees(self.askew):.3g} deg to the direction ({direction}); "
+            f"The tool can reach {_place(self.point)}, but there its axis is at least "
+            f"{math.degrees(self.askew):.3g} deg off the direction ({direction}); "
             "choose another direction, or leave it out"
         )
 
@@ -282,9 +287,11 @@ class Barred(MotionError):
     def __init__(self, joint: str, value: float, unit: str, first: str, second: str) -> None:
         self.joint, self.value, self.unit = joint, value, unit
         self.first, self.second = first, second
+        scale, display = _DISPLAY[unit]
         super().__init__(
-            f"No way leads there: {joint} would have to pass {value:.4g} {unit}, where {first} is "
-            f"too near to {second} however the other joints stand; choose another goal"
+            f"There is no path to the goal: {joint} would have to pass {scale * value:.4g} "
+            f"{display}, where {first} is too close to {second} for all positions of the other "
+            "joints; choose another goal"
         )
 
 
@@ -302,8 +309,8 @@ class NoPath(MotionError):
     def __init__(self, iterations: int) -> None:
         self.iterations = iterations
         super().__init__(
-            f"No way round was found in {iterations} steps of search; "
-            "choose another goal, go by way of a pose between, or try another seed"
+            f"No path was found in {iterations} iterations; "
+            "choose another goal, add a via pose, or try another seed"
         )
 
 
@@ -322,7 +329,7 @@ class PlanTimeout(MotionError, TimeoutError):
     def __init__(self, timeout: float) -> None:
         self.timeout = timeout
         super().__init__(
-            f"No plan within {timeout:g} s; choose a nearer goal, or go by way of a pose between"
+            f"No plan within {timeout:g} s; allow more time, add a via pose, or choose another goal"
         )
 
 
@@ -355,9 +362,9 @@ class MotionCollides(MotionError):
     ) -> None:
         self.row, self.time, self.margin = row, time, margin
         self.first, self.second, self.distance = first, second, distance
-        self.contact = f"{_contact(first, second, distance)} ({1e3 * margin:.1f} mm must be kept)"
+        self.contact = f"{_contact(first, second, distance)} (margin: {1e3 * margin:.1f} mm)"
         where = f"row {row} of" if time is None else f"{time:.2f} s into"
-        super().__init__(f"At {where} the motion, {self.contact}; go by way of a pose further off")
+        super().__init__(f"At {where} the motion, {self.contact}; add a via pose further away")
 
 
 class PlanCanceled(MotionError):
@@ -368,7 +375,7 @@ class PlanCanceled(MotionError):
     hint = "ask again"
 
     def __init__(self) -> None:
-        super().__init__("Planning was canceled; ask again when ready")
+        super().__init__("Planning was canceled; send the request again if it is still needed")
 
 
 class WorkerDied(MotionError):
@@ -384,7 +391,9 @@ class WorkerDied(MotionError):
 
     def __init__(self, why: str) -> None:
         self.why = why
-        super().__init__(f"The planning process failed: {why}. A new one takes over; ask again")
+        super().__init__(
+            f"The planning process failed: {why}. A new one starts; send the request again"
+        )
 
 
 def shown(value: object) -> str:

@@ -92,7 +92,7 @@ class Planner:
                 return self.carry(request)
             case Rest():
                 return self.rest(request)
-        raise BadQuery(f"{type(request).__name__} is nothing that a planner can be asked")
+        raise BadQuery(f"A planner does not answer a {type(request).__name__}; send a Query")
 
     def plan(self, query: Query) -> Plan:
         """Return the motion that a query asks for.

@@ -89,7 +89,7 @@ class Body:
 
     def __post_init__(self) -> None:
         if not _word(self.name):
-            raise BadWorld(f"A body is called {_shown(self.name)}; give it a name")
+            raise BadWorld(f"The name of a body is {_shown(self.name)}; give a text")
         what = f"of {self.name} is"
         if not isinstance(self.shape, Shape):
             raise BadWorld(f"The shape {what} {shown(self.shape)}; give {', '.join(_SHAPES)}")
@@ -113,7 +113,9 @@ class Body:
             value, vector = getattr(self.shape, part.name), part.type == Vector
             if part.type is str:
                 if not _word(value):
-                    raise BadWorld(f"The {part.name} {what} {_shown(value)}; give that of a file")
+                    raise BadWorld(
+                        f"The {part.name} {what} {_shown(value)}; give the name of a file"
+                    )
             elif not _reals(value if vector else (value,), 3 if vector else 1, MIN_SIZE):
                 form = "x, y, z, each" if vector else "a number"
                 form += f" above 0, up to {MAX_MAGNITUDE:g}"
@@ -141,7 +143,7 @@ class World:
         names = [body.name for body in self.bodies]
         for name in names:
             if names.count(name) > 1:
-                raise BadWorld(f"Two bodies are called {name}; give each a name of its own")
+                raise BadWorld(f"Two bodies have the name {name}; rename one")
 
     def body(self, name: str) -> Body:
         """Return the body with a name.
@@ -150,11 +152,11 @@ class World:
             BadWorld: There is no such body.
         """
         if not _word(name):
-            raise BadWorld(f"A body is called {_shown(name)}; give a name")
+            raise BadWorld(f"The name of a body is {_shown(name)}; give a text")
         for body in self.bodies:
             if body.name == name:
                 return body
-        there = ", ".join(body.name for body in self.bodies) or "none at all"
+        there = ", ".join(body.name for body in self.bodies) or "none"
         raise BadWorld(f"There is no body {name}; there are {there}")
 
     def adding(self, body: Body) -> "World":
@@ -185,7 +187,7 @@ class World:
             BadWorld: It is not a valid list of bodies.
         """
         if not isinstance(bodies, Iterable) or isinstance(bodies, str | Mapping):
-            raise BadWorld(f"{_shown(bodies)} is no list of bodies")
+            raise BadWorld(f"{_shown(bodies)} is not a list of bodies")
         found = []
         for number, body in enumerate(bodies, 1):
             try:
@@ -226,17 +228,17 @@ def _plain(body: Body) -> dict[str, Any]:
 
 def _parsed(plain: Any) -> Body:
     if not isinstance(plain, Mapping):
-        raise BadWorld(f"{_shown(plain)} is no object with a name and a form")
+        raise BadWorld(f"{_shown(plain)} is not an object with a name and a shape")
     name = plain.get("name", "")
     if not isinstance(name, str) or not name:
-        what = f"It is called {_shown(name)}" if name else "It has no name"
-        raise BadWorld(f"{what}; give it a name")
+        what = f"Its name is {_shown(name)}" if name else "It has no name"
+        raise BadWorld(f"{what}; give a text")
     keys = [each.name for each in fields(Body) if each.name != "shape"]
     _check_keys(name, plain, [*keys, *_SHAPES])
     forms = [kind for kind in _SHAPES if kind in plain]
     if len(forms) != 1:
-        what = f"are {' and '.join(forms)}" if forms else "is no form"
-        raise BadWorld(f"Of {name} there {what}; give one of {', '.join(_SHAPES)}")
+        what = f"the shapes {' and '.join(forms)}" if forms else "no shape"
+        raise BadWorld(f"{name} has {what}; give one of {', '.join(_SHAPES)}")
     rest = {key: _tupled(plain[key]) for key in keys if key in plain}
     touches = rest.pop("touches", ())
     if not isinstance(touches, tuple) or not all(map(_word, touches)):
@@ -263,7 +265,7 @@ def _check_keys(whose: str, plain: Mapping[str, Any], known: Sequence[str]) -> N
     for key in plain:
         if key not in known:
             there = ", ".join(known) + suggestion(str(key), known, plain)
-            raise BadWorld(f"{_shown(key)} is no key of {whose}; there are {there}")
+            raise BadWorld(f"{_shown(key)} is not a key of {whose}; there are {there}")
 
 
 def _tupled(value: Any) -> Any:

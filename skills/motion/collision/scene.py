@@ -143,7 +143,7 @@ class PlanningScene:
             try:
                 frame = self.robot_model.frame_index(body.link)
             except BadWorld as error:
-                raise BadWorld(f"{body.name} moves with {body.link}: {error}") from error
+                raise BadWorld(f"{body.name} is attached to {body.link}: {error}") from error
             parent = self.kinematics.frames[frame]
             joint, pose = parent.parentJoint, parent.placement * placement(body)
             exact = pin.GeometryObject(body.name, joint, frame, pose, _coal_shape(body.shape))
@@ -153,7 +153,7 @@ class PlanningScene:
             try:
                 hull = convex_hull([exact])
             except ValueError as error:
-                raise BadWorld(f"The mesh {body.shape.path} is no body: {error}") from error
+                raise BadWorld(f"The mesh {body.shape.path} is unusable: {error}") from error
             yield exact, pin.GeometryObject(body.name, joint, frame, pin.SE3.Identity(), hull)
 
     def _check_names(self) -> None:
@@ -163,7 +163,7 @@ class PlanningScene:
         taken = {frame.name for frame in frames} | links | shapes
         for name, body in self._bodies.items():
             if name in taken:
-                raise BadWorld(f"The robot has a {name} already; give the body another name")
+                raise BadWorld(f"The robot already has a {name}; rename the body")
             for other in sorted(body.touches - links - self._bodies.keys()):
                 what = f"{name} may touch {other}, but there is no such link or body"
                 there = links | self._bodies.keys() - {name}

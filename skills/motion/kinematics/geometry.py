@@ -41,7 +41,9 @@ def convex_hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
     """
     points = np.vstack([corners(shape) for shape in shapes])
     if not (abs(points) <= MAX_MAGNITUDE).all():
-        raise ValueError(f"a corner is not at numbers up to {MAX_MAGNITUDE:g} m")
+        raise ValueError(
+            f"a vertex is not finite, or more than {MAX_MAGNITUDE:g} m from the origin"
+        )
     try:
         return _hull_of_points(points)
     except RuntimeError:

@@ -104,7 +104,7 @@ class RobotModel:
         found = Counter(self.kinematics.frames[shape.parentFrame].name for shape in self.exact)
         for link, count in counts.items():
             if found[link] != count:
-                why = f"of the {count} shapes of {link} pinocchio reads {found[link]}"
+                why = f"pinocchio reads {found[link]} of the {count} shapes of {link}"
                 hint = "give plain numbers, with a single space between two"
                 raise ModelUnusable(str(self._robot.urdf), f"{why}; {hint}")
 
@@ -119,7 +119,7 @@ class RobotModel:
         try:
             hull = convex_hull(shapes)
         except ValueError as error:
-            raise ModelUnusable(str(self._robot.urdf), f"of {name} {error}") from error
+            raise ModelUnusable(str(self._robot.urdf), f"{name}: {error}") from error
         return pin.GeometryObject(name, joint, frame, pin.SE3.Identity(), hull)
 
 
@@ -146,10 +146,11 @@ def _check_robot(robot: Robot) -> None:
     for what, value, least in (("margin", rules.margin, 0.0), ("floor", floor, -most)):
         if not is_number(value, least, most):
             wanted = f"give a number from {least:g} to {most:g}"
-            raise ModelUnusable(path, f"its {what} is {shown(value)} m; {wanted}")
+            raise ModelUnusable(path, f"the {what} is {shown(value)} m; {wanted}")
     for joint in robot.joints:
         if joint.mimic and not joint.mimic.multiplier:
-            why = f"{joint.name} follows {joint.mimic.leader} by 0 times; make it a fixed joint"
+            leader = joint.mimic.leader
+            why = f"{joint.name} follows {leader} with multiplier 0; make it a fixed joint"
             raise ModelUnusable(path, why)
         limits = (joint.lower, joint.upper, joint.velocity, joint.acceleration)
         moves = all(is_number(limit, _LEAST_RATE, sys.float_info.max) for limit in limits[2:])
@@ -160,15 +161,16 @@ def _check_robot(robot: Robot) -> None:
             why = f"{joint.name} has limits [{texts[0]}, {texts[1]}] {joint.unit}, "
             why += f"{texts[2]} {joint.unit}/s, {texts[3]} {joint.unit}/s2"
             if joint.unit == "m":
-                why += f"; give it ends in order, from {-most:g} to {most:g} m"
+                why += f"; give limits in order, from {-most:g} to {most:g} m"
             raise ModelUnusable(path, why)
         mimic = joint.mimic
         if mimic and not all(abs(x) <= most for x in (mimic.multiplier, mimic.offset)):
-            why = f"{joint.name} follows {mimic.leader} by {mimic.multiplier:g} times and "
-            why += f"{mimic.offset:g} {joint.unit}; give at most {most:g} either way"
+            why = f"{joint.name} follows {mimic.leader} with multiplier {mimic.multiplier:g} and "
+            why += f"offset {mimic.offset:g} {joint.unit}; give numbers up to {most:g}"
             raise ModelUnusable(path, why)
     if robot.tool and not all(abs(x) <= most for x in robot.tool.offset):
-        why = f"its tool is at {shown(robot.tool.offset)} m; give at most {most:g} either way"
+        offset = shown(robot.tool.offset)
+        why = f"the tool's offset is {offset} m; give numbers up to {most:g}"
         raise ModelUnusable(path, why)
 
 
@@ -180,12 +182,12 @@ def _check_placements(robot: Robot, free: pin.Model) -> None:
     """
     for joint in robot.joints:
         if not free.existJointName(joint.name):
-            why = f"{joint.name} hangs from no link that hangs from {free.frames[1].name}"
+            why = f"{joint.name} is not connected to {free.frames[1].name}; connect its parent link"
             raise ModelUnusable(str(robot.urdf), why)
     for name, placement in zip(free.names, free.jointPlacements, strict=True):
         off = abs(placement.translation).max()
         if off > MAX_MAGNITUDE:
-            why = f"{name} is {off:g} m off the joint before it; give at most {MAX_MAGNITUDE:g}"
+            why = f"{name} is {off:g} m from its parent joint; give at most {MAX_MAGNITUDE:g}"
             raise ModelUnusable(str(robot.urdf), why)
 
 

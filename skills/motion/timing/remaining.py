@@ -34,9 +34,9 @@ def check_rest(request: Rest) -> None:
     if not is_number(time, -sys.float_info.max, sys.float_info.max):
         raise BadQuery(f"The time is {shown(time)} s; give a number")
     if not isinstance(plan, Plan):
-        raise BadQuery(f"The plan is {shown(plan)}; give one that was found")
+        raise BadQuery(f"The plan is {shown(plan)}; give a Plan of this planner")
     if not ((plan.velocity > 0.0).all() and (plan.acceleration > 0.0).all()):
-        raise BadQuery("The limits of the plan are not above 0; give one that was found")
+        raise BadQuery("The limits of the plan are not above 0; give a Plan of this planner")
 
 
 def remaining_plan(plan: Plan, time: float, start: Array, columns: NDArray[np.intp]) -> Plan:
@@ -54,7 +54,7 @@ def remaining_plan(plan: Plan, time: float, start: Array, columns: NDArray[np.in
     place = float(plan.profile.at(np.clip(np.array([time]), 0.0, plan.duration))[0][0])
     curve, origin = plan.curve.after(place), start[columns]
     if not np.allclose(curve.constant[0], origin, rtol=0.0, atol=_SHORT):
-        raise BadQuery("the arm does not stand where the motion was stopped; plan again")
+        raise BadQuery("The arm is not where the motion was stopped; plan again")
     waypoints = np.vstack((origin, _waypoints_ahead(plan.waypoints, curve.length)))
     if np.array_equal(origin, plan.goal):
         curve = Curve.point(plan.goal)
@@ -62,7 +62,7 @@ def remaining_plan(plan: Plan, time: float, start: Array, columns: NDArray[np.in
         curve = Curve.line(origin, plan.goal)
     profile = time_curve(curve, plan.velocity, plan.acceleration)
     if profile is None:
-        raise BadQuery("what is left of the motion cannot be timed; plan again")
+        raise BadQuery("The rest of the motion cannot be timed; plan again")
     return replace(
         plan, start=start, origin=origin, waypoints=waypoints, curve=curve, profile=profile
     )

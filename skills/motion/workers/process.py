@@ -185,12 +185,12 @@ class WorkerProcess:
     def _died(self, until: float) -> WorkerDied:
         """Return the cause of its death, as far as it is known before the deadline."""
         if self._killed:
-            return WorkerDied("it was ended")
+            return WorkerDied("it was killed")
         try:
             code = self._process.wait(min(_EXIT, max(0.0, until - time.monotonic())))
         except subprocess.TimeoutExpired:
             self.kill()
-            return WorkerDied("it hung up")
+            return WorkerDied("it closed its socket")
         self.kill()
         how = f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
         return WorkerDied(how + self._last_line())
@@ -221,7 +221,7 @@ def _numbered(answer: object) -> tuple[int, Any]:
 def _check(request: Request) -> BadQuery | None:
     """Return an error if a request could end a worker."""
     if type(request) not in _ANSWERS:
-        return BadQuery(f"{type(request).__name__} is nothing that a planner can be asked")
+        return BadQuery(f"A planner does not answer a {type(request).__name__}; send a Query")
     for name, kind, wanted in _TYPES:
         value = getattr(request, name, None)
         if hasattr(request, name) and not isinstance(value, kind):

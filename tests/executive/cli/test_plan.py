@@ -152,7 +152,7 @@ def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
     assert [goal.split()[0] for goal in goals] == ["Goal", "Goal"]
     assert goals[0] != goals[1]
     other = ("--tool", "claw_support", "--axis", "0", "0", "1", "--direction", "0", "0", "1")
-    assert "deg to the direction (0, 0, 1)" in str(plan(tmp_path, *point, *other).exception)
+    assert "deg off the direction (0, 0, 1)" in str(plan(tmp_path, *point, *other).exception)
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
         (("joint_1+=-0.1", "joint_1+=-0.1"), "joint_1 is given twice"),
         (("right", "--start", "joint_1=1 joint_1=1"), "joint_1 is given twice"),
         (("right", "--start", "joint_1=1 joint_2"), "--start: 'joint_2' is no pose"),
-        (("right", "--start", "joint_1=7"), "start of joint_1, 7 rad, is outside"),
+        (("right", "--start", "joint_1=7"), r"start of joint_1, 401.07 deg \(7 rad\), is outside"),
         (("right", "--start", "joint_7=7"), "joint_7 is not an actuated joint"),
         (("joint_5=0.1",), "joint_5 is not an actuated joint"),
         (("right", "--via", "1"), "or x y z of the tool, all of it in one pair of quotes"),

@@ -52,8 +52,8 @@ def test_the_keys_of_the_readme() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (f'[{POST}, {{"name": "b", "spere": 1}}]', 'Body 2: "spere" is no key of b; .* sphere?'),
-        ('{"a": 1}', '{"a": 1} is no list of bodies'),
+        (f'[{POST}, {{"name": "b", "spere": 1}}]', 'Body 2: "spere" is not a key of b; .* sphere?'),
+        ('{"a": 1}', '{"a": 1} is not a list of bodies'),
         ('[{"name": "b", "link": "x", "link": "y"}]', '"link" is given twice in b; leave one out'),
         (
             '[{"name": "b", "box": {"size": 1, "size": 2}}]',
@@ -63,7 +63,7 @@ def test_the_keys_of_the_readme() -> None:
         (f"[{POST},\n", ":2:1: is not JSON: Expecting value"),
         ("[" * 100_000, "is not JSON"),
         ("[\xff]".encode("latin-1").decode("utf-8", "surrogateescape"), "is not JSON"),
-        (f"[{POST}, {POST}]", "Two bodies are called post"),
+        (f"[{POST}, {POST}]", "Two bodies have the name post"),
     ],
 )
 def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path: Path, text: str, message: str) -> None:
@@ -83,9 +83,9 @@ def test_a_file_that_is_not_there_is_one_that_is_wrong(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "why"),
     [
-        ({"link": "claw"}, "post moves with claw: There is no link claw; there are world, "),
+        ({"link": "claw"}, "post is attached to claw: There is no link claw; there are world, "),
         ({"touches": ["flor"]}, "post may touch flor, but there is no such link or body"),
-        ({"name": "base_link"}, "The robot has a base_link already"),
+        ({"name": "base_link"}, "The robot already has a base_link"),
     ],
 )
 def test_bodies_that_do_not_fit_the_robot(tmp_path: Path, more: dict[str, Any], why: str) -> None:

@@ -57,7 +57,7 @@ def test_a_point_out_of_reach_is_told(rig: RigMaker, tmp_path: Path) -> None:
     step = "    - ReachPoint: {start: $start, point: [0.5, 0, 0.1], target: $target}"
     outcome, made = run(rig, tmp_path, HEAD + step + CHECK + GO)
     assert outcome.code == "plan.unreachable"
-    assert "mm off" in outcome.message
+    assert "mm away" in outcome.message
     assert made.frames == []
 
 

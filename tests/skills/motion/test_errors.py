@@ -40,9 +40,11 @@ def test_codes_are_distinct() -> None:
 
 def test_collision_says_how_deep_or_how_near() -> None:
     assert "hand would be up to 12.0 mm deep in floor" in str(ERRORS[6])
-    assert "hand would come within 3.1 mm of base (5.0 mm must be kept)" in str(ERRORS[7])
+    assert "hand would come within 3.1 mm of base (margin: 5.0 mm)" in str(ERRORS[7])
     assert "At 1.25 s into the motion" in str(ERRORS[11])
 
 
 def test_bounds_say_joint_value_and_limits() -> None:
-    assert "goal of joint_2, -2 rad, is outside [-1.5, 1.5]" in str(ERRORS[5])
+    assert "goal of joint_2, -114.592 deg (-2 rad), is outside [-85.9437, 85.9437] deg" in str(
+        ERRORS[5]
+    )

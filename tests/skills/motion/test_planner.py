@@ -171,13 +171,17 @@ def test_arrays_are_read_only_on_both_sides_of_a_pipe(planner: Planner) -> None:
 REFUSED = [
     (arm((math.nan, 0, 0), PICK), NotFinite, "start of joint_1 is nan"),
     (arm(HOME, (0, math.inf, 0)), NotFinite, "goal of joint_2 is inf"),
-    (arm((2.0, 0, 0), PICK), StartOutOfBounds, r"start of joint_1, 2 rad, is outside \[-1\.5708, "),
-    (arm(HOME, (0, 0, -1.6)), GoalOutOfBounds, "goal of joint_3, -1.6 rad"),
-    (Query("gripper", (0, 0, 0, 0), (0.1,)), GoalOutOfBounds, "goal of joint_4, 0.1 rad"),
+    (
+        arm((2.0, 0, 0), PICK),
+        StartOutOfBounds,
+        r"start of joint_1, .* \(2 rad\), .* \[-90, 90\] deg",
+    ),
+    (arm(HOME, (0, 0, -1.6)), GoalOutOfBounds, r"goal of joint_3, .* \(-1.6 rad\)"),
+    (Query("gripper", (0, 0, 0, 0), (0.1,)), GoalOutOfBounds, r"goal of joint_4, .* \(0.1 rad\)"),
     (arm(UNDER_THE_TABLE, HOME), StartInCollision, "At the start, .* mm deep in floor"),
     (arm(HOME, UNDER_THE_TABLE), GoalInCollision, "At the goal, .* mm deep in floor"),
     (via(HOME[:3], UNDER_THE_TABLE), GoalInCollision, "^At via point 2, .*choose another via"),
-    (via((0, 0, -1.6)), GoalOutOfBounds, "^Via point 1 of joint_3, -1.6 rad"),
+    (via((0, 0, -1.6)), GoalOutOfBounds, r"^Via point 1 of joint_3, .* \(-1.6 rad\)"),
     (via((0, math.nan, 0)), NotFinite, "^Via point 1 of joint_2 is nan"),
     (via(PICK[:2]), BadQuery, "^Via point 1 has 2 values"),
     (arm(HOME, PICK[:2]), BadQuery, "goal has 2 values; give one for each of joint_1"),
@@ -229,7 +233,7 @@ def cut_off(robot: Robot, tmp_path: Path) -> Planner:
 
 def test_no_path(cut_off: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rrt_connect, "_MAX_ITERATIONS", 50)
-    with pytest.raises(NoPath, match="in 50 steps of search"):
+    with pytest.raises(NoPath, match="in 50 iterations"):
         cut_off.plan(arm(HOME, PICK))
 
 
@@ -315,7 +319,7 @@ def test_limits_that_make_no_sense(robot: Robot) -> None:
 def test_what_is_no_distance_is_told(planner: Planner, robot: Robot, odd: Any) -> None:
     for name in ("margin", "floor"):
         rules = dataclasses.replace(robot.collision, **{name: odd})
-        with pytest.raises(ModelUnusable, match=rf"its {name} is .* m; give a number from"):
+        with pytest.raises(ModelUnusable, match=rf"the {name} is .* m; give a number from"):
             Planner(dataclasses.replace(robot, collision=rules))
     with pytest.raises(BadQuery, match=r"The margin is .* m; give a number from 0"):
         planner.verify(Verify([(*HOME, 0.0)], odd))

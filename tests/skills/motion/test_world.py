@@ -34,11 +34,11 @@ def test_written_down_and_read_again() -> None:
         ({"sphere": {"radius": float("nan")}}, "radius of b is NaN;"),
         ({"sphere": {}}, "The sphere of b has no radius; give one"),
         ({"sphere": 0.1}, "sphere of b is 0.1; give an object with its radius"),
-        ({"sphere": {"size": 0.1}}, '"size" is no key of the sphere of b; there are radius$'),
-        ({"box": {"size": [1, 1, 1]}}, "Of b there are box and sphere; give one of box, sp"),
-        ({"extra": 3}, '"extra" is no key of b; there are name, position, rotation'),
-        ({"name": ["b"]}, "give it a name"),
-        ({"name": ""}, "give it a name"),
+        ({"sphere": {"size": 0.1}}, '"size" is not a key of the sphere of b; there are radius$'),
+        ({"box": {"size": [1, 1, 1]}}, "b has the shapes box and sphere; give one of box, sp"),
+        ({"extra": 3}, '"extra" is not a key of b; there are name, position, rotation'),
+        ({"name": ["b"]}, r'Its name is \["b"\]; give a text'),
+        ({"name": ""}, "It has no name; give a text"),
         ({"position": [0, 0]}, r"position of b is \[0, 0\]; give x, y, z"),
         ({"position": 7}, "position of b is 7"),
         ({"position": [0, 0, "x"]}, "give x, y, z in m"),
@@ -59,8 +59,8 @@ def test_written_down_and_read_again() -> None:
         ({"sphere": {"radius": 10**400}}, r"The radius of b is .*; give a number above 0"),
         ({"sphere": {"radius": 1e308}}, r"radius of b is 1e\+308; .* above 0, up to 1e\+06$"),
         ({"link": 10**5000}, "The link of b is"),
-        ({"name": 10**5000}, "give it a name"),
-        ({"extra": 10**5000}, '"extra" is no key of b'),
+        ({"name": 10**5000}, "Its name is .*; give a text"),
+        ({"extra": 10**5000}, '"extra" is not a key of b'),
         ({"touches": [10**5000]}, "give a list of names"),
         ({"touches": "floor"}, 'touches of b is "floor"; give a list of names'),
         ({"touches": [7]}, "give a list of names"),
@@ -76,7 +76,7 @@ def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> Non
     [
         ({"box": {"size": [0.1, 0.1]}}, r"size of b is \[0.1, 0.1\]; give x, y, z"),
         ({"box": {"size": 0.1}}, "size of b is 0.1; give x, y, z, each above 0"),
-        ({"mesh": {"path": 7}}, "path of b is 7; give that of a file"),
+        ({"mesh": {"path": 7}}, "path of b is 7; give the name of a file"),
         ({"mesh": {"path": ""}}, 'path of b is ""'),
         ({"mesh": {"path": "a.stl", "scale": [1, -1, 1]}}, "scale of b"),
         ({"mesh": {"path": "a.stl", "scale": [1, 1, 10**400]}}, "scale of b is"),
@@ -84,10 +84,10 @@ def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> Non
         ({"box": {"size": [1, 1e200, 1]}}, r"size of b is .* each above 0, up to 1e\+06"),
         ({"cylinder": {"radius": 0.1, "length": 1e7}}, r"length of b is 10000000.0; give a number"),
         ({"cylinder": {"radius": 0.1}}, "The cylinder of b has no length; give one"),
-        ({"box": {"sze": [1, 1, 1]}}, '"sze" is no key of the box of b; .*; did you mean size'),
-        ({}, "Of b there is no form; give one of box, sphere, cylinder, mesh"),
-        ({"spere": {"radius": 0.1}}, '"spere" is no key of b; .*; did you mean sphere'),
-        ({"sphere": {"radius": 0.1}, "pos": [0, 0, 0]}, '"pos" is no key of b; .* mesh$'),
+        ({"box": {"sze": [1, 1, 1]}}, '"sze" is not a key of the box of b; .*; did you mean size'),
+        ({}, "b has no shape; give one of box, sphere, cylinder, mesh"),
+        ({"spere": {"radius": 0.1}}, '"spere" is not a key of b; .*; did you mean sphere'),
+        ({"sphere": {"radius": 0.1}, "pos": [0, 0, 0]}, '"pos" is not a key of b; .* mesh$'),
     ],
 )
 def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
@@ -100,7 +100,7 @@ def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
     [(7, "7"), ({"name": "b"}, '{"name": "b"}'), ("b", '"b"'), (None, "null"), (True, "true")],
 )
 def test_what_is_no_list_of_bodies(bodies: Any, seen: str) -> None:
-    with pytest.raises(BadWorld, match=f"^{re.escape(seen)} is no list of bodies"):
+    with pytest.raises(BadWorld, match=f"^{re.escape(seen)} is not a list of bodies"):
         World.parse(bodies)
 
 
@@ -113,7 +113,7 @@ def test_what_is_no_list_of_bodies(bodies: Any, seen: str) -> None:
     ],
 )
 def test_what_is_shown_of_a_value_is_short_and_can_be_read(body: Any, seen: str) -> None:
-    with pytest.raises(BadWorld, match=f"^Body 1: {seen} is no object"):
+    with pytest.raises(BadWorld, match=f"^Body 1: {seen} is not an object"):
         World.parse([body])
 
 
@@ -162,10 +162,10 @@ def test_what_is_no_tuple_of_bodies(bodies: Any) -> None:
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        (7, "Body 2: 7 is no object with a name and a form"),
-        ([], "Body 2: [] is no object"),
+        (7, "Body 2: 7 is not an object with a name and a shape"),
+        ([], "Body 2: [] is not an object"),
         (BALL | {"name": "c", "sphere": {"radius": 0}}, "Body 2: The radius of c is 0"),
-        ({"sphere": {"radius": 0.1}}, "Body 2: It has no name; give it a name"),
+        ({"sphere": {"radius": 0.1}}, "Body 2: It has no name; give a text"),
     ],
 )
 def test_the_body_is_named_by_its_number(body: Any, message: str) -> None:

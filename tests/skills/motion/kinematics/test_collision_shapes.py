@@ -85,7 +85,7 @@ def test_a_place_that_is_none(tmp_path: Path, origin: str, why: str) -> None:
 def test_what_only_we_can_read(tmp_path: Path, shape: str) -> None:
     """Pinocchio would plan without the shape, so it is refused too."""
     why = refusal(arm(tmp_path, f"<geometry>{shape}</geometry>"))
-    assert "of the 1 shapes of middle pinocchio reads 0; give plain numbers" in why
+    assert "pinocchio reads 0 of the 1 shapes of middle; give plain numbers" in why
 
 
 def test_more_than_one_shape(tmp_path: Path) -> None:
@@ -114,7 +114,7 @@ def test_a_link_absurdly_far_off(tmp_path: Path, kind: str, far: str) -> None:
             <origin xyz="{far}"/></joint></robot>"""
         urdf = urdf.replace("</robot>", _LINK.format("end", BOX) + joint)
     robot.urdf.write_text(urdf)
-    who = "lead is" if kind == "revolute" else "of end a corner is not"
+    who = "lead is" if kind == "revolute" else "end: a vertex is not"
     assert re.search(f"{who} .* 1e.06", refusal(robot))
 
 
@@ -123,4 +123,4 @@ def test_joints_that_hang_from_nothing(tmp_path: Path) -> None:
     robot = arm(tmp_path, BOX)
     urdf = robot.urdf.read_text().replace('<parent link="base"/>', '<parent link="tip"/>')
     robot.urdf.write_text(urdf)
-    assert "lead hangs from no link that hangs from base" in refusal(robot)
+    assert "lead is not connected to base" in refusal(robot)

@@ -206,5 +206,7 @@ def test_a_follower_that_stays_where_it_is_is_no_follower(tmp_path: Path) -> Non
     robot = tied(tmp_path, "base", "base")
     first, *rest = robot.joints
     follows = [dataclasses.replace(j, mimic=Mimic("z_lead", 0.0, 0.1)) for j in rest]
-    with pytest.raises(ModelUnusable, match="a_mate follows z_lead by 0 times; make it a fixed"):
+    with pytest.raises(
+        ModelUnusable, match="a_mate follows z_lead with multiplier 0; make it a fixed"
+    ):
         Planner(dataclasses.replace(robot, joints=(first, *follows)))

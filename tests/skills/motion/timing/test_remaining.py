@@ -92,7 +92,7 @@ def test_from_its_beginning_it_is_all() -> None:
 
 
 def test_an_arm_that_stands_elsewhere_is_refused() -> None:
-    with pytest.raises(BadQuery, match="does not stand where the motion was stopped"):
+    with pytest.raises(BadQuery, match="is not where the motion was stopped"):
         PLANNER.rest(Rest(LINE, 0.5 * LINE.duration, tuple(LINE.start)))
 
 
@@ -106,8 +106,8 @@ ODD: tuple[tuple[str, Any, str], ...] = (
     ("time", "a", "The time is 'a' s; give a number"),
     ("time", None, "The time is None s; give a number"),
     ("time", 10**400, "The time is 1000.* s; give a number"),
-    ("plan", None, "The plan is None; give one that was found"),
-    ("plan", GRIPPER, "arm does not stand where the motion was stopped"),
+    ("plan", None, "The plan is None; give a Plan of this planner"),
+    ("plan", GRIPPER, "arm is not where the motion was stopped"),
     ("plan", replace(LINE, velocity=np.zeros(3)), "The limits of the plan are not above 0"),
     (
         "plan",

@@ -168,7 +168,7 @@ def test_a_worker_that_hangs_up_is_given_up_at_once(
     worker = WorkerProcess(robot)
     died = worker.call(dataclasses.replace(PICK, timeout=0.05))
     assert isinstance(died, WorkerDied)
-    assert died.why == "it hung up"
+    assert died.why == "it closed its socket"
     assert not worker.alive
     worker.close()
 
