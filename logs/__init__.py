@@ -1,6 +1,6 @@
-"""What a run leaves behind: how it is recorded, kept, read and drawn.
+"""Recordings of runs: writing, retention, reading and drawing.
 
-Importing this room is cheap: MCAP, rosbags, NumPy and matplotlib are loaded by what needs them.
+Importing this room is cheap: the functions that use MCAP, rosbags, NumPy or matplotlib import them.
 """
 
 from .errors import (

@@ -1,16 +1,16 @@
-"""What can go wrong with recordings.
+"""Errors of recordings.
 
     LogError
-    ├── RecordingExists            FileExistsError: the name is taken, nothing was touched
-    ├── RecordingNotCreated        the folder or the file cannot be made
+    ├── RecordingExists            FileExistsError: a file of that name exists and was not changed
+    ├── RecordingNotCreated        the folder or the file cannot be created
     ├── NoSpace                    the disk is too full to begin a run
     ├── DiskFull                   the disk filled up while a run was recorded
     ├── RecordingIncomplete        something of a run could not be written
-    ├── RecordingInUse             an armtree is still writing it
+    ├── RecordingInUse             it is still being written
     └── RecordingError             ValueError: a file cannot be read
-        └── RecordingTruncated     its end is missing; what precedes it was given
+        └── RecordingTruncated     its end is missing; the valid part was read
 
-Every error carries a stable `code`, and its message says what to do next.
+Each error has a stable `code`; its message says what to do.
 """
 
 import errno
@@ -21,10 +21,10 @@ DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class LogError(Exception):
-    """Root of everything this room raises.
+    """Base class of this room's errors.
 
     Attributes:
-        path: The file or folder concerned.
+        path: The file or folder.
     """
 
     code = "log.error"
@@ -50,7 +50,7 @@ class RecordingExists(LogError, FileExistsError):
 
 
 class RecordingNotCreated(LogError):
-    """The operating system refused the folder or the file of a recording."""
+    """The operating system refused to create the folder or the file of a recording."""
 
     code = "log.not_created"
     meaning = "A recording cannot be made"
@@ -85,10 +85,10 @@ class DiskFull(LogError):
     hint = "remove old recordings"
 
     def __init__(self, path: Path, whole: bool = False) -> None:
-        end = "; its end was still recorded, in space kept for that" if whole else ""
+        end = "; its end was still recorded, in reserved space" if whole else ""
         super().__init__(
             path,
-            f"the disk is full, so that the run was ended{end}. Remove old recordings, or give "
+            f"the disk is full, so the run was stopped{end}. Remove old recordings, or give "
             "another folder for recordings",
         )
 
@@ -97,28 +97,28 @@ class RecordingIncomplete(LogError):
     """Something of a run is missing from its file, or the file could not be finished.
 
     Attributes:
-        lost: How many records and attachments are not in the file; None while that may grow.
-        cause: The first thing that went wrong.
-        finished: Whether a final recording was made of what there is.
+        lost: Number of records and attachments missing from the file; None while it may grow.
+        cause: The first error.
+        finished: True if a final recording was made from the rest.
     """
 
     code = "log.incomplete"
     meaning = "Something of a run is missing from its recording"
-    hint = "mend the disk, then run again"
+    hint = "repair the disk, then run again"
 
     def __init__(
         self, path: Path, lost: int | None, cause: Exception, finished: bool = True
     ) -> None:
         self.lost, self.cause, self.finished = lost, cause, finished
         counted = "" if lost is None else f", {lost} records lost"
-        repair = "" if finished else "; `armtree log recover` makes a complete file of it"
+        repair = "" if finished else "; `armtree log recover` finishes it"
         words = (
             f"recording incomplete{counted} ({cause}); what was written before is "
             f"kept and valid{repair}. Make room or repair the cause, then run the task again"
         )
         if not path.exists():
             words = (
-                "was moved or deleted while it was written; where it still is, "
+                "was moved or deleted while it was written; if it was moved, "
                 "`armtree log recover` finishes it"
             )
         super().__init__(path, words)
@@ -129,10 +129,10 @@ class RecordingInUse(LogError):
 
     code = "log.in_use"
     meaning = "A recording is still being written"
-    hint = "wait until that has ended"
+    hint = "wait until it has ended"
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path, "is being written by another armtree; wait until that has ended")
+        super().__init__(path, "is being written by another armtree; wait until it has ended")
 
 
 class RecordingError(LogError, ValueError):
@@ -148,7 +148,7 @@ class RecordingTruncated(RecordingError):
     """The end of a recording is missing or damaged.
 
     Attributes:
-        messages: How many valid messages precede the damage.
+        messages: Number of valid messages before the damage.
     """
 
     code = "log.truncated"
@@ -161,5 +161,5 @@ class RecordingTruncated(RecordingError):
         super().__init__(
             path,
             f"cut off or damaged after {messages} valid messages; "
-            "`armtree log recover` makes a complete file of those",
+            "`armtree log recover` makes a complete file of these",
         )

@@ -1,4 +1,4 @@
-"""Where recordings lie, and what they are called."""
+"""The folder of recordings: its free space, and the names of files."""
 
 import shutil
 from datetime import UTC, datetime
@@ -6,18 +6,18 @@ from pathlib import Path
 
 from .errors import NoSpace, RecordingNotCreated
 
-# A long run takes a few megabytes; the rest is left to the machine.
+# A long run takes a few megabytes; the rest stays free for other programs.
 LEAST_FREE = 100_000_000  # [bytes]
 
 
 def check_space(folder: Path) -> int:
-    """Free space where recordings are to be made [bytes].
+    """Returns the free space for recordings [bytes].
 
     Args:
-        folder: Folder for recordings; it need not be there yet.
+        folder: Folder for recordings; it need not exist.
 
     Raises:
-        NoSpace: There is less than a run may need.
+        NoSpace: A run may need more than that.
     """
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     free = shutil.disk_usage(there).free
@@ -27,19 +27,19 @@ def check_space(folder: Path) -> int:
 
 
 def recording_path(folder: Path, utc_ns: int, task: int | str) -> Path:
-    """Where the recording of a task that starts now belongs; the folder is made if missing.
+    """Returns the path of a new recording; creates the folder if necessary.
 
     Args:
         folder: Folder for recordings.
-        utc_ns: UTC since 1970 [ns]; the name keeps whole milliseconds.
-        task: The task's number, or what else is recorded.
+        utc_ns: Time of the start, UTC since 1970 [ns]; the name has whole milliseconds.
+        task: The task's number, or another name for what is recorded.
 
     Returns:
-        A path such as `recordings/20261121T103155.123Z-1.mcap`. It may exist already; a recorder
-        then refuses it, and the next millisecond is to be tried.
+        A path such as `recordings/20261121T103155.123Z-1.mcap`. If it exists, a recorder refuses
+        it; then try the next millisecond.
 
     Raises:
-        RecordingNotCreated: The folder cannot be made.
+        RecordingNotCreated: The folder cannot be created.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

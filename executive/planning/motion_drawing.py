@@ -11,7 +11,7 @@ from executive.recording.archive import restore_robot, restore_world
 from hardware import Robot
 from logs import Goal, Plan, Recording, Sent
 from logs.views.motion_figure import MotionDrawing
-from logs.views.narrative import bodies_in_words
+from logs.views.narrative import bodies_text
 from logs.views.run_figure import Scene
 from skills.motion import World
 from skills.motion.collision.outline import convex_outlines
@@ -99,5 +99,5 @@ def _scene(recording: Recording, motions: list[tuple[int, _Motion]]) -> Scene:
     chosen = np.linspace(0, len(poses) - 1, min(_MOST_POSES, len(poses))).round().astype(int)
     rows = [[poses[index][joint.name] for joint in robot.actuated] for index in chosen]
     numbers = ", ".join(str(number) for number, _ in motions)
-    title = f"Motion{'s' * (len(motions) > 1)} {numbers}; around: {bodies_in_words(bodies)}"
+    title = f"Motion{'s' * (len(motions) > 1)} {numbers}; around: {bodies_text(bodies)}"
     return Scene(title, motion_drawing(robot, restore_world(bodies, recording.files), rows))

@@ -1,1 +1,1 @@
-"""What is told of a run: as records, with all it takes to prove the run from its file alone."""
+"""Recordings of goals: what is recorded, with everything that verification needs."""

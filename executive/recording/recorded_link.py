@@ -1,24 +1,24 @@
-"""A line to the board on which no frame overtakes its recording."""
+"""A link to the board that sends no frame before the previous one is recorded."""
 
 from executive.errors import RecordingBehind
 from hardware import Clock, Link
 
 from .recordings import Recordings
 
-# A disk that takes longer is a fault: what is not recorded must not go on moving.
+# If recording takes longer, it is a fault: the arm must not move without a recording.
 MOST_BEHIND = 0.05  # [s]
 
-# For this long a stop lets the frame before it get to the disk; it does not wait for a slow one.
+# Longest time that a stop waits for the recording of the frame before it.
 _HOLD_WAITS = 0.002  # [s]
 
 
 class RecordedLink:
-    """A link that sends a frame only when all before it are on their way to the disk.
+    """A link that sends a frame only after all frames before it were recorded.
 
     Args:
-        link: The line to the board.
-        recordings: Where what is sent on it is told.
-        clock: Whose time.
+        link: Link to the board.
+        recordings: Recordings of the frames.
+        clock: Time source.
     """
 
     def __init__(self, link: Link, recordings: Recordings, clock: Clock) -> None:
@@ -27,21 +27,21 @@ class RecordedLink:
 
     @property
     def port(self) -> str:
-        """What a person calls it."""
+        """Name of the port."""
         return self._link.port
 
     def open(self) -> None:
-        """Open it."""
+        """Opens the link."""
         self._link.open()
 
     def write(self, data: bytes) -> None:
-        """Send bytes.
+        """Sends bytes.
 
         Raises:
-            RecordingBehind: What was sent before is not recorded.
-            LinkError: As the link's own.
+            RecordingBehind: The frames before are not recorded.
+            LinkError: The link failed.
         """
-        if data == self._last:  # as a stop does: it commands nothing new, so it goes in any case
+        if data == self._last:  # a stop repeats the last frame; it must be sent in any case
             self._recordings.caught_up(_HOLD_WAITS)
         elif not self._recorded():
             raise RecordingBehind(self.port, MOST_BEHIND)
@@ -49,15 +49,19 @@ class RecordedLink:
         self._last = data
 
     def read(self) -> bytes:
-        """Wait for bytes."""
+        """Waits for bytes."""
         return self._link.read()
 
     def close(self, discard: bool = False) -> None:
-        """Close it; what has not left yet may be discarded."""
+        """Closes the link.
+
+        Args:
+            discard: True to discard bytes that are not sent yet.
+        """
         self._link.close(discard)
 
     def _recorded(self) -> bool:
-        """Whether all before is on its way to the disk, or is within the time it may take."""
+        """Waits for the recording of all frames before; returns False if it takes too long."""
         until = self._clock.now() + MOST_BEHIND
         while not self._recordings.caught_up(max(0.0, until - self._clock.now())):
             if self._clock.now() >= until:

@@ -1,4 +1,4 @@
-"""What is told of a run: into its recording, and to whoever watches."""
+"""Recordings of goals: opens and finishes them, and writes what happens into the open one."""
 
 import errno
 import logging
@@ -22,37 +22,37 @@ from .versions import versions
 
 logger = logging.getLogger(__name__)
 
-_BETWEEN = "server"  # in the name of the recording of what happens between goals
+_SERVER = "server"  # in the name of a server's own recording
 
-# So many goals' recordings may be unfinished, each with its descriptors; then the next goal waits.
+# Most recordings that may be unfinished, because each has open files; then the next goal waits.
 _UNFINISHED = 64
-_AT_ONCE = 4  # are being finished; most of its time each waits for the disk
+_AT_ONCE = 4  # recordings finished in parallel; each mostly waits for the disk
 
-_EARLY = 1000  # lines of the log that are kept for a recording that is still to be opened
+_EARLY = 1000  # most log lines kept until a recording is opened
 
 
 def is_server_recording(recording: Path) -> bool:
-    """Whether a recording is one of what happens between goals, by its name."""
-    return recording.stem.endswith(f"-{_BETWEEN}")
+    """Returns whether a recording is a server's own, by its name."""
+    return recording.stem.endswith(f"-{_SERVER}")
 
 
 class Recordings:
-    """One recording per goal; everything told goes into the one that is open, and to the watcher.
+    """One recording per goal; each record goes to the open recording and to the subscriber.
 
-    A server keeps one more, which is open whenever no goal's is. Lines of the log for which none is
-    open yet head the next one.
+    A server has one more recording, of what happens between goals: it is open while no goal runs.
+    Log lines from before the first recording are written at its start.
 
     Args:
-        folder: Where recordings are made.
-        robot: Whose arm.
-        clock: Whose time.
-        watch: Told of everything that is recorded; must be quick, from any thread.
-        failed: Called when something could not be recorded, from another thread.
-        configuration: What else decides about a run, as words by name; noted in every recording.
+        folder: Folder for recordings.
+        robot: The robot.
+        clock: Time source.
+        watch: Callback for every record; called from any thread, must be fast.
+        failed: Callback for a recording error; called from another thread.
+        configuration: Settings that affect a run, by name; noted in every recording.
 
     Attributes:
-        path: Of the recording that is open; empty while none is.
-        frames: How many frames were sent since it was opened.
+        path: Path of the open recording; empty if none is open.
+        frames: Number of frames sent since it was opened.
     """
 
     def __init__(
@@ -68,64 +68,64 @@ class Recordings:
         self._watch, self._failed = watch, failed
         self._configuration = configuration
         self._recorder: logs.Recorder | None = None
-        self._between: logs.Recorder | None = None
+        self._server: logs.Recorder | None = None
         self._compactor: Compactor | None = None
         self._finishers = ThreadPoolExecutor(_AT_ONCE, "recording")
         self._unfinished: deque[Future[None]] = deque()
-        self._wrong: list[logs.LogError] = []
-        self._meshes: set[str] = set()  # that are in it already
+        self._errors: list[logs.LogError] = []
+        self._meshes: set[str] = set()  # names of those in the open recording
         self._early = deque[logs.LogLine](maxlen=_EARLY)
-        self._state = State.UNCONFIGURED.value  # of the arm
+        self._state = State.UNCONFIGURED.value  # of the arm's lifecycle
         self.path = ""
         self.frames = 0
 
     def open_server_recording(self) -> None:
-        """Open the recording of what happens between goals.
+        """Opens the server's own recording.
 
         Raises:
-            LogError: It cannot be made.
+            LogError: It cannot be created.
         """
         self._compactor = compactor()
-        self._recorder = self._between = recorder = self._create(_BETWEEN)
-        recorder.put(*self._evidence(None), *self._told_early(), self._standing(self._clock.now()))
+        self._recorder = self._server = recorder = self._create(_SERVER)
+        recorder.put(*self._setup(None), *self._early_lines(), self._arm_state(self._clock.now()))
 
     def open(self, goal: Goal, name: str, seed: int, tree: Tree | None) -> None:
-        """Open the recording of a goal and tell of it.
+        """Opens the recording of a goal, and records the goal.
 
         Args:
-            goal: Which.
-            name: Of its task.
-            seed: For whatever draws at random.
-            tree: What is to run, where it could be built; its files are attached.
+            goal: The goal.
+            name: Name of its task.
+            seed: Seed of the planners.
+            tree: The goal's tree, whose files are attached; None if it could not be built.
 
         Raises:
-            LogError: It cannot be made.
+            LogError: It cannot be created.
         """
         self._recorder = recorder = self._create(goal.task)
         self.path, self.frames = str(recorder.path), 0
         self._meshes.clear()
-        told = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed)
-        recorder.put(*self._evidence(tree), *self._told_early(), told, self._standing(told.time))
-        self._watch(told)
+        record = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed)
+        recorder.put(*self._setup(tree), *self._early_lines(), record, self._arm_state(record.time))
+        self._watch(record)
 
     def goal_changed(self, status: GoalStatus) -> None:
-        """Note in a server's recording that there is a goal, and its end, whatever it came to."""
-        if self._between is None:
+        """Records the acceptance and the end of a goal in the server's own recording."""
+        if self._server is None:
             return
         if status.state is GoalState.ACCEPTED:
             accepted = (status.stamp_ns - self._clock.epoch_ns()) / 1e9
-            self._between.put(logs.Goal(accepted, status.identity, status.task, "", 0))
+            self._server.put(logs.Goal(accepted, status.identity, status.task, "", 0))
         elif status.outcome:
             now = self._clock.now()
-            self._between.put(status.outcome.to_record(status.identity, now))
+            self._server.put(status.outcome.to_record(status.identity, now))
 
     def wait(self) -> None:
-        """Wait until what was told of goals so far, and between them, is on its way to the disk."""
-        if self._between:
-            self._between.wait()
+        """Waits until the server's own recording was handed to the operating system."""
+        if self._server:
+            self._server.wait()
 
     def check_space(self) -> None:
-        """See that a run's recording has room.
+        """Checks that the disk has space for the recording of a run.
 
         Raises:
             LogError: It has not.
@@ -133,7 +133,7 @@ class Recordings:
         logs.check_space(self._folder)
 
     def settle(self) -> None:
-        """Wait until what was told of a goal so far is on its way to the disk.
+        """Waits until everything in the open recording was handed to the operating system.
 
         Raises:
             LogError: It cannot be recorded.
@@ -142,10 +142,10 @@ class Recordings:
             self._recorder.settle()
 
     def goal_ended(self) -> None:
-        """Finish the recording of a goal in the background; what follows is between goals."""
-        recorder, self._recorder, self.path = self._recorder, self._between, ""
+        """Finishes the recording of a goal in the background; reopens the server's own."""
+        recorder, self._recorder, self.path = self._recorder, self._server, ""
         self.frames = 0
-        if recorder and recorder is not self._between:
+        if recorder and recorder is not self._server:
             self._unfinished.append(self._finishers.submit(self._finish, recorder))
         while self._unfinished and self._unfinished[0].done():
             self._unfinished.popleft()
@@ -153,30 +153,30 @@ class Recordings:
             wait([self._unfinished.popleft()])
 
     def close(self) -> None:
-        """Finish the recordings that are open.
+        """Finishes the open recordings.
 
         Raises:
             LogError: Something is missing from one of them.
         """
-        recorders = [self._recorder, self._between]
-        self._recorder, self._between, self.path, self.frames = None, None, "", 0
+        recorders = [self._recorder, self._server]
+        self._recorder, self._server, self.path, self.frames = None, None, "", 0
         for recorder in filter(None, recorders):
             self._finish(recorder)
         self._finishers.shutdown()
-        if self._wrong:
-            raise self._wrong.pop(0)
+        if self._errors:
+            raise self._errors.pop(0)
 
     def _finish(self, recorder: logs.Recorder) -> None:
         try:
             recorder.close(self._compactor)
         except logs.LogError as error:
             logger.error("%s", error)
-            self._wrong.append(error)
-        except Exception:  # the outermost place of this thread
-            logger.exception("a bug of ours")
+            self._errors.append(error)
+        except Exception:  # the outermost frame of this thread
+            logger.exception("a bug in armtree")
 
     def record(self, record: logs.Record) -> None:
-        """Record something and show it to the watcher."""
+        """Writes a record to the open recording, and passes it to the subscriber."""
         if isinstance(record, logs.Sent) and record.joints:
             self.frames += 1
         if self._recorder:
@@ -186,34 +186,38 @@ class Recordings:
         self._watch(record)
 
     def caught_up(self, timeout: float) -> bool:
-        """Whether every frame that was told is on its way to the disk; waits for it [s]."""
+        """Returns whether every recorded frame was handed to the operating system.
+
+        Args:
+            timeout: Longest time to wait for it [s].
+        """
         recorder = self._recorder
         return recorder is None or recorder.caught_up(timeout)
 
     def on_arm_event(self, event: ArmEvent) -> None:
-        """Tell of something the arm did."""
+        """Records an event of the arm."""
         record = arm_record(event, self._robot)
         if isinstance(record, logs.Transition):
             self._state = record.goal
         self.record(record)
 
     def on_skill_event(self, event: SkillEvent) -> None:
-        """Tell of something a skill did."""
+        """Records an event of a skill."""
         if isinstance(event, Planned):
-            self._attach_new(archive_world(event.query.world)[1])
+            self._attach_meshes(archive_world(event.query.world)[1])
         self.record(skill_record(event, self._robot, self._clock.now()))
 
-    def _standing(self, time: float) -> logs.Transition:
-        """The state in which a recording begins: what led to it is in an earlier one."""
+    def _arm_state(self, time: float) -> logs.Transition:
+        """Returns the state of the arm's lifecycle in which a recording begins."""
         return logs.Transition(time, "", self._state, self._state)
 
-    def _told_early(self) -> Iterator[logs.LogLine]:
+    def _early_lines(self) -> Iterator[logs.LogLine]:
         while self._early:
             yield self._early.popleft()
 
-    def _evidence(self, tree: Tree | None) -> list[logs.Item]:
-        """All that it takes to see, and to prove, the run from its file alone."""
-        urdf, files, notes = self._machine
+    def _setup(self, tree: Tree | None) -> list[logs.Item]:
+        """Returns everything that a recording needs to be viewed and verified by itself."""
+        urdf, files, notes = self._robot_items
         task = tree.files if tree else {}
         return [
             *files,
@@ -226,8 +230,8 @@ class Recordings:
         ]
 
     @cached_property
-    def _machine(self) -> tuple[str, list[logs.Attachment], list[logs.Note]]:
-        """The URDF, the robot's files and the notes, as they are at the first goal."""
+    def _robot_items(self) -> tuple[str, list[logs.Attachment], list[logs.Note]]:
+        """The URDF, the robot's files and the notes, read once."""
         robot = self._robot
         files = [
             logs.Attachment(path.name, "text/plain", path.read_bytes())
@@ -240,7 +244,7 @@ class Recordings:
         ]
         return robot.urdf.read_text(), files, notes
 
-    def _attach_new(self, meshes: Mapping[str, bytes]) -> None:
+    def _attach_meshes(self, meshes: Mapping[str, bytes]) -> None:
         if self._recorder:
             for name in sorted(meshes.keys() - self._meshes):
                 file = logs.Attachment(name, "application/octet-stream", meshes[name])

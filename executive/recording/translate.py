@@ -1,4 +1,4 @@
-"""What happens in the other rooms, as records."""
+"""Converts events of the arm and of skills to records."""
 
 import numpy as np
 
@@ -18,11 +18,11 @@ from skills.motion import MotionError
 
 from .archive import archive_world
 
-_GRID = 0.02  # of the sampled motion in a recording [s]
+_GRID = 0.02  # sampling interval of a recorded motion [s]
 
 
 def arm_record(event: ArmEvent, robot: Robot) -> logs.Record:
-    """The record of something the arm did."""
+    """Returns the record of an event of the arm."""
     match event:
         case FrameSent():
             names = tuple(joint.name for joint in robot.actuated)
@@ -41,7 +41,13 @@ def arm_record(event: ArmEvent, robot: Robot) -> logs.Record:
 
 
 def skill_record(event: SkillEvent, robot: Robot, now: float) -> logs.Record:
-    """The record of something a skill did, at a time [s]."""
+    """Returns the record of an event of a skill.
+
+    Args:
+        event: The event.
+        robot: The robot.
+        now: Time of the record [s].
+    """
     match event:
         case Planned():
             return _plan_record(event, robot, now)

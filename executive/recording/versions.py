@@ -1,4 +1,4 @@
-"""What a plan depends on beside its query: libraries, and our own code."""
+"""Versions of the code that plans and frames depend on."""
 
 import hashlib
 import platform
@@ -22,9 +22,9 @@ _SCHEDULING = (
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions by name; of our own code, digests of the files that decide about plans and frames.
+    """Returns versions by name; for our own code, digests of the files that affect the result.
 
-    Two armtrees with equal entries give equal plans and frames for equal queries.
+    Two installations with equal entries give equal plans and frames for equal queries.
     """
     ours = {"armtree": _version("armtree"), "planner": _digest(_folder(skills.motion), "**/*.py")}
     folder = _folder(hardware)

@@ -1,1 +1,1 @@
-"""What a recording is good for: verify it, show its tree, send its frames again."""
+"""Verification of recordings, sending one again, and the tree of a recorded run."""

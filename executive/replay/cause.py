@@ -1,4 +1,4 @@
-"""Where a difference may come from: what contradicts itself in a recording, what is new here."""
+"""Finds the source of a difference: contradictions in a recording, and new versions."""
 
 import json
 from collections.abc import Collection, Iterator, Sequence
@@ -13,34 +13,41 @@ from trees.compile.port_types import known_skills
 from trees.export.resolved import RESOLVED
 from trees.nodes import KINDS
 
-# Entries of `versions` that decide about plans.
+# Entries of `versions` that affect plans.
 PLANNING = ("planner", "numpy", "ompl", "pin", "coal", "toppra", "python", "machine", "system")
 
 
 def source(
     recording: Recording, robot: Robot, records: Sequence[Record], entries: Collection[str]
 ) -> str:
-    """Where a difference comes from, as far as the recording can tell."""
+    """Returns the source of a difference in words.
+
+    Args:
+        recording: The recording.
+        robot: The robot as it was recorded.
+        records: The records, in file order.
+        entries: Entries of `versions` that could be the source.
+    """
     if wrong := contradiction(recording, robot, records):
         return wrong
     if part := recording.changed:
         return f"the recording: {part} was changed after the run"
     if new := changes(recording, entries):
         return f"version: {new}"
-    return "the recording: all versions are the same, so that what it says was changed"
+    return "the recording: all versions are the same, so its content was changed"
 
 
 def changes(recording: Recording, entries: Collection[str]) -> str:
-    """Which versions are others than when it was recorded."""
+    """Returns the versions that differ from those of the recording, in words."""
     then, now = recording.notes.get("versions", {}), versions()
     new = ((name, then.get(name, "unknown"), now[name]) for name in entries)
     return ", ".join(f"{name} {b} instead of {a}" for name, a, b in new if a != b)
 
 
 def contradiction(recording: Recording, robot: Robot, records: Sequence[Record]) -> str:
-    """The first thing in a recording that contradicts another of it, or nothing."""
+    """Returns the first contradiction within a recording, in words; empty if there is none."""
     if robot_files_changed(recording):
-        return "description: the robot's files are others than those it was recorded with"
+        return "description: the robot's files differ from those of the run"
     goals = [record for record in records if isinstance(record, Goal)]
     targets = _targets(recording)
     for plan in (record for record in records if isinstance(record, Plan)):
@@ -69,7 +76,9 @@ def _seed(plan: Plan, goals: Sequence[Goal]) -> str:
 
 
 def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
-    for joint, value in zip(plan.joints, plan.goal, strict=False):  # it may be refused for that
+    for joint, value in zip(
+        plan.joints, plan.goal, strict=False
+    ):  # a goal of wrong length is recorded, too
         if joint in targets and value not in targets[joint]:
             spelled = ", ".join(f"{target:g}" for target in sorted(targets[joint]))
             return f"task: it sends {joint} to {spelled}, the plan to {value:g}"
@@ -77,7 +86,7 @@ def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
 
 
 def _targets(recording: Recording) -> dict[str, set[float]]:
-    """Every value that the task spells out for a joint; none where it computes any goal."""
+    """Returns the values that the task gives each joint; empty if it computes a goal."""
     leaves, kinds = list(_leaves(_tree(recording))), known_skills()
     planners = {name for name, kind in kinds.items() if kind.plans_goal}
     copiers = {name for name, kind in kinds.items() if kind.copies_targets}
@@ -96,7 +105,7 @@ def _targets(recording: Recording) -> dict[str, set[float]]:
 
 
 def _tree(recording: Recording) -> Any:
-    """The task as it was resolved; of what cannot be read there is nothing to tell."""
+    """Returns the resolved task; empty if it cannot be read."""
     try:
         return json.loads(recording.files.get(RESOLVED, b"{}"))
     except ValueError:
@@ -104,7 +113,7 @@ def _tree(recording: Recording) -> Any:
 
 
 def _leaves(node: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """All skills of a resolved tree, each with its ports."""
+    """Yields all skills of a resolved tree, each with its ports."""
     conditions = {kind.condition for kind in KINDS.values()} - {""}
     for name, below in node.items() if isinstance(node, dict) else ():
         if name in KINDS or name in conditions:

@@ -1,4 +1,4 @@
-"""The tree of a run as its recording tells it: what became of every node, and when."""
+"""The tree of a recorded run: the state of every node, and its times."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,16 +11,16 @@ _HALTED = "HALTED"  # INVALID after RUNNING
 
 @dataclass
 class _Node:
-    """What is known of a node so far.
+    """A node of the tree.
 
     Attributes:
         name: Its name.
-        state: What became of it.
-        message: What it said last.
-        first: When it began first [s].
-        since: When it began last; None where it does not run [s].
-        spent: How long it ran, all in all [s].
-        below: Its children, by their paths.
+        state: Its last state.
+        message: Its last message.
+        first: When it first started [s]; None if it never did.
+        since: When it last started [s]; None if it is not running.
+        spent: Total time that it ran [s].
+        below: Its children, by path.
     """
 
     name: str
@@ -31,8 +31,8 @@ class _Node:
     spent: float = 0.0
     below: "dict[str, _Node]" = field(default_factory=dict)
 
-    def take(self, status: str, message: str, time: float) -> None:
-        """Note a change."""
+    def change(self, status: str, message: str, time: float) -> None:
+        """Applies a change of status."""
         if status == "INVALID" and self.state == "INVALID":
             return
         if self.first is None:
@@ -45,7 +45,11 @@ class _Node:
         self.message = message or self.message
 
     def entry(self, zero: float) -> Entry:
-        """As it is drawn; times are since the goal [s]."""
+        """Returns the node as it is drawn.
+
+        Args:
+            zero: Time of the goal [s].
+        """
         children = tuple(child.entry(zero) for child in self.below.values())
         return Entry(self.name, self.name, children, state=self.state, note=self._note(zero))
 
@@ -57,13 +61,13 @@ class _Node:
 
 
 def tree_of(path: Path) -> Entry:
-    """The tree of a run.
+    """Returns the tree of a run.
 
     Args:
-        path: Its recording; of one that was cut off, what is there.
+        path: The recording; it may be cut off.
 
     Raises:
-        RecordingError: It cannot be read, or no tree was run.
+        RecordingError: The recording cannot be read, or holds no tree.
     """
     zero = 0.0
     nodes: dict[str, _Node] = {}
@@ -75,7 +79,7 @@ def tree_of(path: Path) -> Entry:
                 nodes[record.path] = node = _Node(record.name)
                 if above := nodes.get(record.path.rpartition("/")[0]):
                     above.below[record.path] = node
-            nodes[record.path].take(record.status, record.message, record.time)
+            nodes[record.path].change(record.status, record.message, record.time)
     if not nodes:
         raise RecordingError(path, "no tree was run; give a recording of a task")
     return next(iter(nodes.values())).entry(zero)

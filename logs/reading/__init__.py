@@ -1,1 +1,1 @@
-"""Reading recordings, validating them and recovering damaged ones."""
+"""Reading recordings: complete, unfinished or damaged."""

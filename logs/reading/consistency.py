@@ -1,4 +1,9 @@
-"""Whether a recording agrees with itself: what is told on several topics was one thing."""
+"""Checks that all messages of a record agree with each other.
+
+A record is written as several messages. Verification uses one of them; most tools use the others,
+such as transforms, trajectories and the text of a frame. This check converts each record again and
+compares all its messages. It finds changes also in files that hold no digests, or forged ones.
+"""
 
 import struct
 from collections import Counter
@@ -23,44 +28,43 @@ from .reader import Message, read
 from .recording import Recording
 
 _ROWS = {topic.name: (topic.record, row) for row, topic in enumerate(TOPICS)}
-_OPINION = "/diagnostics"  # what is worth a word there may change, and the words
+_UNCHECKED = "/diagnostics"  # its words and thresholds may differ between versions
 _URDF = "/robot_description"
 _PLAN, _PLANS = "/plan/", [row for row, topic in enumerate(TOPICS) if topic.record is Plan]
 
-# What is made of messages that are there too.
+# Topics that repeat a part of another message of their record.
 _DERIVED = ("/feedback", "/plan/{record.group}/trajectory", "/tf")
 
-# What bears no time but its message's.
+# Records without a time of their own in the file.
 _UNDATED = (Description, Received, LogLine, Transition)
 
-# What processors make of the same sine differs by less.
+# Largest difference between the sines of two processors.
 _TOLERANCE = 1e-12
 
 
 def inconsistency(recording: Recording) -> tuple[str, str]:
-    """The first message that is not what its record makes of it: its topic, and what is wrong.
+    """Returns the first message that differs from its record: its topic, and the difference.
 
-    A proof looks at the records; most tools look at what was made of them, such as transforms,
-    trajectories and the text of a frame. What cannot be decoded disagrees, too.
+    A message that cannot be decoded differs, too.
 
     Returns:
-        Both empty where there is none.
+        Two empty strings if all messages agree.
     """
-    teller = _Teller(recording)
+    checker = _Checker(recording)
     for group in _groups(recording):
         try:
-            words = teller.difference(group)
+            words = checker.difference(group)
         except RecordingError as error:
             words = str(error)
         except (ArithmeticError, ValueError, struct.error) as error:
-            words = f"no message on {group[0].topic} can tell of that: {error}"
+            words = f"a message on {group[0].topic} cannot be converted again: {error}"
         if words:
             return group[0].topic, words
     return "", ""
 
 
 def _groups(recording: Recording) -> Iterator[list[Message]]:
-    """The messages of one record each, but for a last one that was cut."""
+    """Yields the messages of each record; not of a last record that was cut."""
     group: list[Message] = []
     before: tuple[type | None, int] = None, 0
     for message in _valid(recording):
@@ -83,10 +87,10 @@ def _valid(recording: Recording) -> Iterator[Message]:
 
 
 def _place(name: str) -> tuple[type, int] | None:
-    """Whose topic it is, and its row in the table; None for one that proves nothing."""
+    """Returns a topic's record type and row in the table; None if it is not checked."""
     if name.startswith(_PLAN):
         return Plan, _PLANS[name.count("/") > 2]
-    return None if name == _OPINION else _ROWS.get(name)
+    return None if name == _UNCHECKED else _ROWS.get(name)
 
 
 def _derived(name: str) -> bool:
@@ -94,8 +98,8 @@ def _derived(name: str) -> bool:
     return place is not None and TOPICS[place[1]].name in _DERIVED
 
 
-class _Teller:
-    """Tells the records of a recording again, as its journal did."""
+class _Checker:
+    """Converts the records of a recording again, in file order, as the journal did."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording, self._ros = recording, ros_types()
@@ -103,44 +107,41 @@ class _Teller:
         self._counts = Counter[str]()
 
     def difference(self, group: list[Message]) -> str:
-        """What is wrong with the messages of one record, or nothing."""
+        """Returns the first difference in the messages of one record; empty if there is none."""
         first = group[0]
         record = self._record(group)
-        if words := self._misdated(record, first.time_ns):
+        if words := self._time_difference(record, first.time_ns):
             return words
-        made = dict(self._made(record, first.time_ns)) if record else {}
-        told = [message.topic for message in group if message.time_ns == first.time_ns]
-        if told != list(made):
-            return f"{self._number(first)} is told on {told}, not on {list(made)}"
+        converted = dict(self._converted(record, first.time_ns)) if record else {}
+        topics = [message.topic for message in group if message.time_ns == first.time_ns]
+        if topics != list(converted):
+            return f"{self._number(first)} has messages on {topics}, not on {list(converted)}"
         for message in group:
-            if words := self._change(message, made[message.topic]):
+            expected = converted[message.topic]
+            same = message.cdr == self._ros.encode(expected)
+            if words := "" if same else _difference("", message.data, expected):
                 return f"{self._number(message)}: {words}"
             self._counts[message.topic] += 1
         return ""
 
-    def _change(self, message: Message, made: Any) -> str:
-        same = message.cdr == self._ros.encode(made)
-        return "" if same else _difference("", message.data, made)
-
-    def _misdated(self, record: Record | None, time_ns: int) -> str:
+    def _time_difference(self, record: Record | None, time_ns: int) -> str:
         if record is None or isinstance(record, _UNDATED):
             return ""
         if time_ns == self._recording.epoch_ns + round(record.time * 1e9):
             return ""
-        happened = (time_ns - self._recording.epoch_ns) / 1e9
-        return (
-            f"a {type(record).__name__} is recorded at {record.time} s in a message of {happened} s"
-        )
+        stamp = (time_ns - self._recording.epoch_ns) / 1e9
+        kind = type(record).__name__
+        return f"a {kind} is recorded at {record.time} s in a message of {stamp} s"
 
     def _number(self, message: Message) -> str:
         return f"message {self._counts[message.topic] + 1} on {message.topic}"
 
     def _record(self, group: list[Message]) -> Record | None:
-        """The record that messages tell of; None where the one that tells it in full is missing."""
-        told = [message for message in group if not _derived(message.topic)]
-        if told and told[0].topic == _URDF:
-            return self._description(told[0].data.data)
-        return self._recording.record(told) if told else None
+        """Returns the record of messages; None if only derived messages are there."""
+        messages = [message for message in group if not _derived(message.topic)]
+        if messages and messages[0].topic == _URDF:
+            return self._description(messages[0].data.data)
+        return self._recording.record(messages) if messages else None
 
     def _description(self, urdf: str) -> Description:
         files = self._recording.files.values()
@@ -149,8 +150,8 @@ class _Teller:
         self._kinematics = ForwardKinematics(urdf)
         return Description(0.0, urdf)
 
-    def _made(self, record: Record, time_ns: int) -> Iterator[tuple[str, Any]]:
-        """By topic; those that the writer of the file did not know are left out."""
+    def _converted(self, record: Record, time_ns: int) -> Iterator[tuple[str, Any]]:
+        """Yields topics and messages; skips topics that the writer of the file did not know."""
         for topic in topics_of(type(record)):
             name = topic.name_for(record)
             stamp = Stamp(time_ns, self._counts[name], self._kinematics)
@@ -159,21 +160,23 @@ class _Teller:
                 yield name, message
 
 
-def _difference(place: str, told: Any, made: Any) -> str:
-    """The first part of a message that is not what it was made as, with its place; or nothing."""
+def _difference(place: str, found: Any, expected: Any) -> str:
+    """Returns the first part of a message that differs, with its place; empty if none does."""
     parts: Iterable[tuple[str, Any, Any]]
-    if told is not None and is_dataclass(made):
-        names = [field.name for field in fields(made) if field.default is MISSING]
-        parts = ((f"{place}.{name}", getattr(told, name), getattr(made, name)) for name in names)
-    elif isinstance(made, list | np.ndarray):
-        pairs = zip_longest(_plain(told), _plain(made))
+    if found is not None and is_dataclass(expected):
+        names = [field.name for field in fields(expected) if field.default is MISSING]
+        parts = (
+            (f"{place}.{name}", getattr(found, name), getattr(expected, name)) for name in names
+        )
+    elif isinstance(expected, list | np.ndarray):
+        pairs = zip_longest(_plain(found), _plain(expected))
         parts = ((f"{place}[{number}]", *pair) for number, pair in enumerate(pairs))
-    elif isinstance(made, str) and made.startswith("{"):
-        facts, now = loads(told), loads(made)
-        parts = ((f"{place}.{name}", facts[name], now[name]) for name in facts.keys() & now.keys())
+    elif isinstance(expected, str) and expected.startswith("{"):
+        then, now = loads(found), loads(expected)
+        parts = ((f"{place}.{name}", then[name], now[name]) for name in then.keys() & now.keys())
     else:
-        same = told == made or (isinstance(made, float) and _close(told, made))
-        return "" if same else f"{place[1:]} is {told!r}, its record tells of {made!r}"
+        same = found == expected or (isinstance(expected, float) and _close(found, expected))
+        return "" if same else f"{place[1:]} is {found!r}, its record has {expected!r}"
     return next(filter(None, (_difference(*part) for part in parts)), "")
 
 

@@ -1,4 +1,4 @@
-"""Reading recordings, lazily: memory does not grow with the file."""
+"""Reads the messages of a recording lazily: memory does not grow with the file."""
 
 import json
 from collections.abc import Collection, Iterator
@@ -21,10 +21,10 @@ class Message:
     """One message of a recording.
 
     Attributes:
-        topic: Where it was recorded, such as `/serial/tx`.
-        time_ns: When, UTC since 1970 [ns].
+        topic: Its topic, such as `/serial/tx`.
+        time_ns: When it was recorded, UTC since 1970 [ns].
         type: Its ROS 2 type, such as `sensor_msgs/msg/JointState`.
-        cdr: Its bytes.
+        cdr: Its bytes in CDR encoding.
         path: The recording.
     """
 
@@ -36,7 +36,7 @@ class Message:
 
     @property
     def data(self) -> Any:
-        """The ROS 2 message, its fields as attributes; decoded anew every time.
+        """The ROS 2 message, with fields as attributes; decoded at each call.
 
         Raises:
             RecordingError: The bytes do not fit the type.
@@ -50,11 +50,11 @@ class Message:
             raise RecordingError(self.path, what) from cause
 
     def fields(self) -> dict[str, Any]:
-        """The fields of a JSON message, such as those on `/tree` and `/plan/arm`.
+        """Returns the fields of a JSON message, such as those on `/tree` and `/plan/arm`.
 
         Raises:
             TypeError: The topic does not carry JSON.
-            RecordingError: It does, but this is none.
+            RecordingError: The message is not a JSON object.
         """
         if self.type != _JSON:
             raise TypeError(f"{self.topic} carries {self.type}, not JSON: use .data")
@@ -62,26 +62,26 @@ class Message:
             fields = json.loads(self.data.data)
         except ValueError as cause:
             raise RecordingError(
-                self.path, f"what {self.topic} says is no JSON ({cause})"
+                self.path, f"a message on {self.topic} is not JSON ({cause})"
             ) from cause
         if not isinstance(fields, dict):
-            raise RecordingError(self.path, f"what {self.topic} says is no JSON object")
+            raise RecordingError(self.path, f"a message on {self.topic} is not a JSON object")
         return fields
 
 
 def read(path: Path | str, topics: Collection[str] | None = None) -> Iterator[Message]:
-    """Gives the messages of a recording in the order in which they were written.
+    """Yields the messages of a recording in file order.
 
-    A journal that was cut off, or is still being written, can be read too: everything valid is
-    given first, then `RecordingTruncated` is raised.
+    A file that was cut off or is still being written can be read, too: all valid messages come
+    first, then `RecordingTruncated` is raised.
 
     Args:
         path: The file.
-        topics: Only these topics are given, None for all.
+        topics: Topics to read; None for all.
 
     Raises:
-        RecordingError: There is no such file or it is no MCAP file (raised at once).
-        RecordingTruncated: After the last valid message, where the file is not complete.
+        RecordingError: The file does not exist, or is not an MCAP file; raised immediately.
+        RecordingTruncated: The file is not complete; raised after the last valid message.
     """
     return _messages(TolerantReader(Path(path)), topics)
 
@@ -95,10 +95,10 @@ def _messages(records: TolerantReader, topics: Collection[str] | None) -> Iterat
 
 
 def content(records: TolerantReader) -> Iterator["Message | Attachment | Metadata | Channel"]:
-    """Gives all but the schemas, in the order in which they were written."""
+    """Yields messages, attachments, metadata and channels, in file order."""
     from mcap import records as mcap
 
-    types = {0: ""}  # what has no schema
+    types = {0: ""}  # channels without a schema
     channels: dict[int, tuple[str, str]] = {}
     for record in records:
         match record:

@@ -238,7 +238,9 @@ def _is_setting(message: Message) -> bool:
 def _sent(messages: Sequence[Message]) -> Sent:
     topics, times = zip(*((message.topic, message.time_ns) for message in messages), strict=True)
     if topics not in (_SENT, _SENT[:2]) or len(set(times)) > 1:
-        what = f"a frame is not told by {', '.join(_SENT)} at once; another program wrote the file"
+        what = (
+            f"a frame has no message on each of {', '.join(_SENT)}; another program wrote the file"
+        )
         raise RecordingError(messages[0].path, what)
     frame, timing, *joints = messages
     facts, state = timing.fields(), joints[0].data if joints else None
@@ -267,10 +269,14 @@ def _checked(kind: type[Any], known: dict[str, Any], message: Message) -> Any:
     """Makes a record after checking its fields, because any program may have written the file."""
     needed = {field.name for field in fields(kind) if field.default is MISSING}
     if missing := sorted(needed - known.keys()):
-        what = f"what {message.topic} says lacks {', '.join(missing)}; another armtree recorded it"
+        what = (
+            f"a message on {message.topic} lacks {', '.join(missing)}; another armtree recorded it"
+        )
         raise RecordingError(message.path, what)
     if wrong := _invalid_field(kind, known):
-        what = f"what {message.topic} says of {wrong} makes no sense; another program recorded it"
+        what = (
+            f"the {wrong} of a message on {message.topic} is invalid; another program recorded it"
+        )
         raise RecordingError(message.path, what)
     return kind(**known)
 

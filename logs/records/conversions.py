@@ -1,4 +1,4 @@
-"""From a record to the message that goes into the file: one function per topic."""
+"""Conversions from a record to the message in the file: one function per topic."""
 
 import json
 from dataclasses import asdict
@@ -14,7 +14,7 @@ from .ros_types import RosTypes
 
 _NOTHING = np.zeros(0)
 _TX, _RX = 0, 1
-LATE = 0.02  # of a frame, that is worth a word [s]
+LATE = 0.02  # delay of a frame that is reported [s]
 _LOWEST_LEVEL, _HIGHEST_LEVEL = 10, 50
 
 _STATES = {
@@ -51,11 +51,11 @@ _CALLBACK_ERROR = 99
 
 
 class Stamp(NamedTuple):
-    """What a message takes beside its record.
+    """What a message needs beside its record.
 
     Attributes:
-        time_ns: Nanoseconds since 1970 [ns].
-        sequence: How many messages precede it in its channel.
+        time_ns: Time of the message, UTC since 1970 [ns].
+        sequence: Number of messages before it in its channel.
         kinematics: Forward kinematics of the robot, or None before its URDF is recorded.
     """
 
@@ -65,14 +65,14 @@ class Stamp(NamedTuple):
 
 
 class Timing(NamedTuple):
-    """What SerialFrame has no field for.
+    """Values of a sent frame that SerialFrame has no field for.
 
     Attributes:
-        seq: The same as in the message on `/serial/tx` that holds the bytes.
-        time: When they were written [s].
-        scheduled: When they were to be written [s]; null for what has no schedule.
-        hold: Whether it is the stop's repetition of the frame before.
-        setting: Whether it is a setting of the board, which commands no joint.
+        seq: Sequence number of the message on `/serial/tx` that holds the bytes.
+        time: When the frame was written [s].
+        scheduled: When it was due [s]; null for a frame without a schedule.
+        hold: True if a stop repeated the frame before.
+        setting: True if it is a setting of the board, which commands no joint.
     """
 
     seq: int
@@ -83,23 +83,23 @@ class Timing(NamedTuple):
 
 
 def sent_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """The bytes written, as SerialFrame."""
+    """Returns the bytes written, as SerialFrame."""
     return _serial_frame(sent.data, _TX, stamp, ros)
 
 
 def received_bytes(received: Received, stamp: Stamp, ros: RosTypes) -> Any:
-    """The bytes read, as SerialFrame."""
+    """Returns the bytes read, as SerialFrame."""
     return _serial_frame(received.data, _RX, stamp, ros)
 
 
 def sent_timing(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """When it was due, whether it is a hold, or a setting, as JSON, as String."""
+    """Returns when a frame was due, and if it is a hold or a setting, as JSON in a String."""
     timing = Timing(stamp.sequence, sent.time, sent.scheduled, sent.hold, not sent.joints)
     return _string(timing._asdict(), ros)
 
 
 def joint_state(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """The commanded positions [rad], as JointState; None where a setting of the board was sent."""
+    """Returns the commanded positions [rad] as JointState; None for a setting of the board."""
     if not sent.joints:
         return None
     return ros.make(
@@ -113,12 +113,12 @@ def joint_state(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def urdf(description: Description, stamp: Stamp, ros: RosTypes) -> Any:
-    """The robot's URDF, as String."""
+    """Returns the robot's URDF, as String."""
     return ros.make("std_msgs/msg/String", data=description.urdf)
 
 
 def transforms(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """Where the commanded positions put every link, as TFMessage; None where either is unknown."""
+    """Returns the pose of every link as TFMessage; None for a setting, or without a URDF."""
     if stamp.kinematics is None or not sent.joints:
         return None
     links = stamp.kinematics.transforms(dict(zip(sent.joints, sent.positions, strict=True)))
@@ -128,7 +128,7 @@ def transforms(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def late_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """A frame that left late, as DiagnosticArray; None for all others."""
+    """Returns a frame that was sent late as DiagnosticArray; None for all others."""
     late = sent.time - sent.scheduled if sent.scheduled is not None else 0.0
     if late <= LATE:
         return None
@@ -146,12 +146,12 @@ def late_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def every_field(record: Record, stamp: Stamp, ros: RosTypes) -> Any:
-    """The whole record as JSON, as String."""
+    """Returns all fields of a record, as JSON in a String."""
     return _string(asdict(record), ros)
 
 
 def trajectory(plan: Plan, stamp: Stamp, ros: RosTypes) -> Any:
-    """The sampled motion as JointTrajectory; None where no motion was found."""
+    """Returns the sampled motion as JointTrajectory; None if no motion was found."""
     if not plan.times:
         return None
     return ros.make(
@@ -163,17 +163,17 @@ def trajectory(plan: Plan, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def percentage(feedback: Feedback, stamp: Stamp, ros: RosTypes) -> Any:
-    """The action's own part of the feedback, as TaskFeedback."""
+    """Returns the feedback of the ROS 2 action, as TaskFeedback."""
     goal_id = np.frombuffer(UUID(feedback.goal_id).bytes, np.uint8)
     return ros.make(
         "arduinobot_msgs/msg/TaskFeedback",
         goal_id=ros.make("unique_identifier_msgs/msg/UUID", uuid=goal_id),
-        percentage=feedback.percentage or 0,  # it knows no other way to say unknown
+        percentage=feedback.percentage or 0,  # it has no value for unknown
     )
 
 
 def transition_event(change: Transition, stamp: Stamp, ros: RosTypes) -> Any:
-    """A lifecycle change with ROS 2's own numbers, as TransitionEvent; 0 where nothing changed."""
+    """Returns a transition with ROS 2's numbers as TransitionEvent; number 0 if nothing changed."""
     return ros.make(
         "lifecycle_msgs/msg/TransitionEvent",
         timestamp=stamp.time_ns,
@@ -186,7 +186,7 @@ def transition_event(change: Transition, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def log_message(line: LogLine, stamp: Stamp, ros: RosTypes) -> Any:
-    """A log line, as Log; its level is rounded down to one that ROS 2 has."""
+    """Returns a log line as Log; its level is rounded down to one of ROS 2."""
     level = min(max(line.level // 10 * 10, _LOWEST_LEVEL), _HIGHEST_LEVEL)
     return ros.make(
         "rcl_interfaces/msg/Log",
@@ -215,7 +215,7 @@ def _string(facts: dict[str, Any], ros: RosTypes) -> Any:
 
 
 def _text(value: str) -> str:
-    """A string that every ROS reader takes: no lone surrogates, no NUL."""
+    """Returns text that every ROS reader accepts: no lone surrogates, no NUL."""
     clean = value.encode("utf-8", "backslashreplace").decode("utf-8")
     return clean.replace("\0", "\\x00")
 
@@ -267,4 +267,4 @@ def _transition_id(change: Transition) -> int:
         return _REQUESTS[change.start, change.label]
     if change.label in _OUTCOMES and change.start in _OUTCOME_BASES:
         return _OUTCOME_BASES[change.start] + _OUTCOMES[change.label]
-    return _CALLBACK_ERROR  # raise_error, the one edge that is ours and has no number in ROS 2
+    return _CALLBACK_ERROR  # raise_error, our own transition, has no number in ROS 2

@@ -1,8 +1,7 @@
-"""What a run leaves behind: one plain value per thing that happened.
+"""What is recorded of a run: one plain value per event.
 
-`time` is always [s] on the monotonic clock that the program was given; joint positions are
-*commanded* [rad], for the arm reports none. What becomes of each on disk is the table in
-`topics.py`.
+`time` is always on the program's monotonic clock [s]. Joint positions are *commanded* [rad]; the
+arm cannot measure them. The table in `topics.py` says how each record is written to the file.
 """
 
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ _AT_ONCE = 0.1  # a goal that starts within this time did not wait [s]
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """The robot's URDF, at `time` [s]; the links are placed by the last one recorded."""
+    """The robot's URDF, at `time` [s]; transforms are computed from the last one recorded."""
 
     time: float
     urdf: str
@@ -27,10 +26,10 @@ class Sent:
     Attributes:
         time: When it was written [s].
         data: The bytes.
-        scheduled: When it was to be written [s], None for a frame without a schedule.
-        hold: Whether it is the stop's repetition of the frame before.
+        scheduled: When it was due [s]; None for a frame without a schedule.
+        hold: True if a stop repeated the frame before.
         joints: Names of the commanded joints, (J,).
-        positions: What the frame commands [rad], (J,).
+        positions: Commanded positions [rad], (J,).
     """
 
     time: float
@@ -42,13 +41,13 @@ class Sent:
 
     @property
     def text(self) -> str:
-        """The bytes, to be read."""
+        """The bytes as text."""
         return self.data.decode("ascii", "backslashreplace")
 
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """Bytes that came from the board, at `time` [s]."""
+    """Bytes that the board sent, at `time` [s]."""
 
     time: float
     data: bytes
@@ -56,13 +55,14 @@ class Received:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """A change of the hardware's lifecycle at `time` [s], or the state in which a recording begins.
+    """A transition of the hardware's lifecycle, or the state in which a recording begins.
 
     Attributes:
-        label: The transition, such as `activate` or `transition_success`; empty where it is none,
+        time: When it happened [s].
+        label: The transition, such as `activate` or `transition_success`. Empty if nothing changed;
             then both states are the one in which the recording begins.
-        start: The state left.
-        goal: The state reached.
+        start: The state before.
+        goal: The state after.
     """
 
     time: float
@@ -73,14 +73,14 @@ class Transition:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A goal was accepted.
+    """An accepted goal.
 
     Attributes:
-        time: When its turn came; in what a server records between runs, when it was accepted [s].
+        time: When it started to execute; in a server's own recording, when it was accepted [s].
         goal_id: UUID, 32 hexadecimal digits.
-        task: Number of the task asked for.
-        name: Its name, empty where there is no such task.
-        seed: Seed of the planners; 0 where a recording of its own tells of the goal.
+        task: Number of the requested task.
+        name: Name of the task; empty if there is no such task.
+        seed: Seed of the planners; 0 if the goal has a recording of its own.
     """
 
     time: float
@@ -91,21 +91,21 @@ class Goal:
 
     @property
     def elsewhere(self) -> bool:
-        """Whether a recording of its own tells of it, and this one only that there was a goal."""
+        """True if the goal has a recording of its own, and this one only mentions it."""
         return not self.seed
 
 
 @dataclass(frozen=True, slots=True)
 class Feedback:
-    """How far a goal is.
+    """Progress of a goal.
 
     Attributes:
-        time: When that was so [s].
+        time: Time of this progress [s].
         goal_id: UUID, 32 hexadecimal digits.
-        percentage: Frames that arrived over frames scheduled [%]; None while none are.
-        phase: What is going on, such as `planning`.
-        node: Name of the tree's node at work.
-        attempt: Which one it is, from 1; the percentage only grows within one.
+        percentage: Share of the frames that are done [%]; None before any is scheduled.
+        phase: Phase of the run, such as `planning`.
+        node: Name of the tree's running node.
+        attempt: Number of the attempt, from 1; the percentage only grows within one attempt.
     """
 
     time: float
@@ -117,28 +117,28 @@ class Feedback:
 
     @property
     def paused(self) -> bool:
-        """Whether the goal stands still."""
+        """True if the goal is paused."""
         return self.phase == "paused"
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """How a goal ended.
+    """The end of a goal.
 
     Attributes:
         time: When it ended [s].
         goal_id: UUID, 32 hexadecimal digits.
         task: Number of the task.
         state: `SUCCEEDED`, `ABORTED` or `CANCELED`.
-        success: Whether the task was done.
-        code: Stable name of the cause.
+        success: True if the task succeeded.
+        code: Stable code of the cause.
         message: The cause in words.
-        frames: How many frames left.
-        duration: From the acceptance of the goal to its end, the wait for its turn included [s].
-        node: Path of the node that the cause came from; empty where there is none.
-        joint: Which the cause concerns; empty where none is known.
-        value: What was wrong: a position [rad], a distance [m], or a time [s].
-        limit: What it is held against, in the same unit.
+        frames: Number of frames sent.
+        duration: From the acceptance of the goal to its end, including the time in the queue [s].
+        node: Path of the node that caused the end; empty if there is none.
+        joint: Joint that the cause concerns; empty if unknown.
+        value: The wrong value: a position [rad], a distance [m], or a time [s].
+        limit: The limit of that value, in the same unit.
         hint: What to do next.
     """
 
@@ -168,11 +168,11 @@ class NodeStatus:
     """A node of the tree changed its status.
 
     Attributes:
-        time: When it was ticked for that [s].
-        path: The node's place in the tree.
-        name: The node's name.
+        time: Time of the tick [s].
+        path: Path of the node in the tree.
+        name: Name of the node.
         status: `RUNNING`, `SUCCESS`, `FAILURE` or `INVALID`.
-        message: The node's feedback.
+        message: Feedback message of the node.
     """
 
     time: float
@@ -184,31 +184,32 @@ class NodeStatus:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a planner made of a start and a goal; N samples, W waypoints, J joints.
+    """A planner's query and its answer; N samples, W waypoints, V via points, J joints.
 
     Attributes:
         time: When the planner answered [s].
-        group: The joints' group, such as `arm`.
+        group: Group of joints, such as `arm`.
         joints: Their names, (J,).
-        start: Where every actuated joint of the robot stood [rad], by name: those of other groups
-            stand still meanwhile.
-        goal: Where it is to end [rad], (J,).
-        via: Points to pass on the way [rad], (V, J).
-        world: The bodies around the arm and in its hand. Each has a `name`; a `box` with its
-            `size`, a `sphere` with its `radius`, a `cylinder` with that and its `length`, or a
+        start: Start position of every actuated joint of the robot [rad], by name. Joints of other
+            groups do not move.
+        goal: Goal positions [rad], (J,).
+        via: Points to pass through [rad], (V, J).
+        world: The bodies around the arm and in its gripper. Each has a `name`; a `box` with its
+            `size`, a `sphere` with its `radius`, a `cylinder` with its `radius` and `length`, or a
             `mesh` with its `path` and `scale`; a `position` of its centre and a `rotation`
-            (x, y, z, w) in the frame of its `link`, empty for the root; what it `touches` [m].
+            (x, y, z, w) in the frame of its `link`, empty for the root; and the names of links and
+            bodies that it `touches` [m].
         seed: Seed of the planner.
-        velocity_limits: No joint goes faster [rad/s], (J,).
-        acceleration_limits: Nor speeds up faster [rad/s²], (J,).
+        velocity_limits: Velocity limits [rad/s], (J,).
+        acceleration_limits: Acceleration limits [rad/s²], (J,).
         waypoints: The path [rad], (W, J).
-        times: When each sample is due, from the start of the motion [s], (N,).
+        times: Time of each sample, from the start of the motion [s], (N,).
         positions: The sampled motion [rad], (N, J).
-        duration: Length of the motion [s].
-        milliseconds: What each rung of the planning ladder took [ms].
-        code: Stable name of the cause of a failure, empty where a motion was found.
-        message: That cause in words.
-        spare: Distance kept between the ends, beyond the robot's margin [m].
+        duration: Duration of the motion [s].
+        milliseconds: Time that each step of planning took [ms].
+        code: Stable code of a failure; empty if a motion was found.
+        message: The failure in words.
+        spare: Distance kept between the ends of the path, beyond the robot's margin [m].
     """
 
     time: float
@@ -233,25 +234,26 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """The frames that a motion became; N frames, K samples, J joints.
+    """The frames that a motion was compiled to; N frames, K samples, J joints.
 
-    The samples are all that the frames were made of, so the frames can be made again from them.
+    The frames are computed from the samples alone, so they can be compiled again from a recording.
 
     Attributes:
-        time: When they were compiled [s].
-        rate_hz: Grid the motion was sampled on [Hz].
-        firmware: The profile the frames were spaced for.
+        time: When it was compiled [s].
+        rate_hz: Rate at which the motion was sampled [Hz].
+        firmware: Firmware profile that set the pace of the frames.
         times: When each frame is due, from the start of the motion [s], (N,).
         frames: The frames as text, (N,).
-        delays_s: How much later each is than planned, for the board's sake [s], (N,).
-        slowed_s: By how much the board's pace stretched the motion [s].
-        start: Where every actuated joint stood [rad], by name.
-        duration: Of the motion as planned [s].
-        groups: Whose plans were merged, in this order; empty for frames that were not planned.
-        together: Whether those groups move at once.
-        sample_times: When the motion was looked at, from its start [s], (K,).
-        samples: Where all actuated joints were then [rad], (K, J).
-        resumed: Where the motion before it was taken up again [s]; None for one from its beginning.
+        delays_s: Delay of each frame for the board's pace [s], (N,).
+        slowed_s: How much longer the motion takes for the board's pace [s].
+        start: Start position of every actuated joint [rad], by name.
+        duration: Duration of the planned motion [s].
+        groups: Groups of the merged plans, in order; empty for frames that were not planned.
+        together: True if those groups move at the same time.
+        sample_times: Time of each sample, from the start of the motion [s], (K,).
+        samples: Positions of all actuated joints [rad], (K, J).
+        resumed: Time within the interrupted motion at which this one continues it [s]; None for a
+            motion from its beginning.
     """
 
     time: float
@@ -272,7 +274,7 @@ class Schedule:
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """A line of the program's log at `time` [s], `level` as in `logging`."""
+    """A line of the program's log at `time` [s]; `level` as in `logging`."""
 
     time: float
     level: int
@@ -282,7 +284,7 @@ class LogLine:
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """A named file, such as the task's YAML; dated as the record before it."""
+    """A named file, such as the task's YAML; it gets the time of the record before it."""
 
     name: str
     media_type: str
@@ -291,7 +293,7 @@ class Attachment:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Named facts, such as the versions of libraries."""
+    """Named values, such as the versions of libraries."""
 
     name: str
     facts: Mapping[str, str]

@@ -1,4 +1,4 @@
-"""Which record becomes which message on which topic: the one table of the file's content."""
+"""The table of topics: which record becomes which message, and on which topic."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -32,13 +32,13 @@ class Topic:
     """One row of the table.
 
     Attributes:
-        record: What is recorded.
-        name: The topic; may name a field of the record, such as `/plan/{record.group}`.
+        record: Type of the record.
+        name: The topic; may contain a field of the record, such as `/plan/{record.group}`.
         type: The ROS 2 message type.
-        convert: Makes the message of a record, or None where there is none to make.
-        what: What a reader finds there.
-        why: What it is there for.
-        latched: Whether whoever joins later gets the last message too (transient local).
+        convert: Function that makes the message from a record; returns None for no message.
+        what: What a message holds.
+        why: What it is for.
+        latched: True if late subscribers get the last message (transient local).
     """
 
     record: type
@@ -51,16 +51,16 @@ class Topic:
 
     @property
     def when(self) -> str:
-        """When there is a message."""
+        """When a message is written."""
         return WHEN[self.record]
 
     @property
     def fixed(self) -> bool:
-        """Whether the name is the same for every record."""
+        """True if all records of the type go to one topic."""
         return "{" not in self.name
 
     def name_for(self, record: Record) -> str:
-        """The topic's name for one record."""
+        """Returns the topic's name for one record."""
         return self.name if self.fixed else self.name.format(record=record)
 
 
@@ -69,11 +69,11 @@ WHEN: dict[type, str] = {
     Received: "bytes come from the board",
     Goal: "a goal is accepted",
     Result: "a goal has ended",
-    Feedback: "a goal gets on",
+    Feedback: "a goal makes progress",
     NodeStatus: "a node changes its status",
     Plan: "a planner answers",
     Schedule: "a motion is compiled",
-    Transition: "the file begins, and the hardware changes its state",
+    Transition: "the file begins; the hardware changes its state",
     LogLine: "a line is logged",
     Description: "the file begins",
 }
@@ -85,15 +85,15 @@ TOPICS = (
         _FRAME,
         as_.sent_frame,
         "bytes written to the port",
-        "to send them again, and to prove that they follow from the plan",
+        "to send them again, and to verify that they follow from the plan",
     ),
     Topic(
         Sent,
         "/serial/timing",
         _JSON,
         as_.sent_timing,
-        "when each was due; holds, settings",
-        "to tell how late each left",
+        "when each frame was due; holds and settings",
+        "to compute how late each frame was sent",
     ),
     Topic(
         Sent,
@@ -109,15 +109,15 @@ TOPICS = (
         _FRAME,
         as_.received_bytes,
         "bytes read from the port",
-        "to know what the board said",
+        "to see the board's answers",
     ),
     Topic(
         Goal,
         "/goal",
         _JSON,
         as_.every_field,
-        "the goal accepted",
-        "to know what was asked for, and with which seed",
+        "the accepted goal",
+        "to know the request and its seed",
         latched=True,
     ),
     Topic(
@@ -125,8 +125,8 @@ TOPICS = (
         "/result",
         _JSON,
         as_.every_field,
-        "how it ended",
-        "to know the cause, and what to do next",
+        "the end of the goal",
+        "to know its cause and what to do next",
         latched=True,
     ),
     Topic(
@@ -158,8 +158,8 @@ TOPICS = (
         "/plan/{record.group}",
         _JSON,
         as_.every_field,
-        "a plan or why there is none, with all it takes to plan it again",
-        "to prove that the goal gives this plan",
+        "a plan or its failure, with the complete query",
+        "to verify that the goal gives this plan",
         latched=True,
     ),
     Topic(
@@ -168,7 +168,7 @@ TOPICS = (
         "trajectory_msgs/msg/JointTrajectory",
         as_.trajectory,
         "the planned motion [rad], sampled",
-        "to hold the planned motion against the commanded one",
+        "to compare the planned motion with the commanded one",
         latched=True,
     ),
     Topic(
@@ -177,7 +177,7 @@ TOPICS = (
         _JSON,
         as_.every_field,
         "the frames that a motion became",
-        "to prove that the plan gives these frames",
+        "to verify that the plan gives these frames",
         latched=True,
     ),
     Topic(
@@ -194,7 +194,7 @@ TOPICS = (
         "rcl_interfaces/msg/Log",
         as_.log_message,
         "the program's log",
-        "to read what people were told",
+        "to read the log beside the run",
     ),
     Topic(
         Description,
@@ -210,7 +210,7 @@ TOPICS = (
         "/tf",
         "tf2_msgs/msg/TFMessage",
         as_.transforms,
-        "where the commanded positions put every link",
+        "the pose of every link at the commanded positions",
         "to see the arm in space without another program",
     ),
     Topic(
@@ -218,28 +218,29 @@ TOPICS = (
         "/diagnostics",
         "diagnostic_msgs/msg/DiagnosticArray",
         as_.late_frame,
-        "frames that left more than 20 ms late",
-        "to find what a busy machine has done",
+        "frames sent more than 20 ms late",
+        "to find the delays of a busy machine",
     ),
 )
 
 
 def topics_of(record_type: type) -> tuple[Topic, ...]:
-    """The rows for one record type, in the order of the table."""
+    """Returns the rows for one record type, in the order of the table."""
     return tuple(topic for topic in TOPICS if topic.record is record_type)
 
 
 def offered_qos(topic: Topic) -> str:
-    """The quality of service that a player of the file offers, as rosbag2's YAML text.
+    """Returns the quality of service that a player of the file offers, as rosbag2's YAML text.
 
-    Keep-last and reliable; transient local with depth 1 where latched, else volatile with 10.
+    Keep-last and reliable; latched topics are transient local with depth 1, others volatile
+    with depth 10.
     """
     return _QOS.format(depth=1 if topic.latched else 10, durability=1 if topic.latched else 2)
 
 
-# rosbag2 takes quality of service in numbers, which all of its releases can read, only from a bag
-# that says it is of version 8 or before; a file without this note counts as of the newest one.
-# All but the version it then reads from the file itself.
+# All releases of rosbag2 read quality of service as numbers, but only if the bag claims version 8
+# or older. Without this note a file counts as the newest version. rosbag2 uses only the version
+# here; it reads everything else from the file itself.
 ROSBAG2 = {
     "serialized_metadata": """\
 version: 8

@@ -1,4 +1,4 @@
-"""Two runs side by side."""
+"""Compares two runs: their frames and joints."""
 
 from bisect import bisect_right
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from logs.records.records import Sent
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a run commanded; times are since its first frame [s].
+    """The commands of a run; times are since its first frame [s].
 
     Attributes:
         path: The recording.
-        joints: Names, (J,).
-        times: (N,).
-        positions: [rad], (N, J).
-        frames: As text, holds included, (N,).
+        joints: Names of the joints, (J,).
+        times: Time of each frame, (N,).
+        positions: Commanded positions [rad], (N, J).
+        frames: Frames as text, including holds, (N,).
     """
 
     path: Path
@@ -28,7 +28,7 @@ class Run:
     frames: tuple[str, ...]
 
     def at(self, joint: str, time: float) -> float:
-        """Where a joint was at a time [rad], on a straight line from frame to frame."""
+        """Returns a joint's position at a time [rad], interpolated linearly between frames."""
         column, place = self.joints.index(joint), bisect_right(self.times, time)
         if place in (0, len(self.times)):
             return self.positions[max(0, place - 1)][column]
@@ -40,12 +40,12 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """How two runs differ.
+    """The differences of two runs.
 
     Attributes:
-        runs: Both.
-        first: The first frame that differs, as words; empty where all are the same.
-        joints: By joint, the largest distance while both moved [rad] and when [s].
+        runs: Both runs.
+        first: First frame that differs, in words; empty if all are equal.
+        joints: By joint, the largest distance while both moved [rad], and its time [s].
     """
 
     runs: tuple[Run, Run]
@@ -54,7 +54,7 @@ class Comparison:
 
 
 def compare(one: Path, other: Path) -> Comparison:
-    """Lays two runs over each other, from the first frame of each.
+    """Compares two runs, aligned at the first frame of each.
 
     Raises:
         RecordingError: One of them cannot be read.
@@ -72,10 +72,10 @@ def compare(one: Path, other: Path) -> Comparison:
 
 
 def run_of(path: Path) -> Run:
-    """Reads what a run commanded.
+    """Reads the commands of a run.
 
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: The recording cannot be read.
     """
     sent = [
         record

@@ -1,4 +1,4 @@
-"""Drawing two runs over each other."""
+"""Draws the joints of two runs into one figure."""
 
 from math import degrees
 from pathlib import Path
@@ -8,11 +8,15 @@ from matplotlib.figure import Figure
 from .comparison import Comparison
 from .figure_file import save, widen
 
-_LOOKS = (("#0072B2", "-", 2.2), ("#D55E00", "--", 1.1))
+_STYLES = (("#0072B2", "-", 2.2), ("#D55E00", "--", 1.1))
 
 
 def draw_comparison(both: Comparison, output: Path) -> None:
-    """Draws every joint of two runs to a file, as its suffix says.
+    """Draws every joint of two runs to a file.
+
+    Args:
+        both: The comparison of the runs.
+        output: The file; its suffix gives the format.
 
     Raises:
         OSError: The file cannot be written.
@@ -22,7 +26,7 @@ def draw_comparison(both: Comparison, output: Path) -> None:
     figure = Figure(figsize=(7.16, 0.8 + 1.3 * rows), dpi=300, layout="constrained")
     panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     for joint, panel in zip(joints, panels, strict=False):
-        for run, (colour, line, width) in zip(both.runs, _LOOKS, strict=True):
+        for run, (colour, line, width) in zip(both.runs, _STYLES, strict=True):
             column = run.joints.index(joint)
             angles = [degrees(row[column]) for row in run.positions]
             panel.step(

@@ -1,4 +1,4 @@
-"""A drawing as a file."""
+"""Writes figures to files."""
 
 from io import BytesIO
 from pathlib import Path
@@ -10,32 +10,32 @@ from matplotlib.figure import Figure
 from logs.errors import RecordingError
 from logs.records.file_format import MAGIC
 
-_FEWEST_DEGREES = 10.0
+_LEAST_RANGE = 10.0  # [deg]
 
 
 def save(figure: Figure, output: Path) -> None:
-    """Writes a drawing at once: into a pipe too, which cannot be sought in.
+    """Writes a figure to a file, or to a pipe.
 
     Args:
-        figure: The drawing.
-        output: Where to; its suffix says what it is written as, without one PNG.
+        figure: The figure.
+        output: The file; its suffix gives the format, default PNG.
 
     Raises:
-        RecordingError: A recording is there, which no drawing replaces.
-        OSError: It cannot be written.
+        RecordingError: The file is a recording; it is not overwritten.
+        OSError: The file cannot be written.
     """
     if output.is_file():
         with output.open("rb") as there:
             if there.read(len(MAGIC)) == MAGIC:
                 raise RecordingError(output, "is a recording; name another file for the drawing")
     FigureCanvasAgg(figure)
-    picture = BytesIO()
-    figure.savefig(picture, format=output.suffix.lower()[1:] or "png")
-    output.write_bytes(picture.getvalue())
+    image = BytesIO()  # savefig seeks, which a pipe cannot
+    figure.savefig(image, format=output.suffix.lower()[1:] or "png")
+    output.write_bytes(image.getvalue())
 
 
 def widen(panel: Axes) -> None:
-    """Gives joints at rest some room around them, for they are no noise, blown up."""
+    """Widens the y axis to at least 10 degrees, so small noise does not fill the panel."""
     low, high = panel.get_ylim()
-    room = max(0.0, _FEWEST_DEGREES - (high - low)) / 2
+    room = max(0.0, _LEAST_RANGE - (high - low)) / 2
     panel.set_ylim(low - room, high + room)

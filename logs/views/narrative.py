@@ -1,4 +1,4 @@
-"""A recording told: in figures, and as a story."""
+"""A recording in words: an overview, and a narrative line by line."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,22 +26,22 @@ from logs.records.records import (
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """What a recording amounts to.
+    """A summary of a recording.
 
     Attributes:
         path: The file.
         bytes: Its size [bytes].
-        messages: How many messages it holds.
-        complete: Whether it has its end and no damage.
-        written: Whether it is still being written.
-        goal: None where none was recorded, or each in a recording of its own.
-        result: Likewise.
-        frames: How many frames left, holds included.
-        holds: How many of them were holds.
-        late: How many frames left how late, to the hundredth [ms].
-        planning: What planning each group took, last plan [ms].
-        notes: Named facts, such as the versions of libraries.
-        files: Names of what is attached.
+        messages: Number of messages.
+        complete: True if it has its end and no damage.
+        written: True if it is being written.
+        goal: The goal; None if there is none, or if each has a recording of its own.
+        result: The result of that goal, or None.
+        frames: Number of frames sent, including holds.
+        holds: Number of holds.
+        late: Number of frames by lateness, in steps of 0.01 ms [ms].
+        planning: Planning time of the last plan, by group [ms].
+        notes: Notes by name, such as `versions`.
+        files: Names of the attachments.
     """
 
     path: Path
@@ -60,24 +60,24 @@ class Overview:
 
     @property
     def waited(self) -> float:
-        """How long the goal waited for its turn [s]; 0 where it did not, or has no end."""
+        """How long the goal waited in the queue [s]; 0 if it did not, or has no result."""
         if self.goal is None or self.result is None:
             return 0.0
         return self.result.queued(self.goal)
 
     @property
     def outcome(self) -> str:
-        """The goal's last state, or that the end of the run is missing; `-` without a goal."""
+        """The goal's last state, `NO END` if it has no result, or `-` without a goal."""
         if self.result:
             return self.result.state
         return "NO END" if self.goal else "-"
 
 
 def overview(path: Path) -> Overview:
-    """Sums a recording up.
+    """Summarises a recording.
 
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: The recording cannot be read.
     """
     recording = Recording(path)
     goal: Goal | None = None
@@ -115,18 +115,18 @@ def overview(path: Path) -> Overview:
 
 
 def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
-    """What happened, line by line, with the time since the goal [s].
+    """Yields what happened, line by line, each with the time since the goal [s].
 
     Args:
         path: The recording.
-        everything: Whether every frame, received byte and step of progress is told too.
+        everything: True to include every frame, received byte and progress report.
 
     Raises:
-        RecordingError: It cannot be read.
+        RecordingError: The recording cannot be read.
     """
     recording = Recording(path)
     first = next(recording.records(Goal), None) or next(recording.records(), None)
-    frames, begun, paused = 0, set(), False
+    frames, started, paused = 0, set(), False
     for record in recording.records():
         assert first
         time = record.time - first.time
@@ -138,17 +138,17 @@ def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
         if isinstance(record, Feedback) and record.paused != paused:
             paused = record.paused
             yield time, "paused" if paused else "resumed"
-        if isinstance(record, NodeStatus) and record.path not in begun:
-            if record.status == "INVALID":  # as every node is before it begins
+        if isinstance(record, NodeStatus) and record.path not in started:
+            if record.status == "INVALID":  # the state of every node before it starts
                 continue
-            begun.add(record.path)
+            started.add(record.path)
         held = isinstance(record, Sent) and record.hold
         if everything or held or not isinstance(record, Sent | Received | Feedback):
-            yield time, in_words(record)
+            yield time, line(record)
 
 
-def in_words(record: RunRecord) -> str:  # noqa: C901, a table of words
-    """One record as a line."""
+def line(record: RunRecord) -> str:  # noqa: C901, a table of words
+    """Returns one record as a line."""
     match record:
         case Goal() if record.elsewhere:
             return f"goal: task {record.task}"
@@ -186,10 +186,10 @@ def in_words(record: RunRecord) -> str:  # noqa: C901, a table of words
             return f"log: {record.logger}: {record.message}"
 
 
-def bodies_in_words(world: Sequence[Mapping[str, Any]]) -> str:
-    """The bodies around the arm, and what holds them."""
+def bodies_text(world: Sequence[Mapping[str, Any]]) -> str:
+    """Returns the names of bodies, each with the link that it is attached to."""
     return ", ".join(f"{b['name']} on {b['link']}" if b["link"] else b["name"] for b in world)
 
 
 def _around(plan: Plan) -> str:
-    return f"; around it: {bodies_in_words(plan.world)}" if plan.world else ""
+    return f"; around it: {bodies_text(plan.world)}" if plan.world else ""

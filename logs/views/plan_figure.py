@@ -1,4 +1,4 @@
-"""A plan on paper: its joints, speeds and accelerations, and the arm's sweep from two sides."""
+"""Draws a plan: path, positions, speeds, accelerations, and the motion from two sides."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,19 +17,22 @@ _LIMIT = "#999999"
 
 @dataclass(frozen=True)
 class PlanDrawing:
-    """What is drawn of a plan; N samples, J joints.
+    """The parts of a plan that are drawn; N samples, W waypoints, J joints.
+
+    Positions are in the units of the joints, speeds and accelerations per second and per second
+    squared.
 
     Attributes:
-        title: Above it.
-        joints: Their names (J,).
-        units: Of their positions: rad or m (J,).
-        times: Of the samples (N,) [s].
-        positions: (N, J).
-        speeds: Per second (N, J).
-        accelerations: Per second squared (N, J).
-        waypoints: Of the polyline (W, J).
-        speed_limits: (J,).
-        acceleration_limits: (J,).
+        title: Title of the figure.
+        joints: Names of the joints, (J,).
+        units: Unit of each joint, rad or m, (J,).
+        times: Time of each sample [s], (N,).
+        positions: Positions, (N, J).
+        speeds: Speeds, (N, J).
+        accelerations: Accelerations, (N, J).
+        waypoints: Waypoints of the path, (W, J).
+        speed_limits: Limits of the speeds, (J,).
+        acceleration_limits: Limits of the accelerations, (J,).
         motion: The motion in space.
     """
 
@@ -46,30 +49,32 @@ class PlanDrawing:
     motion: MotionDrawing
 
 
-def draw_plan(picture: PlanDrawing, output: Path) -> None:
-    """Draws a plan to a file, as its suffix says.
+def draw_plan(plan: PlanDrawing, output: Path) -> None:
+    """Draws a plan to a file.
+
+    Args:
+        plan: The plan.
+        output: The file; its suffix gives the format.
 
     Raises:
         OSError: The file cannot be written.
     """
     figure = Figure(figsize=(7.16, 8.2), dpi=200, layout="constrained")
     axes = figure.subplots(3, 2, height_ratios=(1.0, 1.0, 1.5))
-    _path(axes[0, 0], picture)
-    _over_time(axes[0, 1], picture, picture.positions, f"position {_unit(picture)}", ())
-    _over_time(
-        axes[1, 0], picture, picture.speeds, f"speed {_unit(picture, '/s')}", picture.speed_limits
-    )
+    _path(axes[0, 0], plan)
+    _over_time(axes[0, 1], plan, plan.positions, f"position {_unit(plan)}", ())
+    _over_time(axes[1, 0], plan, plan.speeds, f"speed {_unit(plan, '/s')}", plan.speed_limits)
     _over_time(
         axes[1, 1],
-        picture,
-        picture.accelerations,
-        f"acceleration {_unit(picture, '/s²')}",
-        picture.acceleration_limits,
+        plan,
+        plan.accelerations,
+        f"acceleration {_unit(plan, '/s²')}",
+        plan.acceleration_limits,
     )
-    draw_motion(axes[2], picture.motion)
+    draw_motion(axes[2], plan.motion)
     figure.legend(
         *axes[0, 1].get_legend_handles_labels(),
-        title=picture.title,
+        title=plan.title,
         title_fontsize=9,
         fontsize=7,
         ncols=5,
@@ -79,32 +84,32 @@ def draw_plan(picture: PlanDrawing, output: Path) -> None:
     save(figure, output)
 
 
-def _path(axes: Axes, picture: PlanDrawing) -> None:
-    """The path in joint space: the second joint and those after it over the first."""
-    if len(picture.joints) < 2:
+def _path(axes: Axes, plan: PlanDrawing) -> None:
+    """Draws the path in joint space: all other joints over the first."""
+    if len(plan.joints) < 2:
         axes.set_axis_off()
         axes.text(0.5, 0.5, "one joint: its path is a line", ha="center", fontsize=7)
         return
-    columns = list(zip(*picture.positions, strict=True))
-    corners = list(zip(*picture.waypoints, strict=True))
-    axes.set_xlabel(f"{picture.joints[0]} [{picture.units[0]}]", fontsize=7)
-    axes.set_ylabel(f"other joints {_unit(picture)}", fontsize=7)
+    columns = list(zip(*plan.positions, strict=True))
+    corners = list(zip(*plan.waypoints, strict=True))
+    axes.set_xlabel(f"{plan.joints[0]} [{plan.units[0]}]", fontsize=7)
+    axes.set_ylabel(f"other joints {_unit(plan)}", fontsize=7)
     axes.tick_params(labelsize=6)
     for line, name, column, corner in zip(
-        _LINES[1:] * len(columns), picture.joints[1:], columns[1:], corners[1:], strict=False
+        _LINES[1:] * len(columns), plan.joints[1:], columns[1:], corners[1:], strict=False
     ):
         axes.plot(columns[0], column, color=line, linewidth=1, label=name)
         axes.plot(corners[0], corner, "o:", color=line, linewidth=0.5, markersize=2)
     axes.set_title("path in joint space, dots: waypoints", fontsize=7)
 
 
-def _unit(picture: PlanDrawing, per: str = "") -> str:
-    return "[" + " or ".join(unit + per for unit in dict.fromkeys(picture.units)) + "]"
+def _unit(plan: PlanDrawing, per: str = "") -> str:
+    return "[" + " or ".join(unit + per for unit in dict.fromkeys(plan.units)) + "]"
 
 
 def _over_time(
     axes: Axes,
-    picture: PlanDrawing,
+    plan: PlanDrawing,
     rows: Sequence[Sequence[float]],
     label: str,
     limits: Sequence[float],
@@ -113,9 +118,9 @@ def _over_time(
     axes.set_xlabel("time [s]", fontsize=7)
     axes.tick_params(labelsize=6)
     for name, line, column in zip(
-        picture.joints, cycle(_LINES), zip(*rows, strict=True), strict=False
+        plan.joints, cycle(_LINES), zip(*rows, strict=True), strict=False
     ):
-        axes.plot(picture.times, column, color=line, linewidth=1, label=name)
+        axes.plot(plan.times, column, color=line, linewidth=1, label=name)
     for limit in sorted({sign * limit for limit in limits for sign in (-1, 1)}):
         axes.axhline(limit, color=_LIMIT, linewidth=0.7, linestyle="--")
     if limits:

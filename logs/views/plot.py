@@ -1,4 +1,4 @@
-"""A run on paper."""
+"""Plots a recording."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,20 +9,21 @@ if TYPE_CHECKING:
 
 
 def plot(recording: Path, output: Path, scenes: "Sequence[Scene]" = ()) -> None:
-    """Draws a run: commanded joints, frames, tree and lifecycle over the time since the goal.
+    """Draws commanded joints, frames, tree and lifecycle over the time since the goal.
 
-    Works for runs without a frame, for canceled ones, and for recordings that were cut off.
+    Runs without a frame, canceled runs and cut recordings can be drawn, too.
 
     Args:
-        recording: The recording, or a journal.
-        output: The file to write, two columns of a paper wide; replaced where it exists.
-        scenes: Motions in space, drawn below all that.
+        recording: The recording, finished or not.
+        output: File to write or overwrite; its suffix gives the format. The figure is as wide as
+            two columns of a paper.
+        scenes: Motions in space, drawn below the rest.
 
     Raises:
         RecordingError: The recording cannot be read.
         OSError: The file cannot be written.
     """
-    from .run_figure import draw  # here, for matplotlib takes half a second to import
+    from .run_figure import draw  # here, because matplotlib takes 0.5 s to import
     from .timeline import timeline
 
     draw(timeline(recording), output, scenes)

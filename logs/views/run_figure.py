@@ -1,4 +1,4 @@
-"""Drawing a timeline with matplotlib."""
+"""Draws a run: joints, frames, tree and lifecycle over time, and its motions in space."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from .figure_file import save, widen
 from .motion_figure import MotionDrawing, draw_motion
 from .timeline import Row, Timeline, Trace
 
-# Okabe and Ito's colours: told apart by colour-blind readers, and in grey print.
+# Okabe and Ito's colours: distinct for colour-blind readers and in grey print.
 _STATES = {"RUNNING": "#56B4E9", "SUCCESS": "#009E73", "FAILURE": "#D55E00", "INVALID": "#999999"}
 _SYMBOLS = {"RUNNING": "", "SUCCESS": "o", "FAILURE": "X", "INVALID": "D"}
 _UNKNOWN = "#000000"
@@ -31,14 +31,14 @@ _LIFECYCLE = {
     "errorprocessing": "#D55E00",
 }
 _IN_TRANSITION = "#9CC3DB"
-_SHORT_S = 0.1  # below this, milliseconds are shown
+_SHORT_S = 0.1  # shorter times are shown in milliseconds
 _DPI = 300
-_WIDTH = 7.16  # [in] two columns of an IEEE page; all lengths below are [in] too
+_WIDTH = 7.16  # two columns of an IEEE page; this and all lengths below are in inches
 _LEFT, _RIGHT, _TOP, _BOTTOM, _GAP = 1.25, 0.75, 0.48, 0.42, 0.07
 _CURVE, _CURVES, _RUG, _NODE, _BAND = 0.22, 0.75, 0.2, 0.165, 0.18
 _LETTER, _LINE, _INDENT, _EDGE = 0.066, 0.125, 0.12, 0.1
 _LETTERS_PER_LINE = 125
-_MARK_LEVELS = 3  # that words above the curves have room for
+_MARK_LEVELS = 3  # rows of words above the curves
 _SCENE, _SCENE_TITLE, _MOST_SCENES = 3.0, 0.35, 12
 
 
@@ -47,8 +47,8 @@ class Scene:
     """Motions in one world.
 
     Attributes:
-        title: Above it.
-        motion: What to draw.
+        title: Title above the drawing.
+        motion: The motions.
     """
 
     title: str
@@ -56,19 +56,19 @@ class Scene:
 
 
 def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = ()) -> None:
-    """Draws a run to a PNG.
+    """Draws a run to a file.
 
     Args:
         run: The run.
-        output: The PNG.
-        scenes: Its motions in space; of many, the first.
+        output: The file; its suffix gives the format.
+        scenes: Its motions in space; only the first twelve are drawn.
 
     Raises:
-        OSError: The PNG cannot be written.
+        OSError: The file cannot be written.
     """
     style = rc_context(
         {
-            "text.parse_math": False,  # a $ in a message is a $
+            "text.parse_math": False,  # messages may contain a $
             "font.size": 8,
             "axes.linewidth": 0.6,
             "axes.edgecolor": _INK,
@@ -109,7 +109,7 @@ def _figure(run: Timeline, scenes: Sequence[Scene]) -> Figure:
 
 
 def _fewer(scenes: Sequence[Scene]) -> Sequence[Scene]:
-    """Those there is room for: a picture must not grow without end."""
+    """Limits the number of scenes, and so the height of the figure."""
     if len(scenes) <= _MOST_SCENES:
         return scenes
     *before, last = scenes[:_MOST_SCENES]
@@ -125,7 +125,7 @@ def _by_group(traces: Iterable[Trace]) -> dict[str, list[Trace]]:
 
 
 def _panels(figure: Figure, heights: Sequence[float], top: float, run: Timeline) -> list[Axes]:
-    """Axes above each other, of the heights given [in], over one time axis."""
+    """Returns axes of these heights [in], one below the other, over one time axis."""
     left, right = _margins(run)
     tall = figure.get_figheight()
     panels: list[Axes] = []
@@ -144,7 +144,7 @@ def _panels(figure: Figure, heights: Sequence[float], top: float, run: Timeline)
 
 
 def _margins(run: Timeline) -> tuple[float, float]:
-    """Room for the names of nodes on the left and of joints on the right [in]."""
+    """Returns the widths of the names of nodes, left, and of joints, right [in]."""
     left = max((_INDENT * row.depth + _LETTER * len(row.name) for row in run.rows), default=0.0)
     right = max((_LETTER * len(trace.joint) for trace in run.traces), default=0.0)
     return max(_LEFT, left + 2 * _EDGE), max(_RIGHT, right + 2 * _EDGE)
@@ -175,7 +175,7 @@ def _draw_joints(panel: Axes, group: str, traces: Sequence[Trace], colours: dict
 
 
 def _name_curves(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) -> None:
-    """Writes each joint's name where its curve ends, moved apart where they would overlap."""
+    """Writes each joint's name at the end of its curve; moves names apart if they overlap."""
     low, high = panel.get_ylim()
     pitch = _LINE / (_CURVES + _CURVE * len(traces)) * (high - low)
     heights = _apart([degrees(trace.positions[-1]) for trace in traces], pitch)
@@ -184,7 +184,7 @@ def _name_curves(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) 
 
 
 def _apart(wanted: Sequence[float], pitch: float) -> list[float]:
-    """Heights close to those wanted, at least `pitch` from each other, in the same order."""
+    """Returns heights close to those wanted, in the same order, at least `pitch` apart."""
     order = sorted(range(len(wanted)), key=lambda i: (wanted[i], -i))
     placed = list(wanted)
     for below, above in pairwise(order):
@@ -218,7 +218,7 @@ def _draw_tree(panel: Axes, rows: Sequence[Row]) -> None:
 
 
 def _tree_lines(rows: Sequence[Row]) -> int:
-    return max(len(rows), len(_STATES) - 1) if rows else 1  # at least the room that the key takes
+    return max(len(rows), len(_STATES) - 1) if rows else 1  # at least the height of the legend
 
 
 def _draw_node(panel: Axes, row: Row, place: int) -> None:
@@ -231,13 +231,13 @@ def _draw_node(panel: Axes, row: Row, place: int) -> None:
             facecolors=colour,
             linewidth=0,
         )
-        # A symbol as well: what lasts less than a pixel must be seen, and not by colour alone.
+        # With a symbol, a state shorter than a pixel is visible, also without colour.
         symbol = _SYMBOLS.get(span.state, "d")
         panel.plot([span.start], [place], symbol or "|", color=colour, ms=4, mew=0.8, clip_on=False)
 
 
 def _explain_states(panel: Axes) -> None:
-    """The key to the states, in the right margin."""
+    """Draws the legend of the states, in the right margin."""
     rows = panel.get_ylim()[0] + 0.5
     for number, (state, colour) in enumerate(_STATES.items()):
         y = (rows - 1) / 2 + (number - 1.5) * 0.85
@@ -277,7 +277,7 @@ def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
             panel.axvline(time, color=_INK, linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
         place = (time - run.start) / (run.end - run.start)
         if place < taken and what == written:
-            continue  # one after the other, the same: words once
+            continue  # of equal marks in a row, only the first has words
         level = (level + 1) % _MARK_LEVELS if place < taken else 0
         taken, written = place + 0.012 * len(what), what
         panels[0].annotate(
@@ -292,7 +292,7 @@ def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
 
 
 def _draw_scene(figure: Figure, scene: Scene, floor: float) -> None:
-    """From two sides, on a floor that is so far from the bottom [in]."""
+    """Draws a scene from two sides, `floor` above the bottom of the figure [in]."""
     tall = figure.get_figheight()
     left, across = 0.5, _WIDTH / 2 - 0.6
     up = _SCENE - _SCENE_TITLE - 0.55
@@ -349,7 +349,7 @@ def _beside(panel: Axes, text: str, y: float, colour: str = _INK) -> None:
 def _write(
     panel: Axes, text: str, at: tuple[float, float], right: float, size: float, colour: str
 ) -> None:
-    """Text beside a panel, `right` [in] of a point across it and at a value up it."""
+    """Writes text beside a panel, `right` [in] of the point `at`."""
     panel.annotate(
         text,
         at,

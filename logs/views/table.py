@@ -1,4 +1,4 @@
-"""A topic of a recording as a table: columns of NumPy arrays, or CSV."""
+"""A recording as tables: a topic as columns of NumPy arrays, and commands as CSV."""
 
 import csv
 import warnings
@@ -21,19 +21,18 @@ _PLAIN = (bool, int, float, str)
 
 
 def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
-    """The messages of a topic, a column per field, as `pandas.DataFrame` takes it.
+    """Returns the messages of a topic, one column per field, for `pandas.DataFrame`.
 
-    Of a recording that is not complete what is valid is given, with a warning.
-
-    Joint states have a column per joint [rad], nested fields one each, such as `transition.label`.
-    Arrays are left out; a number that is unknown is NaN.
+    Joint states have one column per joint [rad]. Nested fields have one column each, such as
+    `transition.label`. Arrays are left out. Unknown numbers are NaN. If the recording is not
+    complete, a warning is raised and the valid part is returned.
 
     Args:
         path: The recording.
-        topic: Such as `/joint_states`.
+        topic: The topic, such as `/joint_states`.
 
     Returns:
-        Arrays of one length, `time_ns` (UTC since 1970) first.
+        Arrays of equal length by name; the first is `time_ns`, UTC since 1970 [ns].
 
     Raises:
         RecordingError: The recording cannot be read, or has no such topic.
@@ -59,7 +58,7 @@ def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
 
 
 def _column(values: list[Any]) -> list[Any]:
-    """What is unknown among numbers is no number, so that the column is one of numbers."""
+    """Replaces None by NaN in a column of numbers."""
     if any(isinstance(value, str) for value in values):
         return values
     return [nan if value is None else value for value in values]
@@ -76,11 +75,11 @@ def _row(message: Message) -> dict[str, Any]:
 
 
 def _flat(data: Any, above: str) -> Iterator[tuple[str, Any]]:
-    """The plain fields of a message and of those nested in it."""
+    """Yields the plain fields of a message and of nested messages."""
     for field in fields(data):
         value = getattr(data, field.name)
         if field.default is not MISSING:
-            continue  # a constant of its type, or the type's name
+            continue  # a constant of the type, or its name
         if is_dataclass(value):
             yield from _flat(value, f"{above}{field.name}.")
         elif isinstance(value, _PLAIN):
@@ -88,11 +87,11 @@ def _flat(data: Any, above: str) -> Iterator[tuple[str, Any]]:
 
 
 def export(path: Path, folder: Path) -> tuple[Path, Path]:
-    """Writes what was commanded to CSV; times are since the first frame [s].
+    """Writes joints and frames to CSV; times are since the first frame [s].
 
     Args:
         path: The recording.
-        folder: Where `NAME.joints.csv` and `NAME.frames.csv` are written.
+        folder: Folder for `NAME.joints.csv` and `NAME.frames.csv`.
 
     Raises:
         RecordingError: The recording cannot be read.

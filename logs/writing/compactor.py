@@ -1,4 +1,4 @@
-"""A process that compacts recordings, so that it takes no time from whoever runs the next task."""
+"""A process that compacts recordings, so that compaction does not slow the next task down."""
 
 import contextlib
 import os
@@ -13,16 +13,16 @@ from weakref import finalize
 
 from .compaction import Summary, rewrite
 
-_AT_ONCE = 4  # most of its time each of them waits for the disk
+_AT_ONCE = 4  # compactions in parallel; each mostly waits for the disk
 _BEHIND = 10  # niceness
 _PATH_BYTES = 4096
 
 
 class Compactor:
-    """A process started now, and again where it has died. Any thread may call.
+    """A process that compacts recordings; it is started now, and again if it dies. Thread-safe.
 
-    It has a session of its own, so a Ctrl-C on the terminal does not reach it, and it ends, after
-    what it was asked, when its end of the socket closes, that is, when this process ends.
+    It has its own session, so Ctrl-C on the terminal does not reach it. It ends when this process
+    ends, after the compactions it was sent: then its socket is closed.
     """
 
     def __init__(self) -> None:
@@ -30,15 +30,15 @@ class Compactor:
         self._start()
 
     def rewrite(self, journal: Path, lock: int) -> Summary:
-        """See `compaction.rewrite`, which does it here where the process cannot.
+        """Does what `compaction.rewrite` does; in this process if the other one fails.
 
         Args:
-            journal: Which.
-            lock: Descriptor that holds its lock; the process shares it until it is done, so that
-                nobody else takes the journal should this process be killed meanwhile.
+            journal: The journal.
+            lock: File descriptor that holds the journal's lock. The process shares it, so the
+                journal stays locked until it is compacted, even if this process is killed.
 
         Raises:
-            RecordingError: The new file does not hold what it should; nothing was changed.
+            RecordingError: The new file does not hold all messages; nothing was changed.
             OSError: The disk failed or is full; the journal is unchanged.
         """
         ours, theirs = socket.socketpair()
@@ -55,7 +55,7 @@ class Compactor:
         return self._process.pid
 
     def close(self) -> None:
-        """End the process once it has done what it was asked."""
+        """Ends the process after the compactions it was sent."""
         self._end()
 
     def _send(self, message: bytes, descriptors: list[int]) -> None:
@@ -82,7 +82,7 @@ class Compactor:
 
 @cache
 def compactor() -> Compactor:
-    """The one of this process."""
+    """Returns the compactor that this process shares."""
     return Compactor()
 
 
@@ -92,7 +92,7 @@ def _end(requests: socket.socket, process: "subprocess.Popen[bytes]") -> None:
 
 
 def _serve(requests: socket.socket) -> None:
-    """Answer with a summary; with nothing where there is none, then it is tried by who asks."""
+    """Answers each request with a summary, or with nothing if compaction failed."""
     while True:
         message, descriptors, *_ = socket.recv_fds(requests, _PATH_BYTES, 2)
         if not message:
@@ -105,7 +105,7 @@ def _serve(requests: socket.socket) -> None:
 
 def _main() -> None:
     import mcap.reader
-    import mcap.writer  # noqa: F401, now, not with the first recording
+    import mcap.writer  # noqa: F401, import now, not with the first recording
 
     os.nice(_BEHIND)
     requests = socket.socket(fileno=sys.stdin.fileno())

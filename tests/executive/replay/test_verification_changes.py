@@ -102,7 +102,7 @@ def rename(state: Any) -> None:
         (
             decoded("/feedback", "arduinobot_msgs/msg/TaskFeedback", get_on),
             [False, True],
-            "message 1 on /feedback: percentage is 1, its record tells of 0",
+            "message 1 on /feedback: percentage is 1, its record has 0",
         ),
         (
             decoded("/joint_states", "sensor_msgs/msg/JointState", nudge, 5),
@@ -119,7 +119,11 @@ def rename(state: Any) -> None:
         (retold("/result", field("code", to="internal")), [False, True], "True and internal"),
         (retold("/plan/arm", field("group", to="leg")), [False, False], "the group leg is recor"),
         (retold("/plan/arm", field("start", to={})), [False, False], "a start of  is recorded"),
-        (retold("/progress", field("percentage", to=2**70)), [False, True], "can tell of that"),
+        (
+            retold("/progress", field("percentage", to=2**70)),
+            [False, True],
+            "cannot be converted again",
+        ),
         (retold("/schedule", field("duration", to=1e8)), [False, False], "s is recorded with 3"),
     ],
 )
@@ -159,7 +163,7 @@ def test_what_no_armtree_records_is_refused_in_words(
 ) -> None:
     verification = verify(altered(picked(rig()), retold(topic, field(*places, to=value))))
     assert not verification.holds
-    assert "makes no sense; another program recorded it" in verification.text()
+    assert "is invalid; another program recorded it" in verification.text()
 
 
 def test_a_figure_of_the_firmware_that_is_none(rig: RigMaker) -> None:

@@ -273,7 +273,7 @@ def test_a_recording_that_is_moved_while_it_is_written_can_be_recovered(tmp_path
     with pytest.raises(logs.RecordingIncomplete) as raised:
         recorder.close()
     assert str(raised.value) == (
-        f"{path}: was moved or deleted while it was written; where it still is, "
+        f"{path}: was moved or deleted while it was written; if it was moved, "
         "`armtree log recover` finishes it"
     )
     made = recover(moved)
