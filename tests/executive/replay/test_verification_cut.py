@@ -46,7 +46,7 @@ def test_a_run_that_was_cut_anywhere_is_recovered_and_holds(
     path = tmp_path / "cut.mcap"
     path.write_bytes(journal)
     frames = 0
-    for size in [1, 8, 20, 60, 100, *cuts(path, head=60)]:
+    for size in [1, 8, 20, 60, 100, *cuts(path, head=60), len(journal)]:
         path.write_bytes(journal[:size])
         logs.recover(path)
         verification = verify(path)
