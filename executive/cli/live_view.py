@@ -1,4 +1,4 @@
-"""The live picture of a run in a terminal: the tree, the progress, the outcome."""
+"""The live view of a run in a terminal: tree, progress and outcome."""
 
 import threading
 from dataclasses import replace
@@ -15,12 +15,10 @@ import logs
 from executive.goals.events import QuestionStatus
 from executive.goals.outcome import Outcome
 
-from .view import asked_in_words, in_words
-
 _HALTED = "HALTED"  # INVALID after RUNNING
 
 # status: glyph and style
-_LOOKS = {
+_STYLES = {
     "INVALID": ("·", "dim"),
     "RUNNING": ("▶", "bold yellow"),
     "SUCCESS": ("✓", "green"),
@@ -30,14 +28,14 @@ _LOOKS = {
 
 
 class LiveView:
-    """Draws the tree of the goal that runs, live.
+    """Draws the tree of the running goal.
 
     Args:
-        console: Where to draw.
+        console: Console to draw on. Default: standard output.
     """
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console or Console()
         self._lock = threading.Lock()
         self._live: Live | None = None
         self._percentage: int | None = None
@@ -54,10 +52,10 @@ class LiveView:
         self._console.print(text, highlight=False, markup=False)
 
     def watch(self, record: logs.Record | QuestionStatus) -> None:
-        """Note something that happened; the picture follows by itself."""
+        """Take in an event. The picture is redrawn periodically."""
         if isinstance(record, QuestionStatus):
             if record.open:
-                self.say(asked_in_words(record))
+                self.say(record.text_with_command())
             return
         with self._lock:
             match record:
@@ -65,7 +63,7 @@ class LiveView:
                     self._clear()
                     self._title = f"task {record.task} {record.name}"
                 case logs.NodeStatus():
-                    self._note(record)
+                    self._update(record)
                 case logs.Feedback():
                     self._percentage, self._phase = record.percentage, record.phase
                 case logs.Sent():
@@ -78,14 +76,14 @@ class LiveView:
             self._start()
 
     def report(self, outcome: Outcome) -> None:
-        """Leave the last picture standing and say how the goal ended."""
+        """Keep the last picture and print the outcome."""
         self._stop()
         style = (
             "green" if outcome.success else "yellow" if outcome.code.startswith("goal.c") else "red"
         )
-        self._console.print(Text(in_words(outcome), style=style), highlight=False)
+        self._console.print(Text(outcome.text(), style=style), highlight=False)
 
-    def _note(self, record: logs.NodeStatus) -> None:
+    def _update(self, record: logs.NodeStatus) -> None:
         before = self._nodes.get(record.path)
         if record.status == "INVALID" and before and before.status == "RUNNING":
             record = replace(record, status=_HALTED)
@@ -119,7 +117,7 @@ class LiveView:
     def _tree(self) -> Branch:
         branches: dict[str, Branch] = {}
         for path, node in self._nodes.items():
-            glyph, style = _LOOKS.get(node.status, ("?", ""))
+            glyph, style = _STYLES.get(node.status, ("?", ""))
             label = Text.assemble((f"{glyph} {node.name}", style), ("  " + node.message, "dim"))
             above = branches.get(path.rpartition("/")[0])
             branches[path] = above.add(label) if above else Branch(label, guide_style="dim")
@@ -127,8 +125,8 @@ class LiveView:
 
     def _bar(self) -> Table:
         row = Table.grid(padding=(0, 1))
-        share = self._percentage
-        bar = ProgressBar(total=None if share is None else 100, completed=share or 0, width=30)
-        said = "" if share is None else f"{share:3d} %"
-        row.add_row(bar, said, self._phase, Text(self._frame, style="cyan"))
+        value = self._percentage
+        bar = ProgressBar(total=None if value is None else 100, completed=value or 0, width=30)
+        percentage = "" if value is None else f"{value:3d} %"
+        row.add_row(bar, percentage, self._phase, Text(self._frame, style="cyan"))
         return row

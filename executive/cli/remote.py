@@ -20,9 +20,8 @@ from hardware import RealClock
 from trees import TreeError
 from trees.compile.arguments import read_arguments
 
-from .display import view_for
 from .interrupts import Interrupts
-from .view import View
+from .view import View, view_for
 
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
 _NO_QUESTION = "there is no open question"

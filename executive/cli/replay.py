@@ -86,8 +86,8 @@ def replay(
         raise click.UsageError("--watch and --on need exactly one recording")
     verbose = click.get_current_context().find_root().params["verbose"]
     if port is None:
-        from .display import view_for
         from .player import play
+        from .view import view_for
 
         play(recordings[0], speed, at, view_for(as_json, verbose))
         sys.exit(incomplete(recordings[0]))

@@ -14,11 +14,10 @@ from hardware import HardwareError
 from trees import TreeError
 from trees.compile.arguments import read_arguments
 
-from .display import view_for
 from .interrupts import Interrupts
 from .log_handler import recorded_log
 from .terminal import Terminal
-from .view import View
+from .view import View, view_for
 
 
 def execute(

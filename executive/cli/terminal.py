@@ -1,4 +1,4 @@
-"""The operator at the terminal: questions on the screen, answers from the keyboard or a pipe."""
+"""The operator at a terminal: questions on the screen, answers from the keyboard or a pipe."""
 
 import os
 import signal
@@ -14,12 +14,13 @@ _TERMINAL = "/dev/tty"
 
 
 class Terminal:
-    """Asks one question after the other; answers are lines of standard input.
+    """Asks one question after the other. Answers are lines of standard input.
 
-    Where that has ended, or never was, they are lines of the terminal. Made on the main thread.
+    If standard input has ended or is missing, answers are lines of the controlling terminal. The
+    constructor must run on the main thread.
 
     Args:
-        say: Shows a line.
+        say: Prints a line.
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
@@ -29,47 +30,47 @@ class Terminal:
         self._lines: deque[str] = deque()
         self._reader: threading.Thread | None = None
         self._ended = False
-        # In the background of a shell, to read would stop the process, and the arm with it.
+        # Reading from the background of a shell would stop the process, and so the arm.
         signal.signal(signal.SIGTTIN, signal.SIG_IGN)
 
     def ask(self, question: Question) -> None:
-        """Put a question, now or when those before it are answered."""
+        """Show a question when those before it are answered."""
         with self._lock:
             self._open.append(question)
             first = len(self._open) == 1
         if first:
-            self._put(question)
+            self._show(question)
 
     def withdraw(self, question: Question) -> None:
-        """Go on to the next."""
+        """Remove a question and show the next one."""
         with self._lock:
             shown = bool(self._open) and self._open[0] is question
             if question in self._open:
                 self._open.remove(question)
-            following = self._open[0] if shown and self._open else None
-        if following:
-            self._put(following)
+            next_one = self._open[0] if shown and self._open else None
+        if next_one:
+            self._show(next_one)
 
-    def _put(self, question: Question) -> None:
+    def _show(self, question: Question) -> None:
         if self._reader is None:
-            _forget_typed()
+            _discard_input()
         self._say(f"? {question}")
         if self._reader is None:
             self._reader = threading.Thread(target=self._read, name="operator", daemon=True)
             self._reader.start()
-        self._settle()
+        self._answer()
 
-    def _settle(self) -> None:
-        """Take lines as answers to the question that is shown, as far as both are there."""
+    def _answer(self) -> None:
+        """Answer the shown question with the lines that were read."""
         while True:
             with self._lock:
                 question = self._open[0] if self._open else None
                 if question is None or question.answered is not None:
                     return
                 line = self._lines.popleft() if self._lines else None
-                over = self._ended
+                ended = self._ended
             if line is None:
-                if over:
+                if ended:
                     question.reject("no answer is possible: standard input has ended")
                 return
             if not question.answer(line):
@@ -83,36 +84,36 @@ class Terminal:
                 OSError,
                 ValueError,
                 AttributeError,
-            ):  # there is none, it is closed, or not ours to read
+            ):  # it is missing, closed or not readable
                 continue
         with self._lock:
             self._ended = True
-        self._settle()
+        self._answer()
 
     def _read_lines(self, handle: int) -> None:
-        by_hand = os.isatty(handle)
+        typed = os.isatty(handle)
         rest = b""
         while data := os.read(handle, 4096):
             *lines, rest = (rest + data).split(b"\n")
-            self._take(lines, by_hand)
-        self._take([rest] if rest else [], by_hand)
+            self._add(lines, typed)
+        self._add([rest] if rest else [], typed)
 
-    def _take(self, lines: list[bytes], by_hand: bool) -> None:
+    def _add(self, lines: list[bytes], typed: bool) -> None:
         with self._lock:
-            if self._open or not by_hand:  # typed between questions: no answer
+            if self._open or not typed:  # what is typed between questions is no answer
                 self._lines += [line.decode(errors="replace").strip() for line in lines]
-        self._settle()
+        self._answer()
 
 
-def _forget_typed() -> None:
-    """Drop what was typed before anything was asked; it answers nothing."""
-    if sys.stdin and sys.stdin.isatty() and _in_front(sys.stdin.fileno()):
+def _discard_input() -> None:
+    """Discard what was typed before the first question."""
+    if sys.stdin and sys.stdin.isatty() and _in_foreground(sys.stdin.fileno()):
         termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
-def _in_front(handle: int) -> bool:
-    """Whether what is typed at a terminal is typed for this process, not for a shell."""
+def _in_foreground(handle: int) -> bool:
+    """Return True if this process is in the foreground of its terminal."""
     try:
         return os.tcgetpgrp(handle) == os.getpgrp()
     except OSError:
-        return True  # no shell shares a terminal that controls no session of ours
+        return True  # not our controlling terminal, so no shell uses it

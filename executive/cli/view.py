@@ -1,4 +1,4 @@
-"""What a run shows, as a seam: a live picture, plain lines, or JSON."""
+"""Views of a run: a live picture, plain lines, or JSON."""
 
 import json
 import os
@@ -15,24 +15,24 @@ _Item = logs.Record | QuestionStatus | Outcome | str
 
 
 class View(Protocol):
-    """Shows a run. `watch` is called from any thread and must be quick."""
+    """Shows a run. Any thread may call its methods, which do not block."""
 
     def __enter__(self) -> Self: ...
 
     def __exit__(self, *raised: object) -> None: ...
 
     def say(self, text: str) -> None:
-        """Show a line that is no event."""
+        """Show a line of text."""
 
     def watch(self, record: logs.Record | QuestionStatus) -> None:
-        """Show something that happened."""
+        """Show an event."""
 
     def report(self, outcome: Outcome) -> None:
-        """Show how a goal ended."""
+        """Show the outcome of a goal."""
 
 
 class _Lines:
-    """Prints from a thread of its own: a slow or closed pipe must not hold the arm up."""
+    """Prints on its own thread, so that a slow or closed pipe cannot block the arm."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -48,19 +48,19 @@ class _Lines:
         self._thread.join()
 
     def say(self, text: str) -> None:
-        """Show a line that is no event."""
+        """Show a line of text."""
         self._queue.put(text)
 
     def watch(self, record: logs.Record | QuestionStatus) -> None:
-        """Show something that happened."""
+        """Show an event."""
         self._queue.put(record)
 
     def report(self, outcome: Outcome) -> None:
-        """Show how a goal ended."""
+        """Show the outcome of a goal."""
         self._queue.put(outcome)
 
     def line(self, item: _Item) -> str:
-        """What to print for an item; empty for nothing."""
+        """Return the line for an item, or "" for none."""
         raise NotImplementedError
 
     def _run(self) -> None:
@@ -72,20 +72,20 @@ class _Lines:
         try:
             self._stream.write(line + "\n")
             self._stream.flush()
-        except OSError:  # nobody reads any more; the goal goes on, and so does what is buffered
+        except OSError:  # the reader has ended; the goal continues, and the rest is discarded
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, self._stream.fileno())
             os.close(nowhere)
 
 
 class JsonView(_Lines):
-    """One JSON object per event on standard output, and nothing else there."""
+    """Prints one JSON object per event."""
 
     def __init__(self) -> None:
         super().__init__(sys.stdout)
 
     def line(self, item: _Item) -> str:
-        """An event as JSON. A result is printed when its recording is closed."""
+        """Return an event as JSON. The result is printed when its recording is closed."""
         if isinstance(item, (str, logs.Result)):
             return ""
         if isinstance(item, Outcome):
@@ -96,20 +96,20 @@ class JsonView(_Lines):
 
 
 class TextView(_Lines):
-    """Plain lines, for logs and pipes."""
+    """Prints plain lines, for logs and pipes."""
 
     def __init__(self) -> None:
         super().__init__(sys.stdout)
 
     def line(self, item: _Item) -> str:
-        """A goal, a skill that has ended with something to say, or an outcome, in words."""
+        """Return the line for a goal, an ended node with a message, a question or an outcome."""
         match item:
             case str():
                 return item
             case Outcome():
-                return in_words(item)
+                return item.text()
             case QuestionStatus(open=True):
-                return asked_in_words(item)
+                return item.text_with_command()
             case logs.Goal():
                 return f"task {item.task} {item.name}".rstrip()
             case logs.NodeStatus(status="SUCCESS" | "FAILURE") if item.message:
@@ -117,16 +117,17 @@ class TextView(_Lines):
         return ""
 
 
-def asked_in_words(asked: QuestionStatus) -> str:
-    """A question for people, and how to answer it."""
-    choices = f" [{'/'.join(asked.choices)}]" if asked.choices else ""
-    return f"? {asked.text}{choices}  (armtree answer {asked.question_id} WORDS)"
+def view_for(as_json: bool, verbose: bool) -> View:
+    """Return the view for standard output.
 
+    Args:
+        as_json: True for JSON.
+        verbose: True if the log is printed, so that lines are printed instead of a live picture.
+    """
+    if as_json:
+        return JsonView()
+    if verbose or not sys.stdout.isatty():
+        return TextView()
+    from .live_view import LiveView  # rich is slow to import
 
-def in_words(outcome: Outcome) -> str:
-    """An outcome for people."""
-    spent = f"{outcome.duration:.2f} s, {outcome.frames} frames"
-    cause = outcome.cause
-    text = f"task {outcome.task} {outcome.state.name} ({spent}): {cause or outcome.message}"
-    text += f"\n  -> {cause.hint}" if cause and cause.hint else ""
-    return f"{text}\n  recording {outcome.recording}" if outcome.recording else text
+    return LiveView()

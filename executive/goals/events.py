@@ -38,6 +38,11 @@ class QuestionStatus:
     choices: tuple[str, ...]
     open: bool
 
+    def text_with_command(self) -> str:
+        """The question, and the command that answers it."""
+        choices = f" [{'/'.join(self.choices)}]" if self.choices else ""
+        return f"? {self.text}{choices}  (armtree answer {self.question_id} WORDS)"
+
 
 Event = logs.Record | GoalStatus | QuestionStatus
 Subscriber = Callable[[Event], None]

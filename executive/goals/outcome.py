@@ -123,6 +123,13 @@ class Outcome:
         """True if the task was done."""
         return self.state is GoalState.SUCCEEDED
 
+    def text(self) -> str:
+        """The outcome in words, with its hint and its recording on further lines."""
+        spent = f"{self.duration:.2f} s, {self.frames} frames"
+        text = f"task {self.task} {self.state.name} ({spent}): {self.cause or self.message}"
+        text += f"\n  -> {self.cause.hint}" if self.cause and self.cause.hint else ""
+        return f"{text}\n  recording {self.recording}" if self.recording else text
+
     def to_json(self) -> dict[str, Any]:
         """The outcome as a JSON object."""
         first = {"task": self.task, "state": self.state.name, "success": self.success}
