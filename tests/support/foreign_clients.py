@@ -1,4 +1,4 @@
-"""What strangers send: raw connections to a server."""
+"""Raw connections to a server."""
 
 import contextlib
 import socket
@@ -23,7 +23,7 @@ def raw(served: Served, *lines: str) -> Iterator[socket.socket]:
 
 
 def answer(connection: socket.socket) -> bytes:
-    """All that comes until the server closes the connection."""
+    """All data until the server closes the connection."""
     found = b""
     with contextlib.suppress(ConnectionResetError):
         while data := connection.recv(65_536):

@@ -1,4 +1,4 @@
-"""The ways in over the network, for measurements of them."""
+"""Ways to reach an executive over the network, to measure them."""
 
 import http.client
 import json
@@ -20,8 +20,8 @@ from hardware import Robot
 
 Cancel = Callable[[], object]
 
-# Whatever costs a server most, from people without a token and without end: bodies and messages of
-# 64 KiB with thousands of keys, on four connections of each kind.
+# The most expensive data that a client without the token can send: bodies and messages of 64 KiB
+# with thousands of keys, without end, on four connections of each kind.
 FLOOD = """
 import socket, sys, threading
 from websockets.exceptions import WebSocketException
@@ -47,7 +47,7 @@ def again(act):
         except (OSError, WebSocketException):
             pass
 def cut_off(raised):
-    # A server that sends a stranger away is what is wanted; all else is told.
+    # The server must drop these clients; all other errors are reported.
     if not issubclass(raised.exc_type, (OSError, WebSocketException)):
         threading.__excepthook__(raised)
 threading.excepthook = cut_off
@@ -60,11 +60,11 @@ sys.stdin.read()
 
 @contextmanager
 def served(arm: Executive, robot: Robot, folder: Path) -> Iterator[Server]:
-    """A server for an executive, on a port that is free."""
+    """A server for an executive, on a free port."""
     with tempfile.TemporaryDirectory() as runtime:
         os.environ["XDG_RUNTIME_DIR"] = runtime
-        place = ListenOptions(port=0, rosbridge=True)
-        server = Server(arm, place, Questions(arm.clock))
+        listen = ListenOptions(port=0, rosbridge=True)
+        server = Server(arm, listen, Questions(arm.clock))
         server.start()
         yield server
         server.stop()
@@ -72,7 +72,7 @@ def served(arm: Executive, robot: Robot, folder: Path) -> Iterator[Server]:
 
 @contextmanager
 def over_http(arm: Executive, robot: Robot, folder: Path) -> Iterator[Cancel]:
-    """What cancels all goals by a request, on a connection that is open."""
+    """Yield a function that cancels all goals by a request on an open connection."""
     with served(arm, robot, folder) as server:
         connection = http.client.HTTPConnection("127.0.0.1", server.port)
 
@@ -88,7 +88,7 @@ def over_http(arm: Executive, robot: Robot, folder: Path) -> Iterator[Cancel]:
 
 @contextmanager
 def in_a_flood(arm: Executive, robot: Robot, folder: Path) -> Iterator[Cancel]:
-    """What stops the arm by a request on a new connection, while strangers send all they can."""
+    """Yield a function that stops the arm on a new connection, during a flood of requests."""
     with served(arm, robot, folder) as server:
         command, pipe = [sys.executable, "-c", FLOOD, str(server.port)], subprocess.PIPE
 
@@ -109,7 +109,7 @@ def in_a_flood(arm: Executive, robot: Robot, folder: Path) -> Iterator[Cancel]:
 def rosbridge_results(
     server: Server, task: int, count: int, between: Callable[[], None]
 ) -> list[float]:
-    """From a goal to its result, asked as roslibpy does [ms]; what is done between is not timed."""
+    """Times from a goal to its result, sent as roslibpy does [ms]; `between` is not timed."""
     times = []
     with connect(f"ws://127.0.0.1:{server.port}/", compression=None) as socket:
         for number in range(count):

@@ -1,4 +1,4 @@
-"""What tests do with an executive that serves."""
+"""Steps that tests of the server's executive share."""
 
 import logs
 from executive.goals.outcome import Outcome
@@ -6,7 +6,7 @@ from tests.conftest import Rig
 
 
 def at_frame(rig: Rig, number: int, act: object) -> None:
-    """Do something, on another thread, when that many frames were sent."""
+    """Call a function, on another thread, when that many frames were sent."""
 
     def watch(record: logs.Record) -> None:
         if isinstance(record, logs.Sent) and len(rig.told(logs.Sent)) == number:

@@ -33,13 +33,13 @@ def real_pool(real_clock: RealClock) -> Iterator[Pool]:
 def serve(
     real_pool: Pool, real_clock: RealClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Serve]:
-    """Makes servers; each is stopped when the test ends, and leaves its file nowhere."""
+    """Starts servers. Each is stopped when the test ends, and its token file must be removed."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     running: list[Served] = []
 
-    def make(policy: Policy = Policy.REJECT, active: bool = True, **place: Any) -> Served:
+    def make(policy: Policy = Policy.REJECT, active: bool = True, **listen: Any) -> Served:
         served = Served(load_robot(None), real_pool, tmp_path, real_clock)
-        served.start(policy, active, **place)
+        served.start(policy, active, **listen)
         running.append(served)
         return served
 
@@ -53,7 +53,7 @@ def serve(
 def typed(
     serve: Serve, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> tuple[Served, Typed]:
-    """A server, and commands that are typed to it without a process of their own."""
+    """A server, and a function that runs a command in this process."""
     served = serve(active=False)
     monkeypatch.setenv("ARMTREE_SERVER", served.server.url)
 

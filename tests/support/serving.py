@@ -52,18 +52,18 @@ class Served:
         self.library = LiveLibrary(self.tasks, self.robot)
         self._pool, self._ended = pool, False
 
-    def start(self, policy: Policy, active: bool, **place: Any) -> None:
-        """Serve on a port that is free."""
+    def start(self, policy: Policy, active: bool, **listen: Any) -> None:
+        """Serve on a free port."""
         questions = Questions(self.clock)
         setup = Setup(recordings=self.folder / "recordings", policy=policy)
         self.executive = Executive(
             setup, self.robot, self.link, self.library, self._pool, self.clock, questions
         )
-        where = ListenOptions(**{"port": 0, **place})
-        self.server = Server(self.executive, where, questions)
+        options = ListenOptions(**{"port": 0, **listen})
+        self.server = Server(self.executive, options, questions)
         self.executive.start()
         self.server.start()
-        # A test that waits in vain fails, for then the server ends.
+        # A test that waits too long fails, because the server ends.
         self._watchdog = threading.Timer(60.0, self._end)
         self._watchdog.daemon = True
         self._watchdog.start()
@@ -84,7 +84,7 @@ class Served:
         self.server.stop()
 
     def client(self) -> Client:
-        """A client of our own, which finds the token by itself."""
+        """A client, which finds the token in its file."""
         return Client(self.server.url)
 
     def ask(
@@ -95,7 +95,7 @@ class Served:
         headers: Mapping[str, str] | None = None,
         token: bool = True,
     ) -> tuple[int, Any]:
-        """A plain request; status and JSON of the answer. An error must be one of its row."""
+        """Send a request; return the status and the JSON. An error must be one of its row."""
         connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10)
         sent = {"authorization": f"Bearer {self.server.token}"} if token else {}
         data = body if isinstance(body, bytes) or body is None else json.dumps(body).encode()

@@ -1,4 +1,4 @@
-"""Makes the client for ordinary programs from the one for asyncio: `python -m` with this module."""
+"""Makes `synchronous.py` of the client from `asynchronous.py`; run it with `python -m`."""
 
 import re
 import subprocess
@@ -14,7 +14,7 @@ HEADER = '''"""The client for ordinary programs.
 `python -m tests.support.sync_client` makes this file from `asynchronous.py`.
 """'''
 
-# In this order.
+# Pattern and replacement, applied in this order
 REPLACED = [
     (r'\A""".*?"""', HEADER),
     (r"A server, for programs that use asyncio", "A server"),

@@ -11,7 +11,7 @@ from tests.support.sync_client import TARGET, synchronous
 pytest_plugins = ["tests.support.server_fixtures"]
 
 
-def test_three_lines_of_python(serve: Serve) -> None:
+def test_the_synchronous_client(serve: Serve) -> None:
     served = serve()
     with Client(served.server.url) as arm:
         assert arm.run(11).success
@@ -31,7 +31,7 @@ def test_three_lines_of_python(serve: Serve) -> None:
         Client(served.server.url).status()
 
 
-def test_the_same_with_await(serve: Serve) -> None:
+def test_the_asynchronous_client(serve: Serve) -> None:
     served = serve()
 
     async def drive() -> None:

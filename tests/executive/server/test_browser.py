@@ -1,4 +1,4 @@
-"""Pages of others in a real browser: one that may use the server can, a foreign one cannot."""
+"""Pages of other sites in a real browser: an accepted origin can use the server, others cannot."""
 
 import json
 import shutil
@@ -26,7 +26,7 @@ CHROMIUM = shutil.which("chromium")
 
 
 class Site(ThreadingHTTPServer):
-    """Where the page comes from, and where it tells what came of it."""
+    """Serves the page, and receives its report."""
 
     def __init__(self) -> None:
         self.told: Queue[dict[str, Any]] = Queue()
@@ -52,7 +52,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002, as it is called
-        """Say nothing."""
+        """Log nothing."""
 
 
 @pytest.fixture
@@ -76,14 +76,14 @@ def browser(url: str, profile: Path) -> Iterator[None]:
 
 
 def opened(site: Site, served: Served, host: str, profile: Path) -> dict[str, Any]:
-    """What the page tells, opened by way of a name of its site."""
+    """The report of the page, opened under a name of its site."""
     facts = urlencode({"server": served.server.url, "token": served.server.token})
     with browser(f"http://{host}:{site.server_port}/page?{facts}", profile):
         return site.told.get(timeout=50)
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
-def test_a_page_that_may_and_a_page_that_may_not(serve: Serve, site: Site, tmp_path: Path) -> None:
+def test_an_accepted_and_a_foreign_page(serve: Serve, site: Site, tmp_path: Path) -> None:
     served = serve(rosbridge=True, origins=(f"http://localhost:{site.server_port}",))
     told = opened(site, served, "localhost", tmp_path / "friend")
     assert told["stream"] == "open"

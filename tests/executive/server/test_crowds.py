@@ -1,4 +1,4 @@
-"""Many at once: whoever they are, the stop is answered and the arm in motion notices nothing."""
+"""Many clients at once: a stop is answered, and a motion is not disturbed."""
 
 import contextlib
 import logging
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 pytest_plugins = ["tests.support.server_fixtures"]
 
 
-def test_a_crowd_that_asks_for_nothing_makes_room(serve: Serve) -> None:
+def test_idle_connections_are_closed_to_make_room(serve: Serve) -> None:
     served = serve()
     with contextlib.ExitStack() as stack:
         crowd = [stack.enter_context(raw(served, "GET / HTTP/1.1")) for _ in range(150)]
@@ -34,13 +34,13 @@ def test_a_crowd_that_asks_for_nothing_makes_room(serve: Serve) -> None:
         assert served.server.connections <= connections.MAX_CONNECTIONS
 
 
-def test_a_stop_waits_for_no_turn(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stop_is_not_queued(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     served = serve()
     goal = served.executive.send(10).identity
     monkeypatch.setattr(fair_queue, "REST_FACTOR", 1e9)
     with contextlib.ExitStack() as stack:
         ask = ("GET /api/health HTTP/1.1", *head(served, "")[1:])
-        for _ in range(150):  # one is let in; that was enough for years
+        for _ in range(150):  # one is processed; the rest after it lasts for years
             stack.enter_context(raw(served, *ask))
         assert served.ask("POST", "/api/stop", token=False) == (
             200,
@@ -48,7 +48,7 @@ def test_a_stop_waits_for_no_turn(serve: Serve, monkeypatch: pytest.MonkeyPatch)
         )
 
 
-def test_strangers_who_are_idle_do_not_end_a_hold(serve: Serve) -> None:
+def test_idle_strangers_do_not_end_a_hold(serve: Serve) -> None:
     served = serve()
     with contextlib.ExitStack() as stack:
         hold = f"POST /api/goals/{GOAL}/hold HTTP/1.1"
@@ -67,16 +67,16 @@ def test_strangers_who_are_idle_do_not_end_a_hold(serve: Serve) -> None:
         assert served.server.connections <= connections.MAX_CONNECTIONS
 
 
-def test_an_arm_in_motion_notices_nothing(serve: Serve) -> None:
+def test_a_flood_does_not_disturb_a_motion(serve: Serve) -> None:
     served = serve()
     ended = threading.Event()
 
-    def pester() -> None:
+    def flood() -> None:
         while not ended.is_set():
             with contextlib.suppress(OSError), raw(served, "GET / HTTP/1.1", "x" * 1000):
                 served.ask("POST", "/api/goals", b"[" * 60_000)
 
-    pests = [threading.Thread(target=pester) for _ in range(2)]
+    floods = [threading.Thread(target=flood) for _ in range(2)]
     sent: list[logs.Sent] = []
 
     def watch(event: Event) -> None:
@@ -84,18 +84,18 @@ def test_an_arm_in_motion_notices_nothing(serve: Serve) -> None:
             sent.append(event)
 
     served.executive.subscribe(watch)
-    for pest in pests:
-        pest.start()
+    for thread in floods:
+        thread.start()
     with served.client() as client:
         outcome = client.run(1)
     ended.set()
-    for pest in pests:
-        pest.join()
+    for thread in floods:
+        thread.join()
     assert len(sent) == outcome.frames
     assert all(frame.scheduled is not None for frame in sent)
 
 
-def test_a_stop_of_nothing_is_logged_but_does_not_fill_the_log(
+def test_stops_without_a_goal_do_not_fill_the_log(
     serve: Serve, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)
@@ -104,18 +104,18 @@ def test_a_stop_of_nothing_is_logged_but_does_not_fill_the_log(
     assert sum("no goal was under way" in each.message for each in caplog.records) == 3
 
 
-def test_too_many_requests_but_never_too_many_stops(
+def test_requests_are_limited_and_stops_are_not(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(app, "RATE_LIMITS", dict.fromkeys((True, False), (0.001, 3.0)))
     served = serve()
-    for token in (False, True):  # strangers use up what is theirs, and no more
+    for token in (False, True):  # strangers use up only their own limit
         found = [served.ask("GET", "/api/health", token=token)[0] for _ in range(5)]
         assert found == [200, 200, 200, 429, 429]
     assert all(stops(served) for _ in range(20))
 
 
-def test_strangers_who_wait_leave_room_for_others(
+def test_waiting_strangers_leave_room_for_others(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(app, "MAX_STREAMS", 1)
@@ -130,7 +130,7 @@ def test_strangers_who_wait_leave_room_for_others(
         assert b"CANCELED" in answer(waiting)
 
 
-def test_strangers_who_watch_leave_room_for_others(
+def test_watching_strangers_leave_room_for_others(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(api, "MAX_SUBSCRIBERS", 1)
@@ -144,7 +144,7 @@ def test_strangers_who_watch_leave_room_for_others(
             assert served.ask("GET", "/api/events")[0] == 429
 
 
-def test_a_list_of_goals_has_an_end(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_list_of_goals_is_limited(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(api, "MAX_LISTED", 2)
     served = serve()
     with served.client() as client:
@@ -166,7 +166,7 @@ def test_a_list_of_goals_has_an_end(serve: Serve, monkeypatch: pytest.MonkeyPatc
         assert listed(f"?{wrong}") == ["request.malformed"]
 
 
-def test_a_watcher_who_reads_nothing_is_dropped(
+def test_a_subscriber_that_does_not_read_is_dropped(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(event_hub, "MAX_BACKLOG", 100_000)
@@ -177,12 +177,12 @@ def test_a_watcher_who_reads_nothing_is_dropped(
     with (
         served.client() as client,
         client.events("log") as events,
-        raw(served, "GET /api/events HTTP/1.1", *head(served, "")[1:]) as deaf,
+        raw(served, "GET /api/events HTTP/1.1", *head(served, "")[1:]) as slow,
     ):
-        assert deaf.recv(15) == b"HTTP/1.1 200 OK"
+        assert slow.recv(15) == b"HTTP/1.1 200 OK"
         for number in range(200):
             line = logs.LogLine(served.clock.now(), 20, "test", f"{number} {'x' * 10_000}")
             served.executive.tell(line)
             assert next(events).message.startswith(f"{number} ")  # type: ignore[union-attr]
-        assert b"".join(iter(lambda: deaf.recv(65_536), b"")).count(b"\n\n") < 200
+        assert b"".join(iter(lambda: slow.recv(65_536), b"")).count(b"\n\n") < 200
         assert client.run(11).success

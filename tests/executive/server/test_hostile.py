@@ -1,4 +1,4 @@
-"""Strangers: foreign pages, bad bodies, slow and greedy clients. The stop is always answered."""
+"""Hostile clients: foreign pages, invalid bodies, slow senders. A stop is always answered."""
 
 import contextlib
 import dataclasses
@@ -43,7 +43,7 @@ def test_only_a_stop_needs_no_token(serve: Serve) -> None:
     assert served.executive.goals() == ()
 
 
-def test_beyond_this_machine_reading_needs_it_too(serve: Serve) -> None:
+def test_an_exposed_server_needs_the_token_for_reading(serve: Serve) -> None:
     served = serve(expose=True)
     for operation in OPERATIONS.values():
         status = served.ask(operation.method, path_of(operation.path), token=False)[0]
@@ -124,7 +124,7 @@ def test_a_large_body_is_answered_and_its_connection_not_reset(serve: Serve) -> 
     assert found.startswith(b"HTTP/1.1 413")
 
 
-def test_an_error_quotes_only_so_much_of_what_was_sent(serve: Serve) -> None:
+def test_an_error_is_short(serve: Serve) -> None:
     served = serve()
     for body in (
         KEYS,
@@ -161,7 +161,7 @@ def test_an_error_quotes_only_so_much_of_what_was_sent(serve: Serve) -> None:
         ("/api/cancel", b"", "application/x-www-form-urlencoded"),
     ],
 )
-def test_nothing_but_its_source_keeps_a_stop_from_being_done(
+def test_only_a_wrong_source_prevents_a_stop(
     serve: Serve, path: str, body: bytes, kind: str
 ) -> None:
     served = serve()
@@ -178,7 +178,7 @@ def test_bad_parameters(serve: Serve, query: str) -> None:
     assert (status in (400, 422), error["code"]) == (True, "request.malformed")
 
 
-def test_what_is_no_http_is_answered_and_closed(serve: Serve) -> None:
+def test_invalid_http_is_answered_and_closed(serve: Serve) -> None:
     served = serve()
     for nonsense in ("\x16\x03\x01\x02", "GET", "GET / HTTP/1.1", "A" * 100_000):
         with raw(served, nonsense, "", "") as connection:
@@ -200,7 +200,7 @@ def test_a_huge_body_is_not_read(serve: Serve) -> None:
     assert stops(served)
 
 
-def test_a_slow_body_is_given_up(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_body_times_out(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(app, "BODY_SECONDS", 0.1)
     served = serve()
     with raw(served, *head(served, "content-length: 100", "")) as connection:
@@ -208,18 +208,18 @@ def test_a_slow_body_is_given_up(serve: Serve, monkeypatch: pytest.MonkeyPatch) 
         assert b" 408 " in answer(connection)
 
 
-def test_a_slow_head_is_given_up(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_head_times_out(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "HEAD_SECONDS", 0.1)
     served = serve()
     with raw(served, "GET /api/health HTTP/1.1") as connection:
         assert answer(connection) == b""
-    # nor may the next request of a connection take its time
+    # the next request on a connection times out as well
     with raw(served, "GET /api/health HTTP/1.1", *head(served, "")[1:]) as connection:
         connection.sendall(b"GET ")
         assert answer(connection).count(b"HTTP/1.1 200") == 1
 
 
-def test_requests_in_advance_are_not_answered(serve: Serve) -> None:
+def test_pipelined_requests_are_not_answered(serve: Serve) -> None:
     served = serve()
     ask = ("GET /api/health HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "")
     with raw(served, *ask * 8) as connection:
@@ -242,7 +242,7 @@ def test_text_that_is_not_utf_8_ends_its_connection_and_fills_no_log(
     assert [each.message for each in caplog.records if each.levelno > logging.INFO] == []
 
 
-def test_where_it_may_not_listen(serve: Serve) -> None:
+def test_unsafe_and_invalid_addresses(serve: Serve) -> None:
     served = serve()
     with pytest.raises(AddressInUse, match="--tcp-port"):
         serve(port=served.server.port)
@@ -257,12 +257,12 @@ def test_where_it_may_not_listen(serve: Serve) -> None:
 @pytest.mark.parametrize(
     "page", ["*", "null", "friend.example", "http://friend.example/", "HTTP://x", "http://x y", ""]
 )
-def test_an_origin_that_no_browser_would_name(serve: Serve, page: str) -> None:
+def test_an_origin_that_browsers_do_not_send(serve: Serve, page: str) -> None:
     with pytest.raises(ServerError, match="no origin, such as http://name:port"):
         serve(origins=("http://friend.example:8080", page))
 
 
-def test_the_token_is_its_users_alone(serve: Serve, tmp_path: Path) -> None:
+def test_only_the_user_can_read_the_token(serve: Serve, tmp_path: Path) -> None:
     served = serve()
     file = token_file.file_of(served.server.port)
     assert file.parent.parent == tmp_path
@@ -276,7 +276,7 @@ def test_the_token_is_its_users_alone(serve: Serve, tmp_path: Path) -> None:
     file.parent.chmod(0o700)
 
 
-def test_the_token_of_a_server_that_was_killed_is_shown_to_nobody(serve: Serve) -> None:
+def test_the_token_of_a_killed_server_is_not_used(serve: Serve) -> None:
     with subprocess.Popen([sys.executable, "-c", ""]) as gone:
         pass
     file = token_file.file_of(serve().server.port)
@@ -296,7 +296,7 @@ def test_the_token_is_in_no_recording(serve: Serve) -> None:
     assert served.server.token.encode() not in Path(outcome.recording).read_bytes()
 
 
-def test_an_arm_that_is_unplugged_is_still_answered_for(serve: Serve) -> None:
+def test_the_server_answers_when_the_arm_is_unplugged(serve: Serve) -> None:
     served = serve()
     with served.client() as client, client.events("sent") as frames:
         goal = client.send(1)
@@ -307,7 +307,7 @@ def test_an_arm_that_is_unplugged_is_still_answered_for(serve: Serve) -> None:
 
 
 def test_a_target_may_be_a_whole_url(serve: Serve) -> None:
-    """As clients write it that take this server for a proxy."""
+    """Clients send it to a proxy."""
     served = serve()
     own = f"127.0.0.1:{served.server.port}"
 

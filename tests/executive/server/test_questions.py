@@ -17,7 +17,7 @@ pytest_plugins = ["tests.support.server_fixtures"]
 
 
 def asked(client: Client) -> tuple[str, str]:
-    """Run the task that asks; its goal and its question, once that is put."""
+    """Run the task that asks; return its goal and its open question."""
     with client.events("question") as events:
         goal = client.send(14)
         question = next(events)
@@ -31,7 +31,7 @@ def armtree(served: Served, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
-def test_an_answer_lets_the_task_go_on(serve: Serve) -> None:
+def test_the_task_continues_after_an_answer(serve: Serve) -> None:
     served = serve()
     with served.client() as client:
         goal, question = asked(client)
@@ -43,7 +43,7 @@ def test_an_answer_lets_the_task_go_on(serve: Serve) -> None:
             client.answer(question, "yes")
 
 
-def test_while_it_asks_its_phase_says_so(serve: Serve) -> None:
+def test_the_phase_while_a_question_is_open(serve: Serve) -> None:
     served = serve()
     with served.client() as client, client.events("feedback") as events:
         goal = client.send(14)
@@ -52,7 +52,7 @@ def test_while_it_asks_its_phase_says_so(serve: Serve) -> None:
         assert getattr(told, "goal_id", "") == goal
 
 
-def test_another_answer_fails_the_task_and_nonsense_is_refused(serve: Serve) -> None:
+def test_an_unwanted_answer_fails_the_task_and_an_invalid_one_is_refused(serve: Serve) -> None:
     served = serve()
     with served.client() as client:
         goal, question = asked(client)
@@ -77,11 +77,11 @@ def test_an_answer_needs_the_token_and_a_question(serve: Serve) -> None:
     assert (status, error["code"]) == (404, "goal.unknown_question")
 
 
-def test_a_cancel_withdraws_the_question_and_watchers_hear_of_it(serve: Serve) -> None:
+def test_a_cancel_withdraws_the_question_with_an_event(serve: Serve) -> None:
     served = serve()
     with served.client() as client:
         goal, question = asked(client)
-        with client.events("question") as events:  # who joins late hears what is open
+        with client.events("question") as events:  # a late subscriber receives open questions
             first = next(events)
             client.cancel(goal)
             second = next(events)
@@ -101,7 +101,7 @@ def test_the_command_answers(serve: Serve) -> None:
     with served.client() as client:
         goal, question = asked(client)
         assert armtree(served, "answer").stdout == f"{question}  Free? [yes/no]\n"
-        wrong = armtree(served, "answer", "01234567", "yes")  # never taken for the other's answer
+        wrong = armtree(served, "answer", "01234567", "yes")  # not the answer to the other question
         assert wrong.returncode == 4
         assert "01234567 is not known" in wrong.stderr
         listed = {"question_id": question, "text": "Free?", "choices": ["yes", "no"]}
@@ -125,7 +125,7 @@ def test_the_command_that_waits_shows_the_question(serve: Serve) -> None:
         assert "SUCCEEDED" in waiting.stdout.read()
 
 
-def test_json_has_the_question_too(serve: Serve) -> None:
+def test_json_output_contains_the_question(serve: Serve) -> None:
     served = serve()
     command = [sys.executable, "-m", "executive", "send", "14", "--wait", "--json", "--server"]
     with subprocess.Popen(

@@ -1,4 +1,4 @@
-"""Who may ask, and how often; judged without a socket where that is enough."""
+"""Who may call and how often, without a socket if possible."""
 
 import pytest
 from starlette.datastructures import Headers
@@ -33,7 +33,7 @@ def refused(*lines: tuple[str, str]) -> str:
 @pytest.mark.parametrize(
     "host", ["127.0.0.1:8765", "localhost:8765", "LOCALHOST:8765", "[::1]:8765"]
 )
-def test_our_own_names_pass(host: str) -> None:
+def test_names_of_the_server_are_accepted(host: str) -> None:
     assert refused(("host", host)) == ""
     assert refused(("host", host), ("origin", "http://127.0.0.1:8765")) == ""
 
@@ -47,7 +47,7 @@ def test_another_host_is_refused(host: str) -> None:
     assert refused(("host", host)) == "request.host"
 
 
-def test_http_s_own_port_goes_without_saying() -> None:
+def test_port_80_may_be_left_out() -> None:
     assert host_names(("localhost", "::1"), 80) == {
         "localhost",
         "localhost:80",
@@ -56,12 +56,12 @@ def test_http_s_own_port_goes_without_saying() -> None:
     }
 
 
-def test_a_name_with_a_port_stays_as_it_is() -> None:
+def test_a_name_with_a_port_is_kept() -> None:
     given = ("Robot.Example:8443", "[::1]:8443", "[::1]")
     assert host_names(given, 8765) == {"robot.example:8443", "[::1]:8443", "[::1]:8765"}
 
 
-def test_behind_a_proxy_host_is_the_name_that_was_given(serve: Serve) -> None:
+def test_behind_a_proxy_host_is_the_configured_name(serve: Serve) -> None:
     served = serve(active=False, hosts=("Robot.Example", "robot.example:8443"))
     port, status = served.server.port, "/api/status"
     for host in ("robot.example", f"robot.example:{port}", "robot.example:8443"):
@@ -69,7 +69,7 @@ def test_behind_a_proxy_host_is_the_name_that_was_given(serve: Serve) -> None:
     for host in ("127.0.0.1", "robot.example:443", "evil.example"):
         refused, told = served.ask("GET", status, headers={"host": host})
         assert (refused, told["code"]) == (403, "request.host")
-    # Other servers may be on the same machine: their pages are not ours.
+    # Another server may run on this machine; its pages are foreign.
     for page in ("http://robot.example", "https://robot.example"):
         told = served.ask("GET", status, headers={"origin": page})[1]
         assert told["code"] == "request.origin"
@@ -111,12 +111,12 @@ def test_the_token_passes() -> None:
     RULES.check_token(headers(("authorization", "bearer the-token")))
 
 
-def test_what_is_loopback() -> None:
+def test_loopback_addresses() -> None:
     assert [is_loopback(a) for a in ("127.0.0.1", "127.8.8.8", "::1")] == [True] * 3
     assert [is_loopback(a) for a in ("0.0.0.0", "::", "192.168.0.1")] == [False] * 3
 
 
-def test_a_bucket_lets_a_burst_pass_and_then_its_rate() -> None:
+def test_a_token_bucket_allows_a_burst_and_then_its_rate() -> None:
     now = [0.0]
     bucket = TokenBucket(rate=10.0, burst=3.0, now=lambda: now[0])
     assert [bucket.take() for _ in range(4)] == [True, True, True, False]

@@ -1,4 +1,4 @@
-"""One executive for many: what becomes of second goals, cancels from everywhere, the recordings."""
+"""The executive of a server: second goals, cancels from every side, and recordings."""
 
 import gc
 import logging
@@ -19,10 +19,10 @@ from tests.conftest import RigMaker
 from tests.support.paths import EXAMPLES
 from tests.support.server_acts import at_frame, history, run
 
-# The plain way
+# Goals and the arm
 
 
-def test_goals_by_name_and_their_history(server: RigMaker) -> None:
+def test_goals_by_id_and_their_history(server: RigMaker) -> None:
     arm = server()
     sent = arm.executive.send(1, identity="ab" * 16)
     assert (sent.identity, sent.accepted, sent.code) == ("ab" * 16, True, "ok")
@@ -55,7 +55,7 @@ def test_parameters_as_texts(server: RigMaker) -> None:
     assert arm.executive.result(wrong.identity).code == "goal.bad_arguments"
 
 
-def test_an_arm_of_which_a_person_takes_care(server: RigMaker) -> None:
+def test_a_person_activates_and_deactivates_the_arm(server: RigMaker) -> None:
     arm = server(active=False).executive
     assert arm.arm_to("configure") is State.INACTIVE
     assert arm.status().commanded is None
@@ -90,7 +90,7 @@ def test_a_stop_ends_the_wait_for_the_boot(server: RigMaker) -> None:
     assert arm.clock.now() - begun == pytest.approx(0.5)
 
 
-def test_a_fault_is_not_resumed_from_by_a_goal(server: RigMaker) -> None:
+def test_a_goal_does_not_activate_the_arm_after_a_fault(server: RigMaker) -> None:
     arm = server()
     at_frame(arm, 10, arm.link.unplug)
     assert run(arm, 1).code == "hw.port_lost"
@@ -106,7 +106,7 @@ def test_a_fault_is_not_resumed_from_by_a_goal(server: RigMaker) -> None:
     assert run(arm, 1).message == "the arm is inactive; activate it first"
 
 
-def test_a_fault_ends_the_goal_that_it_hit_and_no_other(server: RigMaker, tmp_path: Path) -> None:
+def test_a_fault_ends_only_the_running_goal(server: RigMaker, tmp_path: Path) -> None:
     (tmp_path / "10_wait.yaml").write_text(
         "task: 10\nname: wait\ndescription: x\ntree: {Wait: {duration: 60 s}}\n"
     )
@@ -114,7 +114,7 @@ def test_a_fault_ends_the_goal_that_it_hit_and_no_other(server: RigMaker, tmp_pa
     second: list[str] = []
 
     class Telling(logging.Handler):
-        """The arm is still at telling of the fault when its goal has ended, and another comes."""
+        """The arm still reports the fault when its goal has ended and another one comes."""
 
         def emit(self, _: logging.LogRecord) -> None:
             arm.executive.result(first)
@@ -135,7 +135,7 @@ def test_a_fault_ends_the_goal_that_it_hit_and_no_other(server: RigMaker, tmp_pa
     assert outcome.message.startswith("the arm is failing; configure and activate it first")
 
 
-def test_the_log_tells_a_cancel_before_the_end(
+def test_the_log_contains_a_cancel_before_the_end(
     server: RigMaker, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)
@@ -161,14 +161,14 @@ def test_a_port_that_is_missing_is_logged_once(
     assert len([each for each in caplog.records if each.levelno >= logging.ERROR]) == 1
 
 
-def test_what_is_loaded_is_not_looked_through_for_garbage(server: RigMaker) -> None:
+def test_loaded_objects_are_excluded_from_garbage_collection(server: RigMaker) -> None:
     gc.unfreeze()
     prepare(server(active=False, activate=True).executive)
     assert gc.get_freeze_count() > 0
     gc.unfreeze()
 
 
-def test_how_things_are(server: RigMaker) -> None:
+def test_the_status(server: RigMaker) -> None:
     arm = server(policy=Policy.QUEUE)
     seen = []
     at_frame(arm, 20, lambda: seen.append(arm.executive.status()))
@@ -188,7 +188,7 @@ def test_how_things_are(server: RigMaker) -> None:
     assert after.uptime > 2.0
 
 
-def test_a_watcher_that_fails_or_leaves(server: RigMaker) -> None:
+def test_a_subscriber_that_fails_or_leaves(server: RigMaker) -> None:
     arm = server()
     told: list[object] = []
     failed: list[object] = []
@@ -197,7 +197,7 @@ def test_a_watcher_that_fails_or_leaves(server: RigMaker) -> None:
         failed.append(event)
         raise ZeroDivisionError
 
-    handler = LogHandler(arm.executive.tell, arm.clock)  # what is logged of it is told, too
+    handler = LogHandler(arm.executive.tell, arm.clock)  # its log is an event as well
     logging.getLogger().addHandler(handler)
     arm.executive.subscribe(fail)
     leave = arm.executive.subscribe(told.append)
@@ -244,7 +244,7 @@ def test_preempt(server: RigMaker, number: int) -> None:
     second = arm.executive.goals()[-1].identity
     assert arm.executive.result(second).success
     held = [i for i, frame in enumerate(arm.frames) if frame.startswith("(")]
-    assert held == [number]  # the arm stood before the second motion began
+    assert held == [number]  # the arm stopped before the second motion
     plan = next(p for p in arm.told(logs.Plan)[2:] if p.group == "arm")
     stood = arm.told(logs.Sent)[number]
     assert plan.start == dict(zip(stood.joints, stood.positions, strict=True))
@@ -266,7 +266,7 @@ def test_preempt_while_planning(server: RigMaker) -> None:
     assert arm.executive.result(last.identity).success
 
 
-def test_what_can_never_be_done_preempts_nothing(server: RigMaker) -> None:
+def test_an_invalid_goal_preempts_nothing(server: RigMaker) -> None:
     arm = server(policy=Policy.PREEMPT)
     answers: list[Acceptance] = []
 
@@ -284,7 +284,7 @@ def test_what_can_never_be_done_preempts_nothing(server: RigMaker) -> None:
 
 
 @pytest.mark.parametrize("policy", [Policy.REJECT, Policy.QUEUE])
-def test_what_is_asked_for_wrongly_is_not_told_to_wait(
+def test_an_invalid_goal_is_not_refused_as_busy(
     server: RigMaker, monkeypatch: pytest.MonkeyPatch, policy: Policy
 ) -> None:
     arm = server(policy=policy)
@@ -304,7 +304,7 @@ def test_what_is_asked_for_wrongly_is_not_told_to_wait(
 # Results and recordings
 
 
-def test_who_asks_in_vain(server: RigMaker) -> None:
+def test_unknown_goals_and_timeouts(server: RigMaker) -> None:
     arm = server(result_timeout=5.0)
     sent = arm.executive.send(1).identity
     with pytest.raises(ResultTimeout):
@@ -318,7 +318,7 @@ def test_who_asks_in_vain(server: RigMaker) -> None:
         arm.executive.on_result(sent, told.append)
 
 
-def test_closing_cancels_what_runs_and_what_waits(server: RigMaker, tmp_path: Path) -> None:
+def test_closing_cancels_running_and_waiting_goals(server: RigMaker, tmp_path: Path) -> None:
     arm = server(policy=Policy.QUEUE)
     sent = [arm.executive.send(task).identity for task in (1, 2)]
     arm.rest(1.0)
@@ -331,10 +331,10 @@ def test_closing_cancels_what_runs_and_what_waits(server: RigMaker, tmp_path: Pa
     assert all(logs.Recording(path).complete for path in tmp_path.glob("*.mcap"))
 
 
-def test_what_happens_between_goals_is_recorded_too(server: RigMaker, tmp_path: Path) -> None:
+def test_events_between_goals_are_recorded(server: RigMaker, tmp_path: Path) -> None:
     arm = server()
     for task in (1, 7):
-        arm.executive.tell(logs.LogLine(arm.clock.now(), 20, "door", f"somebody asks for {task}"))
+        arm.executive.tell(logs.LogLine(arm.clock.now(), 20, "network", f"a client sends {task}"))
         run(arm, task)
         arm.rest(0.1)
     arm.executive.arm_to("deactivate")
@@ -342,7 +342,7 @@ def test_what_happens_between_goals_is_recorded_too(server: RigMaker, tmp_path: 
     (between,) = tmp_path.glob("*-server.mcap")
     records = list(logs.Recording(between).records(logs.Transition, logs.LogLine, logs.Goal))
     said = [line.message for line in records if isinstance(line, logs.LogLine)]
-    assert said == ["somebody asks for 1", "somebody asks for 7"]
+    assert said == ["a client sends 1", "a client sends 7"]
     states = [record.goal for record in records if isinstance(record, logs.Transition)]
     assert states.pop(0) == "unconfigured"
     assert states[:4] == ["configuring", "inactive", "activating", "active"]
@@ -389,7 +389,7 @@ def test_a_bug_ends_one_goal_only(server: RigMaker, monkeypatch: pytest.MonkeyPa
     assert run(arm, 1).success
 
 
-def test_where_the_arm_stands_is_known_while_active_only(server: RigMaker) -> None:
+def test_the_commanded_position_is_known_only_while_active(server: RigMaker) -> None:
     arm = server(active=False)
     with pytest.raises(NotActive):
         _ = arm.executive._arm.commanded

@@ -1,4 +1,4 @@
-"""Silence on a connection: what is still there says so, and what is not is given up."""
+"""Silence on a connection: heartbeats while the other end runs, timeouts if it does not."""
 
 import asyncio
 import socket
@@ -22,7 +22,7 @@ pytest_plugins = ["tests.support.server_fixtures"]
 
 @pytest.fixture
 def mute() -> Iterator[str]:
-    """A server that begins its streams, and then says nothing more; its URL."""
+    """The URL of a server that starts its answers and then sends nothing more."""
     over = threading.Event()
 
     def begin() -> None:
@@ -49,7 +49,7 @@ def mute() -> Iterator[str]:
             thread.join()
 
 
-def test_a_stream_on_which_nothing_happens_has_a_sign_of_life(
+def test_a_stream_without_events_has_a_heartbeat(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(event_hub, "HEARTBEAT", 0.01)
@@ -59,12 +59,10 @@ def test_a_stream_on_which_nothing_happens_has_a_sign_of_life(
         assert next(piece for piece in pieces if b": still here\n\n" in piece)
     with served.client() as client, client.events("status") as events:
         goal = client.send(11)
-        assert getattr(next(events), "identity", "") == goal  # no event is made of it
+        assert getattr(next(events), "identity", "") == goal  # a heartbeat is no event
 
 
-def test_a_server_that_says_nothing_any_more_is_given_up(
-    mute: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_silent_stream_times_out(mute: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transport, "SILENCE_TIMEOUT", 0.05)
     with (
         Client(mute, "token") as client,
@@ -81,7 +79,7 @@ def test_a_server_that_says_nothing_any_more_is_given_up(
     asyncio.run(watch())
 
 
-def test_a_server_that_does_not_answer_any_more_is_given_up_by_who_waits_for_a_goal(
+def test_waiting_for_a_goal_times_out_if_the_server_hangs(
     mute: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(transport, "POLL_PERIOD", 0.05)
@@ -90,7 +88,7 @@ def test_a_server_that_does_not_answer_any_more_is_given_up_by_who_waits_for_a_g
         with pytest.raises(ServerUnreachable, match="its answer takes too long"):
             client.result("ab" * 16)
         with client.hold("ab" * 16):
-            pass  # to let go needs no answer either
+            pass  # the end of a hold needs no answer
 
     async def wait() -> None:
         async with AsyncClient(mute, "token") as client:
@@ -102,7 +100,7 @@ def test_a_server_that_does_not_answer_any_more_is_given_up_by_who_waits_for_a_g
     asyncio.run(wait())
 
 
-def test_who_waits_for_a_goal_asks_again_and_again(
+def test_waiting_for_a_goal_is_split_into_requests(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(transport, "POLL_PERIOD", 0.01)
@@ -129,19 +127,21 @@ def test_who_waits_for_a_goal_asks_again_and_again(
     asyncio.run(wait())
 
 
-def test_silence_is_longer_than_a_beat_that_is_late() -> None:
+def test_a_late_heartbeat_is_no_silence() -> None:
     assert transport.SILENCE_TIMEOUT >= 3 * event_hub.HEARTBEAT
 
 
-def test_both_ends_ask_whether_the_other_machine_is_there(serve: Serve) -> None:
+def test_both_ends_use_tcp_keepalive(serve: Serve) -> None:
     served = serve()
     port = f":{served.server.port:04X}"
 
-    def asking() -> set[bool]:
-        """Whether it is the server's end, of the connections whose keep-alive timer runs."""
+    def keeping_alive() -> set[bool]:
+        """For each connection with a running keep-alive timer: True for the server's end."""
         rows = [row.split() for row in Path("/proc/net/tcp").read_text().splitlines()[1:]]
         ends = [row for row in rows if row[3] == "01" and row[5].startswith("02:")]
         return {row[1].endswith(port) for row in ends if port in row[1] + row[2]}
 
     with served.client() as client, client.events("log"):
-        assert any(asking() == {True, False} for _ in range(1000))  # a byte may be on its way
+        assert any(
+            keeping_alive() == {True, False} for _ in range(1000)
+        )  # the timer may be of a byte in flight

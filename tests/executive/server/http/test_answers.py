@@ -1,4 +1,4 @@
-"""The API, asked over a real socket."""
+"""The answers of the HTTP interface, over a real socket."""
 
 import json
 import threading
@@ -34,13 +34,13 @@ def test_a_goal_from_its_start_to_its_result(serve: Serve) -> None:
     status, result = served.ask("GET", f"/api/goals/{goal}/result")
     assert (status, result["state"], result["code"]) == (200, "SUCCEEDED", "ok")
     assert result["goal_id"] == goal
-    # for late askers, and for whoever lists them
+    # also later, and in lists
     assert served.ask("GET", f"/api/goals/{goal}/result?timeout=0")[1] == result
     assert served.ask("GET", f"/api/goals/{goal}")[1]["result"] == result
     assert [each["goal_id"] for each in served.ask("GET", "/api/goals")[1]["goals"]] == [goal]
 
 
-def test_a_goal_that_moves_the_arm_says_how_far_it_is(serve: Serve) -> None:
+def test_a_goal_that_moves_the_arm_reports_progress(serve: Serve) -> None:
     served = serve()
     moves = threading.Event()
 
@@ -73,7 +73,7 @@ def test_cancel_by_time_and_all(serve: Serve) -> None:
     assert served.ask("POST", "/api/cancel", {})[1] == {"return_code": 0, "goals": goals[2:]}
 
 
-def test_identities_of_the_clients_making(serve: Serve) -> None:
+def test_goal_ids_chosen_by_clients(serve: Serve) -> None:
     served = serve()
     assert send(served, 11, goal_id=NOBODY) == NOBODY
     status, error = served.ask("POST", "/api/goals", {"task": 11, "goal_id": NOBODY})
@@ -92,7 +92,7 @@ def test_a_second_goal_is_refused_by_the_policy(serve: Serve) -> None:
     assert set(error) == {"code", "message", "node", "joint", "value", "limit", "hint"}
 
 
-def test_whoever_floods_the_queue_is_told_so(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_queue_refuses_goals(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("executive.goals.queue.WAITING", 3)
     served = serve(Policy.QUEUE)
     send(served, 10)
@@ -103,7 +103,7 @@ def test_whoever_floods_the_queue_is_told_so(serve: Serve, monkeypatch: pytest.M
     assert served.ask("POST", "/api/stop")[1]["return_code"] == 0
 
 
-def test_arguments_are_checked_as_in_the_file(serve: Serve) -> None:
+def test_arguments_are_checked(serve: Serve) -> None:
     served = serve()
 
     def result(**arguments: object) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def test_a_number_is_an_integer_however_it_is_written(serve: Serve) -> None:
     assert (repr(result["task"]), result["recording"][-8:]) == ("11", "-11.mcap")
 
 
-def test_who_joins_when_all_is_over_hears_of_no_goal(serve: Serve) -> None:
+def test_a_late_subscriber_receives_nothing_of_ended_goals(serve: Serve) -> None:
     served = serve()
     with served.client() as client, client.events("goal", "status") as early:
         client.run(11)
@@ -142,7 +142,7 @@ def test_who_joins_when_all_is_over_hears_of_no_goal(serve: Serve) -> None:
 
 
 @pytest.mark.parametrize("kinds", ["nonsense", "result", "goal,nonsense"])
-def test_kinds_of_events_that_there_are_not(serve: Serve, kinds: str) -> None:
+def test_unknown_kinds_of_events_are_refused(serve: Serve, kinds: str) -> None:
     status, error = serve().ask("GET", f"/api/events?events={kinds}")
     assert (status, error["code"]) == (422, "request.malformed")
     assert "goal, " in error["message"]
@@ -199,7 +199,7 @@ def test_a_breakpoint_and_a_step(serve: Serve) -> None:
         assert client.break_at("nothing", on=False) == ()
 
 
-def test_events_come_to_several_watchers_and_late_ones(serve: Serve) -> None:
+def test_events_reach_several_and_late_subscribers(serve: Serve) -> None:
     served = serve()
     with (
         served.client() as client,
@@ -220,7 +220,7 @@ def test_events_come_to_several_watchers_and_late_ones(serve: Serve) -> None:
         assert states[-2:] == ["CANCELING", "CANCELED"]
 
 
-def test_metrics_can_be_read_by_their_own_parser(serve: Serve) -> None:
+def test_metrics_are_valid_for_prometheus(serve: Serve) -> None:
     from prometheus_client.parser import text_string_to_metric_families
 
     served = serve()
@@ -240,7 +240,7 @@ def test_metrics_can_be_read_by_their_own_parser(serve: Serve) -> None:
     assert joints == {"joint_1", "joint_2", "joint_3", "joint_4"}
 
 
-def test_tasks_are_listed_with_what_is_wrong(serve: Serve) -> None:
+def test_invalid_tasks_are_listed_with_their_error(serve: Serve) -> None:
     served = serve()
     (served.tasks / "20_wrong.yaml").write_text("task: 20\nname: [")
     rows = {row["task"]: row for row in served.ask("GET", "/api/tasks")[1]["tasks"]}
@@ -258,7 +258,7 @@ def test_every_operation_is_answered_and_described(serve: Serve) -> None:
     assert json.dumps(document)
 
 
-def test_a_goal_with_a_handle_is_canceled_when_its_holder_lets_go(serve: Serve) -> None:
+def test_a_held_goal_is_canceled_when_its_hold_ends(serve: Serve) -> None:
     served = serve()
     status, error = served.ask("POST", "/api/goals", {"task": 10, "deadman": True})
     assert (status, error["code"]) == (409, "goal.not_held")
@@ -272,7 +272,7 @@ def test_a_goal_with_a_handle_is_canceled_when_its_holder_lets_go(serve: Serve) 
         assert client.run(11, deadman=True).success
 
 
-def test_a_handle_that_is_let_go_while_its_goal_is_sent(
+def test_a_hold_that_ends_while_its_goal_is_sent(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     served = serve()
@@ -295,14 +295,14 @@ def test_a_handle_that_is_let_go_while_its_goal_is_sent(
         assert client.result(NOBODY, 5.0).state.name == "CANCELED"
 
 
-def test_a_client_that_goes_leaves_its_goal_running(serve: Serve) -> None:
+def test_a_goal_continues_when_its_client_leaves(serve: Serve) -> None:
     served = serve()
     with served.client() as client:
         goal = client.send(10)
     assert served.ask("GET", f"/api/goals/{goal}")[1]["result"] is None
 
 
-def test_many_may_wait_for_one_result(serve: Serve) -> None:
+def test_many_clients_wait_for_one_result(serve: Serve) -> None:
     served = serve()
     goal = send(served, 10)
     found: list[str] = []
@@ -319,7 +319,7 @@ def test_many_may_wait_for_one_result(serve: Serve) -> None:
     assert found == ["CANCELED"] * 5
 
 
-def test_who_waits_for_a_result_gets_it_where_none_is_kept(
+def test_a_waiting_client_gets_a_result_that_is_not_kept(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     waits, wait_for = threading.Event(), api._before_leaving
@@ -347,7 +347,7 @@ def test_who_waits_for_a_result_gets_it_where_none_is_kept(
     assert served.ask("GET", f"/api/goals/{goal}/result")[0] == 404
 
 
-def test_a_goal_is_answered_once_a_server_started_again_would_know_it(serve: Serve) -> None:
+def test_a_goal_is_answered_after_it_is_recorded(serve: Serve) -> None:
     served = serve()
     held, answered = threading.Event(), list[str]()
     recorder._queue("recorder").put(held.wait)
@@ -364,9 +364,7 @@ def test_a_goal_is_answered_once_a_server_started_again_would_know_it(serve: Ser
     assert answered == [told["goal_id"]]
 
 
-def test_those_who_wait_too_long_are_too_many(
-    serve: Serve, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_subscribers_are_limited(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(api, "MAX_SUBSCRIBERS", 1)
     served = serve()
     with served.client() as client, client.events():

@@ -5,13 +5,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import fastjsonschema
 import pytest
 
 import executive.server as server
+from executive.cli.server import arm
 from executive.codes import all_codes
 from executive.server.http.answers import Answers
 from executive.server.http.operations import OPERATIONS, Operation
+from hardware import TRANSITIONS
 from tests.executive.server.rosbridge.test_bridge import GOAL, heard, say, websocket
 from tests.support.serving import Serve
 
@@ -23,7 +26,7 @@ pytest_plugins = ["tests.support.server_fixtures"]
 STREAMS = ("/api/events", "/api/goals/{goal_id}/hold")
 
 
-def test_the_server_is_as_its_document_says(serve: Serve) -> None:
+def test_the_server_conforms_to_its_document(serve: Serve) -> None:
     served = serve(active=False)
     command = [
         *(sys.executable, "-m", "schemathesis.cli", "run", f"{served.server.url}/openapi.json"),
@@ -39,13 +42,13 @@ def test_the_server_is_as_its_document_says(serve: Serve) -> None:
     assert "Tested: 18" in ran.stdout
 
 
-def test_a_path_tells_all_its_methods(serve: Serve) -> None:
+def test_a_path_answers_other_methods(serve: Serve) -> None:
     served = serve()
     assert served.ask("OPTIONS", "/api/goals")[0] == 405
     assert served.ask("HEAD", "/api/health")[0] == 200
 
 
-def test_a_goal_of_rosbridge_is_answered_for_as_the_document_says(serve: Serve) -> None:
+def test_a_goal_of_rosbridge_conforms_to_the_document(serve: Serve) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as client:
         say(client, **GOAL, id="a", args={"task_number": -1})
@@ -56,7 +59,7 @@ def test_a_goal_of_rosbridge_is_answered_for_as_the_document_says(serve: Serve) 
     fastjsonschema.compile({**document, "$ref": "#/components/schemas/Goal"})(goal)
 
 
-def test_the_page_lists_every_operation() -> None:
+def test_the_readme_lists_every_operation() -> None:
     page = (Path(server.__file__).parent / "README.md").read_text()
     rows = [f"| `{each.method} {each.path}` | {each.summary} |" for each in OPERATIONS.values()]
     assert [row for row in rows if row not in page] == []
@@ -89,3 +92,9 @@ def test_a_row_puts_each_argument_where_the_server_reads_it(operation: Operation
 def test_errors_of_a_row_are_codes_or_their_families() -> None:
     known = {part for code in all_codes() for part in (code, code.partition(".")[0])}
     assert {error for row in OPERATIONS.values() for error in row.errors} <= known
+
+
+def test_the_command_offers_the_transitions_of_the_row() -> None:
+    (choices,) = [each.type for each in arm.params if each.name == "transition"]
+    assert isinstance(choices, click.Choice)
+    assert tuple(choices.choices) == TRANSITIONS

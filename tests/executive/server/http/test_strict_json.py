@@ -1,4 +1,4 @@
-"""JSON from strangers: what Python's reader lets pass and we do not."""
+"""JSON from the network: what Python's reader accepts and ours refuses."""
 
 import json
 
@@ -17,7 +17,7 @@ JSON = st.recursive(
 
 
 @given(JSON)
-def test_what_is_json_is_read(value: object) -> None:
+def test_json_is_read(value: object) -> None:
     assert parse(json.dumps(value)) == value
     assert parse(json.dumps(value, ensure_ascii=False).encode()) == value
 
@@ -41,13 +41,13 @@ def test_what_is_json_is_read(value: object) -> None:
         (b"1 2", "Extra data"),
     ],
 )
-def test_what_is_none_is_refused(text: bytes, why: str) -> None:
+def test_ambiguous_or_invalid_json_is_refused(text: bytes, why: str) -> None:
     with pytest.raises(NotJson, match=why):
         parse(text)
 
 
 @given(st.binary())
-def test_nothing_else_is_raised(data: bytes) -> None:
+def test_no_other_error_is_raised(data: bytes) -> None:
     try:
         parse(data)
     except NotJson:

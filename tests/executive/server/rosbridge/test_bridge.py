@@ -1,4 +1,4 @@
-"""rosbridge clients written by others, for the original robot: unchanged, they work."""
+"""rosbridge: unchanged clients of the original robot, and raw connections."""
 
 import base64
 import contextlib
@@ -37,7 +37,7 @@ CLIENTS = [
 
 
 @pytest.mark.parametrize("client", CLIENTS)
-def test_a_client_of_others(serve: Serve, client: list[str]) -> None:
+def test_foreign_clients(serve: Serve, client: list[str]) -> None:
     served = serve(rosbridge=True)
     command = [*client, str(served.server.port)]
     ran = subprocess.run(
@@ -56,7 +56,7 @@ def test_a_client_of_others(serve: Serve, client: list[str]) -> None:
     assert told["other"]["end"]["kind"] == "error"
     for name, status in (("failed", 6), ("canceled", 5), ("stopped", 5)):
         end = told[name]["end"]
-        if client is NODE:  # it calls everything but SUCCEEDED an error, and puts it in words
+        if client is NODE:  # it reports all but SUCCEEDED as an error text
             assert end["kind"] == "error"
             assert '{"success":false}' in end["values"]
         else:
@@ -89,12 +89,12 @@ def heard(connection: ClientConnection, operation: str) -> dict[str, Any]:
 
 
 def statuses(connection: ClientConnection) -> list[int]:
-    """What the status topic says next."""
+    """The next message of the status topic."""
     return [goal["status"] for goal in heard(connection, "publish")["msg"]["status_list"]]
 
 
-def told_until_complaint(connection: ClientConnection) -> list[list[int]]:
-    """All that the status topic says before the answer to nonsense comes."""
+def statuses_until_error(connection: ClientConnection) -> list[list[int]]:
+    """All messages of the status topic until the answer to an invalid message."""
     told: list[list[int]] = []
     while (message := json.loads(connection.recv(10)))["op"] == "publish":
         told.append([goal["status"] for goal in message["msg"]["status_list"]])
@@ -113,9 +113,7 @@ def test_it_is_off_by_default(serve: Serve) -> None:
         pass
 
 
-def test_it_may_be_silent_for_longer_than_a_request_takes(
-    serve: Serve, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_websocket_may_be_silent(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "HEAD_SECONDS", 0.1)
     with websocket(serve(rosbridge=True)) as client:
         with pytest.raises(TimeoutError):
@@ -135,7 +133,7 @@ def test_a_foreign_page_is_refused(serve: Serve, origin: str) -> None:
             assert heard(connection, "status")
 
 
-def test_two_clients_may_call_their_goals_alike(serve: Serve) -> None:
+def test_two_clients_may_use_the_same_id(serve: Serve) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as one, websocket(served) as other:
         for connection in (one, other):
@@ -144,25 +142,27 @@ def test_two_clients_may_call_their_goals_alike(serve: Serve) -> None:
             assert (result["id"], result["values"]) == ("1", {"success": True})
 
 
-def test_one_may_not_while_the_first_runs(serve: Serve) -> None:
+def test_one_client_may_not_use_an_id_twice_at_once(serve: Serve) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as connection:
         say(connection, **GOAL, id="1", args={"task_number": 10}, feedback=True)
         heard(connection, "action_feedback")
         say(connection, **GOAL, id="1", args={"task_number": 11})
-        assert "already" in heard(connection, "status")["msg"]  # no result: that is the first's
+        assert (
+            "already" in heard(connection, "status")["msg"]
+        )  # no result, which would end the first goal
         say(connection, op="cancel_action_goal", id="1", action="/task_server")
         assert heard(connection, "action_result")["status"] == 5
 
 
-def test_no_feedback_unless_asked_for(serve: Serve) -> None:
+def test_feedback_only_on_request(serve: Serve) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as connection:
         say(connection, **GOAL, id="1", args={"task_number": 11})
         assert json.loads(connection.recv(10))["op"] == "action_result"
 
 
-def test_a_goal_outlives_its_client(serve: Serve) -> None:
+def test_a_goal_continues_without_its_client(serve: Serve) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as connection:
         say(connection, **GOAL, id="1", args={"task_number": 10}, feedback=True)
@@ -189,7 +189,7 @@ def test_a_cancel_by_service_answers_as_ros_does(serve: Serve) -> None:
         assert (response["id"], response["result"]) == ("d", False)
 
 
-def test_the_status_topic_is_made_once_for_all_who_hear_it(
+def test_a_status_message_is_encoded_once_for_all_subscribers(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[int] = []
@@ -218,7 +218,7 @@ def test_the_status_topic_is_made_once_for_all_who_hear_it(
     assert max(made) <= 3
 
 
-def test_every_status_is_told_also_where_several_come_at_once(serve: Serve) -> None:
+def test_every_status_is_published_even_if_several_come_at_once(serve: Serve) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as first, websocket(served) as late:
         say(first, op="subscribe", topic=ros.STATUS)
@@ -236,7 +236,7 @@ def test_every_status_is_told_also_where_several_come_at_once(serve: Serve) -> N
         assert statuses(late) == [4, 4]
 
 
-def test_the_status_topic_tells_of_all_goals_that_are_known(serve: Serve) -> None:
+def test_the_status_topic_lists_all_known_goals(serve: Serve) -> None:
     served = serve(active=False, rosbridge=True)
     for _ in range(160):
         served.executive.result(served.executive.send(11).identity)
@@ -246,7 +246,7 @@ def test_the_status_topic_tells_of_all_goals_that_are_known(serve: Serve) -> Non
             assert len(told) <= 160
 
 
-def test_a_topic_is_throttled_but_its_last_message_comes(serve: Serve) -> None:
+def test_a_throttled_topic_sends_its_last_message(serve: Serve) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as connection:
         topic = "/task_server/_action/status"
@@ -254,19 +254,19 @@ def test_a_topic_is_throttled_but_its_last_message_comes(serve: Serve) -> None:
         assert heard(connection, "publish")["msg"] == {"status_list": []}
         say(connection, **GOAL, id="1", args={"task_number": 11})
         after = heard(connection, "publish")["msg"]["status_list"]
-        assert [each["status"] for each in after] == [4]  # 1 and 2 came too soon
+        assert [each["status"] for each in after] == [4]  # 1 and 2 came within the period
 
 
-def test_subscribers_on_one_connection_do_not_mind_each_other(serve: Serve) -> None:
+def test_subscribers_on_one_connection_are_independent(serve: Serve) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as connection:
 
         def at_a_goal() -> list[list[int]]:
             say(connection, op="nothing")
-            assert told_until_complaint(connection) == []  # what was asked before is done by now
+            assert statuses_until_error(connection) == []  # earlier messages are handled by now
             assert served.executive.result(served.executive.send(11).identity).success
             say(connection, op="nothing")
-            return told_until_complaint(connection)
+            return statuses_until_error(connection)
 
         for identity, throttle in (("a", 3_600_000), ("b", 0), ("c", 0)):
             say(connection, op="subscribe", topic=ros.STATUS, id=identity, throttle_rate=throttle)
@@ -275,14 +275,14 @@ def test_subscribers_on_one_connection_do_not_mind_each_other(serve: Serve) -> N
         assert at_a_goal() == [[1], [2], [4]]
         say(connection, op="unsubscribe", topic=ros.STATUS, id="unknown")
         say(connection, op="unsubscribe", topic=ros.STATUS, id="b")
-        assert at_a_goal() == []  # a heard a moment ago
+        assert at_a_goal() == []  # a's period is not over
         say(connection, op="subscribe", topic=ros.STATUS, id="b")
         assert statuses(connection) == [4, 4]
         say(connection, op="unsubscribe", topic=ros.STATUS)
         assert at_a_goal() == []
 
 
-def test_subscribers_are_not_without_number(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_subscribers_are_limited(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bridge, "MAX_SUBSCRIBERS", 2)
     with websocket(serve(rosbridge=True)) as connection:
         for identity in "aba":
@@ -295,7 +295,9 @@ def test_subscribers_are_not_without_number(serve: Serve, monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     "text", ["{", "[]", '{"op": "png"}', '{"op": "subscribe", "op": 1}', b"\x00\xff"]
 )
-def test_nonsense_is_answered_and_the_connection_goes_on(serve: Serve, text: str | bytes) -> None:
+def test_an_invalid_message_is_answered_and_the_connection_stays(
+    serve: Serve, text: str | bytes
+) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as connection:
         connection.send(text)
@@ -304,7 +306,7 @@ def test_nonsense_is_answered_and_the_connection_goes_on(serve: Serve, text: str
         assert heard(connection, "action_result")["values"] == {"success": True}
 
 
-def test_what_is_too_long_ends_the_connection(serve: Serve) -> None:
+def test_a_message_that_is_too_long_ends_the_connection(serve: Serve) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as connection:
         connection.send("x" * 65_537)
@@ -312,7 +314,7 @@ def test_what_is_too_long_ends_the_connection(serve: Serve) -> None:
             connection.recv(10)
 
 
-def test_a_flood_of_messages_waits_its_turn_and_holds_up_nobody(serve: Serve) -> None:
+def test_a_flood_of_messages_is_queued_and_delays_no_others(serve: Serve) -> None:
     served = serve(rosbridge=True)
     large = json.dumps({"op": "publish", **{str(number): 1 for number in range(6000)}})
     with websocket(served) as flooding, websocket(served) as other:
@@ -336,7 +338,7 @@ def test_a_flood_of_messages_waits_its_turn_and_holds_up_nobody(serve: Serve) ->
     ],
     ids=["by name", "by a long name", "all"],
 )
-def test_a_cancel_waits_for_no_turn(
+def test_a_cancel_is_not_queued(
     serve: Serve, monkeypatch: pytest.MonkeyPatch, cancel: dict[str, str]
 ) -> None:
     served = serve(rosbridge=True)
@@ -345,23 +347,25 @@ def test_a_cancel_waits_for_no_turn(
         say(client, **GOAL, **goal)
         heard(client, "action_feedback")
         monkeypatch.setattr(fair_queue, "REST_FACTOR", 1e9)
-        say(flooding, op="nothing")  # it is let in; that was enough for years
+        say(flooding, op="nothing")  # it is processed; the rest after it lasts for years
         heard(flooding, "status")
         for _ in range(100):
             say(flooding, op="nothing")
         say(client, **cancel)
         assert heard(client, "action_result")["status"] == 5
-        served.stop()  # it would not hear for years, either, that they leave
+        served.stop()  # the queue would not process their closing for years
 
 
-def test_who_reads_nothing_is_cut_off(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_client_that_does_not_read_is_dropped(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(bridge, "MAX_UNSENT", 5)
     served = serve(rosbridge=True)
     with served.client() as client:
         for _ in range(10):
             client.run(11)
         with websocket(served) as connection, suppress(ConnectionClosed):
-            for _ in range(900):  # each is answered with all there is to know of ten goals
+            for _ in range(900):  # each is answered with the status of ten goals
                 say(connection, op="subscribe", topic="/task_server/_action/status")
             while connection.recv(10):
                 pass
@@ -369,7 +373,7 @@ def test_who_reads_nothing_is_cut_off(serve: Serve, monkeypatch: pytest.MonkeyPa
         assert client.run(11).success
 
 
-def test_who_is_gone_before_it_is_sent_away_is_no_error(
+def test_a_client_that_leaves_while_it_is_dropped_is_no_error(
     serve: Serve, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(bridge, "MAX_UNSENT", 40)

@@ -50,7 +50,7 @@ def test_both_spellings_of_the_type_and_of_the_name() -> None:
         ({"fragment_size": 100}, "fragments"),
     ],
 )
-def test_a_goal_that_is_none_can_be_answered_by_its_id(wrong: dict[str, Any], why: str) -> None:
+def test_an_invalid_goal_can_be_answered_by_its_id(wrong: dict[str, Any], why: str) -> None:
     with pytest.raises(ros.BadGoal, match=why) as caught:
         parsed(**{**GOAL, **wrong})
     assert caught.value.identity == GOAL["id"]
@@ -91,12 +91,12 @@ def test_no_message_raises_anything_else(message: dict[str, Any]) -> None:
         return
 
 
-def test_what_clients_say_on_the_way_is_let_be() -> None:
+def test_messages_that_need_no_answer_are_ignored() -> None:
     for operation in ("advertise", "unadvertise", "publish", "set_level"):
         assert parsed(op=operation, topic="/x") is None
 
 
-def test_the_end_of_a_goal() -> None:
+def test_a_result() -> None:
     told = json.loads(ros.result("7", 6, success=False))
     assert told == {
         "op": "action_result",
@@ -127,7 +127,7 @@ def test_topics() -> None:
 
 
 @given(st.binary(min_size=16, max_size=16), st.integers(0, 2**60), st.booleans())
-def test_a_cancel_by_service_names_goals_as_the_status_topic_does(
+def test_a_cancel_by_service_takes_ids_of_the_status_topic(
     identity: bytes, stamp_ns: int, as_list: bool
 ) -> None:
     told = json.loads(ros.status_array([ros.goal_status(identity.hex(), stamp_ns, 2)]))
@@ -142,7 +142,7 @@ def cancel(arguments: dict[str, Any]) -> ros.CallService:
     return ros.CallService("1", ros.CANCEL_SERVICE, arguments)
 
 
-def test_an_empty_cancel_means_all() -> None:
+def test_an_empty_cancel_is_for_all_goals() -> None:
     assert ros.cancel_request(cancel({})) == ("", 0)  # what roslib.js sends for cancelAllGoals
 
 
@@ -157,14 +157,14 @@ def test_an_empty_cancel_means_all() -> None:
         {"goal_info": {"stamp": {"sec": "1"}}},
     ],
 )
-def test_another_cancel_is_refused(arguments: dict[str, Any]) -> None:
+def test_an_invalid_cancel_is_refused(arguments: dict[str, Any]) -> None:
     with pytest.raises(ros.BadCall) as caught:
         ros.cancel_request(cancel(arguments))
     assert caught.value.call == cancel(arguments)
 
 
 @pytest.mark.parametrize("wrong", ['"x": NaN', '"x": 1, "x": 1', '"x": 1e999'])
-def test_what_is_no_json_is_answered_to_whom_it_names(wrong: str) -> None:
+def test_invalid_json_is_answered_with_its_id(wrong: str) -> None:
     with pytest.raises(ros.BadGoal) as goal:
         ros.parse(f'{{"op": "send_action_goal", "id": "7", {wrong}}}')
     assert goal.value.identity == "7"
@@ -175,7 +175,7 @@ def test_what_is_no_json_is_answered_to_whom_it_names(wrong: str) -> None:
         ros.parse(f'{{"op": "call_service", "id": 7, {wrong}}}')
 
 
-def test_an_error_quotes_only_so_much() -> None:
+def test_an_error_is_short() -> None:
     with pytest.raises(ros.BadGoal) as caught:
         parsed(**{**GOAL, "action": "x" * 60_000})
     assert len(str(caught.value)) < 400
