@@ -71,7 +71,7 @@ def test_a_person_activates_and_deactivates_the_arm(server: RigMaker) -> None:
     assert arm.arm_to("cleanup") is State.UNCONFIGURED
     assert arm.arm_to("shutdown") is State.FINALIZED
     assert arm.arm_to("shutdown") is State.FINALIZED
-    with pytest.raises(TransitionRefused, match=r"while finalized, .* start armtree again"):
+    with pytest.raises(TransitionRefused, match="while finalized; start armtree again"):
         arm.arm_to("activate")
 
 

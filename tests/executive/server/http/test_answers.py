@@ -178,6 +178,8 @@ def test_the_lifecycle(serve: Serve) -> None:
 def test_pause_and_resume(serve: Serve) -> None:
     served = serve()
     goal = send(served, 1)
+    while served.ask("GET", f"/api/goals/{goal}")[1]["state"] == "ACCEPTED":
+        pass
     assert served.ask("POST", f"/api/goals/{goal}/pause")[0] == 200
     assert served.ask("GET", "/api/status")[1]["paused"]
     assert served.ask("POST", f"/api/goals/{goal}/resume")[0] == 200
