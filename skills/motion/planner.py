@@ -43,7 +43,7 @@ from .plan import Plan
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify
 from .timing.remaining import check_rest, remaining_plan
 from .timing.time_law import TimeLaw
-from .timing.timing import time_curve
+from .timing.time_parameterization import time_curve
 from .validation import joint_positions
 from .world import EMPTY, Body, World
 
@@ -120,8 +120,8 @@ class Planner:
             start, points = planning.endpoints.check(checker, query)
         validator = MotionValidator(
             checker=checker,
+            group=group,
             start=start,
-            columns=group.columns,
             lever_arms=checker.scene.lever_arms[:, group.columns],
             margin=margin + query.spare,
             guaranteed=0.5 * margin + query.spare,
@@ -261,7 +261,7 @@ def _paths(
         return
     if straight == [False]:
         with watch.stage("bend"):
-            bend = find_bend(validator, search.group.lower, search.group.upper, legs[0])
+            bend = find_bend(validator, legs[0])
         if bend:
             yield bend
     paths = list(_leg_paths(validator, search, legs, straight, seed, watch))
@@ -292,8 +292,8 @@ def _leg_paths(
             path = np.array([here, goal])
         else:
             with watch.stage("search"):
-                check_passable(validator, search, here, goal)
-                goals = search.equivalent_goals(here, goal)
+                check_passable(validator, here, goal)
+                goals = validator.group.equivalent_goals(here, goal)
                 path = search.find(validator, here, goals, seed + 1)  # OMPL ignores a seed of 0
             with watch.stage("shorten"):
                 path = shortcut(validator, path)

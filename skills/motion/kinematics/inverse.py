@@ -33,7 +33,7 @@ from skills.motion.errors import (
     shown,
 )
 from skills.motion.query import Reached, ToolQuery
-from skills.motion.timing.timing import line_duration
+from skills.motion.timing.time_parameterization import line_duration
 from skills.motion.validation import MAX_MAGNITUDE, check_seed, joint_positions
 from skills.motion.world import Vector
 

@@ -1,13 +1,17 @@
 """The actuated joints of one planning group, as MoveIt's JointModelGroup."""
 
+from itertools import chain, combinations, islice
+
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware import Robot
-from skills.motion.arrays import readonly
+from skills.motion.arrays import norms, readonly
 from skills.motion.errors import BadQuery
 
 Array = NDArray[np.float64]
+
+_MAX_GOALS = 64  # equivalent goals of continuous joints: all of up to six joints
 
 
 class JointGroup:
@@ -66,6 +70,18 @@ class JointGroup:
             return goal
         turns = np.where(self.continuous, np.round((goal - start) / (2.0 * np.pi)), 0.0)
         return goal - 2.0 * np.pi * turns
+
+    def equivalent_goals(self, start: Array, goal: Array) -> Array:
+        """Return a goal, also with continuous joints in the other direction (G, J) [rad].
+
+        The goal nearest to the start comes first.
+        """
+        turns = np.where(self.continuous, 2.0 * np.pi * np.sign(goal - start), 0.0)
+        joints = np.flatnonzero(turns)
+        subsets = chain.from_iterable(combinations(joints, n) for n in range(len(joints) + 1))
+        chosen = [np.isin(np.arange(len(goal)), each) for each in islice(subsets, _MAX_GOALS)]
+        goals = goal - np.array(chosen) * turns
+        return goals[np.argsort(norms(goals - start), kind="stable")]
 
     def full(self, configuration: Array, positions: Array) -> Array:
         """Return a configuration with the group's joints at other positions.

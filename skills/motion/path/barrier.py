@@ -10,23 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.motion.errors import Barred
+from skills.motion.kinematics.joint_group import JointGroup
 
 from .motion_validator import MotionValidator
-from .rrt_connect import RRTConnect
 
 Array = NDArray[np.float64]
 
 _SAMPLES = 64
 
 
-def check_passable(
-    validator: MotionValidator, search: RRTConnect, start: Array, goal: Array
-) -> None:
+def check_passable(validator: MotionValidator, start: Array, goal: Array) -> None:
     """Check the pairs of links that a single joint moves.
 
     Args:
         validator: Checks motions of the group.
-        search: Knows which joints have limits.
         start: A free point (J,) [rad].
         goal: Another free point (J,) [rad].
 
@@ -37,20 +34,20 @@ def check_passable(
     movers = validator.lever_arms[alone].argmax(axis=1)
     for joint in np.unique(movers).tolist():
         pairs = frozenset(alone[movers == joint].tolist())
-        ends = _single_joint_goals(search, joint, start, goal)
+        ends = _single_joint_goals(validator.group, joint, start, goal)
         barriers = [_barrier(validator, start, end, pairs) for end in ends]
         if barriers and (barrier := barriers[0]) and all(barriers):
             raise barrier
 
 
-def _single_joint_goals(search: RRTConnect, joint: int, start: Array, goal: Array) -> list[Array]:
+def _single_joint_goals(group: JointGroup, joint: int, start: Array, goal: Array) -> list[Array]:
     """Ends of the motions of one joint of which every path contains one; empty if unknown."""
     end = start.copy()
     end[joint] = goal[joint]
-    if np.isfinite([search.group.lower[joint], search.group.upper[joint]]).any():
+    if np.isfinite([group.lower[joint], group.upper[joint]]).any():
         return [end]
     # A continuous joint with followers is not equivalent to itself a whole turn further.
-    return list(search.equivalent_goals(start, end)) if search.group.continuous[joint] else []
+    return list(group.equivalent_goals(start, end)) if group.continuous[joint] else []
 
 
 def _barrier(
@@ -67,7 +64,10 @@ def _barrier(
     pair = next(
         k for k in sorted(pairs) if checker.first_collision(row, distance, frozenset((k,))) == 0
     )
-    joint, scene = int(validator.columns[np.argmax(validator.lever_arms[pair])]), checker.scene
+    joint, scene = (
+        int(validator.group.columns[np.argmax(validator.lever_arms[pair])]),
+        checker.scene,
+    )
     ends = scene.hulls.collisionPairs[pair]
     links = [scene.link(scene.hulls, i) for i in (ends.first, ends.second)]
     model = scene.robot_model

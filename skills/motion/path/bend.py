@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skills.motion.arrays import norms
+from skills.motion.kinematics.joint_group import JointGroup
 
 from .curve import Curve
 from .motion_validator import MotionValidator
@@ -27,17 +28,13 @@ _LINE_SAMPLES = np.linspace(0.0, 1.0, 8)[1:-1, None]
 _BEND_SAMPLES = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
 
 
-def find_bend(
-    validator: MotionValidator, lower: Array, upper: Array, ends: tuple[Array, Array]
-) -> tuple[Array, Curve] | None:
+def find_bend(validator: MotionValidator, ends: tuple[Array, Array]) -> tuple[Array, Curve] | None:
     """Return three waypoints (3, J) [rad] and the free curve along them, or None.
 
     The curve is free. The lines between the waypoints may not be.
 
     Args:
         validator: Checks motions of the group.
-        lower: Lower limits, -inf if there is none (J,) [rad].
-        upper: Upper limits, inf if there is none (J,) [rad].
         ends: Two free points (J,) [rad]. The line between them is not free.
 
     Raises:
@@ -46,7 +43,7 @@ def find_bend(
     # Hulls that overlap although nothing collides say nothing.
     ignored = _close_pairs(validator, np.array(ends))
     pairs = _close_pairs(validator, ends[0] + _LINE_SAMPLES * (ends[1] - ends[0])) - ignored
-    candidates, tries = _via_points(lower, upper, ends), 0
+    candidates, tries = _via_points(validator.group, ends), 0
     for begin in range(0, _CANDIDATES, _GROUP_SIZE):
         left = _without_collision(validator, ends, candidates[begin : begin + _GROUP_SIZE], pairs)
         while len(left) and tries < _MAX_TRIES:
@@ -60,10 +57,10 @@ def find_bend(
     return None
 
 
-def _via_points(lower: Array, upper: Array, ends: tuple[Array, Array]) -> Array:
+def _via_points(group: JointGroup, ends: tuple[Array, Array]) -> Array:
     """Candidates, that with the shortest path first (K, J) [rad]."""
-    low = np.maximum(lower, np.minimum(*ends) - _REACH)
-    high = np.minimum(upper, np.maximum(*ends) + _REACH)
+    low = np.maximum(group.lower, np.minimum(*ends) - _REACH)
+    high = np.minimum(group.upper, np.maximum(*ends) + _REACH)
     points: Array = low + _low_discrepancy(len(low)) * (high - low)
     lengths = norms(points - ends[0]) + norms(ends[1] - points)
     return points[np.argsort(lengths, kind="stable")]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from skills.motion.collision.checker import BATCH, CollisionChecker, Proximity
 from skills.motion.deadline import Deadline
+from skills.motion.kinematics.joint_group import JointGroup
 
 from .curve import Curve
 
@@ -40,8 +41,8 @@ class MotionValidator:
 
     Attributes:
         checker: Checks configurations.
+        group: The group.
         start: All actuated joints at the start (A,) [rad].
-        columns: Indices of the group's joints in `start` (J,).
         lever_arms: Bounds on the travel of each pair of links per unit of the group's joints
             (P, J) [m/rad].
         margin: Distance to keep at each sample [m].
@@ -50,8 +51,8 @@ class MotionValidator:
     """
 
     checker: CollisionChecker
+    group: JointGroup
     start: Array
-    columns: NDArray[np.intp]
     lever_arms: Array
     margin: float
     guaranteed: float
@@ -64,10 +65,7 @@ class MotionValidator:
 
     def full(self, points: Array) -> Array:
         """Return all actuated joints (N, A) for points of the group (N, J) [rad]."""
-        configurations = np.empty((len(points), len(self.start)))
-        configurations[:] = self.start
-        configurations[:, self.columns] = points
-        return configurations
+        return self.group.full(self.start, points)
 
     def line_is_free(self, a: Array, b: Array) -> bool:
         """Return True if the line between two free points is free."""

@@ -5,15 +5,12 @@ planning", ICRA 2000, as implemented by OMPL. OMPL objects that refer to each ot
 never freed, so all searches of a group share one state space.
 """
 
-from itertools import chain, combinations, islice
-
 import numpy as np
 from numpy.typing import NDArray
 from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from skills.motion.arrays import norms
 from skills.motion.errors import NoPath
 from skills.motion.kinematics.joint_group import JointGroup
 
@@ -25,7 +22,6 @@ ou.setLogLevel(ou.LogLevel.LOG_NONE)
 
 _MAX_ITERATIONS = 5_000  # a count, not a time: equal queries give equal paths
 _RANGE = 0.7  # longest extension of a tree [rad]
-_MAX_GOALS = 64  # equivalent goals of continuous joints: all of up to six joints
 
 
 class RRTConnect:
@@ -35,13 +31,10 @@ class RRTConnect:
 
     Args:
         group: The group.
-
-    Attributes:
-        group: The group.
     """
 
     def __init__(self, group: JointGroup) -> None:
-        self.group = group
+        self._group = group
         self._bounds: tuple[float, ...] = ()
         self._space = ob.RealVectorStateSpace(len(group.lower))
         self._information = ob.SpaceInformation(self._space)
@@ -49,25 +42,13 @@ class RRTConnect:
         self._information.setMotionValidator(self._edges)
         self._information.setStateValidityChecker(_always_valid)
 
-    def equivalent_goals(self, start: Array, goal: Array) -> Array:
-        """Return the goal, also with continuous joints in the other direction (G, J) [rad].
-
-        The nearest comes first, because the search tries them in turn.
-        """
-        turns = np.where(self.group.continuous, 2.0 * np.pi * np.sign(goal - start), 0.0)
-        joints = np.flatnonzero(turns)
-        subsets = chain.from_iterable(combinations(joints, n) for n in range(len(joints) + 1))
-        chosen = [np.isin(np.arange(len(goal)), each) for each in islice(subsets, _MAX_GOALS)]
-        goals = goal - np.array(chosen) * turns
-        return goals[np.argsort(norms(goals - start), kind="stable")]
-
     def find(self, validator: MotionValidator, start: Array, goals: Array, seed: int) -> Array:
         """Return a path of free edges from start to one of the goals (N, J) [rad].
 
         Args:
             validator: Checks motions of the group.
             start: A free point (J,) [rad].
-            goals: Free points (G, J) [rad].
+            goals: Free points, tried in turn (G, J) [rad].
             seed: Random seed, at least 1. Equal seeds give equal paths.
 
         Raises:
@@ -91,7 +72,7 @@ class RRTConnect:
         return np.array([s[0 : len(start)] for s in states])
 
     def _set_bounds(self, ends: Array) -> None:
-        group = self.group
+        group = self._group
         lower = np.where(np.isfinite(group.lower), group.lower, ends.min(axis=0) - np.pi)
         upper = np.where(np.isfinite(group.upper), group.upper, ends.max(axis=0) + np.pi)
         if self._bounds == (known := (*lower.tolist(), *upper.tolist())):

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from skills.motion.plan import Plan
 
-from .timing import line_duration
+from .time_parameterization import line_duration
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

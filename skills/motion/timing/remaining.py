@@ -14,7 +14,7 @@ from skills.motion.plan import Plan
 from skills.motion.query import Rest
 from skills.motion.validation import is_number
 
-from .timing import time_curve
+from .time_parameterization import time_curve
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from skills.motion import MotionError, Plan
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.path.curve import Curve
 from skills.motion.planner import Planner
-from skills.motion.timing.timing import time_curve
+from skills.motion.timing.time_parameterization import time_curve
 from tests.bench.planners.judge import TICK, Judge, excess, ticks
 from tests.bench.planners.padded import padded
 from tests.bench.planners.problems import Problem

@@ -1,4 +1,4 @@
-"""The rung between the straight line and the search: one bend."""
+"""A single bend: the stage between the straight line and the search."""
 
 from collections.abc import Iterator
 
@@ -23,7 +23,7 @@ ENDS = np.array((0.3, -0.6, 0.3)), np.array((-1.4, -0.6, -0.07))
 
 
 def planned(count: int) -> Iterator[Plan]:
-    """From one side of the post to the other."""
+    """Plans from one side of the post to the other."""
     planner, random = Planner(ROBOT), np.random.default_rng(5)
     for draw in random.uniform(-0.3, 0.3, (count, 2, 3)):
         start, goal = np.clip(draw + ENDS, LOWER, UPPER)
@@ -46,37 +46,40 @@ def test_bends_are_free_and_within_the_limits() -> None:
     assert found > 10
 
 
-def space(world: World, clock: SimulatedClock, timeout: float) -> MotionValidator:
-    model, own = PlanningScene(ROBOT, world), ARM.columns
+def validator_of(
+    world: World, clock: SimulatedClock, timeout: float, group: JointGroup = ARM
+) -> MotionValidator:
+    scene = PlanningScene(ROBOT, world)
     margin = ROBOT.collision.margin
     return MotionValidator(
-        checker=CollisionChecker(model),
+        checker=CollisionChecker(scene),
+        group=group,
         start=np.zeros(4),
-        columns=own,
-        lever_arms=model.lever_arms[:, own],
+        lever_arms=scene.lever_arms[:, group.columns],
         margin=margin,
         guaranteed=0.5 * margin,
         deadline=Deadline(clock, timeout),
     )
 
 
-def test_a_bend_goes_round_what_the_line_does_not_miss() -> None:
-    there = space(POST, SimulatedClock(), 1.0)
-    assert not there.line_is_free(*ENDS)
-    found = find_bend(there, LOWER, UPPER, ENDS)
+def test_a_bend_avoids_an_obstacle_on_the_line() -> None:
+    validator = validator_of(POST, SimulatedClock(), 1.0)
+    assert not validator.line_is_free(*ENDS)
+    found = find_bend(validator, ENDS)
     assert found
     waypoints, curve = found
     assert len(waypoints) == 3
     assert np.allclose(curve.positions(np.array([0.0, curve.length])), ENDS, rtol=0.0, atol=1e-12)
-    assert there.curve_is_free(curve)
+    assert validator.curve_is_free(curve)
 
 
-def test_the_time_is_kept() -> None:
-    late = space(POST, SimulatedClock(), -1.0)
+def test_the_deadline_is_kept() -> None:
+    late = validator_of(POST, SimulatedClock(), -1.0)
     with pytest.raises(PlanTimeout):
-        find_bend(late, LOWER, UPPER, ENDS)
+        find_bend(late, ENDS)
 
 
-def test_none_where_the_limits_leave_no_way_round() -> None:
-    there = space(POST, SimulatedClock(), 5.0)
-    assert find_bend(there, np.minimum(*ENDS), np.maximum(*ENDS), ENDS) is None
+def test_no_bend_if_the_limits_leave_no_space() -> None:
+    tight = JointGroup(ROBOT, "arm")
+    tight.lower, tight.upper = np.minimum(*ENDS), np.maximum(*ENDS)
+    assert find_bend(validator_of(POST, SimulatedClock(), 5.0, tight), ENDS) is None

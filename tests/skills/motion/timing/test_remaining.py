@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hardware import load_robot
 from skills.motion import BadQuery, NotFinite, Plan, Query, Rest
 from skills.motion.planner import Planner
-from skills.motion.timing.timing import time_curve
+from skills.motion.timing.time_parameterization import time_curve
 
 ROBOT = load_robot()
 PLANNER = Planner(ROBOT)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from skills.motion.arrays import norms
 from skills.motion.path.curve import Curve
 from skills.motion.timing.time_law import TimeLaw
-from skills.motion.timing.timing import line_duration, time_curve
+from skills.motion.timing.time_parameterization import line_duration, time_curve
 from skills.motion.timing.toppra_timing import time_section
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""Time-optimal timing of a curve under velocity and acceleration limits of every joint."""
+"""Time parameterization of a curve: time-optimal under velocity and acceleration limits."""
 
 from itertools import pairwise
 
