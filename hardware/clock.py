@@ -1,7 +1,7 @@
-"""Time, injected: the real clock, and a simulated one that jumps when everybody waits.
+"""Injected time: the real clock, and a simulated clock that jumps when all threads wait.
 
-Nobody else reads the time, sleeps or starts a thread, so a program that is handed a
-`SimulatedClock` runs the same code in no time at all.
+No other code reads the time, sleeps or starts a thread. So a program with a `SimulatedClock` runs
+the same code as with a `RealClock`, without waiting.
 """
 
 import threading
@@ -12,30 +12,30 @@ from typing import Protocol
 
 
 class Signal(Protocol):
-    """A condition variable whose time-outs run on a clock. Hold it (`with`) to wait or notify."""
+    """A condition variable with timeouts on a clock. Hold it (`with`) to wait or notify."""
 
     def __enter__(self) -> object: ...
 
     def __exit__(self, *raised: object) -> None: ...
 
     def wait(self, until: float | None) -> None:
-        """Let go, sleep until notified or until the time [s], and take hold again."""
+        """Release it, sleep until notified or until a time [s], and acquire it again."""
 
     def notify(self) -> None:
-        """Wake everybody who waits."""
+        """Wake all waiting threads."""
 
 
 class Clock(Protocol):
-    """Monotonic time and the ways to wait on it."""
+    """Monotonic time, and what waits on it."""
 
     def now(self) -> float:
-        """Monotonic time [s]."""
+        """Return the monotonic time [s]."""
 
     def epoch_ns(self) -> int:
-        """What UTC was when this clock stood at 0 [ns since 1970]."""
+        """Return the UTC time at which this clock was at 0 [ns since 1970]."""
 
     def signal(self) -> Signal:
-        """A new condition variable on this clock."""
+        """Return a new condition variable on this clock."""
 
     def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
         """Start a daemon thread that waits on this clock only through its signals."""
@@ -48,15 +48,15 @@ class RealClock:
         self._epoch_ns = time.time_ns() - time.monotonic_ns()
 
     def now(self) -> float:
-        """Monotonic time [s]."""
+        """Return the monotonic time [s]."""
         return time.monotonic()
 
     def epoch_ns(self) -> int:
-        """What UTC was when the monotonic clock stood at 0 [ns since 1970]."""
+        """Return the UTC time at which the monotonic clock was at 0 [ns since 1970]."""
         return self._epoch_ns
 
     def signal(self) -> Signal:
-        """A new condition variable."""
+        """Return a new condition variable."""
         return _RealSignal()
 
     def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
@@ -84,7 +84,7 @@ class _RealSignal:
 
 
 class _Sleeper:
-    """One thread that waits."""
+    """A waiting thread."""
 
     def __init__(self, until: float | None, counted: bool) -> None:
         self.until, self.counted = until, counted
@@ -92,13 +92,13 @@ class _Sleeper:
 
 
 class SimulatedClock:
-    """Time stands still while anybody works, and jumps to the next deadline when all wait.
+    """A clock that stops while any thread works, and jumps to the next deadline when all wait.
 
-    The threads that count as working are those it spawned and those inside `working()`. A thread
-    that is notified counts as working from that instant, so no jump can slip in between.
+    Only threads that it spawned and threads inside `working()` count as working. A notified thread
+    counts as working at once, so the clock cannot jump before it runs.
 
     Args:
-        epoch_ns: UTC at time 0 [ns since 1970].
+        epoch_ns: UTC time at which this clock is at 0 [ns since 1970].
     """
 
     def __init__(self, epoch_ns: int = 1_767_225_600_000_000_000) -> None:
@@ -107,31 +107,31 @@ class SimulatedClock:
         self._now = 0.0
         self._working = 0
         self._sleepers: list[_Sleeper] = []
-        self._counted = threading.local()
+        self._thread_local = threading.local()
 
     def now(self) -> float:
-        """Simulated time [s]."""
+        """Return the simulated time [s]."""
         return self._now
 
     def epoch_ns(self) -> int:
-        """UTC at time 0 [ns since 1970]."""
+        """Return the UTC time at which this clock was at 0 [ns since 1970]."""
         return self._epoch_ns
 
     def signal(self) -> Signal:
-        """A new condition variable on simulated time."""
+        """Return a new condition variable on simulated time."""
         return _SimulatedSignal(self)
 
     def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
-        """Start a daemon thread that counts as working from now on."""
+        """Start a daemon thread. It counts as working at once."""
         with self._lock:
             self._working += 1
 
         def run() -> None:
-            self._counted.here = True
+            self._thread_local.counts = True
             try:
                 target()
             finally:
-                self._rest()
+                self._stop_working()
 
         thread = threading.Thread(target=run, name=name, daemon=True)
         thread.start()
@@ -139,30 +139,30 @@ class SimulatedClock:
 
     @contextmanager
     def working(self) -> Iterator[None]:
-        """Let the calling thread count as working; within one that does, this changes nothing."""
+        """Let the calling thread count as working. Does nothing if it does already."""
         if self._counts():
             yield
             return
         with self._lock:
             self._working += 1
-        self._counted.here = True
+        self._thread_local.counts = True
         try:
             yield
         finally:
-            self._counted.here = False
-            self._rest()
+            self._thread_local.counts = False
+            self._stop_working()
 
     def _counts(self) -> bool:
         """Whether the calling thread counts as working."""
-        return getattr(self._counted, "here", False)
+        return getattr(self._thread_local, "counts", False)
 
-    def _rest(self) -> None:
+    def _stop_working(self) -> None:
         with self._lock:
             self._working -= 1
             self._jump()
 
     def sleep(self, until: float | None) -> _Sleeper:
-        """Note that the calling thread is about to wait."""
+        """Register that the calling thread is about to wait."""
         sleeper = _Sleeper(until, self._counts())
         with self._lock:
             self._sleepers.append(sleeper)
@@ -171,7 +171,7 @@ class SimulatedClock:
         return sleeper
 
     def wake(self, sleepers: list[_Sleeper]) -> None:
-        """Note that these threads work again, and let them go."""
+        """Wake threads. They count as working at once."""
         with self._lock:
             self._wake(sleepers)
 

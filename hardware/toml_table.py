@@ -1,4 +1,4 @@
-"""Reading a TOML file strictly: every mistake is told with its line and the valid choices."""
+"""A strict reader of TOML files. Every error names its line, its key and the valid choices."""
 
 import math
 import re
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from hardware.errors import DescriptionError
-from hardware.suggestions import closest, suggestion
+from hardware.suggestions import choices, closest, suggestion
 
 _HEADER = re.compile(r"\s*\[([\w.\-]+)\]\s*(?:#.*)?$")
 _KEY = re.compile(r"\s*([\w.\-]+)\s*=")
@@ -26,19 +26,21 @@ _KINDS = {
 
 
 class TomlTable:
-    """One table of a TOML file. What it is asked for it checks; what nobody asked for is an error.
+    """One table of a TOML file.
+
+    Each method reads a key and checks its value. `done` rejects keys that were not read.
 
     Raises:
-        DescriptionError: From every method, with file, line and key.
+        DescriptionError: From every method; it names file, line and key.
     """
 
     def __init__(self, path: Path, lines: dict[str, int], name: str, values: dict[str, Any]):
         self._path, self._lines, self._name, self._values = path, lines, name, values
-        self._asked: set[str] = set()
+        self._known: set[str] = set()  # the keys that were read
 
     @classmethod
     def read(cls, path: Path) -> "TomlTable":
-        """The root table of a file."""
+        """Return the root table of a file."""
         try:
             text = path.read_text(encoding="utf-8")
             values = tomllib.loads(text)
@@ -46,21 +48,21 @@ class TomlTable:
             raise DescriptionError(path, 0, f"cannot be read: {error.strerror}") from error
         except UnicodeDecodeError as error:
             raise DescriptionError(path, 0, f"is not UTF-8 text: {error.reason}") from error
-        except ValueError as error:  # a number of thousands of digits is no TOMLDecodeError
-            place = re.search(r"at line (\d+)", str(error))
-            raise DescriptionError(path, int(place[1]) if place else 0, str(error)) from error
+        except ValueError as error:  # a number with thousands of digits raises no TOMLDecodeError
+            line = re.search(r"at line (\d+)", str(error))
+            raise DescriptionError(path, int(line[1]) if line else 0, str(error)) from error
         return cls(path, _key_lines(text), "", values)
 
     def fail(self, key: str, message: str) -> NoReturn:
-        """Refuse the value of a key."""
+        """Reject the value of a key."""
         raise DescriptionError(self._path, self._line(key), f"{self._full(key)}: {message}")
 
     def text(self, key: str, default: str | None = None) -> str:
-        """A text; the default where the key is absent and a default is given."""
+        """Return a text, or the default if the key is absent."""
         return str(self._value(key, str, default))
 
     def number(self, key: str, above: float = -math.inf, least: float = -math.inf) -> float:
-        """A finite number greater than `above` and not less than `least`."""
+        """Return a finite number greater than `above` and at least `least`."""
         try:
             value = float(self._value(key, float))
         except OverflowError:
@@ -75,7 +77,7 @@ class TomlTable:
     def vector(
         self, key: str, default: tuple[float, float, float] | None = None
     ) -> tuple[float, float, float]:
-        """Three finite numbers; the default where one is given."""
+        """Return three finite numbers, or the default if the key is absent."""
         values = self._value(key, list, None if default is None else list(default))
         most = sys.float_info.max
         numbers = [v for v in values if type(v) in (int, float) and -most <= v <= most]
@@ -85,7 +87,7 @@ class TomlTable:
         return x, y, z
 
     def integer(self, key: str, choices: Iterable[int] | None = None, least: int = 1) -> int:
-        """A whole number, out of the choices or not less than `least`."""
+        """Return a whole number out of the choices, or at least `least` if there are no choices."""
         value = int(self._value(key, int))
         if choices is not None and value not in choices:
             self.fail(key, f"{value} is not one of {', '.join(map(str, choices))}")
@@ -94,11 +96,11 @@ class TomlTable:
         return value
 
     def boolean(self, key: str) -> bool:
-        """True or false."""
+        """Return a boolean."""
         return bool(self._value(key, bool))
 
     def choice(self, key: str, choices: Iterable[str]) -> str:
-        """A text out of the choices."""
+        """Return a text out of the choices."""
         value, names = self.text(key), list(choices)
         if value not in names:
             self.fail(key, f"{value!r} is not one of {', '.join(names)}{suggestion(value, names)}")
@@ -107,12 +109,12 @@ class TomlTable:
     def names(
         self, key: str, choices: Iterable[str], default: list[str] | None = None
     ) -> tuple[str, ...]:
-        """A list of distinct texts out of the choices; the default where one is given."""
+        """Return distinct texts out of the choices, or the default if the key is absent."""
         values = self._value(key, list, default)
         return self._checked_names(key, values, list(choices))
 
     def pairs(self, key: str, choices: Iterable[str]) -> frozenset[frozenset[str]]:
-        """A list of pairs of distinct texts out of the choices."""
+        """Return a list of pairs of distinct texts out of the choices."""
         names, values = list(choices), self._value(key, list)
         for pair in values:
             if not isinstance(pair, list) or len(pair) != 2:
@@ -120,7 +122,7 @@ class TomlTable:
         return frozenset(frozenset(self._checked_names(key, pair, names)) for pair in values)
 
     def table(self, key: str) -> "TomlTable":
-        """A table within this one."""
+        """Return a table within this one."""
         values = self._value(key, dict)
         return TomlTable(self._path, self._lines, self._full(key), values)
 
@@ -128,16 +130,14 @@ class TomlTable:
         return iter(self._values)
 
     def __contains__(self, key: str) -> bool:
-        self._asked.add(key)  # it may stand there
+        self._known.add(key)  # an optional key
         return key in self._values
 
     def done(self) -> None:
-        """Refuse the keys that nobody asked for."""
+        """Reject the keys that were not read."""
         for key in self._values:
-            if key not in self._asked:
-                known = sorted(self._asked)
-                near = suggestion(key, known)
-                self.fail(key, f"unknown key; there are {', '.join(known)}{near}")
+            if key not in self._known:
+                self.fail(key, f"unknown key; there are {choices(key, self._known)}")
 
     def _checked_names(self, key: str, values: list[Any], choices: list[str]) -> tuple[str, ...]:
         for value in values:
@@ -145,11 +145,11 @@ class TomlTable:
                 near = suggestion(str(value), choices)
                 self.fail(key, f"{value!r} is not one of {', '.join(choices)}{near}")
         if len(set(values)) != len(values):
-            self.fail(key, f"{values!r} names something twice")
+            self.fail(key, f"{values!r} contains a name twice")
         return tuple(values)
 
     def _value(self, key: str, kind: type, default: Any = None) -> Any:
-        self._asked.add(key)
+        self._known.add(key)
         value = self._values.get(key, default)
         if value is None:
             self._miss(key)
@@ -159,8 +159,8 @@ class TomlTable:
         return value
 
     def _miss(self, key: str) -> NoReturn:
-        """Refuse a missing key; at the line of its misspelling where there is one."""
-        misspelt = closest(key, [given for given in self._values if given not in self._asked])
+        """Reject a missing key, at the line of its misspelling if there is one."""
+        misspelt = closest(key, [given for given in self._values if given not in self._known])
         if misspelt:
             self.fail(misspelt, f"unknown key; did you mean {key}?")
         self.fail(key, "is missing")
@@ -169,7 +169,7 @@ class TomlTable:
         return f"{self._name}.{key}" if self._name else key
 
     def _line(self, key: str) -> int:
-        """The line of the key, or of the nearest table around it."""
+        """Line of the key, or of the nearest table around it; 0 if unknown."""
         full = self._full(key)
         while full not in self._lines and "." in full:
             full = full.rpartition(".")[0]
@@ -177,7 +177,7 @@ class TomlTable:
 
 
 def _key_lines(text: str) -> dict[str, int]:
-    """Line number of every table header and key, by full name."""
+    """Line numbers of all table headers and keys, by full name."""
     lines: dict[str, int] = {}
     table = ""
     for number, line in enumerate(text.splitlines(), start=1):

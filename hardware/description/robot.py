@@ -1,4 +1,4 @@
-"""The robot as data: joints, groups, limits, and the board it hangs on."""
+"""The robot as data: joints, groups, limits, and its board."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ class Serial:
     """The serial line.
 
     Attributes:
-        port: Device, `virtual`, or empty where the robot file names none.
-        baud: [bit/s].
-        boot_wait: How long after opening the board listens [s].
-        resets: Whether opening it resets the board.
+        port: Device or `virtual`; empty if the robot file names none.
+        baud: Speed of the line [bit/s].
+        boot_wait: Time from opening the port until the board reads from it [s].
+        resets: Whether opening the port resets the board.
     """
 
     port: str
@@ -31,13 +31,13 @@ class Serial:
 
 @dataclass(frozen=True, slots=True)
 class CollisionRules:
-    """What may not touch, and how near is too near.
+    """Rules of collision checking.
 
     Attributes:
-        margin: Distance that planning keeps [m].
+        margin: Least distance that planning keeps [m].
         allowed: Pairs of links that are not checked.
-        floor: Height of the floor in the URDF's root frame [m]; None for no floor.
-        floor_ignores: Links that may stand on or in the floor.
+        floor: Height of the floor in the root frame of the URDF [m], or None for no floor.
+        floor_ignores: Links that may touch or intersect the floor.
     """
 
     margin: float
@@ -48,12 +48,12 @@ class CollisionRules:
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """What the arm works with: the point that goes where a task says.
+    """The tool center point, which moves to the targets of a task.
 
     Attributes:
-        link: That carries it.
-        offset: Where it is in the frame of that link [m].
-        axis: Where it points in that frame.
+        link: Link that carries it.
+        offset: Position in the frame of that link [m].
+        axis: Direction in which the tool points, in the same frame.
     """
 
     link: str
@@ -63,19 +63,19 @@ class Tool:
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot description, checked.
+    """A validated robot description.
 
     Attributes:
         name: Name of the robot.
         path: The robot file.
         urdf: The URDF file.
-        joints: All moving joints, mimics included, in the order of the robot file.
-        groups: Group name to the names of its joints, mimics included.
-        serial: The line to the board.
-        driver: What speaks to the board.
-        firmware: What runs on the board.
-        collision: What may not touch.
-        tool: What it works with; None where the file does not say.
+        joints: The moving joints in the order of the robot file, then the mimic joints.
+        groups: Names of the joints of each group, mimic joints included.
+        serial: The serial line.
+        driver: Driver of the board.
+        firmware: Firmware of the board.
+        collision: Rules of collision checking.
+        tool: The tool, or None if the robot file has none.
         brake: How long a stop slows the motion down before it holds [s]; 0 to hold at once.
         links: Names of all links.
     """
@@ -95,46 +95,46 @@ class Robot:
 
     @property
     def actuated(self) -> tuple[Joint, ...]:
-        """Joints that move of their own, in the order of their fields in a frame."""
+        """The joints that move independently, in the order of their fields in a frame."""
         return tuple(joint for joint in self.joints if joint.mimic is None)
 
     @property
     def has_driver(self) -> bool:
-        """Whether its file names a driver, so that it can be moved."""
+        """Whether the robot file names a driver, so that the arm can move."""
         return not isinstance(self.driver, NullDriver)
 
     @cached_property
     def wire_format(self) -> WireFormat:
-        """Joint positions to frames and back.
+        """The conversion of joint positions to frames and back.
 
         Raises:
-            NoDriver: Its robot file names none.
+            NoDriver: The robot file names no driver.
         """
         return self.driver.wire_format(self.actuated)
 
     @property
     def boot_pose(self) -> tuple[float, ...]:
-        """Where a reset puts the actuated joints [rad]."""
+        """Positions after a reset, one per actuated joint [rad]."""
         return tuple(joint.boot for joint in self.actuated)
 
     @property
     def open_effect(self) -> str:
-        """What the arm does when its port is opened."""
+        """What the arm does when its port is opened, for messages."""
         return self.firmware.reset_effect if self.serial.resets else "stays where it is"
 
     def link(self, port: str) -> Link:
-        """The line to its board on a port.
+        """Return a link to the board on a port.
 
         Raises:
-            NoDriver: Its robot file names none.
+            NoDriver: The robot file names no driver.
         """
         return self.driver.link(self.actuated, self.firmware, self.serial.baud, port)
 
     def joint(self, name: str) -> Joint:
-        """The joint of that name.
+        """Return the joint of that name.
 
         Raises:
-            KeyError: There is none; the message lists the joints there are.
+            KeyError: There is none. The message lists the joints.
         """
         for joint in self.joints:
             if joint.name == name:
@@ -142,6 +142,6 @@ class Robot:
         raise KeyError(f"no joint {name}; there are {', '.join(j.name for j in self.joints)}")
 
     def actuated_in(self, group: str) -> tuple[Joint, ...]:
-        """The joints of a group that move of their own, mimics left out."""
+        """Return the joints of a group without its mimic joints."""
         members = (self.joint(name) for name in self.groups[group])
         return tuple(joint for joint in members if joint.mimic is None)

@@ -1,4 +1,4 @@
-"""Reading a robot description: one TOML file and the URDF it names."""
+"""The reader of robot files: one TOML file and the URDF that it names."""
 
 from pathlib import Path
 
@@ -12,14 +12,18 @@ from hardware.toml_table import TomlTable
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import Urdf, UrdfError, UrdfJoint, read_urdf
 
-_ROUNDING = 1.0 + 1e-9  # of a follower's velocity, times its limit
+_ROUNDING = 1.0 + 1e-9  # factor of a velocity limit, for rounding errors of a multiplier
 
 
 def load_robot(path: Path | None = None) -> Robot:
-    """The robot described in a file; the shipped Arduinobot where none is given.
+    """Load a robot.
+
+    Args:
+        path: The robot file. Default: that of the shipped Arduinobot.
 
     Raises:
-        DescriptionError: The file or its URDF is wrong; names file, line, key and valid choices.
+        DescriptionError: The file or its URDF is wrong. The message names file, line, key and valid
+            choices.
     """
     if path is None:
         path = Path(__file__).parents[1] / "robots" / "arduinobot" / "arduinobot.toml"
@@ -47,7 +51,7 @@ def load_robot(path: Path | None = None) -> Robot:
     root.done()
     driver.check(root, robot.actuated, robot.firmware)
     if firmware is not NO_FIRMWARE:
-        _check_line(root.table("serial"), robot)
+        _check_serial(root.table("serial"), robot)
     return robot
 
 
@@ -61,27 +65,36 @@ def _urdf(root: TomlTable, path: Path) -> Urdf:
 
 
 def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmware]:
-    """The line to the board, and what runs on it."""
+    """The serial line and the firmware of the board."""
     if isinstance(driver, NullDriver):
         return Serial(port="", baud=0, boot_wait=0.0), NO_FIRMWARE
     table = root.table("serial")
-    return _serial(table), driver.firmwares[table.choice("firmware", driver.firmwares)]
+    firmware = driver.firmwares[table.choice("firmware", driver.firmwares)]
+    serial = Serial(
+        port=table.text("port", default=""),
+        baud=table.integer("baud"),
+        boot_wait=table.number("boot_wait_s", least=0),
+        resets=table.boolean("reset_on_open") if "reset_on_open" in table else True,
+    )
+    table.done()
+    return serial, firmware
 
 
-def _check_line(serial: TomlTable, robot: Robot) -> None:
+def _check_serial(table: TomlTable, robot: Robot) -> None:
+    """Check the serial line against the firmware."""
     firmware, wait, baud = robot.firmware, robot.serial.boot_wait, robot.serial.baud
     if firmware.baud not in (0, baud):
-        serial.fail("baud", f"{baud} is not {firmware.baud}, at which {firmware.name} speaks")
+        table.fail("baud", f"{baud} is not {firmware.baud}, the speed of {firmware.name}")
     if firmware.banner and not robot.serial.resets:
-        says = f"{firmware.name} says where the arm stands after a reset only"
-        serial.fail("reset_on_open", f"false is not allowed: {says}")
+        why = f"{firmware.name} reports the pose of the arm only after a reset"
+        table.fail("reset_on_open", f"false is not allowed: {why}")
     if wait < firmware.boot_time:
         needs = f"{firmware.name} needs {firmware.boot_time:g} s from reset to its first byte"
-        serial.fail("boot_wait_s", f"{wait:g} s is too short: {needs}")
+        table.fail("boot_wait_s", f"{wait:g} s is too short: {needs}")
 
 
 def _joints(root: TomlTable, urdf: Urdf, driver: Driver) -> tuple[Joint, ...]:
-    """The joints of the robot file in its order, then the mimics of the URDF."""
+    """The joints of the robot file in its order, then the mimic joints of the URDF."""
     table, moving = root.table("joints"), urdf.moving
     for name in table:
         if name not in moving:
@@ -145,7 +158,7 @@ def _mimic_joint(name: str, table: TomlTable, urdf: UrdfJoint, leader: Joint) ->
 
 
 def _groups(root: TomlTable, joints: tuple[Joint, ...]) -> dict[str, tuple[str, ...]]:
-    """The two groups that tasks name; an arm without a gripper leaves that one out."""
+    """The groups `arm` and `gripper`. The gripper may be absent."""
     table, names = root.table("groups"), [joint.name for joint in joints]
     groups = {
         "arm": table.names("arm", names),
@@ -157,18 +170,6 @@ def _groups(root: TomlTable, joints: tuple[Joint, ...]) -> dict[str, tuple[str, 
         if members.count(name) != 1:
             root.fail("groups", f"joint {name} is in {members.count(name)} groups, not in one")
     return groups
-
-
-def _serial(table: TomlTable) -> Serial:
-    table.text("firmware")
-    serial = Serial(
-        port=table.text("port", default=""),
-        baud=table.integer("baud"),
-        boot_wait=table.number("boot_wait_s", least=0),
-        resets=table.boolean("reset_on_open") if "reset_on_open" in table else True,
-    )
-    table.done()
-    return serial
 
 
 def _collision(table: TomlTable, links: tuple[str, ...]) -> CollisionRules:

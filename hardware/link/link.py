@@ -1,4 +1,4 @@
-"""The line to the board, as a seam: a serial port, the virtual Arduino, or the board in-process."""
+"""The link interface: a serial port, the virtual Arduino, or a board in this process."""
 
 from typing import Protocol
 
@@ -6,43 +6,43 @@ BITS_PER_BYTE = 10  # 8N1: start bit, eight data bits, stop bit
 
 
 class Link(Protocol):
-    """A byte stream to a board. Opening it resets most boards, and that may move the arm."""
+    """A byte stream to a board. Opening it resets most boards, which may move the arm."""
 
     @property
     def port(self) -> str:
-        """What a person calls it."""
+        """Name of the port for messages."""
 
     def open(self) -> None:
-        """Take the port for ourselves and open it.
+        """Lock the port and open it.
 
         Raises:
-            LinkError: It cannot be had; says which port and the way out.
+            LinkError: The port cannot be opened. The message names it and what to do.
         """
 
     def write(self, data: bytes) -> None:
-        """Send bytes; return within 0.3 s, or raise.
+        """Send bytes. Return or raise within 0.3 s.
 
-        Whoever waits for a write that takes longer than 0.5 s takes the port for stuck and closes
-        it. But who stops the arm writes the hold frame itself, and waits for that.
+        If a write takes longer than 0.5 s, waiting threads assume that the port is stuck and close
+        it. The thread that stops the arm writes the hold frame itself and waits for it.
 
         Raises:
-            PortLost: It went away.
-            PortStalled: The other end takes no more; the bytes may or may not arrive.
+            PortLost: The port disappeared.
+            PortStalled: The other end accepts no more bytes. The bytes may or may not arrive.
         """
 
     def read(self) -> bytes:
-        """Wait for bytes; empty once the link is closed, and only then.
+        """Wait for bytes. Return none only if the link is closed.
 
         Raises:
-            PortLost: It went away.
+            PortLost: The port disappeared.
         """
 
     def close(self, discard: bool = False) -> None:
-        """Close the port and give it up; `read` and `write` return. Harmless when closed.
+        """Close the port and release it. `read` and `write` return. Does nothing if closed.
 
         Args:
-            discard: Whether what was written and has not left yet shall never leave.
+            discard: Whether to drop bytes that were written but have not been sent.
 
         Raises:
-            PortLost: Closing failed; the port is given up all the same.
+            PortLost: Closing failed. The port is released nevertheless.
         """

@@ -1,4 +1,4 @@
-"""Our own lock on a serial port, because the kernel's exclusive open is only advisory."""
+"""A lock on a serial port, because the exclusive open of the kernel is only advisory."""
 
 import contextlib
 import fcntl
@@ -8,16 +8,16 @@ from pathlib import Path
 
 from hardware.errors import LinkError, PortBusy
 
-# One place for all users and shells, whatever their TMPDIR says.
+# The same for all users and shells, even if they set TMPDIR.
 _FOLDER = Path("/tmp")
 _LOCKS = Path("/proc/locks")
 
 
 class PortLock:
-    """A lock file that names its owner and is free again when its owner is gone.
+    """A lock file that names its owner. It is released when the process of its owner ends.
 
     Args:
-        port: The port; two names of one device share a lock.
+        port: Name of the port. Two names of one device share a lock.
     """
 
     def __init__(self, port: str) -> None:
@@ -26,15 +26,15 @@ class PortLock:
 
     @property
     def path(self) -> Path:
-        """The lock file; it is there only while somebody has the lock, or was killed with it."""
+        """The lock file. It exists only while the lock is held, or after its owner was killed."""
         name = os.path.realpath(self._port).strip("/").replace("/", "-")
         return _FOLDER / f"armtree-{name}.lock"
 
     def acquire(self) -> None:
-        """Take the lock.
+        """Acquire the lock.
 
         Raises:
-            PortBusy: Another process has it; names its pid.
+            PortBusy: Another process has it. The message names its process id.
             LinkError: The lock file cannot be opened or written.
         """
         path = self.path
@@ -49,9 +49,9 @@ class PortLock:
             raise LinkError(self._port, f"{why}. Remove it, or make room there") from error
 
     def owner(self) -> str | None:
-        """Process id of who has the lock; None where nobody has it, or it cannot be told.
+        """Return the process id of the owner, or None if there is none or it is unknown.
 
-        It only looks: to try the lock would keep it from somebody who takes it right then.
+        This does not try the lock, because that could make another process fail to acquire it.
         """
         try:
             file = os.lstat(self.path)
@@ -59,22 +59,22 @@ class PortLock:
         except OSError:
             return None
         # 3: FLOCK  ADVISORY  WRITE 4711 fe:00:2230596 0 EOF
-        where = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
-        owner = re.search(rf"FLOCK +ADVISORY +WRITE +(\d+) +{where} ", locks)
+        inode = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
+        owner = re.search(rf"FLOCK +ADVISORY +WRITE +(\d+) +{inode} ", locks)
         return owner[1] if owner else None
 
     def release(self) -> None:
-        """Give the lock up. Harmless when not taken."""
+        """Release the lock. Does nothing if it is not held."""
         if self._held is not None:
             file, path = self._held
             self._held = None
-            with contextlib.suppress(OSError):  # another user's, left by one who was killed
+            with contextlib.suppress(OSError):  # left by a killed process of another user
                 os.ftruncate(file, 0)
                 path.unlink()
             os.close(file)
 
     def _take(self, path: Path) -> int:
-        """Open and lock the file; once more where its last owner removed it meanwhile."""
+        """Open and lock the file. Try again if its last owner removed it meanwhile."""
         while True:
             file = _open(path)
             try:
@@ -89,12 +89,12 @@ class PortLock:
 
 
 def _open(path: Path) -> int:
-    """Open a lock file that every user may take, whoever made it."""
+    """Open a lock file that every user may lock, even one that another user created."""
     flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW
     try:
-        # Not with O_CREAT: Linux refuses that for the file of another user in a shared folder.
+        # Without O_CREAT, which Linux refuses for the file of another user in a shared folder.
         return os.open(path, flags)
     except FileNotFoundError:
         file = os.open(path, flags | os.O_CREAT, 0o666)
-        os.fchmod(file, 0o666)  # whatever the umask says
+        os.fchmod(file, 0o666)  # regardless of the umask
         return file

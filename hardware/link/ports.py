@@ -1,4 +1,4 @@
-"""The serial ports of this machine, looked at without opening any."""
+"""The serial ports of this machine, examined without opening them."""
 
 import grp
 import os
@@ -11,7 +11,7 @@ from hardware.errors import LinkError, PortBusy, PortDenied, PortMissing
 from .port_lock import PortLock
 
 _BY_ID = Path("/dev/serial/by-id")
-_PSEUDO_TERMINALS = range(136, 144)  # major numbers, which sysfs does not know
+_PSEUDO_TERMINALS = range(136, 144)  # major numbers, which sysfs does not list
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,10 +19,11 @@ class SerialPort:
     """A serial port.
 
     Attributes:
-        device: Such as `/dev/ttyACM0`.
-        name: What it calls itself; empty where it does not.
-        usb: Vendor and product, such as `2341:0043`; empty where it is no USB device.
-        by_id: A name that stays the same when it is plugged in again; empty where there is none.
+        device: Device, such as `/dev/ttyACM0`.
+        name: Product name of the device; empty if it reports none.
+        usb: Vendor and product id, such as `2341:0043`; empty if it is not a USB device.
+        by_id: Name under `/dev/serial/by-id`, which is the same after plugging it in again; empty
+            if there is none.
     """
 
     device: str
@@ -33,14 +34,14 @@ class SerialPort:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One thing that must be so before the arm may become active.
+    """The result of one check of `armtree doctor`.
 
     Attributes:
-        name: What.
-        ok: Whether it is so.
+        name: What was checked.
+        ok: Whether it passed.
         detail: What was found.
-        remedy: What to do where it is not so; empty where that is clear.
-        code: That of the error which a run would end with.
+        remedy: What to do if it failed; empty if that is clear.
+        code: Code of the error with which a run would end; empty if it passed.
     """
 
     name: str
@@ -51,7 +52,7 @@ class Check:
 
 
 def serial_ports() -> list[SerialPort]:
-    """The serial ports there are."""
+    """Return the serial ports of this machine."""
     from serial.tools import list_ports  # takes longer to load than the rest of pyserial
 
     names = {os.path.realpath(link): str(link) for link in _links()}
@@ -67,22 +68,22 @@ def serial_ports() -> list[SerialPort]:
 
 
 def persistent_name(port: str) -> Path | None:
-    """The name of a port that stays when its board is plugged in again; None without one."""
+    """Return the name of a port under `/dev/serial/by-id`, or None if it has none."""
     device = os.path.realpath(port)
     return next((link for link in _links() if os.path.realpath(link) == device), None)
 
 
 def check_port(port: str) -> list[Check]:
-    """Whether a port could be opened, as far as can be told without doing it."""
-    there = _check_there(port)
-    return [there, _check_permission(port), _check_free(port)] if there.ok else [there]
+    """Check whether a port can be opened, without opening it."""
+    exists = _check_exists(port)
+    return [exists, _check_permission(port), _check_free(port)] if exists.ok else [exists]
 
 
 def _links() -> list[Path]:
     return list(_BY_ID.iterdir()) if _BY_ID.is_dir() else []
 
 
-def _check_there(port: str) -> Check:
+def _check_exists(port: str) -> Check:
     try:
         status = os.stat(port)
     except OSError as error:
@@ -95,7 +96,7 @@ def _check_there(port: str) -> Check:
 
 
 def _is_terminal(status: os.stat_result) -> bool:
-    """Whether a file is a terminal, as serial ports are; the kernel tells without opening it."""
+    """Whether a file is a terminal, as serial ports are."""
     if not stat.S_ISCHR(status.st_mode):
         return False
     major, minor = os.major(status.st_rdev), os.minor(status.st_rdev)
@@ -116,14 +117,14 @@ def _check_permission(port: str) -> Check:
 
 
 def _vendor(port: str) -> str:
-    """The USB vendor of a port, such as `2341`; empty where it is no USB device."""
+    """USB vendor id of a port, such as `2341`; empty if it is not a USB device."""
     device = os.path.realpath(port)
     found = (each.usb for each in serial_ports() if os.path.realpath(each.device) == device)
     return next(found, "").partition(":")[0]
 
 
 def group_of(port: str) -> str:
-    """The group that may use a port; what Debian gives serial ports where it cannot be told."""
+    """Return the group that may use a port. Default: `dialout`, that of serial ports in Debian."""
     try:
         return grp.getgrgid(os.stat(port).st_gid).gr_name
     except (OSError, KeyError):

@@ -1,4 +1,4 @@
-"""A real serial port, through pyserial."""
+"""A link over a serial port, using pyserial."""
 
 import contextlib
 import errno
@@ -14,7 +14,7 @@ from hardware.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissi
 from .port_lock import PortLock
 from .ports import group_of, serial_ports
 
-# A 20-byte frame takes 2 ms on the wire; a board that takes none for this long is stuck.
+# A 20-byte frame takes 2 ms on the wire. A board that accepts nothing for this long is stuck [s].
 WRITE_TIMEOUT = 0.2
 
 # pyserial raises SerialException (an OSError), plain OSError, or termios.error, which is neither.
@@ -25,8 +25,8 @@ class SerialLink:
     """A serial port, opened exclusively.
 
     Args:
-        port: Device name.
-        baud: [bit/s].
+        port: Name of the device.
+        baud: Speed of the line [bit/s].
     """
 
     def __init__(self, port: str, baud: int) -> None:
@@ -37,10 +37,10 @@ class SerialLink:
         self._reading, self._writing = threading.Lock(), threading.Lock()
 
     def open(self) -> None:
-        """Take our lock and open the port.
+        """Lock the port and open it.
 
         Raises:
-            LinkError: It cannot be had; says which port and the way out.
+            LinkError: The port cannot be opened. The message names it and what to do.
         """
         self._lock.acquire()
         try:
@@ -53,8 +53,8 @@ class SerialLink:
         """Send bytes.
 
         Raises:
-            PortLost: It went away.
-            PortStalled: The other end takes no more; the bytes may or may not arrive.
+            PortLost: The port disappeared.
+            PortStalled: The other end accepts no more bytes. The bytes may or may not arrive.
         """
         text = data.decode("ascii", "replace")
         why = f"Something went wrong while sending the message {text} to the port {self.port}"
@@ -67,10 +67,10 @@ class SerialLink:
             raise PortLost(self.port, why) from error
 
     def read(self) -> bytes:
-        """Wait for bytes; empty once the link is closed.
+        """Wait for bytes. Return none only if the link is closed.
 
         Raises:
-            PortLost: It went away.
+            PortLost: The port disappeared.
         """
         with self._reading:
             port = self._serial
@@ -83,20 +83,20 @@ class SerialLink:
                 raise PortLost(self.port, "Something went wrong while listening") from error
 
     def close(self, discard: bool = False) -> None:
-        """Close the port and give up the lock; a waiting `read` returns.
+        """Close the port and release the lock. A waiting `read` returns.
 
         Args:
-            discard: Whether to drop what the kernel still holds. Else the kernel sees to it that
-                it goes out, and the close of a stuck port may wait for that, up to 30 s.
+            discard: Whether to drop the bytes that the kernel has not sent yet. If not, closing a
+                stuck port may take up to 30 s, because the kernel waits for them to be sent.
 
         Raises:
-            PortLost: Closing failed; the port is given up all the same.
+            PortLost: Closing failed. The port is released nevertheless.
         """
         port, self._serial = self._serial, None
         try:
             if port is not None:
                 port.cancel_read()
-                with self._reading, self._writing:  # pyserial breaks when it is closed under them
+                with self._reading, self._writing:  # pyserial fails if it is closed during a call
                     if discard:
                         _discard(port)
                     port.close()
@@ -112,19 +112,19 @@ class SerialLink:
 
 
 def _send(handle: int, data: bytes) -> None:
-    """Write all; pyserial's own `write` looks at the time after it, so a busy machine fails it."""
-    takes = select.poll()
-    takes.register(handle, select.POLLOUT)
+    """Write all bytes. `write` of pyserial would time out on a busy machine after a success."""
+    writable = select.poll()
+    writable.register(handle, select.POLLOUT)
     left = memoryview(data)
     while left:
-        if not takes.poll(1000 * WRITE_TIMEOUT):
+        if not writable.poll(1000 * WRITE_TIMEOUT):
             raise TimeoutError
         with contextlib.suppress(BlockingIOError):
             left = left[os.write(handle, left) :]
 
 
 def _discard(port: serial.Serial) -> None:
-    with contextlib.suppress(*_LOST):  # on a port that is gone nothing is left to leave
+    with contextlib.suppress(*_LOST):  # a port that disappeared has nothing to drop
         port.reset_output_buffer()
 
 

@@ -87,7 +87,7 @@ WRONG = {
     "joint in no group": ('"joint_1", "joint_2"', '"joint_2"', "[groups]", "groups: joint joint_1 is in 0 groups, not in one"),
     "joint in two groups": ('["joint_4", "joint_5"]', '["joint_4", "joint_5", "joint_1"]', "[groups]", "joint joint_1 is in 2 groups"),
     "unknown joint in a group": ('"joint_5"]', '"joint_6"]', "gripper =", "groups.gripper: 'joint_6' is not one of joint_1, .*did you mean joint_"),
-    "joint twice in a group": ('"joint_1", "joint_2"', '"joint_1", "joint_1", "joint_2"', "arm =", "groups.arm: .* names something twice"),
+    "joint twice in a group": ('"joint_1", "joint_2"', '"joint_1", "joint_1", "joint_2"', "arm =", "groups.arm: .* contains a name twice"),
     "group is no list": ('arm = ["joint_1", "joint_2", "joint_3"]', 'arm = "joint_1"', "arm =", "groups.arm: 'joint_1' is not a list"),
     "group of lists": ('"joint_5"]', '["joint_5"]]', "gripper =", r"groups.gripper: \['joint_5'\] is not one of"),
     "joint not in the urdf": ("[joints.joint_1]", "[joints.joint_0]", "[joints.joint_0]", "joints.joint_0: the URDF has no such joint; it has joint_1"),
@@ -117,7 +117,7 @@ WRONG = {
     "floor is a text": ("floor_m = 0.0", 'floor_m = "low"', "floor_m", "collision.floor_m: 'low' is not a number"),
     "unknown link": ('floor_ignores = ["base_link"]', 'floor_ignores = ["base"]', "floor_ignores", "collision.floor_ignores: 'base' is not one of .*did you mean base_"),
     "pair of three": ('["base_link", "base_plate"]', '["base_link", "base_plate", "claw_support"]', "allowed", "collision.allowed: .* is not a pair of names"),
-    "pair with itself": ('["base_link", "base_plate"]', '["base_link", "base_link"]', "allowed", "collision.allowed: .* names something twice"),
+    "pair with itself": ('["base_link", "base_plate"]', '["base_link", "base_link"]', "allowed", "collision.allowed: .* contains a name twice"),
     "pair of numbers": ('["base_link", "base_plate"]', "[1, 2]", "allowed", "collision.allowed: 1 is not one of"),
     "tool on no link": ('link = "claw_support"', 'link = "claw_suport"', "link =", "tool.link: 'claw_suport' is not one of .*did you mean claw_support"),
     "tool in a plane": ("[-0.013, 0.06, -0.0155]", "[0.0, 0.1]", "offset_m", r"tool.offset_m: .* is not three finite numbers"),
@@ -209,7 +209,7 @@ def test_our_firmware_speaks_at_one_speed_only(tmp_path: Path) -> None:
     ours = replaced(TOML, 'firmware = "stock"', 'firmware = "armtree"')
     assert load_robot(written(tmp_path, ours)).serial.baud == 115200
     said = refusal(written(tmp_path, replaced(ours, "baud = 115200", "baud = 9600")))
-    assert said.endswith("serial.baud: 9600 is not 115200, at which armtree speaks")
+    assert said.endswith("serial.baud: 9600 is not 115200, the speed of armtree")
 
 
 def test_a_robot_file_that_is_not_there(tmp_path: Path) -> None:

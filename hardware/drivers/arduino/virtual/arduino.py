@@ -1,4 +1,4 @@
-"""The virtual Arduino: a board in a process of its own, behind a real pseudo-terminal."""
+"""The virtual Arduino: a virtual board in its own process, behind a pseudo-terminal."""
 
 import json
 import os
@@ -20,17 +20,17 @@ _PROGRAM = f"{__package__}.process"
 
 
 class VirtualArduino:
-    """A virtual Arduino process. Its port can be opened at once, while the process still loads.
+    """The process of a virtual board. Its port can be opened at once, while the process starts.
 
     Args:
-        letters: The fields of a frame, in order.
-        boot_angles: Where a reset puts the servos [deg].
-        firmware: What it runs.
-        baud: Speed of its line [bit/s].
+        letters: Letters of the fields of a frame, in order.
+        boot_angles: Servo angles after a reset [deg].
+        firmware: Firmware of the board.
+        baud: Speed of the line [bit/s].
 
     Attributes:
-        port: The pseudo-terminal to open.
-        pid: Of the process.
+        port: Name of the pseudo-terminal.
+        pid: Process id.
     """
 
     def __init__(
@@ -39,11 +39,11 @@ class VirtualArduino:
         master, slave = pty.openpty()
         tty.setraw(slave)
         self.port = os.ttyname(slave)
-        # Only while no slave is open does the master tell that a client came or went.
+        # The master can detect a client only while no slave is open here.
         os.close(slave)
-        runs = {**asdict(firmware), "banner": firmware.banner.decode("latin-1")}
-        board = json.dumps([letters, boot_angles, runs, baud])
-        # A session of its own: Ctrl-C at the terminal is for the one who drives the arm.
+        profile = {**asdict(firmware), "banner": firmware.banner.decode("latin-1")}
+        board = json.dumps([letters, boot_angles, profile, baud])
+        # In its own session, so that Ctrl-C at the terminal does not reach it.
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", _PROGRAM, str(master), board],
             stdin=subprocess.PIPE,
@@ -57,7 +57,7 @@ class VirtualArduino:
         self._closing = threading.Lock()
 
     def state(self) -> BoardState:
-        """What the board is doing now.
+        """Return the state of the board.
 
         Raises:
             LinkError: The process has ended.
@@ -73,20 +73,20 @@ class VirtualArduino:
         return BoardState(**{**answer, "servos": tuple(answer["servos"])})
 
     def close(self) -> None:
-        """End the process, as if the cable was pulled. Harmless when it has ended."""
+        """End the process, as if the cable was disconnected. Does nothing if it has ended."""
         with self._closing:
-            self._process.kill()  # it has nothing to save
+            self._process.kill()  # it has no state to save
             self._process.communicate()
 
 
 class VirtualLink:
-    """A serial link to a virtual Arduino, which it starts when it opens.
+    """A serial link to a virtual Arduino, which is started when the link opens.
 
     Args:
-        letters: The fields of a frame, in order.
-        boot_angles: Where a reset puts the servos [deg].
-        firmware: What the board runs.
-        baud: [bit/s].
+        letters: Letters of the fields of a frame, in order.
+        boot_angles: Servo angles after a reset [deg].
+        firmware: Firmware of the board.
+        baud: Speed of the line [bit/s].
 
     Attributes:
         arduino: The virtual Arduino while the link is open.
@@ -106,7 +106,7 @@ class VirtualLink:
         """Start the board and open its port.
 
         Raises:
-            LinkError: The port cannot be had.
+            LinkError: The port cannot be opened.
         """
         self.arduino = VirtualArduino(*self._board)
         link = SerialLink(self.arduino.port, self._baud)
@@ -118,19 +118,19 @@ class VirtualLink:
         self._serial = link
 
     def write(self, data: bytes) -> None:
-        """Send bytes; raises as `SerialLink.write`."""
+        """Send bytes. Raises what `SerialLink.write` raises."""
         link = self._serial
         if link is None:
             raise PortLost(self.port, "The virtual Arduino is not open")
         link.write(data)
 
     def read(self) -> bytes:
-        """Wait for bytes; raises as `SerialLink.read`."""
+        """Wait for bytes. Raises what `SerialLink.read` raises."""
         link = self._serial
         return link.read() if link else b""
 
     def close(self, discard: bool = False) -> None:
-        """Close the port and end the board; does and raises as `SerialLink.close`."""
+        """Close the port as `SerialLink.close` does, and end the process."""
         link, self._serial = self._serial, None
         arduino, self.arduino = self.arduino, None
         try:

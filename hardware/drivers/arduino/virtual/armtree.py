@@ -1,6 +1,6 @@
-"""Our firmware, as a program of the modelled board: what `armtree.c` does.
+"""The firmware of armtree, as a program of the virtual board. It does what `armtree.c` does.
 
-The protocol, with every line and counter, is in `firmware/README.md`.
+`firmware/README.md` describes the protocol with every line and counter.
 """
 
 import binascii
@@ -9,24 +9,24 @@ from collections.abc import Sequence
 from .transmitter import Transmitter
 
 ANGLE_MAX = 180  # [deg]
-CYCLE_MS = 20  # of the servo pulses
+CYCLE_MS = 20  # period of the servo pulses [ms]
 _CYCLE = CYCLE_MS / 1000  # [s]
-_DEGREE = 256  # places are in 1/256 deg, as the firmware has them
+_DEGREE = 256  # positions are in 1/256 deg, as in the firmware
 
 
 class ArmtreeFirmware:
-    """Our firmware from a start to the next reset.
+    """The firmware of armtree, from its start to the next reset.
 
     Args:
-        letters: The fields of a frame, in order.
-        boot_angles: Where the servos go if no angles were held [deg].
-        held: Angles that the memory held at the start [deg].
-        banner: How its first line begins.
-        out: Sends its lines.
-        began: When it starts [s].
+        letters: Letters of the fields of a frame, in order.
+        boot_angles: Servo angles if the memory holds none [deg].
+        held: Servo angles that the memory holds at the start [deg], or None.
+        banner: First bytes of its first line.
+        out: Transmit buffer.
+        began: Time of the start [s].
     """
 
-    lost = 0  # it reads faster than the line brings
+    lost = 0  # it reads faster than bytes can arrive
 
     def __init__(
         self,
@@ -39,34 +39,34 @@ class ArmtreeFirmware:
     ) -> None:
         self._letters, self._out, self._began = letters, out, began
         self._parser = _Parser(letters)
-        self._places = [angle * _DEGREE for angle in held or boot_angles]
-        self._goals = list(self._places)
+        self._positions = [angle * _DEGREE for angle in held or boot_angles]
+        self._goals = list(self._positions)
         self._speeds = [0] * len(letters)  # [deg/s], 0 for no limit
         self._frames = self._sum = self._holds = self._cycles = 0
         self._acks = self._ack_due = self._status_due = False
         self._watchdog_ms = self._silence_ms = 0
-        line = b"\n" + banner + (b"kept " if held else b"boot ") + self._place().encode("ascii")
-        out.put(line, began)
+        source = b"kept " if held else b"boot "
+        out.put(b"\n" + banner + source + self._angles_text().encode("ascii"), began)
 
     @property
     def held(self) -> tuple[int, ...]:
-        """Where the servos are, to the nearest degree [deg]."""
-        return tuple((place + _DEGREE // 2) // _DEGREE for place in self._places)
+        """Servo angles, rounded [deg]."""
+        return tuple((position + _DEGREE // 2) // _DEGREE for position in self._positions)
 
     @property
     def refused(self) -> int:
-        """Bytes that belong to no frame and no command."""
+        """Number of bytes that belong to no frame and no command."""
         return self._parser.refused
 
     def angles(self, now: float) -> tuple[float, ...]:
-        """What the pulses tell the servos [deg]."""
+        """Return the servo angles that the pulses command [deg]."""
         self.run(now)
-        return tuple(place / _DEGREE for place in self._places)
+        return tuple(position / _DEGREE for position in self._positions)
 
     # Time ------------------------------------------------------------------------------------
 
     def run(self, until: float) -> None:
-        """Do what every pulse cycle does, and say what finds room."""
+        """Run all pulse cycles until a time [s], and send lines when there is room."""
         self._skip(until)
         while (due := min(self._cycle(1), self._room())) <= until:
             if due == self._cycle(1):
@@ -77,12 +77,12 @@ class ArmtreeFirmware:
             self._speak(due)
 
     def _skip(self, until: float) -> None:
-        """Leave out the cycles in which nothing changes."""
-        if self._places == self._goals and not self._watching:
+        """Skip the cycles in which nothing changes."""
+        if self._positions == self._goals and not self._watching:
             self._cycles = max(self._cycles, int((until - self._began) / _CYCLE) - 1)
 
     def _cycle(self, number: int) -> float:
-        """When the next cycle but so many begins [s]."""
+        """Start time of a coming cycle, counted from 1 [s]."""
         return self._began + (self._cycles + number) * _CYCLE
 
     @property
@@ -93,19 +93,19 @@ class ArmtreeFirmware:
         if self._watching:
             self._silence_ms += CYCLE_MS
             if not self._watching:
-                self._goals = list(self._places)
+                self._goals = list(self._positions)
                 self._holds += 1
                 self._status_due = True
 
     def _step(self) -> None:
         for servo, goal in enumerate(self._goals):
-            way = goal - self._places[servo]
+            step = goal - self._positions[servo]
             if speed := self._speeds[servo]:
                 most = speed * _DEGREE * CYCLE_MS // 1000
-                way = min(max(way, -most), most)
-            self._places[servo] += way
+                step = min(max(step, -most), most)
+            self._positions[servo] += step
 
-    # What comes in ---------------------------------------------------------------------------
+    # Received bytes --------------------------------------------------------------------------
 
     def take(self, byte: int, now: float) -> None:
         """Receive a byte."""
@@ -139,21 +139,21 @@ class ArmtreeFirmware:
             return
         self._silence_ms, self._status_due = 0, True
 
-    # What goes out ---------------------------------------------------------------------------
+    # Sent lines ------------------------------------------------------------------------------
 
-    def answers(self, byte: int) -> bool:
-        """Whether it may say something when this byte comes."""
+    def may_answer(self, byte: int) -> bool:
+        """Return whether it may send something when this byte arrives."""
         return byte in b";?" or (self._acks and byte == ord(","))
 
-    def speaks(self) -> float | None:
-        """When it will say something if nothing comes; None for never."""
+    def next_output(self) -> float | None:
+        """Return when it will send something if no byte arrives [s], or None for never."""
         times = [self._room()] if self._ack_due or self._status_due else []
         if self._watching:
             times.append(self._cycle((self._watchdog_ms - self._silence_ms) // CYCLE_MS + 1))
         return min(times, default=None)
 
     def _room(self) -> float:
-        """When there is room for what is to be said [s]; infinite for nothing."""
+        """Time at which there is room for the next line [s]; inf if there is none."""
         if self._ack_due:
             return self._out.room_at(len(self._ack()))
         return self._out.room_at(len(self._status())) if self._status_due else float("inf")
@@ -178,19 +178,19 @@ class ArmtreeFirmware:
             f"acks={self._acks:d}",
             f"watchdog_ms={self._watchdog_ms:04d}",
             "speeds=" + ",".join(f"{speed:03d}" for speed in self._speeds),
-            f"at={self._place()}",
+            f"at={self._angles_text()}",
         )
         return " ".join(words).encode("ascii")
 
-    def _place(self) -> str:
+    def _angles_text(self) -> str:
         fields = zip(self._letters, self.held, strict=True)
         return "".join(f"{letter}{angle:03d}," for letter, angle in fields) + "\n"
 
 
 class _Parser:
-    """A frame or a command counts whole or not at all.
+    """The parser. It accepts only whole frames and commands.
 
-    A byte that does not fit ends what was there, and may be the first of something new.
+    A byte that does not fit drops what came before it, and may begin a new frame or command.
     """
 
     def __init__(self, letters: str) -> None:
@@ -199,7 +199,7 @@ class _Parser:
         self.refused = 0
 
     def feed(self, byte: int) -> bytes:
-        """The frame, command or question mark that this byte completes; empty for none."""
+        """Return the frame, command or question mark that this byte completes; empty for none."""
         if not self._fits(byte):
             self.refused += len(self._text)
             self._text = b""
@@ -215,7 +215,7 @@ class _Parser:
         return b""
 
     def _fits(self, byte: int) -> bool:
-        """Whether a byte can follow."""
+        """Whether the byte can follow."""
         fields, place = divmod(len(self._text), 5)
         field = self._text[5 * fields :]
         if place == 0:

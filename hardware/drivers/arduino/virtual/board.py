@@ -1,8 +1,8 @@
-"""The board as a pure model: bytes and time in, servo angles and bytes out.
+"""The virtual board: a pure model from bytes and time to servo angles and bytes.
 
-Here are its line and its boot; the program it runs is in `stock` (the published sketch) or
-`armtree` (our firmware). It holds no clock and does no I/O; `arduino` puts it behind
-a pseudo-terminal and `link` behind an in-process link.
+This file models its serial line and its boot. Its program is in `stock` (the published sketch) or
+`armtree` (the firmware of armtree). The model has no clock and does no I/O: `arduino` puts it
+behind a pseudo-terminal, and `link` behind a link in this process.
 """
 
 from collections import deque
@@ -20,13 +20,13 @@ from .transmitter import Transmitter
 
 @dataclass(frozen=True, slots=True)
 class BoardState:
-    """What the board is doing.
+    """The state of a board.
 
     Attributes:
-        servos: Angles that the pulses tell the servos now [deg].
-        resets: How often it was reset.
-        lost: Bytes that found the ring full or nobody at home.
-        refused: Bytes that the parser dropped, or that would have overwritten memory.
+        servos: Servo angles that the pulses command [deg].
+        resets: Number of resets.
+        lost: Number of bytes lost because the buffer was full or the board was booting.
+        refused: Number of bytes that the parser dropped, or that would have overwritten memory.
     """
 
     servos: tuple[float, ...]
@@ -36,45 +36,45 @@ class BoardState:
 
 
 class Program(Protocol):
-    """What runs on the board, from a start to the next reset. Times [s] never go backwards."""
+    """The program of the board, from its start to the next reset. Times [s] never decrease."""
 
     @property
     def held(self) -> tuple[int, ...] | None:
-        """Angles that it leaves in memory for the next start [deg]; None if it forgets them."""
+        """Servo angles that it keeps in memory for the next start [deg], or None."""
 
     @property
     def lost(self) -> int:
-        """Bytes that found its ring full."""
+        """Number of bytes lost because its buffer was full."""
 
     @property
     def refused(self) -> int:
-        """Bytes that its parser dropped, or that would have overwritten memory."""
+        """Number of bytes that its parser dropped, or that would have overwritten memory."""
 
     def take(self, byte: int, now: float) -> None:
         """Receive a byte."""
 
     def run(self, until: float) -> None:
-        """Do all that is due by then."""
+        """Do everything that is due until a time [s]."""
 
     def angles(self, now: float) -> tuple[float, ...]:
-        """What the pulses tell the servos [deg]."""
+        """Return the servo angles that the pulses command [deg]."""
 
-    def answers(self, byte: int) -> bool:
-        """Whether it may say something when this byte comes."""
+    def may_answer(self, byte: int) -> bool:
+        """Return whether it may send something when this byte arrives."""
 
-    def speaks(self) -> float | None:
-        """When it will say something if nothing comes; None for never."""
+    def next_output(self) -> float | None:
+        """Return when it will send something if no byte arrives [s], or None for never."""
 
 
 class Board:
-    """An Arduino with its program. Times are the caller's [s], never backwards.
+    """An Arduino with its program. The caller passes the time [s], which never decreases.
 
-    It is switched on at 0, where no boot loader waits; a reset is followed by the boot time.
+    It is switched on at time 0 and starts at once. After a reset it first boots.
 
     Args:
-        letters: The fields of a frame, in order.
-        boot_angles: Where switching on puts the servos [deg].
-        firmware: What it runs.
+        letters: Letters of the fields of a frame, in order.
+        boot_angles: Servo angles after switching on [deg].
+        firmware: Its firmware.
         baud: Speed of its line [bit/s].
     """
 
@@ -87,18 +87,18 @@ class Board:
         self._out = Transmitter(self._byte_time)
         self._resets = self._lost = self._refused = 0
         self._line, self._line_free = deque[tuple[float, int]](), 0.0
-        self._rests = tuple(map(float, boot_angles))
+        self._angles_at_reset = tuple(map(float, boot_angles))
         self._start(0.0, None)
 
     def reset(self, now: float) -> None:
-        """Press the reset button: unread bytes are gone, and the servos rest until it has booted.
+        """Reset the board. Unread bytes are lost, and the servos do not move until it has booted.
 
-        Then the servos snap to the boot angles, unless the program keeps those it holds.
+        Then they jump to the boot angles, unless the program keeps their angles.
         """
         self.cut_off(now)
         self._resets += 1
         self._lost, self._refused = self._counts()
-        self._rests = self._angles(now)
+        self._angles_at_reset = self._angles(now)
         self._out.cut(now)
         self._start(now + self._firmware.boot_time, self._program.held)
 
@@ -115,42 +115,40 @@ class Board:
             )
 
     def receive(self, data: bytes, now: float) -> None:
-        """Put bytes on the line; they arrive one by one at its speed."""
+        """Put bytes on the line. They arrive one by one, at its speed."""
         self.advance(now)
         for byte in data:
             self._line_free = max(self._line_free, now) + self._byte_time
             self._line.append((self._line_free, byte))
 
     def cut_off(self, now: float) -> None:
-        """Forget the bytes that have not arrived."""
+        """Drop the bytes that have not arrived."""
         self.advance(now)
         self._line, self._line_free = deque(), now
 
     def state(self, now: float) -> BoardState:
-        """What the board is doing now."""
+        """Return the state of the board."""
         self.advance(now)
         lost, refused = self._counts()
         return BoardState(self._angles(now), self._resets, lost, refused)
 
-    def says(self, now: float) -> bytes:
-        """Take the lines that the board has sent by now."""
+    def read_output(self, now: float) -> bytes:
+        """Return the lines that the board has sent by now, and remove them."""
         self.advance(now)
         return self._out.sent(now)
 
-    def says_next(self) -> float | None:
-        """When there is something to take or to look for again, if nothing more is received.
-
-        None if there is nothing to come.
-        """
-        heard = (when for when, byte in self._line if self._hears(when, byte))
-        times = (self._out.next(), self._program.speaks(), next(heard, None))
+    def next_output(self) -> float | None:
+        """Return when to read the output again if no byte is received [s], or None for never."""
+        questions = (
+            arrival
+            for arrival, byte in self._line
+            if arrival >= self._ready and self._program.may_answer(byte)
+        )
+        times = (self._out.next(), self._program.next_output(), next(questions, None))
         return min((time for time in times if time is not None), default=None)
 
-    def _hears(self, when: float, byte: int) -> bool:
-        return when >= self._ready and self._program.answers(byte)
-
     def advance(self, now: float) -> None:
-        """Let the board work through everything that happened until now."""
+        """Process everything that happens until now."""
         while self._line and self._line[0][0] <= now:
             arrival, byte = self._line.popleft()
             if arrival < self._ready:
@@ -160,8 +158,8 @@ class Board:
         self._program.run(now)
 
     def _counts(self) -> tuple[int, int]:
-        """Bytes lost and refused since it was switched on."""
+        """Bytes lost and refused since the board was switched on."""
         return self._lost + self._program.lost, self._refused + self._program.refused
 
     def _angles(self, now: float) -> tuple[float, ...]:
-        return self._program.angles(now) if now >= self._ready else self._rests
+        return self._program.angles(now) if now >= self._ready else self._angles_at_reset

@@ -1,4 +1,4 @@
-"""The board in-process, on the injected clock: the same model, without a pseudo-terminal."""
+"""A link to a virtual board in this process, on the injected clock."""
 
 from hardware.clock import Clock
 from hardware.errors import PortLost
@@ -7,11 +7,11 @@ from .board import Board
 
 
 class BoardLink:
-    """A link to a board in this process.
+    """A link to a virtual board in this process.
 
     Args:
-        board: The board at the other end.
-        clock: Whose time the board lives in.
+        board: The board.
+        clock: Time source of the board.
     """
 
     port = "board"
@@ -28,10 +28,10 @@ class BoardLink:
         with self._changed:
             self._open, self._lost = True, False
             self.board.reset(self._clock.now())
-            self.board.says(self._clock.now())  # what came before nobody heard
+            self.board.read_output(self._clock.now())  # bytes from before the reset are lost
 
     def write(self, data: bytes) -> None:
-        """Put bytes on the line.
+        """Send bytes.
 
         Raises:
             PortLost: The board was unplugged, or the link is not open.
@@ -42,10 +42,10 @@ class BoardLink:
                 why = f"Something went wrong while sending the message {text} to the port"
                 raise PortLost(self.port, f"{why} {self.port}")
             self.board.receive(data, self._clock.now())
-            self._changed.notify()  # who reads must know when to expect an answer
+            self._changed.notify()  # a waiting `read` computes anew when an answer may come
 
     def read(self) -> bytes:
-        """Wait for bytes; empty once the link is closed.
+        """Wait for bytes. Return none only if the link is closed.
 
         Raises:
             PortLost: The board was unplugged.
@@ -54,16 +54,16 @@ class BoardLink:
             while self._open:
                 if self._lost:
                     raise PortLost(self.port, "Something went wrong while listening")
-                if data := self.board.says(self._clock.now()):
+                if data := self.board.read_output(self._clock.now()):
                     return data
-                self._changed.wait(self.board.says_next())
+                self._changed.wait(self.board.next_output())
             return b""
 
     def close(self, discard: bool = False) -> None:
-        """Close the link; a waiting `read` returns.
+        """Close the link. A waiting `read` returns.
 
         Args:
-            discard: Whether to drop what has not arrived yet.
+            discard: Whether to drop bytes that have not arrived yet.
         """
         with self._changed:
             self._open = False
@@ -72,7 +72,7 @@ class BoardLink:
             self._changed.notify()
 
     def unplug(self) -> None:
-        """Pull the cable."""
+        """Disconnect the cable."""
         with self._changed:
             self._lost = True
             self._changed.notify()

@@ -1,8 +1,8 @@
 """The process of a virtual Arduino.
 
-It serves a pseudo-terminal that it inherits, answers every line on its standard input with a line
-of JSON that tells its state, and ends when its standard input does. As with an Uno, opening the
-port resets the board.
+It serves a pseudo-terminal that it inherits. It answers every line on its standard input with its
+state as one line of JSON, and ends when its standard input ends. As with an Uno, opening the port
+resets the board.
 """
 
 import contextlib
@@ -17,12 +17,12 @@ from hardware.drivers.firmware import Firmware
 
 from .board import Board
 
-# While nobody has the port open a poll on it returns at once, so the wait for an opener is naps.
-_NAP_MS = 5
+# While the port is not open a poll on it returns at once, so the process sleeps between polls.
+_SLEEP_MS = 5
 
 
-class _Shell:
-    """Drives a board in real time: bytes from the pseudo-terminal in, what it says out."""
+class _Server:
+    """Runs a board in real time: transfers bytes between the pseudo-terminal and the board."""
 
     def __init__(self, board: Board, master: int) -> None:
         self._board, self._clock = board, RealClock()
@@ -34,54 +34,54 @@ class _Shell:
         watch = select.poll()
         watch.register(sys.stdin, select.POLLIN)
         while True:
-            self._look()
-            self._say()
+            self._check_port()
+            self._write()
             if self._opened:
                 watch.register(self._master, select.POLLIN)
-            events = dict(watch.poll(self._nap()))
+            events = dict(watch.poll(self._poll_timeout()))
             if self._opened:
                 watch.unregister(self._master)
             if sys.stdin.fileno() in events and not self._answer():
                 return
 
-    def _look(self) -> None:
-        """See what came, and whether a client came or went."""
+    def _check_port(self) -> None:
+        """Read bytes, and detect whether a client opened or closed the port."""
         hung_up = bool(self._events() & select.POLLHUP)
         if self._opened:
-            while self._listen() and hung_up:
-                pass  # what is left of the client that went is not for the next one
+            while self._read() and hung_up:
+                pass  # the rest from a client that has gone must not reach the next one
         if self._opened is hung_up:
             self._opened = not hung_up
             if self._opened:
                 self._board.reset(self._clock.now())
-                self._board.says(self._clock.now())  # what came before nobody heard
-                self._listen()
+                self._board.read_output(self._clock.now())  # bytes from before the reset are lost
+                self._read()
 
     def _events(self) -> int:
         probe = select.poll()
         probe.register(self._master, select.POLLIN)
         return dict(probe.poll(0)).get(self._master, 0)
 
-    def _nap(self) -> float | None:
-        """How long nothing can happen but what a poll tells [ms]."""
+    def _poll_timeout(self) -> float | None:
+        """Longest time that a poll may wait [ms], or None for no limit."""
         if not self._opened:
-            return _NAP_MS
-        due = self._board.says_next()
+            return _SLEEP_MS
+        due = self._board.next_output()
         return None if due is None else max(0.0, (due - self._clock.now()) * 1000)
 
-    def _listen(self) -> bool:
-        """Take what came; false when nothing did."""
+    def _read(self) -> bool:
+        """Pass bytes to the board. Return False if there are none."""
         try:
             data = os.read(self._master, 4096)
-        except OSError:  # nothing there, or the client has gone
+        except OSError:  # no bytes, or the client has gone
             return False
         self._board.receive(data, self._clock.now())
         return True
 
-    def _say(self) -> None:
-        data = self._board.says(self._clock.now())
+    def _write(self) -> None:
+        data = self._board.read_output(self._clock.now())
         if data and self._opened:
-            with contextlib.suppress(BlockingIOError):  # nobody reads: it is lost, as on a wire
+            with contextlib.suppress(BlockingIOError):  # lost without a reader, as on a line
                 os.write(self._master, data)
 
     def _answer(self) -> bool:
@@ -94,11 +94,11 @@ class _Shell:
 
 
 def main() -> None:
-    """Run a board; the arguments are those of `VirtualArduino` as JSON."""
+    """Run a board. The program arguments are those of `VirtualArduino`, as JSON."""
     master, board = sys.argv[1:]
     letters, angles, firmware, baud = json.loads(board)
     firmware["banner"] = firmware["banner"].encode("latin-1")
-    _Shell(Board(letters, angles, Firmware(**firmware), baud), int(master)).run()
+    _Server(Board(letters, angles, Firmware(**firmware), baud), int(master)).run()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""The published sketch, as a program of the modelled board.
+"""The published sketch, as a program of the virtual board.
 
-It reads one byte at a time, turns one servo after the other by a degree at a time, and reads
+It reads one byte at a time. It turns one servo after the other, one degree at a time, and reads
 nothing meanwhile.
 """
 
@@ -13,7 +13,7 @@ from hardware.drivers.firmware import Firmware
 
 @dataclass(frozen=True, slots=True)
 class _Turn:
-    """A servo on its way, a degree at a time, from when its first step is written [s]."""
+    """A turn of one servo, one degree at a time. `began` is the time of its first step [s]."""
 
     servo: int
     start: int
@@ -23,7 +23,7 @@ class _Turn:
 
     @property
     def end(self) -> float:
-        """The first step, of zero degrees, takes its time, too."""
+        """End of the turn [s]. The first step, of zero degrees, takes time too."""
         return self.began + self.degree_time * (abs(self.goal - self.start) + 1)
 
     def angle(self, now: float) -> int:
@@ -32,13 +32,13 @@ class _Turn:
 
 
 class StockSketch:
-    """The published sketch from a start to the next reset.
+    """The published sketch, from its start to the next reset.
 
     Args:
-        letters: The fields of a frame, in order.
-        angles: Where it puts the servos when it starts [deg].
-        firmware: Its times, and how many unread bytes it can hold.
-        began: When it starts [s].
+        letters: Letters of the fields, in order.
+        angles: Servo angles at the start [deg].
+        firmware: Its profile.
+        began: Time of the start [s].
     """
 
     held = None
@@ -56,7 +56,7 @@ class StockSketch:
 
     @property
     def refused(self) -> int:
-        """Bytes that would have overwritten memory."""
+        """Number of bytes that would have overwritten memory."""
         return self._parser.overwritten
 
     def take(self, byte: int, now: float) -> None:
@@ -68,37 +68,37 @@ class StockSketch:
             self.lost += 1
 
     def run(self, until: float) -> None:
-        """Read the ring for as long as no servo keeps the board from it."""
+        """Read from the buffer until a time [s]. A turning servo blocks reading."""
         while self._ring and self._free <= until:
             arrival, byte = self._ring.popleft()
             self._free = max(self._free, arrival)
             if field := self._parser.feed(byte):
                 servo, goal = field
-                began, pace = self._free + self._firmware.turn_time, self._firmware.degree_time
-                turn = _Turn(servo, self._angles[servo], goal, began, pace)
+                began = self._free + self._firmware.turn_time
+                turn = _Turn(servo, self._angles[servo], goal, began, self._firmware.degree_time)
                 self._turn, self._free = turn, turn.end
                 self._angles[servo] = _written(goal)
 
     def angles(self, now: float) -> tuple[float, ...]:
-        """What the pulses tell the servos [deg]."""
+        """Return the servo angles that the pulses command [deg]."""
         angles = list(map(float, self._angles))
         if self._turn:
             angles[self._turn.servo] = float(self._turn.angle(now))
         return tuple(angles)
 
-    def answers(self, byte: int) -> bool:
-        """It never says a word."""
+    def may_answer(self, byte: int) -> bool:
+        """Return False: it sends nothing."""
         return False
 
-    def speaks(self) -> float | None:
-        """It never says a word."""
+    def next_output(self) -> float | None:
+        """Return None: it sends nothing."""
         return None
 
 
 def _written(value: int) -> int:
-    """What the Arduino Servo library reads after a value was written.
+    """Return the angle that the Arduino Servo library reads back after writing a value.
 
-    Values are degrees, or from 544 on microseconds.
+    Values below 544 are degrees, others are microseconds.
     """
     if value >= 544:
         return (min(value, 2400) + 1 - 544) * 180 // (2400 - 544)
@@ -106,10 +106,10 @@ def _written(value: int) -> int:
 
 
 class _Parser:
-    """Every field moves its servo as soon as its comma comes.
+    """The parser of the sketch. Every field moves its servo as soon as its comma arrives.
 
-    A letter selects the servo and the first digit; any other byte is taken for a digit, and from
-    the fifth on the real sketch overwrites memory, which is only counted here.
+    A letter selects the servo and the first digit. Any other byte counts as a digit. From the fifth
+    digit on the real sketch overwrites memory; this only counts it.
     """
 
     def __init__(self, letters: str) -> None:
@@ -119,7 +119,7 @@ class _Parser:
         self.overwritten = 0
 
     def feed(self, byte: int) -> tuple[int, int] | None:
-        """The servo and value that this byte sets in motion, if any."""
+        """Return the servo and value of the field that this byte completes, or None."""
         if byte in self._letters:
             self._servo, self._digit = self._letters.index(byte), 0
         elif byte == ord(","):
@@ -134,7 +134,7 @@ class _Parser:
 
 
 def _atoi(text: bytes | bytearray) -> int:
-    """C's atoi: an optional sign, then digits up to the first other byte."""
+    """`atoi` of C: an optional sign, then digits up to the first other byte."""
     body = text.lstrip(b" \t\n\v\f\r")
     sign = -1 if body[:1] == b"-" else 1
     digits = body[1:] if body[:1] in (b"-", b"+") else body

@@ -1,28 +1,28 @@
-"""The way out of the board: a ring of lines that empties at the speed of the line."""
+"""The transmit buffer of the board: lines that leave at the speed of the serial line."""
 
 from collections import deque
 
-RING = 255  # bytes that wait; one more is on its way
+RING = 255  # size of the buffer; one more byte is being sent [bytes]
 
 
 class Transmitter:
-    """Sends lines; one that finds no room is left out.
+    """Sends lines. A line for which there is no room is dropped.
 
     Args:
-        byte_time: How long a byte is on the line [s].
+        byte_time: Time to send one byte [s].
     """
 
     def __init__(self, byte_time: float) -> None:
         self._byte_time = byte_time
-        self._lines: deque[tuple[float, bytes]] = deque()  # each with the end of its last byte
+        self._lines: deque[tuple[float, bytes]] = deque()  # each with the end time of its last byte
         self._free = 0.0
 
     def room_at(self, length: int) -> float:
-        """From when on there is room for a line of this many bytes [s]."""
+        """Return the earliest time at which a line of this many bytes fits [s]."""
         return self._free - (RING + 1 - length) * self._byte_time
 
     def put(self, line: bytes, now: float) -> bool:
-        """Send a line; false if there is no room for it."""
+        """Send a line. Return False if there is no room for it."""
         if now < self.room_at(len(line)):
             return False
         self._free = max(self._free, now) + len(line) * self._byte_time
@@ -30,18 +30,18 @@ class Transmitter:
         return True
 
     def next(self) -> float | None:
-        """When the next line will have been sent [s]; None if there is none."""
+        """Return the end time of the next line [s], or None if there is none."""
         return self._lines[0][0] if self._lines else None
 
     def sent(self, now: float) -> bytes:
-        """Take the lines that have been sent by now."""
+        """Return the lines that have been sent by now, and remove them."""
         data = b""
         while self._lines and self._lines[0][0] <= now:
             data += self._lines.popleft()[1]
         return data
 
     def cut(self, now: float) -> None:
-        """Forget what has not been sent; of the line on its way, the first bytes have."""
+        """Drop the bytes that have not been sent, even of a line that is being sent."""
         lines, self._lines = self._lines, deque()
         for end, line in lines:
             left = max(0.0, end - now) / self._byte_time

@@ -60,7 +60,7 @@ def test_our_firmware_and_its_model_do_and_say_the_same(board: MakeBoard, seed: 
     dice, said = random.Random(seed), 0
     code, model = board(), Board("bseg", BOOT, FIRMWARES["armtree"], BAUD)
     now = code.run(0.0).time - START
-    model.says(now)
+    model.read_output(now)
     for _ in range(200):
         while not clear(data := anything(dice), now):
             pass
@@ -71,7 +71,7 @@ def test_our_firmware_and_its_model_do_and_say_the_same(board: MakeBoard, seed: 
         report = code.run(end - now)
         now = report.time - START
         state = model.state(now)
-        assert model.says(now) == report.said
+        assert model.read_output(now) == report.said
         assert (state.lost, state.refused) == (report.lost, report.refused)
         for angle, servo in zip(state.servos, report.servos, strict=True):
             assert abs(pulse_us(angle) - servo.us) < 1.5

@@ -24,21 +24,21 @@ STATUS = 131  # bytes
 def board() -> Board:
     """One whose first line has been taken."""
     made = Board("bseg", BOOT, OURS, 115200)
-    made.says(CYCLE / 2)
+    made.read_output(CYCLE / 2)
     return made
 
 
 def test_it_says_what_it_is_when_it_is_switched_on_and_when_it_has_booted() -> None:
     made = Board("bseg", BOOT, OURS, 115200)
-    assert made.says_next() == pytest.approx(len(BANNER) * BYTE)
-    assert made.says(1.0) == BANNER.replace(b"kept", b"boot")
+    assert made.next_output() == pytest.approx(len(BANNER) * BYTE)
+    assert made.read_output(1.0) == BANNER.replace(b"kept", b"boot")
     made.receive(FRAME, 1.0)
     made.reset(2.0)
     said = 3.0 + len(BANNER) * BYTE
-    assert made.says_next() == pytest.approx(said)
-    assert made.says(said - 1e-6) == b""
-    assert made.says(said + 1e-6) == b"\narmtree 1 AVW? kept b009,s125,e085,g000,\n"
-    assert made.says_next() is None
+    assert made.next_output() == pytest.approx(said)
+    assert made.read_output(said - 1e-6) == b""
+    assert made.read_output(said + 1e-6) == b"\narmtree 1 AVW? kept b009,s125,e085,g000,\n"
+    assert made.next_output() is None
     assert made.state(3.1).servos == (9, 125, 85, 0)
 
 
@@ -50,7 +50,7 @@ def status(said: bytes) -> dict[bytes, bytes]:
 def test_a_reset_forgets_settings_and_counters_and_keeps_the_angles() -> None:
     made = board()
     made.receive(b"junkbA01;bW01;sV09;" + FRAME + b"?", 0.1)
-    assert status(made.says(0.4)) == {
+    assert status(made.read_output(0.4)) == {
         b"frames": b"0001",
         b"refused": b"0004",
         b"lost": b"0000",
@@ -62,9 +62,9 @@ def test_a_reset_forgets_settings_and_counters_and_keeps_the_angles() -> None:
         b"at": b"b009,s099,e085,g000,",  # as far as the limit let the shoulder come in 0.1 s
     }
     made.reset(0.5)
-    assert made.says(2.0).endswith(b" kept b009,s099,e085,g000,\n")
+    assert made.read_output(2.0).endswith(b" kept b009,s099,e085,g000,\n")
     made.receive(b"?", 2.0)
-    told = status(made.says(3.0))
+    told = status(made.read_output(3.0))
     assert told.pop(b"at") == b"b009,s099,e085,g000,"
     assert {value.strip(b"0,") for value in told.values()} == {b""}
 
@@ -72,14 +72,16 @@ def test_a_reset_forgets_settings_and_counters_and_keeps_the_angles() -> None:
 def test_an_acknowledgement_comes_when_its_frame_is_there_and_it_has_been_sent() -> None:
     made = board()
     made.receive(b"bA01;", 0.1)
-    assert made.says(0.2).endswith(b"acks=1 watchdog_ms=0000 speeds=000,000,000,000 " + BOOT_AT)
+    assert made.read_output(0.2).endswith(
+        b"acks=1 watchdog_ms=0000 speeds=000,000,000,000 " + BOOT_AT
+    )
     made.receive(FRAME, 0.2)
-    arrival = made.says_next()  # of the first comma, with which there may be something to say
+    arrival = made.next_output()  # of the first comma, with which there may be something to say
     assert arrival == pytest.approx(0.2 + 5 * BYTE)
     made.advance(0.2 + 20.5 * BYTE)
-    assert made.says_next() == pytest.approx(0.2 + 37 * BYTE)
+    assert made.next_output() == pytest.approx(0.2 + 37 * BYTE)
     line = b"k0001,00,00,%04x\n" % binascii.crc_hqx(bytes((9, 125, 85, 0)), 0)
-    assert made.says(0.2 + 38 * BYTE) == line
+    assert made.read_output(0.2 + 38 * BYTE) == line
 
 
 BOOT_AT = b"at=b090,s090,e090,g000,\n"
@@ -88,16 +90,16 @@ BOOT_AT = b"at=b090,s090,e090,g000,\n"
 def test_the_watchdog_says_that_it_holds_without_any_input() -> None:
     made = board()
     made.receive(b"bW05;", 0.1 - 5 * BYTE - 0.01)
-    made.says(0.15)
-    deadline = made.says_next()
+    made.read_output(0.15)
+    deadline = made.next_output()
     assert deadline is not None
     assert deadline == pytest.approx(0.1 - 0.02 + 26 * CYCLE)  # the first cycle after 0.5 s
-    assert made.says(deadline) == b""
-    said = made.says_next()
+    assert made.read_output(deadline) == b""
+    said = made.next_output()
     assert said is not None
     assert said == pytest.approx(deadline + STATUS * BYTE)
-    assert b" holds=01 " in made.says(said)
-    assert made.says_next() is None
+    assert b" holds=01 " in made.read_output(said)
+    assert made.next_output() is None
 
 
 def test_a_line_that_finds_no_room_waits_and_tells_the_newest() -> None:
@@ -106,7 +108,7 @@ def test_a_line_that_finds_no_room_waits_and_tells_the_newest() -> None:
     # Behind the first status there is room for the acknowledgement and one more; asked for again,
     # however often, a third waits, and the acknowledgements that still fit go before it.
     made.receive(b"????" + FRAME * 2, 0.1 + 27 * BYTE)
-    said = made.says(1.0).splitlines()
+    said = made.read_output(1.0).splitlines()
     first = [b"statu", b"k0001", b"statu", b"k0002", b"k0003", b"statu"]
     assert [line[:5] for line in said] == first
     assert b"frames=0003" in said[-1]
@@ -116,7 +118,7 @@ def test_a_reset_cuts_the_line_that_is_on_its_way() -> None:
     made = board()
     made.receive(b"?", 0.1)
     made.reset(0.1 + 11.5 * BYTE)
-    assert made.says(2.0) == b"status fra" + BANNER
+    assert made.read_output(2.0) == b"status fra" + BANNER
 
 
 def test_an_idle_day_costs_nothing_and_changes_nothing() -> None:
@@ -179,9 +181,9 @@ def test_corruptions_and_splits_and_no_angle_that_nobody_sent() -> None:
         angles = damage.came(len(piece), now)
         state = made.state(now)
         assert all(angle in some for angle, some in zip(state.servos, angles, strict=True))
-        damage.heard(made.says(now))
+        damage.heard(made.read_output(now))
     state = made.state(now + 0.1)
-    damage.heard(made.says(now + 0.1))
+    damage.heard(made.read_output(now + 0.1))
     assert CORRUPTIONS < damage.acknowledged == len(damage.sent) - 1 < 1.4 * CORRUPTIONS
     assert state.servos == damage.sent[-1]
     assert state.lost == 0
