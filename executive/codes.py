@@ -24,7 +24,6 @@ INTERRUPTED_EXIT = 130  # Ctrl-C before the first goal, or pressed twice
 # Cheap ones first: a code is searched in one module after the other.
 _MODULES = (
     "executive.errors",
-    "executive.client.errors",
     "hardware.errors",
     "logs.errors",
     "trees.errors",

@@ -1,4 +1,4 @@
-"""What can go wrong with goals, and between a server and its clients.
+"""What can go wrong with goals, with a server, and with its clients.
 
 GoalError
 ├── UnknownGoal         no goal has that identity, or its result is forgotten
@@ -26,6 +26,10 @@ RequestError            a request that the server refuses before it reads the go
 └── TooMuch             429, 503: too many requests or clients
     ├── TooLarge        413: the body is too large
     └── TooSlow         408: the body arrives too slowly
+ClientError             a client of a server
+├── ServerUnreachable   ConnectionError: no server answers
+├── Refused             the server rejected a request
+└── GoalFailed          a goal ended, but did not succeed; also raised without a server
 PoseUnconfirmed         HardwareError: the position of the arm is unknown
 RecordingBehind         LinkError: the previous frame is not recorded yet
 BadWorldFile            FileError: a file of obstacles is wrong
@@ -33,6 +37,10 @@ BadWorldFile            FileError: a file of obstacles is wrong
 Every error carries a stable `code`, and its message says what to do next.
 """
 
+from collections.abc import Mapping
+from typing import Any
+
+from executive.goals.outcome import Cause, Outcome
 from hardware import HardwareError, LinkError
 from trees import FileError
 
@@ -356,3 +364,72 @@ class BadWorldFile(FileError):
     code = "file.world"
     meaning = "A file of bodies around the arm is wrong"
     hint = "correct it where the message says"
+
+
+class ClientError(Exception):
+    """Root of the errors of a client."""
+
+    code = "server.error"
+    exit_status = 13
+    meaning = "The server failed"
+    hint = "see its log"
+    heading = ""
+
+
+class ServerUnreachable(ClientError, ConnectionError):
+    """No server answers, or it stopped answering."""
+
+    code = "server.unreachable"
+    meaning = "No server answers"
+    hint = "`armtree serve` starts one; --server URL or ARMTREE_SERVER says where it is"
+
+    def __init__(self, url: str, why: str) -> None:
+        super().__init__(
+            f"no server answers at {url}: {why.rstrip('.')}. Start one with armtree serve, or "
+            "set its URL with --server URL or ARMTREE_SERVER"
+        )
+
+
+class Refused(ClientError):
+    """The server refuses a request.
+
+    Args:
+        fields: The error as JSON.
+
+    Attributes:
+        code: Stable name of the cause.
+        node: Path of the node that it concerns, or None.
+        joint: Name of the joint that it concerns, or None.
+        value: The wrong value [rad], [m] or [s].
+        limit: Limit of the value, in the same unit.
+        hint: What to do about it.
+        cause: All of these as one value, as in an outcome.
+    """
+
+    def __init__(self, fields: Mapping[str, Any]) -> None:
+        self.code = str(fields.get("code") or ClientError.code)
+        self.node, self.joint = fields.get("node"), fields.get("joint")
+        self.value, self.limit = fields.get("value"), fields.get("limit")
+        self.hint = str(fields.get("hint") or "")
+        words = str(fields.get("message") or "the server refused, and gave no reason")
+        named = str(self.node or ""), str(self.joint or "")
+        self.cause = Cause(self.code, words, *named, self.value, self.limit, self.hint)
+        adds = self.hint and self.code.startswith("request.")  # other messages contain the hint
+        super().__init__(f"{words}; {self.hint}" if adds else words)
+
+
+class GoalFailed(ClientError):
+    """A goal was canceled or aborted; raised with and without a server.
+
+    Args:
+        outcome: Outcome of the goal.
+
+    Attributes:
+        outcome: The same.
+        cause: Why it failed.
+    """
+
+    def __init__(self, outcome: Outcome) -> None:
+        self.code, self.outcome = outcome.code, outcome
+        self.cause = outcome.cause or Cause(outcome.code, outcome.message)
+        super().__init__(f"task {outcome.task} {outcome.state.name}: {outcome.message}")

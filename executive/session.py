@@ -56,7 +56,7 @@ def open_executive(
     if setup.skills:
         load_own_skills(setup.skills)
     robot, clock = setup.load_robot(), clock or RealClock()
-    library = Library(setup.trees) if setup.single_user else LiveLibrary(setup.trees, robot)
+    library = LiveLibrary(setup.trees, robot) if setup.reload else Library(setup.trees)
     port = robot.serial.port if setup.port is None else setup.port
     if setup.single_user or setup.activate or setup.pose:  # rejected before the port is opened
         find_start_pose(robot, port, setup.pose, setup.recordings)

@@ -17,6 +17,7 @@ class Setup:
         port: Serial port, or `virtual`; empty for none, None for the port of the robot file.
         trees: Folder with task files of your own; None for the shipped tasks only.
         skills: Folder with skills of your own; None for the shipped and installed skills only.
+        reload: True if each goal takes the latest valid task files, False if they are read once.
         recordings: Folder for recordings.
         keep_days: Age at which a recording is deleted [days]; None for never.
         keep_mb: Size of all recordings [MB]; beyond it the oldest are deleted. None for no limit.
@@ -36,6 +37,7 @@ class Setup:
     port: str | None = None
     trees: Path | None = None
     skills: Path | None = None
+    reload: bool = True
     recordings: Path = Path("recordings")
     keep_days: float | None = None
     keep_mb: float | None = None

@@ -16,14 +16,13 @@ import logs
 from hardware import BoardLink, SimulatedClock, load_robot, virtual_board
 from skills import Question
 from skills.motion import Pool
-from trees.compile.arguments import read_arguments
 from trees.compile.port_types import known_skills
 
+from .arm import Arm
 from .goals.events import Event, QuestionStatus
 from .goals.outcome import GoalStatus, Outcome
 from .session import load_own_skills, open_executive
 from .setup import Setup
-from .task_sequence import TaskSequence
 
 
 class SharedPool(Pool):
@@ -75,7 +74,7 @@ class SimulatedArm:
         self, trees: Path | None = None, skills: Path | None = None, robot: Path | None = None
     ) -> None:
         load_own_skills(skills)
-        self._setup = Setup(robot=load_robot(robot), trees=trees, single_user=True)
+        self._setup = Setup(robot=load_robot(robot), trees=trees, reload=False, single_user=True)
         self._replaced: list[tuple[Any, Callable[..., Any]]] = []
         self.clock = SimulatedClock()
         self.records: list[logs.Record] = []
@@ -106,11 +105,15 @@ class SimulatedArm:
         self._replaced.append((kind, kind.function))
         kind.function = staticmethod(function)
 
-    def run(self, task: int, **arguments: str) -> Outcome:
-        """Run a task, with its parameters as they would stand in a file. Takes hardly any time.
+    def run(self, task: int | str, /, **arguments: Any) -> Outcome:
+        """Run a task in simulated time and return its outcome.
+
+        Args:
+            task: Number or name of the task.
+            arguments: Values of its parameters, as in a file.
 
         Raises:
-            FileError: A parameter cannot be read.
+            UnknownTask: No task has that name.
         """
         link = BoardLink(virtual_board(self._setup.load_robot()), self.clock)
         with (
@@ -124,9 +127,7 @@ class SimulatedArm:
                 subscriber=self._watch,
             ) as executive,
         ):
-            given = read_arguments([f"{name}={text}" for name, text in arguments.items()], [task])
-            (outcome,) = TaskSequence(executive).run([task], lambda _: None, given)
-        return outcome
+            return Arm.on(executive).attempt(task, **arguments)
 
     def _watch(self, event: Event) -> None:
         if not isinstance(event, GoalStatus | QuestionStatus):

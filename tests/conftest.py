@@ -11,11 +11,11 @@ from hypothesis import HealthCheck, settings
 from py_trees.blackboard import Blackboard
 
 import logs
+from executive.arm import Arm as TaskArm
 from executive.executive import Executive
 from executive.goals.events import Event, QuestionStatus
 from executive.goals.outcome import GoalStatus, Outcome
 from executive.setup import Setup
-from executive.task_sequence import TaskSequence
 from executive.testing import SharedPool
 from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board
 from skills import Context, Operator, Skill, SkillEvent
@@ -67,17 +67,17 @@ class Rig:
         self.executive = Executive(
             setup, robot, self.link, Library(tasks), pool, clock, operator, self._watch
         )
-        self._in_turn = TaskSequence(self.executive)
+        self._arm = TaskArm.on(self.executive)
 
     def run(self, *numbers: int, settings: Sequence[str] = ()) -> list[Outcome]:
         """Run tasks in turn on this thread, with parameters as NAME=VALUE."""
         arguments = read_arguments(settings, numbers)
         with self.clock.working():
-            return self._in_turn.run(numbers, self.outcomes.append, arguments)
+            return self._arm.run_all(numbers, self.outcomes.append, arguments)
 
     def cancel(self) -> None:
         """Cancel what runs, and what would follow."""
-        self._in_turn.cancel()
+        self._arm.stop()
 
     def rest(self, seconds: float) -> None:
         """Let time pass."""

@@ -17,7 +17,7 @@ from executive.goals.events import EVENTS, UNITS
 from tests.support.paths import ROBOT_FILE, ROOT
 
 ROOMS = ("executive", "skills", "hardware", "trees", "logs")
-PUBLIC = (*ROOMS, "skills.motion")
+PUBLIC = ("armtree", *ROOMS, "skills.motion")
 
 
 @pytest.mark.parametrize("name", PUBLIC)
@@ -46,6 +46,7 @@ def test_no_file_is_long() -> None:
 def test_the_top_level_is_as_agreed() -> None:
     agreed = {
         *ROOMS,
+        "armtree.py",
         "docs",
         "tests",
         "pyproject.toml",

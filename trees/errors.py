@@ -4,12 +4,14 @@ TreeError
 ├── FileError           a file is wrong; every mistake in it with its line
 │   ├── DuplicateTask   two files claim one number
 │   └── BadArguments    the arguments of a task are wrong
-└── UnknownTask         no file has that number
+└── UnknownTask         no task has that number or name
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+
+from hardware.suggestions import choices
 
 _SHOWN = 20  # mistakes in a message
 _BEFORE, _WIDTH = 40, 76  # how much of a line is shown
@@ -139,11 +141,11 @@ class BadArguments(FileError):
 
 
 class UnknownTask(TreeError):
-    """No file has that number.
+    """No task has that number or name.
 
     Attributes:
-        number: Which.
-        known: The numbers there are.
+        task: Number or name.
+        known: The numbers or names of all tasks.
     """
 
     code = "goal.unknown_task"
@@ -151,7 +153,11 @@ class UnknownTask(TreeError):
     meaning = "No task has that number"
     hint = "`armtree tasks` shows those there are"
 
-    def __init__(self, number: int, known: Sequence[int]) -> None:
-        self.number, self.known = number, tuple(known)
-        there = ", ".join(map(str, known)) or "none"
-        super().__init__(f"Invalid task number {number}; there are {there}")
+    def __init__(self, task: int | str, known: Iterable[int | str]) -> None:
+        self.task, self.known = task, tuple(known)
+        if isinstance(task, str):
+            there = choices(task, map(str, self.known))
+            super().__init__(f"Invalid task name {task}; there are {there}")
+        else:
+            there = ", ".join(map(str, self.known)) or "none"
+            super().__init__(f"Invalid task number {task}; there are {there}")

@@ -124,6 +124,16 @@ class LiveLibrary:
             warning = f"Task {number} runs as it was: its files were changed and are wrong now: "
             return last.library, f"{warning}{error}"
 
+    def number(self, task: int | str) -> int:
+        """Return the number of a task that is given by its number or name.
+
+        Raises:
+            UnknownTask: No task has that name. A number is not checked.
+            FileError: The folder cannot be read.
+        """
+        with self._lock:
+            return self._updated()[0].library.number(task)
+
     def listed(self) -> list[dict[str, Any]]:
         """Return the current tasks as JSON objects.
 

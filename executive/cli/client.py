@@ -164,7 +164,7 @@ def arm(client: "Client", as_json: bool, transition: str, pose: str | None) -> N
 
 def _change_goal(client: "Client", change: str, goal_id: str, as_json: bool) -> None:
     """Call a method of the client with a goal, or with the running one."""
-    from executive.client.errors import Refused
+    from executive.errors import Refused
 
     running = client.status().goal
     if not goal_id and running is None:

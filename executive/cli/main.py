@@ -100,7 +100,7 @@ def run(
 
     from .run import execute
 
-    setup = Setup(**options, single_user=True)
+    setup = Setup(**options, reload=False, single_user=True)
     verbose = click.get_current_context().find_root().params["verbose"]
     outcomes = execute(setup, numbers, settings, as_json, verbose)
     sys.exit(look_up(outcomes[-1].code).exit_status)
@@ -200,7 +200,7 @@ for command in (doctor, plan, replay, log, *TASK_COMMANDS, *CLIENT_COMMANDS):
 def main() -> None:
     """Entry point of `armtree`."""
     try:
-        cli.main(standalone_mode=False)
+        cli.main(prog_name="armtree", standalone_mode=False)
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)

@@ -11,9 +11,9 @@ from contextlib import contextmanager, nullcontext
 import click
 
 import logs
-from executive.client.errors import ClientError, Refused
 from executive.client.synchronous import Client
 from executive.codes import CLOSING
+from executive.errors import ClientError, Refused
 from executive.goals.events import Event, QuestionStatus, Status
 from executive.goals.outcome import CancelCode, GoalState, GoalStatus, Outcome, cause_of
 from hardware import RealClock

@@ -103,7 +103,12 @@ def replay(
 
     with TemporaryDirectory() as trees:
         setup = Setup(
-            port=port, robot=robot, trees=Path(trees), recordings=folder, single_user=True
+            port=port,
+            robot=robot,
+            trees=Path(trees),
+            reload=False,
+            recordings=folder,
+            single_user=True,
         )
         task = write_replay_task(recordings[0], speed, setup.load_robot(), Path(trees))
         outcomes = execute(setup, [task], as_json=as_json, verbose=verbose)

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 
+from executive.arm import Arm
 from executive.goals.events import Event
 from executive.goals.outcome import GoalState, GoalStatus, Outcome, cause_of
 from executive.session import open_executive, port_line
 from executive.setup import Setup
-from executive.task_sequence import TaskSequence
 from hardware import HardwareError
 from trees import TreeError
 from trees.compile.arguments import read_arguments
@@ -55,10 +55,10 @@ def execute(
             view.report(outcome)
             return [outcome]
         view.say(port_line(executive))
-        sequence = TaskSequence(executive)
-        interrupts.on_cancel(sequence.cancel)
+        arm = Arm.on(executive)
+        interrupts.on_cancel(arm.stop)
         with recorded_log(executive):
-            return interrupts.run(lambda: sequence.run(numbers, view.report, arguments))
+            return interrupts.run(lambda: arm.run_all(numbers, view.report, arguments))
 
 
 def _show(view: View, event: Event) -> None:

@@ -1,10 +1,10 @@
 """Use a server from Python: `with Client() as arm: arm.run(1)`, or AsyncClient with `await`."""
 
+from executive.errors import ClientError, GoalFailed, Refused, ServerUnreachable
 from executive.goals.events import Status
 from executive.goals.outcome import CancelResult
 
 from .asynchronous import AsyncClient
-from .errors import ClientError, GoalFailed, Refused, ServerUnreachable
 from .synchronous import Client
 from .values import OpenQuestion, Task
 

@@ -10,14 +10,13 @@ from contextlib import asynccontextmanager, suppress
 from types import MappingProxyType
 from typing import Any, Self, TypeVar
 
-from executive.errors import ResultTimeout
+from executive.errors import GoalFailed, Refused, ResultTimeout, ServerUnreachable
 from executive.goals.events import Event, Status, event_from_json
 from executive.goals.outcome import CancelResult, GoalStatus, Outcome, cause_of
 from executive.server.http.operations import OPERATIONS
 from executive.server.token_file import KEEPALIVE
 
 from . import transport
-from .errors import GoalFailed, Refused, ServerUnreachable
 from .values import OpenQuestion, Task
 
 T = TypeVar("T")

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from executive.errors import Refused, ServerUnreachable
 from executive.server import token_file
-
-from .errors import Refused, ServerUnreachable
 
 if TYPE_CHECKING:
     import httpx

@@ -154,6 +154,23 @@ class Library:
         """The task numbers there are, ascending."""
         return sorted(self._tasks)
 
+    def names(self) -> dict[str, int]:
+        """The numbers of the tasks by their names, in the order of the numbers."""
+        return {self._tasks[n].stem.partition("_")[2]: n for n in self.numbers()}
+
+    def number(self, task: int | str) -> int:
+        """The number of a task that is given by its number or name.
+
+        Raises:
+            UnknownTask: No task has that name. A number is not checked.
+        """
+        if isinstance(task, int):
+            return task
+        names = self.names()
+        if task not in names:
+            raise UnknownTask(task, names)
+        return names[task]
+
     def subtrees(self) -> list[str]:
         """The names of the subtrees there are, in order."""
         return sorted(self._subtrees)

@@ -1,0 +1,211 @@
+"""An arm in a Python program or a notebook, without a server.
+
+with armtree.Arm() as arm:
+    result = arm.run("pick")
+"""
+
+import dataclasses
+import json
+import uuid
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from threading import Lock
+from types import MappingProxyType
+from typing import Any, Self
+
+from hardware import State
+from logs import LogError
+from trees import Located
+
+from .codes import OK
+from .errors import GoalFailed, ResultTimeout, UnknownGoal
+from .executive import Executive
+from .goals.outcome import CANCELED_CAUSE, GoalState, Outcome
+from .session import open_executive
+from .setup import Setup
+
+_SLICE = 0.5  # [s]
+
+
+class Arm:
+    """An arm that runs tasks. The first task activates it; `close` shuts it down.
+
+    Args:
+        port: Serial port such as `/dev/ttyACM0`; default: a virtual Arduino, which moves nothing.
+        robot: Robot file; default: the shipped Arduinobot.
+        trees: Folder with task files of your own.
+        skills: Folder with Python files of skills of your own.
+        recordings: Folder for recordings.
+        seed: Seed of planning.
+
+    Attributes:
+        executive: Runs the tasks; it can also pause, resume and report.
+
+    Raises:
+        HardwareError: The robot file is wrong, or names no driver.
+        TreeError: The folder of tasks cannot be read.
+        ValueError: A skill is broken.
+    """
+
+    def __init__(
+        self,
+        port: str = "virtual",
+        robot: str | Path | None = None,
+        trees: str | Path | None = None,
+        skills: str | Path | None = None,
+        recordings: str | Path = "recordings",
+        seed: int = 1,
+    ) -> None:
+        setup = Setup(
+            port=port,
+            robot=_path(robot),
+            trees=_path(trees),
+            skills=_path(skills),
+            recordings=Path(recordings),
+            seed=seed,
+            single_user=True,
+        )
+        resources = ExitStack()
+        executive = resources.enter_context(open_executive(setup))
+        self._use(executive, weakref.finalize(self, resources.close))  # at exit at the latest
+
+    @classmethod
+    def on(cls, executive: Executive) -> Self:
+        """Return an arm on an executive that was not started. Who opened it closes it."""
+        arm = cls.__new__(cls)
+        arm._use(executive, lambda: None)
+        return arm
+
+    def _use(self, executive: Executive, close: Callable[[], object]) -> None:
+        self.executive, self._close = executive, close
+        self._lock = Lock()
+        self._started = self._canceled = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Cancel what runs, shut the arm down and end the planners. The arm cannot be used again.
+
+        Raises:
+            LogError: A recording could not be finished.
+        """
+        self._close()
+
+    def run(self, task: int | str, /, **arguments: Any) -> Outcome:
+        """Run a task and wait for its end. Ctrl-C cancels it and stops the arm.
+
+        Args:
+            task: Number or name of the task.
+            arguments: Values of its parameters, such as `swing="30 deg"`.
+
+        Raises:
+            UnknownTask: There is no such task.
+            GoalFailed: It did not succeed; `cause` says why.
+            KeyboardInterrupt: Ctrl-C was pressed. The goal has ended, and the arm has stopped.
+        """
+        outcome = self.attempt(task, **arguments)
+        if outcome.code != OK:
+            raise GoalFailed(outcome)
+        return outcome
+
+    def attempt(self, task: int | str, /, **arguments: Any) -> Outcome:
+        """Run a task as `run` does, but return the outcome of one that fails, too."""
+        number = self.executive.library.number(task)
+        texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in arguments.items()}
+        with self._lock:
+            self._canceled = False
+            goal = uuid.uuid4().hex
+            try:
+                return self._finished(self._wait(number, texts, goal))
+            except KeyboardInterrupt:
+                self.executive.cancel()
+                with suppress(UnknownGoal):
+                    self._finished(self.executive.result(goal))
+                raise
+
+    def run_all(
+        self,
+        tasks: Sequence[int],
+        report: Callable[[Outcome], None],
+        arguments: Mapping[str, str | Located] = MappingProxyType({}),
+    ) -> list[Outcome]:
+        """Run tasks in turn up to the first that fails, then close.
+
+        Every task is validated first, as far as this is possible without the arm. The arm shuts
+        down before the last recording ends, so that the recording shows it.
+
+        Args:
+            tasks: Numbers of the tasks.
+            report: Receives each outcome when its recording is complete.
+            arguments: Values of the parameters, by name.
+
+        Returns:
+            The outcomes of the tasks that began or were rejected.
+        """
+        rejected = self.executive.refused(tasks, arguments) if len(tasks) > 1 else None
+        remaining = list(tasks) if rejected is None else [rejected]
+        outcomes: list[Outcome] = []
+        try:
+            while remaining and (not outcomes or outcomes[-1].success):
+                outcome = self._wait(remaining.pop(0), arguments, uuid.uuid4().hex)
+                active = self.executive.status().arm is not State.UNCONFIGURED
+                if active and not (remaining and outcome.success):
+                    self.executive.arm_to("shutdown")
+                outcomes.append(self._finished(outcome))
+                report(outcomes[-1])
+        finally:
+            self.executive.close()
+        return outcomes
+
+    def stop(self) -> None:
+        """Stop the arm and cancel the task that runs, and those of `run_all` that follow.
+
+        Any thread may call.
+        """
+        self._canceled = True
+        self.executive.cancel()
+
+    def _wait(self, task: int, arguments: Mapping[str, str | Located], goal: str) -> Outcome:
+        if not self._started:
+            self._started = True
+            self.executive.start()
+        if self._canceled:
+            return Outcome.of(task, GoalState.CANCELED, CANCELED_CAUSE)
+        answer = self.executive.send(task, arguments, goal)
+        if not answer.accepted:
+            return Outcome.of(task, GoalState.ABORTED, answer.cause)
+        if self._canceled:  # in between
+            self.executive.cancel(goal)
+        while True:
+            # A Ctrl-C is lost if it comes just before the wait: then the next slice raises it.
+            with suppress(ResultTimeout):
+                return self.executive.result(goal, _SLICE)
+
+    def _finished(self, outcome: Outcome) -> Outcome:
+        """The outcome, with what is wrong with its recording."""
+        try:
+            self.executive.finish_recording()
+        except LogError as error:
+            if outcome.success:
+                return dataclasses.replace(outcome, code=error.code, message=str(error))
+            return _with(outcome, str(error))
+        return outcome
+
+
+def _path(path: str | Path | None) -> Path | None:
+    return None if path is None else Path(path)
+
+
+def _with(outcome: Outcome, words: str) -> Outcome:
+    """An outcome whose message and cause also say this."""
+    cause = outcome.cause
+    if cause and words not in cause.message:
+        cause = dataclasses.replace(cause, message=f"{cause.message}; {words}")
+    message = outcome.message if words in outcome.message else f"{outcome.message}; {words}"
+    return dataclasses.replace(outcome, message=message, cause=cause)

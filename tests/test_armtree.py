@@ -1,0 +1,183 @@
+"""The public interface: an arm in a program or a notebook, without a server."""
+
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import armtree
+import logs
+from executive.arm import Arm
+from executive.goals.events import Event
+from executive.session import open_executive
+from executive.setup import Setup
+from hardware import BoardLink, Robot, SimulatedClock, virtual_board
+from skills.motion import Pool
+from tests.support.paths import EXAMPLES, ROOT
+
+WAIT = "task: 8\nname: wait\ndescription: Wait.\ntree:\n  Wait: {duration: 1 h}\n"
+
+
+@pytest.fixture
+def tasks(tmp_path: Path) -> Path:
+    """A folder with the task files of the examples."""
+    folder = tmp_path / "tasks"
+    shutil.copytree(EXAMPLES, folder)
+    return folder
+
+
+@pytest.fixture
+def arm(
+    robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool, tasks: Path, tmp_path: Path
+) -> Iterator[Arm]:
+    """An arm on the in-process board, in simulated time."""
+    setup = Setup(robot=robot, trees=tasks, recordings=tmp_path, single_user=True)
+    link = BoardLink(virtual_board(robot), shared_clock)
+    with (
+        shared_clock.working(),
+        open_executive(setup, clock=shared_clock, link=link, pool=shared_pool) as executive,
+        Arm.on(executive) as one,
+    ):
+        yield one
+
+
+def test_a_task_by_name_or_number(arm: Arm) -> None:
+    first = arm.run("pick")
+    second = arm.run("wave", swing="30 deg", times=1)
+    third = arm.run(0)
+    assert [each.task for each in (first, second, third)] == [1, 3, 0]
+    for outcome in (first, second, third):
+        records = list(logs.Recording(Path(outcome.recording)).records(logs.Goal, logs.Sent))
+        goals = [record.task for record in records if isinstance(record, logs.Goal)]
+        assert goals == [outcome.task]
+        assert outcome.frames == sum(isinstance(each, logs.Sent) for each in records)
+    assert min(first.frames, second.frames) > 10
+    boots = [
+        record
+        for record in logs.Recording(Path(second.recording)).records(logs.Transition)
+        if isinstance(record, logs.Transition) and record.goal == "active"
+    ]
+    assert [(each.start, each.goal) for each in boots] == [("active", "active")]  # stays active
+
+
+def test_a_goal_that_fails_raises_its_cause(arm: Arm) -> None:
+    with pytest.raises(armtree.GoalFailed, match=r"swing") as raised:
+        arm.run("wave", swing="3 m")
+    assert raised.value.cause.code == "goal.bad_arguments"
+    assert raised.value.outcome.task == 3
+    assert arm.attempt("wave", swing="3 m").code == "goal.bad_arguments"
+    assert arm.run("home").success  # the arm can still be used
+
+
+def test_an_unknown_task_is_named_with_those_there_are(arm: Arm) -> None:
+    with pytest.raises(armtree.UnknownTask, match=r"Invalid task name pik; there are .*pick") as no:
+        arm.run("pik")
+    assert "did you mean pick?" in str(no.value)
+    with pytest.raises(armtree.GoalFailed, match="Invalid task number 99; there are 0, 1"):
+        arm.run(99)
+
+
+def test_an_edited_task_counts_from_the_next_run(arm: Arm, tasks: Path) -> None:
+    text = "task: 9\nname: hello\ndescription: Say it.\ntree:\n  Fail: {reason: REASON}\n"
+    for reason in ("one", "two"):
+        (tasks / "9_hello.yaml").write_text(text.replace("REASON", reason))
+        assert reason in arm.attempt("hello").message
+
+
+def test_stop_from_another_thread(arm: Arm, shared_clock: SimulatedClock) -> None:
+    def stop(event: Event) -> None:
+        if isinstance(event, logs.Sent) and event.joints:
+            shared_clock.spawn(arm.stop, "stop")
+
+    arm.executive.subscribe(stop)
+    with pytest.raises(armtree.GoalFailed) as raised:
+        arm.run("pick")
+    assert raised.value.code == "goal.canceled"
+    assert raised.value.outcome.state.name == "CANCELED"
+
+
+def test_a_closed_arm_runs_nothing(arm: Arm) -> None:
+    arm.executive.close()
+    with pytest.raises(armtree.GoalFailed) as raised:
+        arm.run("home")
+    assert raised.value.code == "server.closing"
+
+
+def test_a_broken_skill_is_told(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("import there_is_no_such_module\n")
+    with pytest.raises(ValueError, match="there_is_no_such_module"):
+        armtree.Arm(skills=tmp_path)
+
+
+def test_an_unknown_name_of_the_module() -> None:
+    with pytest.raises(AttributeError, match="no attribute 'Leg'"):
+        armtree.Leg  # noqa: B018
+    assert set(armtree.__all__) == set(dir(armtree))
+
+
+def test_importing_it_loads_nothing_else() -> None:
+    code = "import sys, armtree; print(*(name.partition('.')[0] for name in sys.modules))"
+    command = [sys.executable, "-P", "-c", code]
+    loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    rooms = {"executive", "hardware", "logs", "skills", "trees"}
+    assert (rooms | {"numpy", "py_trees", "pinocchio", "httpx"}).isdisjoint(loaded)
+    assert "armtree" in loaded
+
+
+def test_the_command_line_is_a_module_away() -> None:
+    command = [sys.executable, "-m", "armtree", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.startswith("armtree, version ")
+
+
+# As a notebook does it: on a main thread whose event loop runs, without `with`.
+NOTEBOOK = """\
+import asyncio, signal
+import armtree
+
+async def cells():
+    handler = signal.getsignal(signal.SIGINT)
+    arm = armtree.Arm(trees={trees!r}, recordings={recordings!r})
+    print(arm.run("home").success, flush=True)
+    assert signal.getsignal(signal.SIGINT) is handler
+    arm.executive.subscribe(lambda event: "EXECUTING" in str(event) and print("runs", flush=True))
+    try:
+        arm.run("wait")
+    except KeyboardInterrupt:
+        print("interrupted", arm.executive.goals()[-1].state.name, flush=True)
+    print(arm.run(0).success, flush=True)
+
+asyncio.new_event_loop().run_until_complete(cells())
+"""
+
+
+def test_a_notebook(tmp_path: Path) -> None:
+    (tmp_path / "8_wait.yaml").write_text(WAIT)
+    recordings = tmp_path / "recordings"
+    script = NOTEBOOK.format(trees=str(tmp_path), recordings=str(recordings))
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", script],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as notebook:
+        assert notebook.stdout
+        assert notebook.stdout.readline() == "True\n"
+        assert notebook.stdout.readline() == "runs\n"
+        notebook.send_signal(signal.SIGINT)
+        out, err = notebook.communicate(timeout=60)
+    assert (out.replace("runs\n", ""), err, notebook.returncode) == (
+        "interrupted CANCELED\nTrue\n",
+        "",
+        0,
+    )
+    states = []
+    for file in sorted(recordings.glob("*.mcap")):
+        recording = logs.Recording(file)
+        assert recording.complete
+        states += [each.state for each in recording.records(logs.Result)]  # type: ignore[union-attr]
+    assert states == ["SUCCEEDED", "CANCELED", "SUCCEEDED"]
