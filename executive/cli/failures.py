@@ -1,4 +1,4 @@
-"""What went wrong, told to who typed a command."""
+"""Errors on the terminal, and the exit status that follows from them."""
 
 import errno
 from collections.abc import Callable, Iterable
@@ -9,8 +9,8 @@ import click
 from executive.codes import INTERNAL, look_up
 
 
-def tell(error: Exception) -> int:
-    """Print what went wrong, with its code and hint; gives the exit status that says so."""
+def print_error(error: Exception) -> int:
+    """Print an error with its code and hint. Return the exit status."""
     code, words = getattr(error, "code", INTERNAL), str(error)
     if isinstance(error, OSError) and error.filename:
         code, words = "file", f"{error.filename}: {error.strerror}; check the path"
@@ -18,14 +18,17 @@ def tell(error: Exception) -> int:
         code, words = "file", "the disk is full; make room, then try again"
     elif code == INTERNAL:
         words = f"a bug of ours: {error!r}; see --debug"
-    hint = vars(error).get("hint")  # of what a server refused
+    hint = vars(error).get("hint")  # an error that a server returned
     more = f"\n  -> {hint}" if hint and hint not in words else ""
     click.echo(f"Error: {words} [{code}]{more}", err=True)
     return look_up(code).exit_status
 
 
-def with_each(recordings: Iterable[Path], act: Callable[[Path], int]) -> int:
-    """Do something with every recording, whatever is wrong with others; the worst exit status."""
+def for_each(recordings: Iterable[Path], act: Callable[[Path], int]) -> int:
+    """Call a function with each recording. Return the highest exit status.
+
+    An error of one recording is printed, and does not affect the others.
+    """
     from logs import LogError
 
     status = 0
@@ -33,5 +36,20 @@ def with_each(recordings: Iterable[Path], act: Callable[[Path], int]) -> int:
         try:
             status = max(status, act(recording))
         except (LogError, OSError) as error:
-            status = max(status, tell(error))
+            status = max(status, print_error(error))
     return status
+
+
+def print_incomplete(*recordings: Path) -> int:
+    """Print which recordings are incomplete. Return the exit status.
+
+    Raises:
+        RecordingError: A recording cannot be read.
+    """
+    from logs import Recording, RecordingTruncated
+    from logs.reading.file_state import why_incomplete
+
+    reasons = [why_incomplete(Recording(recording)) for recording in recordings]
+    for reason in filter(None, reasons):
+        click.echo(reason, err=True)
+    return RecordingTruncated.exit_status if any(reasons) else 0

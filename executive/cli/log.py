@@ -8,8 +8,7 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
-from .failures import with_each
-from .incomplete import incomplete
+from .failures import for_each, print_incomplete
 from .options import AT_LEAST_0, DRAWING, PATH
 
 if TYPE_CHECKING:
@@ -126,7 +125,7 @@ def show(recording: Path, everything: bool) -> None:
 
     for time, words in narrative(recording, everything):
         click.echo(f"{time:+10.3f}  {words}")
-    sys.exit(incomplete(recording))
+    sys.exit(print_incomplete(recording))
 
 
 @log.command()
@@ -140,7 +139,7 @@ def export(recording: Path, output: Path) -> None:
 
     for path in write(recording, output):
         click.echo(path)
-    sys.exit(incomplete(recording))
+    sys.exit(print_incomplete(recording))
 
 
 @log.command()
@@ -163,7 +162,7 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
 
         draw_comparison(both, output)
         click.echo(output)
-    partial = incomplete(one, other)
+    partial = print_incomplete(one, other)
     sys.exit(look_up(DIFFERS).exit_status if both.first else partial)
 
 
@@ -183,7 +182,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
         raise click.UsageError("--output needs exactly one recording")
 
     def drawn(recording: Path) -> int:
-        status = incomplete(recording)
+        status = print_incomplete(recording)
         target = output or recording.with_suffix(".png")
         scenes, why = _scenes(recording)
         draw(recording, target, scenes)
@@ -192,7 +191,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
         click.echo(target)
         return status
 
-    sys.exit(with_each(recordings, drawn))
+    sys.exit(for_each(recordings, drawn))
 
 
 def _scenes(recording: Path) -> "tuple[list[Scene], str]":
@@ -223,7 +222,7 @@ def recover(recordings: tuple[Path, ...]) -> None:
         click.echo(made.text() if made else f"{recording}: is complete, nothing to do")
         return 0 if made is None or made.whole else RecordingIncomplete.exit_status
 
-    sys.exit(with_each(recordings, recover_one))
+    sys.exit(for_each(recordings, recover_one))
 
 
 @log.command()
@@ -238,7 +237,7 @@ def pin(recordings: tuple[Path, ...], off: bool) -> None:
         click.echo(f"{recording}: {'not pinned' if off else 'pinned'}")
         return 0
 
-    sys.exit(with_each(recordings, pin_one))
+    sys.exit(for_each(recordings, pin_one))
 
 
 @log.command()

@@ -11,7 +11,7 @@ from executive.codes import INTERRUPTED_EXIT, look_up
 
 from .client import COMMANDS as CLIENT_COMMANDS
 from .doctor import doctor
-from .failures import tell
+from .failures import print_error
 from .log import log
 from .options import (
     Finite,
@@ -211,4 +211,4 @@ def main() -> None:
     except Exception as error:
         if "--debug" in sys.argv:
             raise
-        sys.exit(tell(error))
+        sys.exit(print_error(error))

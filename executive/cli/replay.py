@@ -9,7 +9,7 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
-from .incomplete import incomplete
+from .failures import print_incomplete
 from .options import ABOVE_0, AT_LEAST_0, PATH
 
 
@@ -90,7 +90,7 @@ def replay(
         from .view import view_for
 
         play(recordings[0], speed, at, view_for(as_json, verbose))
-        sys.exit(incomplete(recordings[0]))
+        sys.exit(print_incomplete(recordings[0]))
     if speed > 1:
         why = "the motion was timed to the limits of the joints; at most 1, or faster with --watch"
         raise click.UsageError(f"--speed {speed:g}: {why}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .incomplete import incomplete
+from .failures import print_incomplete
 from .options import PATH, recordings_option, robot_option, skills_option, trees_option
 
 if TYPE_CHECKING:
@@ -256,7 +256,7 @@ def show(
     else:
         click.echo(text)
     if not task.isdecimal():
-        sys.exit(incomplete(Path(task)))
+        sys.exit(print_incomplete(Path(task)))
 
 
 @click.command()
