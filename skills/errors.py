@@ -1,19 +1,19 @@
 """Errors of skills.
 
 SkillError
-├── OutOfBounds     a target lies outside the limits
-├── BadTarget       a target names no joint, the wrong one, or contradicts itself
-├── BadBody         what shall stand around the arm cannot
+├── OutOfBounds     a target is outside the limits
+├── BadTarget       a target names an unknown or missing joint, or contradicts itself
+├── BadBody         a body to add to the world is invalid
 ├── NotReplayable   the frames of a recording cannot be sent to this arm
-├── BadQuestion     a question is empty, or an answer is wanted that is no choice
-├── StartMoved      the arm no longer stands where the plan begins
-├── Interrupted     somebody stopped the motion from outside the tree
-├── SkillBroken     the code of a skill raised what it must not
-└── TaskFailed      the task itself says so
-    ├── ConditionFails  something it asks for is not so
-    ├── FunctionFailed  a registered function raised something
-    ├── TookTooLong     a timeout of the task is over
-    └── Unanswered      the operator said nothing
+├── BadQuestion     a question is invalid
+├── StartMoved      the arm is no longer at the start of the plan
+├── Interrupted     the motion was stopped from outside the tree
+├── SkillBroken     the code of a skill raised an unexpected exception
+└── TaskFailed      the task failed by its own tree
+    ├── ConditionFails  a condition is false
+    ├── FunctionFailed  a registered function raised an exception
+    ├── TookTooLong     a timeout of the task expired
+    └── Unanswered      the operator did not answer
 """
 
 from collections.abc import Sequence
@@ -25,52 +25,52 @@ from .motion.errors import MotionError
 
 
 class SkillError(Exception):
-    """Root of what skills raise; a failed skill keeps its `code` and message.
+    """Root of the errors of skills.
 
     Attributes:
-        way: To the value that is wrong: its port, then names and numbers within; empty where it
-            is none that a task can spell out.
-        node: Path of the node that refuses it, where it is refused before the tree runs.
+        location: Location of the invalid value: its port, then keys and indices within it; empty
+            if the error is not about a value in the task.
+        node: Path of the node, if the error was found before the run.
     """
 
     code = "skill.error"
     exit_status = 1
-    meaning = "A skill failed without a cause of its own"
+    meaning = "A skill failed without a specific cause"
     hint = "report it"
     heading = "The task failed"
     node = ""
     location: tuple[str | int, ...] = ()
 
     def at(self, *location: str | int) -> Self:
-        """The same, with the way to the value that is wrong."""
+        """Return the error with the location of the invalid value."""
         self.location = location
         return self
 
 
 def refuse(errors: Sequence[Exception]) -> None:
-    """Raise all that is wrong: nothing, one error, or a group of them."""
+    """Raise the errors: the only one, or a group of several. Do nothing if there are none."""
     if len(errors) == 1:
         raise errors[0]
     if errors:
-        raise ExceptionGroup("several things are wrong", errors)
+        raise ExceptionGroup("several errors", errors)
 
 
 class OutOfBounds(SkillError):
-    """A target lies outside the limits of its joints.
+    """A target is outside the limits of its joints.
 
     Args:
-        errors: One per joint that is out.
+        errors: One error per joint outside its limits.
 
     Attributes:
-        joint: The first of them.
-        value: Where it would be [rad].
-        limit: Its limit there [rad]; None where the value is no number.
+        joint: Name of the first of these joints.
+        value: Its target [rad].
+        limit: The limit that it exceeds [rad]; None if the target is not finite.
     """
 
     code = "goal.out_of_bounds"
     exit_status = 4
-    meaning = "A target lies outside the limits of its joints"
-    hint = "choose a target within"
+    meaning = "A target is outside the limits of its joints"
+    hint = "choose a target within the limits"
     heading = "Target position out of boundaries"
 
     def __init__(self, errors: Sequence[BadPosition]) -> None:
@@ -80,31 +80,31 @@ class OutOfBounds(SkillError):
 
 
 class BadTarget(SkillError):
-    """A target names an unknown joint, leaves one out, or contradicts a mimic joint's leader."""
+    """A target names an unknown joint, omits one, or contradicts the leader of a mimic joint."""
 
     code = "goal.bad_target"
     exit_status = 4
-    meaning = "A target names no joint, the wrong one, or contradicts itself"
+    meaning = "A target names an unknown or missing joint, or contradicts itself"
     hint = "correct what the message names"
-    heading = "The target makes no sense"
+    heading = "The target is invalid"
 
 
 class BadBody(SkillError):
-    """What shall stand around the arm cannot: its file is not there, or a number makes no sense."""
+    """A body to add to the world is invalid: its file is missing, or a number is invalid."""
 
     code = "goal.bad_body"
     exit_status = 4
-    meaning = "A body that shall stand around the arm makes no sense"
+    meaning = "A body to add to the world is invalid"
     hint = "correct the task"
-    heading = "The body makes no sense"
+    heading = "The body is invalid"
 
 
 class BadQuestion(SkillError):
-    """A question or a choice is empty or given twice, or no choice is what is wanted."""
+    """A question or choice is empty or given twice, or the wanted answer is not a choice."""
 
     code = "goal.bad_question"
     exit_status = 4
-    meaning = "A question cannot be asked as it stands"
+    meaning = "A question or its choices are invalid"
     hint = "correct the task"
     heading = ""
 
@@ -120,11 +120,11 @@ class NotReplayable(SkillError):
 
 
 class StartMoved(SkillError):
-    """The arm no longer stands where the plan begins."""
+    """The arm is no longer at the start of the plan."""
 
     code = "plan.start_moved"
     exit_status = 5
-    meaning = "The arm no longer stands where the plan begins"
+    meaning = "The arm is no longer at the start of the plan"
     hint = "plan again"
     heading = ""
 
@@ -134,23 +134,23 @@ class Interrupted(SkillError):
 
     code = "hw.stopped"
     exit_status = 6
-    meaning = "Somebody stopped the arm from outside the task"
+    meaning = "The arm was stopped from outside the task"
     hint = "run again"
     heading = ""
 
 
 class SkillBroken(SkillError):
-    """The code of a skill raised something that is no error of ours, or answered what is no answer.
+    """The code of a skill raised an unexpected exception, or returned an invalid value.
 
     Args:
-        where: What was called, such as `Wave.on_start`.
-        what: What it raised, or did instead, such as `gave None, not a number`.
+        where: Name of the method, such as `Wave.on_start`.
+        what: The exception, or what the method did, such as `gave None, not a number`.
     """
 
     code = "skill.broken"
     exit_status = 11
-    meaning = "The code of a skill raised something"
-    hint = "correct it; --debug shows the line. If it is one of ours, report it"
+    meaning = "The code of a skill raised an unexpected exception"
+    hint = "correct the skill; --debug shows the line. If the skill ships with armtree, report it"
 
     def __init__(self, where: str, what: BaseException | str) -> None:
         did = what if isinstance(what, str) else f"raised {type(what).__name__}: {what}"
@@ -158,36 +158,36 @@ class SkillBroken(SkillError):
 
 
 class TaskFailed(SkillError):
-    """The task ends in failure by its own tree."""
+    """The task failed by its own tree."""
 
     code = "task.failed"
     exit_status = 11
     meaning = "The task failed by its own tree"
-    hint = "see its nodes"
+    hint = "`armtree show RECORDING` shows which node failed"
 
 
 class ConditionFails(TaskFailed):
-    """Something that the task asks for is not so."""
+    """A condition of the task is false."""
 
     code = "task.condition"
-    meaning = "Something the task asks for is not so"
-    hint = "see what it asks for"
+    meaning = "A condition of the task is false"
+    hint = "the message names the condition"
 
 
 class FunctionFailed(TaskFailed):
-    """A registered function raised something."""
+    """A registered function raised an exception."""
 
     code = "task.function"
-    meaning = "A function of a skill raised something"
+    meaning = "The function of a skill raised an exception"
     hint = "correct the function"
 
 
 class TookTooLong(TaskFailed):
-    """A timeout of the task is over."""
+    """A timeout of the task expired."""
 
     code = "task.timeout"
     exit_status = 8
-    meaning = "A time-out of the task is over"
+    meaning = "A timeout of the task expired"
     hint = "allow more time"
 
 

@@ -33,15 +33,17 @@ def test_a_failure_is_told_the_same_everywhere(
     cause = served.ask("GET", f"/api/goals/{goal}/result")[1]["cause"]
     assert [cause[key] for key in ("code", "node", "joint", "value", "limit", "hint")] == [
         *("goal.out_of_bounds", "far/CheckBounds", "joint_1", 9.0),
-        *(pytest.approx(1.5707963), "choose a target within"),
+        *(pytest.approx(1.5707963), "choose a target within the limits"),
     ]
     told = type_in("send", "15", "--wait", "--json")[1].splitlines()
     assert json.loads(told[-1])["cause"] == cause
     words = f"{cause['message']} [goal.out_of_bounds at far/CheckBounds]"
     assert "joint_1 = 9.0 rad is outside its limits" in words
-    assert f": {words}\n  -> choose a target within\n" in type_in("send", "15", "--wait")[1]
+    assert (
+        f": {words}\n  -> choose a target within the limits\n" in type_in("send", "15", "--wait")[1]
+    )
     logged = [record.message for record in caplog.records]
-    said = f"The goal for task 15 ({goal}) ended ABORTED: {words} -> choose a target within"
+    said = f"The goal for task 15 ({goal}) ended ABORTED: {words} -> {hint}"
     assert said in logged
 
 

@@ -137,7 +137,7 @@ def test_what_is_known_of_it_is_told() -> None:
     assert cause
     assert (cause.node, cause.joint) == ("task/CheckBounds", "joint_1")
     assert (cause.value, cause.limit) == (2.0, 1.5)
-    assert cause.hint == "choose a target within"
+    assert cause.hint == "choose a target within the limits"
 
 
 @pytest.mark.parametrize(
