@@ -39,9 +39,8 @@ def test_a_failure_is_told_the_same_everywhere(
     assert json.loads(told[-1])["cause"] == cause
     words = f"{cause['message']} [goal.out_of_bounds at far/CheckBounds]"
     assert "joint_1 = 9.0 rad is outside its limits" in words
-    assert (
-        f": {words}\n  -> choose a target within the limits\n" in type_in("send", "15", "--wait")[1]
-    )
+    hint = "choose a target within the limits"
+    assert f": {words}\n  -> {hint}\n" in type_in("send", "15", "--wait")[1]
     logged = [record.message for record in caplog.records]
     said = f"The goal for task 15 ({goal}) ended ABORTED: {words} -> {hint}"
     assert said in logged
