@@ -230,7 +230,7 @@ class GoalExecutor:
             self._pool.start()  # it starts while the board boots
             self._arm.configure()
         if self._arm.state is State.INACTIVE:
-            self._recordings.settle()  # the board boots next, and may move the arm
+            self._recordings.flush()  # the board boots next, and may move the arm
             self._start_pose.activate(self._arm)
 
     def _end(self, attempt: _Attempt) -> None:

@@ -60,10 +60,10 @@ def restore_robot(recording: Recording) -> Robot:
         files = ((note[key], recording.files[note[key]]) for key in ("file", "urdf"))
         return _load(tuple(files), note["firmware"])
     except KeyError as missing:
-        what = f"lacks {missing}, so that its robot is unknown; it was recorded by another armtree"
+        what = f"lacks {missing}, so its robot is unknown; another armtree recorded it"
         raise RecordingError(recording.path, what) from missing
     except ValueError as cause:
-        what = f"tells of a firmware that makes no sense ({cause}); another program wrote it"
+        what = f"holds an invalid firmware ({cause}); another program wrote it"
         raise RecordingError(recording.path, what) from cause
 
 

@@ -132,14 +132,14 @@ class Recordings:
         """
         logs.check_space(self._folder)
 
-    def settle(self) -> None:
+    def flush(self) -> None:
         """Waits until everything in the open recording was handed to the operating system.
 
         Raises:
             LogError: It cannot be recorded.
         """
         if self._recorder:
-            self._recorder.settle()
+            self._recorder.flush()
 
     def goal_ended(self) -> None:
         """Finishes the recording of a goal in the background; reopens the server's own."""

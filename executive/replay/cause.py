@@ -59,11 +59,11 @@ def contradiction(recording: Recording, robot: Robot, records: Sequence[Record])
 
 def _limits(plan: Plan, robot: Robot) -> str:
     joints = robot.actuated_in(plan.group) if plan.group in robot.groups else ()
-    kept = zip(joints, plan.velocity_limits, plan.acceleration_limits, strict=False)
-    for joint, velocity, acceleration in kept:
+    limits = zip(joints, plan.velocity_limits, plan.acceleration_limits, strict=False)
+    for joint, velocity, acceleration in limits:
         if (velocity, acceleration) != (joint.velocity, joint.acceleration):
             return (
-                f"limits: the plan kept {joint.name} to {velocity:g} rad/s and {acceleration:g} "
+                f"limits: the plan limited {joint.name} to {velocity:g} rad/s and {acceleration:g} "
                 f"rad/s2, the robot has {joint.velocity:g} and {joint.acceleration:g}"
             )
     return ""

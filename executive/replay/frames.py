@@ -87,7 +87,7 @@ def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
         try:
             encoded = codec.encode(frame.positions).data
         except HardwareError as error:
-            return f"{frame.text} was sent for what cannot be sent: {error}"
+            return f"{frame.text} was sent for positions that cannot be encoded: {error}"
         if encoded != frame.data:
             return f"{frame.text} was sent for positions that encode to {encoded.decode()}"
     return ""
@@ -177,7 +177,7 @@ def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) 
         if first is None or scheduled is None:
             return f"frame {number}: {frame.text} is recorded without the time it was due"
         if first < schedule.time - _TOLERANCE:
-            return f"frame 1: {moving[0].text} was due before there was its schedule"
+            return f"frame 1: {moving[0].text} was due before its schedule was compiled"
         passed = due - schedule.times[0]
         late = scheduled - first - passed - shifted
         if 1 / schedule.rate_hz - _TOLERANCE < late <= before + _TOLERANCE:  # as the streamer does
@@ -241,8 +241,8 @@ def _state_difference(result: Result, root: str) -> str:
     done = result.state == GoalState.SUCCEEDED.name
     canceled = result.state == GoalState.CANCELED.name
     if (result.success, result.code == OK, result.code == CANCELED) != (done, done, canceled):
-        said = f"success {result.success} and {result.code}"
-        return f"the result is {result.state}, it says {said}"
+        flags = f"success {result.success} and the code {result.code}"
+        return f"the result is {result.state}, but has {flags}"
     if root and ((done and root != _SUCCESS) or (canceled and root == _SUCCESS)):
         return f"the result is {result.state}, the tree ended {root}"
     return ""
@@ -251,7 +251,7 @@ def _state_difference(result: Result, root: str) -> str:
 def _count_difference(result: Result, sent: Sequence[Sent]) -> str:
     """The result's number of frames is right, and no frame was sent after it."""
     if result.frames != len(sent):
-        return f"the result tells of {result.frames} frames, {len(sent)} are recorded"
+        return f"the result counts {result.frames} frames, {len(sent)} are recorded"
     if sent and sent[-1].time > result.time:
-        return f"{sent[-1].text} was sent after the result before which it is recorded"
+        return f"{sent[-1].text} was sent after the result, but is recorded before it"
     return ""

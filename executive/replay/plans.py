@@ -36,11 +36,11 @@ def joints_difference(robot: Robot, records: Iterable[Record]) -> str:
         if unknown := [group for group in groups if group not in robot.groups]:
             return f"the group {unknown[0]} is recorded, the robot has {', '.join(robot.groups)}"
         if record.start.keys() != actuated:
-            return f"a start of {', '.join(record.start)} is recorded"
+            return f"a start of the joints {', '.join(record.start)} is recorded"
         if isinstance(record, Plan):
             joints = tuple(joint.name for joint in robot.actuated_in(record.group))
             if record.joints != joints:
-                return f"the {record.group} is recorded as {', '.join(record.joints)}"
+                return f"the {record.group} is recorded with the joints {', '.join(record.joints)}"
     return ""
 
 
@@ -131,7 +131,7 @@ def _merged_difference(
     robot: Robot, recorded: Schedule, merged: MergedMotion, start: tuple[float, ...]
 ) -> str:
     if not merged.begins_at(start):
-        return f"a motion from {start} rad is recorded, the plans begin elsewhere"
+        return f"a motion from {start} rad is recorded, the plans start elsewhere"
     if merged.duration != recorded.duration:
         return (
             f"a motion of {recorded.duration!r} s is recorded, the plans take {merged.duration!r}"

@@ -159,7 +159,7 @@ def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterato
 def _checks(recording: Recording, records: Sequence[Record]) -> tuple[Check, ...]:
     topic, wrong = inconsistency(recording)
     if not records and not _whole(recording):  # it may lack its robot
-        words = wrong or "nothing of a run is left, it was cut before"
+        words = wrong or "the file was cut before the first record"
         return tuple(Check(question, not wrong, words) for question in (_FRAMES, _PLANS))
     robot, planned = restore_robot(recording), topic.startswith(_PLAN)
     return (
@@ -202,7 +202,7 @@ def _plans(recording: Recording, robot: Robot, records: Sequence[Record], wrong:
     if words:
         return Check(_PLANS, False, words, source(recording, robot, records, PLANNING))
     if cause := contradiction(recording, robot, records):
-        return Check(_PLANS, False, "the plans are the same, what led to them is not", cause)
+        return Check(_PLANS, False, "the plans are the same, but their inputs differ", cause)
     plans = sum(isinstance(record, Plan) for record in records)
     new = changes(recording, PLANNING)
     return Check(_PLANS, True, _many(plans, "plan") + (f", also with {new}" if new else ""))

@@ -43,15 +43,15 @@ class Summary:
     def text(self) -> str:
         """Returns what was recovered, for people."""
         if not self.bytes:
-            return f"{self.path}: was removed, for it was empty: its run had not begun"
+            return f"{self.path}: was empty and is removed: its run had recorded nothing"
         if self.whole:
             return f"{self.path}: {self.messages} messages, nothing was lost"
         end = "the end of the run is missing"
         if self.damaged:
-            end = f"the whole file is kept, as it was, as {self.damaged.name}"
+            end = f"the original file is kept as {self.damaged.name}"
         return (
-            f"{self.path}: recovered {self.messages} messages; {self.torn} bytes behind them are "
-            f"torn or damaged; {end}"
+            f"{self.path}: recovered {self.messages} messages; {self.torn} bytes after them are "
+            f"incomplete or damaged; {end}"
         )
 
 

@@ -113,7 +113,7 @@ class Recorder:
         self._jobs.put(mark.set)
         return mark.wait(timeout)
 
-    def settle(self) -> None:
+    def flush(self) -> None:
         """Waits until everything put so far was handed to the operating system.
 
         Raises:

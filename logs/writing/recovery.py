@@ -13,7 +13,7 @@ from .compaction import Summary, part_of, rewrite
 def recover(recording: Path) -> Summary | None:
     """Makes a finished recording from the valid part of a journal or of a damaged recording.
 
-    An empty file of ours is removed: its process was killed before it recorded anything.
+    An empty file of armtree is removed: its process was killed before it recorded anything.
 
     Returns:
         What was recovered, and how many bytes were lost; None if the recording is complete.

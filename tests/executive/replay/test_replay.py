@@ -320,7 +320,7 @@ def test_a_killed_run_is_mended_by_the_next_and_by_hand(tmp_path: Path, quick: P
     ):
         done, out, _ = finish(tmp_path, *mend)
         assert done == status
-        assert re.search(r"recovered \d+ messages; \d+ bytes behind them .* (miss|kept)", out)
+        assert re.search(r"recovered \d+ messages; \d+ bytes after them .* (miss|kept)", out)
     (after,) = tmp_path.glob("*-0.mcap")
     assert f"{left}: recovered " in finish(tmp_path, "log", "show", str(after))[1]
     for mended in (left, copy):

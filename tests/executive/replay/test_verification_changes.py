@@ -115,10 +115,22 @@ def rename(state: Any) -> None:
             "was sent for joint_9, joint_2",
         ),
         (retold("/result", field("state", to="CANCELED")), [False, True], "the result is CANCELED"),
-        (retold("/result", field("success", to=False)), [False, True], "success False and ok"),
-        (retold("/result", field("code", to="internal")), [False, True], "True and internal"),
+        (
+            retold("/result", field("success", to=False)),
+            [False, True],
+            "success False and the code ok",
+        ),
+        (
+            retold("/result", field("code", to="internal")),
+            [False, True],
+            "True and the code internal",
+        ),
         (retold("/plan/arm", field("group", to="leg")), [False, False], "the group leg is recor"),
-        (retold("/plan/arm", field("start", to={})), [False, False], "a start of  is recorded"),
+        (
+            retold("/plan/arm", field("start", to={})),
+            [False, False],
+            "a start of the joints  is recorded",
+        ),
         (
             retold("/progress", field("percentage", to=2**70)),
             [False, True],
@@ -175,7 +187,7 @@ def test_a_figure_of_the_firmware_that_is_none(rig: RigMaker) -> None:
 
         verification = verify(altered(picked(rig()), change))
         assert (checks(verification), verification.code) == ([], "log.unreadable")
-        assert "tells of a firmware that makes no sense" in verification.error
+        assert "holds an invalid firmware" in verification.error
 
 
 def test_what_was_changed_after_the_run_is_named(rig: RigMaker, tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def test_a_journal_that_was_cut_is_recovered_and_the_loss_counted(tmp_path: Path
     assert made is not None
     assert (made.whole, made.torn) == (False, 6)
     assert made.text().endswith(
-        " messages; 6 bytes behind them are torn or damaged; the whole file is kept, as it was, as "
+        " messages; 6 bytes after them are incomplete or damaged; the original file is kept as "
         "run.mcap.damaged"
     )
     assert made.damaged is not None
@@ -163,7 +163,7 @@ def test_a_recording_that_was_killed_before_it_began_goes(tmp_path: Path) -> Non
             assert list(recover_all(tmp_path)) == []
         (made,) = act()
         assert isinstance(made, logs.Summary)
-        assert made.text().endswith("was removed, for it was empty: its run had not begun")
+        assert made.text().endswith("was empty and is removed: its run had recorded nothing")
         assert list(tmp_path.iterdir()) == []
 
 
