@@ -1,7 +1,7 @@
 // armtree: four servos by frames such as b090,s090,e090,g000, over a serial line.
 //
-// For the ATmega328P at 16 MHz of an Uno or Nano. The protocol is in README.md. One loop does
-// everything and never waits: bytes come and go, and pulses are made, by interrupt.
+// For the ATmega328P at 16 MHz of an Uno or Nano. README.md describes the protocol. One loop does
+// everything and never waits: interrupts transfer bytes and make the pulses.
 
 #include <avr/interrupt.h>
 #include <avr/io.h>
@@ -15,7 +15,7 @@
 #include "serial.h"
 #include "servo.h"
 
-#define BANNER "\narmtree 1 AVW? "  // on a line of its own, if a reset has cut one short
+#define BANNER "\narmtree 1 AVW? "  // on its own line, in case a reset has cut one short
 #define CYCLE_MS 20
 #define CYCLES_PER_S (1000 / CYCLE_MS)
 #define ANGLE_MAX 180
@@ -27,15 +27,15 @@
 static const char letters[SERVOS] = {'b', 's', 'e', 'g'};
 static const uint8_t boot_angles[SERVOS] = {90, 90, 90, 0};
 
-// Servos: where they go and where they are [1/256 deg]; 256 * 180 fits.
+// Goals and present positions of the servos [1/256 deg]; 256 * 180 fits.
 static uint16_t goals[SERVOS], places[SERVOS];
-static uint16_t speeds[SERVOS];  // [deg/s], 0 for as fast as the servo can
+static uint16_t speeds[SERVOS];  // [deg/s], 0 for no limit
 
-// What was understood and what was not, since boot; all wrap.
+// Counters since boot; all wrap.
 static uint16_t frames, refused, sum;
 static uint8_t holds;
 
-// Said, if asked for, as soon as there is room; asked twice, said once.
+// Lines to send as soon as there is room. A second request before that is answered once.
 static bool acks, ack_due, status_due, banner_due = true;
 static bool recalled;
 
@@ -61,7 +61,7 @@ static void hold(void) {
     status_due = true;
 }
 
-// Once a cycle: bring the servos a step nearer to their goals, and remember where they are.
+// Once per cycle: move the servos a step towards their goals, and store their positions.
 static void advance(void) {
     static uint8_t before[SERVOS] = {0xff};
     for (uint8_t i = 0; i < SERVOS; i++) {
@@ -86,7 +86,7 @@ static void watch(void) {
     if (silence_ms > watchdog_ms) hold();
 }
 
-// What comes in -------------------------------------------------------------------------------
+// Received bytes ------------------------------------------------------------------------------
 
 static void take_frame(const uint8_t angles[SERVOS]) {
     for (uint8_t i = 0; i < SERVOS; i++) {
@@ -98,7 +98,7 @@ static void take_frame(const uint8_t angles[SERVOS]) {
     ack_due = acks;
 }
 
-// False if it is none of ours.
+// False if it is not a known command.
 static bool take_command(uint8_t servo, char name, uint8_t value) {
     if (name == 'V') {
         speeds[servo] = value * 10;
@@ -120,16 +120,16 @@ static uint8_t servo_of(uint8_t byte) {
     return servo;
 }
 
-// A field is a letter, three digits and a comma; four in order are a frame, which counts whole or
-// not at all. A command is a letter, a capital, two digits and a semicolon: two bytes away from any
-// field, so that no single damaged byte makes one of the other. A byte that does not fit ends what
-// was there, and is looked at again as the first of something new.
+// A field is a letter, three digits and a comma. Four fields in order are a frame, which is accepted
+// only as a whole. A command is a letter, a capital, two digits and a semicolon. It differs from any
+// field in two bytes, so that a single damaged byte never turns one into the other. A byte that does
+// not fit drops what came before it, and is then tried as the first byte of a frame or command.
 static void take(uint8_t byte) {
     static uint8_t angles[SERVOS];
-    static uint8_t fields;  // whole ones of a frame, so far
-    static uint8_t held;    // bytes of the field or command, so far
+    static uint8_t fields;  // complete fields of the frame so far
+    static uint8_t held;    // bytes of the field or command so far
     static uint8_t servo;
-    static uint8_t command;  // its capital; 0 in a field
+    static uint8_t command;  // its capital letter; 0 in a field
     static uint16_t value;
 
     if (held == 0) {
@@ -174,7 +174,7 @@ static void take(uint8_t byte) {
     }
 }
 
-// What goes out -------------------------------------------------------------------------------
+// Sent lines ----------------------------------------------------------------------------------
 
 static void say(const char *text) {
     while (*text) serial_write(*text++);
@@ -277,7 +277,7 @@ static void begin(void) {
     set_sleep_mode(SLEEP_MODE_IDLE);
 }
 
-// Until an interrupt, unless one has just left something to do.
+// Sleep until an interrupt, unless one has just left work to do.
 static void rest(void) {
     cli();
     if (serial_ready() || servo_due) {
@@ -285,7 +285,7 @@ static void rest(void) {
         return;
     }
     sleep_enable();
-    sei();  // takes effect after the next instruction: nothing can come between
+    sei();  // takes effect after the next instruction, so no interrupt can come in between
     sleep_cpu();
     sleep_disable();
 }

@@ -6,8 +6,8 @@
 #define MAGIC 0x4172
 
 // Start-up code does not clear .noinit. It is linked to the middle of the memory, because the boot
-// loader, which runs before us after a reset, uses the start and the end of it.
-// Two copies are written in turn: a reset in the middle of one spoils its sum and leaves the other.
+// loader, which runs first after a reset, uses the start and the end of it.
+// Two copies are written in turn: a reset during a write damages one copy and not the other.
 static struct copy {
     uint16_t magic;
     uint8_t angles[SERVOS];

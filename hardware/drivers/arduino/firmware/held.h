@@ -1,4 +1,4 @@
-// The angles that the servos hold, in memory that a reset leaves alone.
+// The angles of the servos, in memory that a reset does not change.
 
 #pragma once
 
@@ -7,7 +7,7 @@
 
 #include "servo.h"
 
-// The angles [deg] held before the reset; false when there are none, as after power-on.
+// The angles [deg] held before the reset; false if there are none, as after power-on.
 bool held_recall(uint8_t angles[SERVOS]);
 
 void held_store(const uint8_t angles[SERVOS]);

@@ -3,8 +3,8 @@
 #include <avr/interrupt.h>
 #include <avr/io.h>
 
-// 256 slots each, so that the indices wrap by themselves and none can point outside. An index has
-// one writer each and is a single byte: no locks.
+// 256 slots each, so that the indices wrap at the end and never point outside. Each index is a
+// single byte with one writer, so no lock is needed.
 static volatile uint8_t received[256], received_end, received_start;
 static volatile uint8_t sent[256], sent_end, sent_start;
 
@@ -12,7 +12,7 @@ volatile uint16_t serial_lost;
 
 void serial_begin(void) {
     UCSR0A = _BV(U2X0);  // before the divisor, as the Arduino core does
-    UBRR0 = 16;          // 16 MHz / 8 / 17 = 117647 baud, 2.1 % fast: within what 8N1 stands
+    UBRR0 = 16;          // 16 MHz / 8 / 17 = 117647 baud, 2.1 % fast: within the tolerance of 8N1
     UCSR0B = _BV(RXCIE0) | _BV(RXEN0) | _BV(TXEN0);
 }
 

@@ -1,12 +1,12 @@
-// UART 0 at 115200 baud, 8N1, both ways by interrupt; nothing here ever waits.
+// UART 0 at 115200 baud, 8N1, both ways by interrupt; no function waits.
 
 #pragma once
 
 #include <stdbool.h>
 #include <stdint.h>
 
-// Stands in for bytes that were lost, so that what is left of their frame cannot pass for a whole
-// one. It is no byte of the protocol.
+// Replaces lost bytes, so that the rest of their frame is never accepted. It is no byte of the
+// protocol.
 #define SERIAL_GAP 0xff
 
 // Bytes that were lost: no room, overrun, or framing error.
@@ -14,14 +14,14 @@ extern volatile uint16_t serial_lost;
 
 void serial_begin(void);
 
-// Is there a byte to read?
+// Whether there is a byte to read.
 bool serial_ready(void);
 
-// The next byte; only when there is one.
+// The next byte. Call it only if there is one.
 uint8_t serial_read(void);
 
-// How many bytes can be written now.
+// Number of bytes that can be written now.
 uint8_t serial_room(void);
 
-// Write a byte; dropped where there is no room.
+// Write a byte. It is dropped if there is no room.
 void serial_write(uint8_t byte);

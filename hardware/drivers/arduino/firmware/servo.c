@@ -8,8 +8,8 @@
 #define TICKS_PER_US 2
 #define CYCLE (20000u * TICKS_PER_US)
 #define NOTICE (1000u * TICKS_PER_US)
-// The interrupt comes this much before an edge and waits for it: no other interrupt, which take
-// less than that, can then move the edge.
+// The interrupt starts this much before an edge and waits for it. Other interrupts take less time
+// than this, so they cannot delay the edge.
 #define LEAD (12u * TICKS_PER_US)
 #define PINS 0x0f
 
@@ -35,8 +35,8 @@ uint16_t servo_us(uint16_t angle) {
     return 544 + (uint32_t)angle * (2400 - 544) / (180ul * 256);
 }
 
-// The edges of a cycle: pins 0 to 3 go up, each when the one before goes down; all are down; and
-// the notice for the next cycle.
+// The edges of a cycle: pins 0 to 3 rise in turn, each when the one before falls; then all are low;
+// then comes the notice for the next cycle.
 ISR(TIMER1_COMPA_vect) {
     static uint8_t next;
     static uint16_t start;

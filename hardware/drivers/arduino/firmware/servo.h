@@ -7,14 +7,14 @@
 
 #define SERVOS 4
 
-// True from 1 ms before each cycle of 20 ms until somebody clears it: time for new widths.
+// Becomes true 1 ms before each cycle of 20 ms, as the time to set new widths. The caller clears it.
 extern volatile bool servo_due;
 
-// Start the pulses; set the first widths before.
+// Start the pulses. Set the first widths before.
 void servo_begin(void);
 
 // Pulse widths [us], all in the same cycle.
 void servo_pulses(const uint16_t us[SERVOS]);
 
-// What the Arduino Servo library makes of an angle [1/256 deg]: 544 to 2400 us, cut to whole ones.
+// Pulse width for an angle [1/256 deg], as in the Arduino Servo library: 544 to 2400 us, truncated.
 uint16_t servo_us(uint16_t angle);
