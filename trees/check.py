@@ -1,4 +1,4 @@
-"""`armtree check`: everything that can be found wrong with task files before anything moves."""
+"""`armtree check`: finds the mistakes in task files without moving anything."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, suppress
@@ -43,13 +43,13 @@ Named = int | str | None | FileError
 
 @dataclass
 class Findings:
-    """What was found.
+    """The result of a check.
 
     Attributes:
-        files: What was checked.
-        mistakes: What is wrong, in the order of files and lines.
-        notes: Files that were left alone, and why; and tasks that do not get on from where a reset
-            puts the arm, as it may stand elsewhere.
+        files: Files that were checked.
+        mistakes: Mistakes, ordered by file and line.
+        notes: Files that were ignored, and tasks whose first motion starts in collision if the arm
+            is in its boot pose.
     """
 
     files: list[Path] = field(default_factory=list)
@@ -61,9 +61,9 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     """Check task files, subtrees and poses.
 
     Args:
-        robot: For which robot.
-        folder: The user's task files.
-        files: Only these; none for all there are.
+        robot: The robot.
+        folder: Folder of the user's files; None for only those that ship.
+        files: Files to check; empty for all.
     """
     context = _context(robot)
     findings = Findings()
@@ -176,7 +176,7 @@ def _jobs(folder: Path | None, files: Sequence[Path]) -> Iterator[tuple[Path, Li
                 path.resolve(): (library, name)
                 for path, library, name in _all(Library(file.parent))
             }
-        library = next(iter(libraries[parent].values()))[0]  # poses ship, so there is one
+        library = next(iter(libraries[parent].values()))[0]  # not empty, because poses ship
         if named := [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]:
             yield file, library, FileError(named)
         elif file.resolve() not in libraries[parent]:
@@ -192,7 +192,7 @@ def _all(library: Library) -> Iterator[tuple[Path, Library, Named]]:
     for name in library.subtrees():
         yield library.subtree_path(name), library, name
     for number in library.numbers():
-        with suppress(FileError):  # two files have it, which is among the library's mistakes
+        with suppress(FileError):  # several files have it, which is a mistake of the library
             yield library.path(number), library, number
 
 
@@ -263,7 +263,9 @@ class _Checker:
             leaders = ({joint.name for joint in robot.actuated_in(group)} for group in robot.groups)
             if len(known) < len(joints):
                 continue
-            if any(names <= joints.keys() for names in leaders):  # the others as after a reset
+            if any(
+                names <= joints.keys() for names in leaders
+            ):  # other joints are at their boot positions
                 pose = tuple(joints.get(joint.name, joint.boot) for joint in robot.actuated)
                 self._pending.poses.append((place, pose))
         return wrong
@@ -277,14 +279,16 @@ def _mistakes(error: TreeError) -> list[Mistake]:
 
 
 def _refused(pending: _Pending, context: Context, notes: list[Mistake]) -> Iterator[Mistake]:
-    """What a planner says of every body by itself, and of every pose among the bodies there."""
+    """Return what a planner reports of every body alone, and of every pose in its world."""
     if not (pending.poses or pending.trees):
         return
     with closing(context.pool) as pool:
         pool.start()
         broken = set[Body]()
         for body, where in _bodies(pending).items():
-            alone = World((replace(body, touches=frozenset()),))  # others may be there by then
+            alone = World(
+                (replace(body, touches=frozenset()),)
+            )  # without the bodies that it may touch
             answer = _ask(pool, Verify([context.robot.boot_pose], 0.0, world=alone))
             if isinstance(answer, (BadWorld, WorkerDied)):
                 broken.add(body)
@@ -301,19 +305,19 @@ def _refused(pending: _Pending, context: Context, notes: list[Mistake]) -> Itera
 
 
 def _words(hit: MotionError) -> str:
-    """In words: of a pose by itself, where a planner speaks of a motion."""
+    """Describe a collision of a pose; the error describes one of a motion."""
     return hit.contact if isinstance(hit, MotionCollides) else str(hit)
 
 
 def _hit(context: Context, pose: Pose, world: World) -> MotionError | None:
-    """What a pose collides with."""
+    """Return the collision of a pose, or None."""
     answer = _ask(context.pool, Verify([pose], context.robot.collision.margin, world=world))
-    # What a body may touch may be there only where a subtree is used.
+    # A subtree may name bodies to touch that only its users add.
     return answer if isinstance(answer, MotionError) and not isinstance(answer, BadWorld) else None
 
 
 def _bodies(pending: _Pending) -> dict[Body, list[Place]]:
-    """What is added, and where that is written."""
+    """Return all bodies that are added, and their places in the files."""
     bodies: dict[Body, list[Place]] = {}
     for tree in pending.trees:
         for leaf in tree.leaves.values():
@@ -325,7 +329,7 @@ def _bodies(pending: _Pending) -> dict[Body, list[Place]]:
 def _poses(
     pending: _Pending, context: Context
 ) -> dict[tuple[Pose, World], list[tuple[Place, str]]]:
-    """Where the arm is among which bodies; where that is written, and what is wrong if it hits."""
+    """Return all configurations and their worlds, with the places and messages of a collision."""
     poses: dict[tuple[Pose, World], list[tuple[Place, str]]] = {}
     goal, start = "this pose collides", "before it moves here, the arm collides"
     for place, pose in pending.poses:
@@ -340,7 +344,7 @@ def _poses(
 
 
 def _unmoved(pending: _Pending, context: Context) -> dict[World, Place]:
-    """What is around the arm when a task first moves it, and where that is written."""
+    """Return the worlds in which tasks first move the arm, and the places of these motions."""
     worlds, boot = dict[World, Place](), context.robot.boot_pose
     carry = partial(_carried, context.pool)
     for tree in pending.tasks:

@@ -1,8 +1,8 @@
-"""What can be wrong with task files.
+"""Errors of task files.
 
 TreeError
-├── FileError           a file is wrong; every mistake in it with its line
-│   ├── DuplicateTask   two files claim one number
+├── FileError           a file has mistakes; it holds all of them
+│   ├── DuplicateTask   two files have the same number
 │   └── BadArguments    the arguments of a task are wrong
 └── UnknownTask         no task has that number or name
 """
@@ -14,26 +14,26 @@ from pathlib import Path
 from hardware.suggestions import choices
 
 _SHOWN = 20  # mistakes in a message
-_BEFORE, _WIDTH = 40, 76  # how much of a line is shown
-_BEGIN, _END = 600, 200  # how much of a mistake's words, where they quote a text without end
+_BEFORE, _WIDTH = 40, 76  # characters of a line in an excerpt
+_BEGIN, _END = 600, 200  # characters of a message, if it is cut
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place in a file; line and column count from 1, and are 0 where the whole file is meant.
+    """A place in a file.
 
     Attributes:
         path: The file.
-        line: From 1.
-        column: From 1.
-        way: Through the document, such as `tree.sequence[2].PlanArm.goal`.
+        line: Line, from 1; 0 for the whole file.
+        column: Column, from 1; 0 for the whole file.
+        location: Path through the document, such as `tree.sequence[2].Wait.duration`.
         lines: All lines of the file.
     """
 
     path: Path
     line: int
     column: int
-    way: str = field(default="", compare=False)
+    location: str = field(default="", compare=False)
     lines: Sequence[str] = field(default=(), compare=False, repr=False)
 
     def __str__(self) -> str:
@@ -41,18 +41,18 @@ class Place:
 
     @property
     def excerpt(self) -> str:
-        """The line with a caret below the column, and the way; empty where no text is known."""
+        """The line, with a caret below the column; empty if the text is not known."""
         if not 0 < self.line <= len(self.lines):
             return ""
         begin = max(0, self.column - 1 - _BEFORE)
         shown = self.lines[self.line - 1][begin : begin + _WIDTH].replace("\t", " ")
-        pointer = f"{' ' * (self.column - 1 - begin)}^ {self.way}".rstrip()
+        pointer = f"{' ' * (self.column - 1 - begin)}^ {self.location}".rstrip()
         return f"    {_printable(shown)}\n    {_cut(pointer)}"
 
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """One thing that is wrong, and where."""
+    """A mistake in a file."""
 
     place: Place
     message: str
@@ -63,18 +63,18 @@ class Mistake:
 
 
 def _cut(words: str) -> str:
-    """What there is to say without its middle, where that is long."""
+    """Return a message without its middle if it is long."""
     whole = len(words) <= _BEGIN + _END
     return _printable(words if whole else f"{words[:_BEGIN]} … {words[-_END:]}")
 
 
 def _printable(words: str) -> str:
-    """The words on one line, and in no colours of their own: a client's may be among them."""
+    """Replace control characters, because a message may quote text of a client."""
     return "".join(c if c.isprintable() else "?" for c in words)
 
 
 class TreeError(Exception):
-    """Root of everything this room raises."""
+    """Root of the errors of task files."""
 
     code = "file.error"
     exit_status = 3
@@ -84,10 +84,10 @@ class TreeError(Exception):
 
 
 class FileError(TreeError):
-    """A file is wrong.
+    """A file has mistakes.
 
     Attributes:
-        mistakes: All that is wrong with it, each once, in the order of files and lines.
+        mistakes: All mistakes, without duplicates, ordered by file and line.
     """
 
     code = "file.task"
@@ -108,13 +108,13 @@ def _order(mistake: Mistake) -> tuple[str, int, int, str]:
 
 
 class DuplicateTask(FileError):
-    """Two files claim one number.
+    """Two files have the same task number.
 
     Args:
-        number: Which.
-        first: The file that claims it, too.
-        second: Where the second one does.
-        replaces: The name by which the second may take the place of the first; empty for none.
+        number: The number.
+        first: The first file.
+        second: Place of the number in the second file.
+        replaces: Name of the first task, if the second may replace it; else empty.
     """
 
     code = "file.duplicate_task"

@@ -148,7 +148,7 @@ def _findings(findings: "Findings") -> dict[str, Any]:
             "file": str(mistake.place.path),
             "line": mistake.place.line,
             "column": mistake.place.column,
-            "path": mistake.place.way,
+            "path": mistake.place.location,
             "message": mistake.message,
         }
         for mistake in findings.mistakes

@@ -88,7 +88,7 @@ WRONG = [
     ("{Say: hi}", "the ports of Say must be a mapping, not 'hi'; say which, as in {port: 'hi'}"),
     ("{retry: CheckHardware, attempts: 0}", "retry: attempts: 0 is less than 1"),
     ("{retry: CheckHardware, attempts: 1e3}", "1000.0 is not a whole number"),
-    ("{retry: CheckHardware}", "retry needs attempts: how often at most"),
+    ("{retry: CheckHardware}", "retry needs attempts: largest number of attempts"),
     ("{retry: CheckHardware, attempt: 3}", "did you mean attempts?"),
     ("{parallel: [Succeed], policy: al}", "'al' is none of all, any; did you mean all?"),
     ("{sequence: [Succeed], memory: off}", "'off' is not true or false"),

@@ -182,7 +182,10 @@ class _Walk:
             left_out = tuple(sorted(now.unsure))
             self.motions.append(Motion(leaf.target_place, pose, now.pose, now.world, left_out))
             now = replace(now, pose=pose)
-        if not poses and "goal" in (*kind.output_ports(), *leaf.inputs):  # found by other means
+        if not poses and "goal" in (
+            *kind.output_ports(),
+            *leaf.inputs,
+        ):  # the target is found during the run
             now = replace(now, pose=None)
             self.unknown.setdefault(leaf.skill, self._why)
             self._why = _UNKNOWN

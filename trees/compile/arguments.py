@@ -1,4 +1,4 @@
-"""Values of a task's parameters, given when it is called."""
+"""Arguments: values of the parameters of a task, from the command line or a request."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,19 +8,19 @@ from trees.errors import BadArguments, FileError, Mistake, Place
 from trees.reading.document import REFUSED, Located
 from trees.reading.grammar import parse_value
 
-FILE = "arguments.yaml"  # what a recording keeps them as
-MISSING = Place(Path("arguments"), 0, 0)  # of one that is not given
+FILE = "arguments.yaml"  # name of the file with the arguments in a recording
+MISSING = Place(Path("arguments"), 0, 0)  # place of an argument that is not given
 
 
 def read_arguments(settings: Sequence[str], tasks: Sequence[int]) -> dict[str, Located]:
-    """Read NAME=VALUE, the value as it would stand in a file.
+    """Read NAME=VALUE, the value in YAML as in a task file.
 
     Args:
-        settings: What was given.
-        tasks: Which tasks are called.
+        settings: Texts of the form NAME=VALUE.
+        tasks: Numbers of the tasks to run.
 
     Raises:
-        BadArguments: A setting is wrong, or it is not clear for which task it is.
+        BadArguments: A setting is wrong, or there are several tasks that it may be for.
     """
     arguments: dict[str, Located] = {}
     wrong: list[Mistake] = []
@@ -39,10 +39,10 @@ def read_arguments(settings: Sequence[str], tasks: Sequence[int]) -> dict[str, L
 
 
 def located(arguments: Mapping[str, str | Located]) -> dict[str, Located]:
-    """Values of which some are still text, as it would stand in a file.
+    """Read those arguments that are texts, in YAML as in a task file.
 
     Raises:
-        BadArguments: A text cannot be read.
+        BadArguments: A text is not YAML.
     """
     wrong: list[Mistake] = []
     read = {
@@ -53,12 +53,12 @@ def located(arguments: Mapping[str, str | Located]) -> dict[str, Located]:
 
 
 def as_text(arguments: Mapping[str, Located]) -> str:
-    """The arguments as a file."""
+    """Return the arguments as the text of a file."""
     return "".join(f"{name}: {json.dumps(value.plain())}\n" for name, value in arguments.items())
 
 
 def wrong(mistakes: Iterable[Mistake], arguments: Mapping[str, Located]) -> FileError:
-    """What is wrong with a task, or with nothing but what it is called with."""
+    """Return mistakes as a BadArguments if all concern arguments, else as a FileError."""
     found = tuple(mistakes)
     given = {MISSING.path, *(value.place.path for value in arguments.values())}
     callers = all(mistake.place.path in given for mistake in found)

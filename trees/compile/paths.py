@@ -1,10 +1,10 @@
-"""Where nodes stand in a tree: paths of names."""
+"""Paths of nodes in a tree, made of their names."""
 
 from py_trees.behaviour import Behaviour
 
 
 def paths(node: Behaviour, above: str = "") -> list[tuple[Behaviour, str]]:
-    """Every node with its path of names; a name that a sibling has too gets a number."""
+    """Return every node with its path. A name that an earlier sibling has gets a number."""
     path = f"{above}/{node.name}" if above else node.name
     found, seen = [(node, path)], set()
     for number, child in enumerate(node.children):

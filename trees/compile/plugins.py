@@ -1,4 +1,4 @@
-"""Skills of one's own: Python files of a folder that was named, and installed packages."""
+"""Users' skills: Python files in a folder, and installed packages."""
 
 import importlib.util
 import signal
@@ -13,19 +13,19 @@ from typing import NoReturn
 
 from py_trees.ports import get_ports_registry, register_ports_class
 
-import skills  # noqa: F401  whose names are taken
+import skills  # noqa: F401  registers the shipped skills
 from trees.nodes import KINDS
 
 GROUP = "armtree.skills"
 
-_loaded: dict[str, str] = {}  # what is wrong with every plugin that was loaded; empty for nothing
+_loaded: dict[str, str] = {}  # the error of every loaded plugin; empty for none
 
 
 def load_skills(folder: Path | None) -> list[str]:
-    """Load what there is, each once in a process. A broken one is told of, and costs only itself.
+    """Load users' skills, each once in a process. A broken one does not affect the others.
 
     Args:
-        folder: Whose Python files are loaded; None for only installed packages.
+        folder: Folder of Python files; None for only installed packages.
 
     Returns:
         What is broken, and why.
@@ -40,7 +40,7 @@ def load_skills(folder: Path | None) -> list[str]:
 
 
 def is_broken(module: str) -> bool:
-    """Whether a module is a plugin that could not be loaded whole."""
+    """Whether a module is a plugin that could not be loaded completely."""
     return bool(_loaded.get(module))
 
 
@@ -65,15 +65,15 @@ def _load_file(path: Path) -> str:
 
 
 def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
-    """Load something; why it is broken, if it is."""
+    """Load a plugin; return why it is broken, or an empty text."""
     before, pressed = get_ports_registry(), list[int]()
     try:
-        # What a command prints on stdout is read by programs.
+        # Other programs read the standard output of a command.
         with warnings.catch_warnings(), _ctrl_c(pressed), redirect_stdout(sys.stderr):
-            warnings.simplefilter("ignore")  # a name that is taken is told of below
+            warnings.simplefilter("ignore")  # duplicate names are reported below
             warnings.filterwarnings("always", ".* is deprecated; rename it", DeprecationWarning)
             load()
-    except BaseException as error:  # somebody else's code: whatever it raises
+    except BaseException as error:  # users' code may raise anything
         if pressed:
             raise
         return f"{source}{_line(error, source)}: {type(error).__name__}: {error}"
@@ -93,7 +93,7 @@ def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
 
 @contextmanager
 def _ctrl_c(pressed: list[int]) -> Iterator[None]:
-    """Note a Ctrl-C, so that it is told from a KeyboardInterrupt that somebody's code raises."""
+    """Record a Ctrl-C, to distinguish it from a KeyboardInterrupt of a plugin."""
 
     def press(number: int, frame: object) -> NoReturn:
         pressed.append(number)
@@ -111,7 +111,7 @@ def _ctrl_c(pressed: list[int]) -> Iterator[None]:
 
 
 def _line(error: BaseException, source: str) -> str:
-    """Where in the file it was raised, as `:line`; empty where that is not known."""
+    """Return the line of an error in a file as `:line`, or an empty text."""
     if isinstance(error, SyntaxError) and error.lineno:
         return f":{error.lineno}"
     trace, line = error.__traceback__, 0

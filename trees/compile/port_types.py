@@ -1,4 +1,4 @@
-"""What a task file may write at a skill's port: the skill's declaration in the grammar's words."""
+"""The ports of skills, as the grammar of task files declares them."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -25,7 +25,7 @@ _UNITS = {"": "number", "rad": "angle", "s": "duration", "m": "length"}
 
 
 def known_skills() -> dict[str, type[Skill]]:
-    """The skills there are, by name."""
+    """Return all skills, by name."""
     registry = get_ports_registry().items()
     return {
         name: kind
@@ -35,7 +35,7 @@ def known_skills() -> dict[str, type[Skill]]:
 
 
 def declaration(port: PortInformation, output: bool = False) -> Declaration:
-    """A port as the grammar declares it."""
+    """Return the declaration of a port."""
     unit = port.unit if isinstance(port, Port) else ""
     plain = Declaration(
         _type(port.data_type, unit),
@@ -58,7 +58,7 @@ def _type(kind: Any, unit: str) -> str:
 
 
 def declarations(kind: type[Skill]) -> dict[str, Declaration]:
-    """All ports of a skill, inputs first."""
+    """Return the declarations of all ports of a skill, inputs first."""
     inputs = {name: declaration(port) for name, port in kind.input_ports().items()}
     outputs = {name: declaration(port, True) for name, port in kind.output_ports().items()}
     return inputs | outputs
@@ -67,27 +67,34 @@ def declarations(kind: type[Skill]) -> dict[str, Declaration]:
 def wanted_at(
     kind: type[Skill], port: str, value: Value | None, types: Mapping[str, str]
 ) -> Declaration:
-    """What an input port wants, given the types of the ports before it.
+    """Return the declaration of an input port, given the types of the ports before it.
 
-    Where ports hold the same type, a number with a unit is no text: texts would compare by letter.
+    If two ports must have the same type, a number with a unit is a quantity, because texts would be
+    compared by letter.
     """
     info = kind.input_ports()[port]
     wanted, ports = declaration(info), (kind.input_ports() | kind.output_ports()).values()
     like = types.get(info.like) if isinstance(info, Port) else None
     typed = like or any(isinstance(each, Port) and each.like == port for each in ports)
     unit = measured(value) if typed and isinstance(value, Located) else ""
-    if unit and like in (None, "", ANY, "number", "integer"):  # a bare number measures anything
+    if unit and like in (
+        None,
+        "",
+        ANY,
+        "number",
+        "integer",
+    ):  # a plain number is accepted as any quantity
         like = unit
     return Declaration(like, wanted.default, wanted.optional) if like else wanted
 
 
 def port_value(fitted: Any) -> Any:
-    """A value that fits a declaration, as skills take it."""
+    """Convert a checked value to the type that skills receive."""
     if isinstance(fitted, list):
         return [port_value(item) for item in fitted]
     return Positions(fitted) if isinstance(fitted, dict) else fitted
 
 
 def type_of(value: object) -> str:
-    """The type of a value at a port that takes several."""
+    """Return the type of a value at a port that accepts several types."""
     return {bool: "boolean", float: "number", str: "text"}.get(type(value), ANY)

@@ -12,14 +12,14 @@ from trees.reading.specs import Key, Value
 
 @dataclass(frozen=True)
 class Scope:
-    """Names within one file.
+    """The names in one file.
 
     Attributes:
-        namespace: Of its own keys.
-        ports: What it was given.
-        within: The files around it, and itself.
-        stand_ins: Keys of which the value is given only when a task is called, by full name.
-        fixed: Names that nothing may write, and what they are.
+        namespace: Namespace of its keys.
+        ports: Values of its ports or parameters.
+        within: Names of the files that use it, and its own name.
+        stand_ins: Placeholders for keys that are not known before the task is called, by full name.
+        fixed: Names that must not be written, and the reason.
     """
 
     namespace: str
@@ -30,7 +30,7 @@ class Scope:
 
 
 def fixed(declared: Mapping[str, Declaration], what: str) -> dict[str, str]:
-    """The parameters or ports that nothing may write, and what they are."""
+    """Return the parameters or ports that must not be written, and the reason."""
     why = {
         "parameter": "a parameter, which nothing may write",
         "port": "a port that is read; say output: true where it is declared",
@@ -40,15 +40,15 @@ def fixed(declared: Mapping[str, Declaration], what: str) -> dict[str, str]:
 
 
 def resolve(value: Value, scope: Scope, wrong: Callable[[Place, str], None]) -> Value:
-    """What a value means outside its file.
+    """Replace the names in a value by what they refer to.
 
     Args:
-        value: As the file has it.
-        scope: Of that file.
-        wrong: Told what is wrong.
+        value: A value or reference in a file.
+        scope: Scope of that file.
+        wrong: Receives mistakes.
 
     Returns:
-        A literal without names, or a key with its full name.
+        A literal without references, or a key with its full name.
     """
     if isinstance(value, Located):
         return _without_names(value, scope, wrong)
@@ -61,7 +61,7 @@ def resolve(value: Value, scope: Scope, wrong: Callable[[Place, str], None]) -> 
 def _without_names(
     value: Located, scope: Scope, wrong: Callable[[Place, str], None], inside: bool = False
 ) -> Located:
-    """A literal with the names inside it replaced by what they stand for."""
+    """Return a literal with the references inside it replaced by their values."""
     inner = value.value
     if isinstance(inner, dict):
         items = {key: _without_names(item, scope, wrong, True) for key, item in inner.items()}

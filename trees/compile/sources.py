@@ -1,4 +1,4 @@
-"""The files that trees are taken from, read once each."""
+"""The files that a tree is compiled from: subtrees, other tasks and poses."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ _SHOWN = 20  # numbers in a message
 
 @dataclass(frozen=True)
 class Source:
-    """A file that a tree is taken from: a subtree, or a task that another one runs.
+    """A subtree, or a task that another one runs.
 
     Attributes:
-        name: Of the subtree or task.
-        tree: What to do.
+        name: Name of the subtree or task.
+        tree: Root of its tree.
         declared: Its ports or parameters.
-        what: Which of these.
-        certain: Whether these are all.
+        what: `port` or `parameter`.
+        certain: Whether all of them could be read.
     """
 
     name: str
@@ -33,7 +33,7 @@ class Source:
 
 
 class _AnyPose(dict[str, Mapping[str, float]]):
-    """Poses of a file that cannot be read: any name may be one of them, so that none is blamed."""
+    """Poses of a file that cannot be read. Any name may be a pose, so none is reported."""
 
     def __contains__(self, name: object) -> bool:
         return True
@@ -43,14 +43,14 @@ class _AnyPose(dict[str, Mapping[str, float]]):
 
 
 class Sources:
-    """Reads files.
+    """Reads files for one tree, and records which are used.
 
     Args:
-        library: Where they are.
+        library: Library of the files.
 
     Attributes:
-        files: What was used, by name.
-        poses: Joint values [rad] by joint name, by the name of the pose.
+        files: Texts of the files that were used, by name.
+        poses: Joint positions [rad] by joint name, by name of the pose.
     """
 
     def __init__(self, library: Library) -> None:
@@ -61,7 +61,7 @@ class Sources:
         self.poses: Mapping[str, Mapping[str, float]] = {}
 
     def load_poses(self, mistakes: Mistakes) -> None:
-        """Read the poses there are."""
+        """Read all poses."""
         try:
             files, wrong = self._library.draft_poses()
         except FileError as error:
@@ -74,11 +74,11 @@ class Sources:
             _, self._pose_files = self._library.poses()
 
     def use_poses(self) -> None:
-        """Note that a pose was used."""
+        """Record that a pose was used."""
         self.files |= self._pose_files
 
     def get(self, spec: SubtreeNode, mistakes: Mistakes) -> Source | None:
-        """The file of a subtree or task; None where it cannot be read, which is told once."""
+        """Return a subtree or task, or None if it cannot be read, which is reported once."""
         if spec.source not in self._read:
             self._read[spec.source] = None
             try:
@@ -107,5 +107,5 @@ class Sources:
 
 
 def _certain(wrong: Iterable[Mistake], key: str) -> bool:
-    """Whether all that a file declares could be read."""
-    return not any(mistake.place.way in ("", key) for mistake in wrong)
+    """Whether all ports or parameters of a file could be read."""
+    return not any(mistake.place.location in ("", key) for mistake in wrong)

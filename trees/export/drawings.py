@@ -1,4 +1,4 @@
-"""Trees to look at: as text, Mermaid, Graphviz DOT and SVG."""
+"""Drawings of trees: text, Mermaid, Graphviz DOT and SVG."""
 
 from collections.abc import Callable, Mapping
 from html import escape
@@ -10,12 +10,12 @@ from .outline import Entry
 
 
 class Look(NamedTuple):
-    """How what became of a node is shown.
+    """How the status of a node is drawn.
 
     Attributes:
-        glyph: Before its name.
-        ink: In a terminal.
-        fill: In a picture.
+        glyph: Character before its name.
+        ink: Colour of the text in a terminal.
+        fill: Colour of the box in a drawing.
     """
 
     glyph: str
@@ -31,11 +31,11 @@ LOOKS: Mapping[str, Look] = {
     "HALTED": Look("■", "yellow", "#fadfb0"),
 }
 
-_WIDTH, _LINE, _GAP = 7.3, 16, 14  # of a character, of a line, between boxes [px]
+_WIDTH, _LINE, _GAP = 7.3, 16, 14  # width of a character, height of a line, gap between boxes [px]
 
 
 def as_text(root: Entry, ports: bool) -> str:
-    """Lines with branches, for a terminal."""
+    """Return the tree as text for a terminal."""
     return "\n".join(_lines(root, "", "", ports))
 
 
@@ -59,7 +59,7 @@ def _inked(entry: Entry) -> str:
 
 
 def as_mermaid(root: Entry, ports: bool) -> str:
-    """A Mermaid flowchart."""
+    """Return a Mermaid flowchart."""
     numbers = {id(entry): f"n{number}" for number, entry in enumerate(root.walk())}
     lines = ["flowchart TD"]
     for entry in root.walk():
@@ -77,7 +77,7 @@ def _mermaid(text: str) -> str:
 
 
 def as_dot(root: Entry, ports: bool) -> str:
-    """A Graphviz graph."""
+    """Return a Graphviz graph."""
     numbers = {id(entry): f"n{number}" for number, entry in enumerate(root.walk())}
     lines = ["digraph tree {", "    ordering=out; node [fontname=Helvetica, fontsize=11];"]
     for entry in root.walk():
@@ -94,7 +94,7 @@ def _quoted(text: str) -> str:
 
 
 def as_svg(root: Entry, ports: bool) -> str:
-    """A drawing, from left to right."""
+    """Return an SVG drawing, from left to right."""
     labels = {id(entry): _label(entry, ports) for entry in root.walk()}
     shapes: list[str] = []
     columns = _columns(root, labels, 0, {})
@@ -115,7 +115,7 @@ def as_svg(root: Entry, ports: bool) -> str:
 def _columns(
     entry: Entry, labels: Mapping[int, list[str]], depth: int, widths: dict[int, float]
 ) -> dict[int, float]:
-    """How wide every level is [px]."""
+    """Return the width of every level [px]."""
     own = max(map(len, labels[id(entry)])) * _WIDTH + 16
     widths[depth] = max(widths.get(depth, 0.0), own)
     for child in entry.children:
@@ -131,7 +131,7 @@ def _draw(
     top: float,
     shapes: list[str],
 ) -> tuple[float, float]:
-    """Draw a node and all below it; returns where it ends and where its middle is [px]."""
+    """Draw a node and all below it; return the y of its lower edge and of its middle [px]."""
     lines = labels[id(entry)]
     left = 10.0 + sum(columns[level] + 40.0 for level in range(depth))
     own, bottom, middles = len(lines) * _LINE + 10.0, top, []

@@ -1,4 +1,4 @@
-"""The JSON Schema of task files, made from the skills there are, so that editors help to write."""
+"""The JSON Schema of task files, made from the registered skills, for completion in editors."""
 
 import json
 from collections.abc import Mapping
@@ -23,13 +23,13 @@ _SHOWN = {"type": "string", "maxLength": 60, "description": "how the node is sho
 
 
 def schema_text(library: Library) -> str:
-    """The schema of task files, subtree files and files of poses, as the text of a file.
+    """Return the schema of task files, subtree files and files of poses, as text.
 
     Args:
-        library: Whose subtrees it knows.
+        library: Library of the subtrees.
 
     Raises:
-        FileError: A subtree is wrong.
+        FileError: A subtree file is not YAML.
     """
     subtrees = {
         name: library.subtree(name, Place(library.subtree_path(name), 1, 1))[0].ports
@@ -88,9 +88,9 @@ def _poses_file() -> Schema:
 
 
 def _declared(*more: str) -> Schema:
-    """Parameters or ports with their types."""
+    """Return the schema of declarations of parameters or ports."""
     kind: Schema = {"enum": list(TYPES)}
-    if more:  # a port may also have a type that only skills know
+    if more:  # a port may also have a type that only skills can write
         kind = {"anyOf": [kind, {"type": "string", "pattern": "^[A-Z]"}]}
     bound = {"type": ["number", "string"]}
     full = {
@@ -137,7 +137,7 @@ def _node(subtrees: Mapping[str, Mapping[str, Declaration]]) -> Schema:
     given: Schema = {"with": {"type": "object"}, "name": _SHOWN}
     forms.append(_form("subtree", other, given, []))
     forms.append(_form("task", {"type": "integer", "minimum": 0}, given, []))
-    # What holds for all forms; an editor offers it before it knows which one is meant.
+    # Keys of all forms: an editor offers them before it knows the form.
     offered = {"subtree": {"anyOf": [{"enum": sorted(subtrees)}, {"type": "string"}]}}
     return {"properties": offered, "anyOf": forms}
 
@@ -177,7 +177,7 @@ def _ports_of(ports: Mapping[str, Declaration]) -> Schema:
 
 
 def _value(wanted: Declaration) -> Schema:
-    """What may be written where something is wanted: a value, or a key."""
+    """Return the schema of a value or a reference."""
     if wanted.output:
         return _KEY | {"description": wanted.description}
     forms = [_literal(wanted), _KEY]

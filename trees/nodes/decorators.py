@@ -49,8 +49,8 @@ class TimeoutKind(ControlNodeKind):
     """Halts its child, and fails, if it takes too long."""
 
     name = "timeout"
-    description = "halted, and failed, when it takes too long"
-    options = {"after": duration("how long it may take", least=0.001)}
+    description = "halts its child, and fails, if it takes too long"
+    options = {"after": duration("longest time that the child may take", least=0.001)}
     placeholders = {"after": math.inf}
     may_halt = True
 
@@ -78,7 +78,7 @@ class InverterKind(ControlNodeKind):
     """Fails if its child succeeds, and succeeds if it fails."""
 
     name = "inverter"
-    description = "fails where the node succeeds, and the other way round"
+    description = "fails if its child succeeds, and succeeds if it fails"
 
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
@@ -104,7 +104,7 @@ class ForceSuccessKind(ControlNodeKind):
     """Succeeds when its child has ended."""
 
     name = "force_success"
-    description = "succeeds when the node has ended, however it did"
+    description = "succeeds when its child has ended"
 
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context

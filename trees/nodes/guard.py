@@ -67,16 +67,16 @@ class GuardKind(ControlNodeKind):
     """Runs a node only while a condition holds."""
 
     name = "guard"
-    description = "only as long as a condition holds"
+    description = "runs its child while a condition holds"
     options = {
         "otherwise": Declaration(
             "text",
             default="fail",
             choices=("fail", "pause"),
-            description="fail: halt the node and fail; pause: halt it, and begin it anew when "
+            description="fail: halt the child and fail; pause: halt it, and restart it when "
             "the condition holds again",
         ),
-        "every": duration("how often the condition is asked", 0.1, least=0.01),
+        "every": duration("period of the checks", 0.1, least=0.01),
     }
     condition = "while"
     may_halt = True

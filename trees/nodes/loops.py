@@ -110,9 +110,9 @@ class RetryKind(ControlNodeKind):
     """Runs its child until it succeeds."""
 
     name = "retry"
-    description = "again until it succeeds"
+    description = "runs its child until it succeeds"
     options = {
-        "attempts": count("how often at most"),
+        "attempts": count("largest number of attempts"),
         "backoff": duration("pause before the second attempt; it doubles each time", 0.0),
     }
     placeholders = {"attempts": 1}
@@ -176,8 +176,8 @@ class RepeatKind(ControlNodeKind):
     """Runs its child until it fails."""
 
     name = "repeat"
-    description = "again until it fails"
-    options = {"times": count("how often; without it for ever", optional=True)}
+    description = "runs its child until it fails"
+    options = {"times": count("number of rounds; no limit without it", optional=True)}
     placeholders = {"times": 1}
 
     def make(
@@ -239,8 +239,8 @@ class WaitForKind(ControlNodeKind):
     """Checks a condition until it holds."""
 
     name = "wait_for"
-    description = "until the condition holds"
-    options = {"every": duration("how often it is asked", 0.1, least=0.01)}
+    description = "checks a condition until it holds"
+    options = {"every": duration("period of the checks", 0.1, least=0.01)}
     only_asks = True
 
     def make(

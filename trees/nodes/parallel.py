@@ -73,13 +73,13 @@ class ParallelKind(ControlNodeKind):
     """Runs its children at the same time."""
 
     name = "parallel"
-    description = "all at once"
+    description = "runs its children at the same time"
     options = {
         "policy": Declaration(
             "text",
             default="all",
             choices=("all", "any"),
-            description="all: wait for every one, and fail if any did; "
+            description="all: wait for all children, and fail if any failed; "
             "any: the first success halts the others",
         )
     }

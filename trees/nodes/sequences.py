@@ -28,7 +28,7 @@ _MEMORY = {
     "memory": Declaration(
         "boolean",
         default=True,
-        description="whether a finished child is not asked again while a later one runs",
+        description="false: repeat finished children while a later one runs",
     )
 }
 
@@ -88,7 +88,7 @@ class SequenceKind(_InTurn):
     """Runs its children one after the other, until one fails."""
 
     name = "sequence"
-    description = "one after the other, up to the first that fails"
+    description = "runs its children one after the other, until one fails"
 
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
@@ -113,7 +113,7 @@ class SelectorKind(_InTurn):
     """Runs its children one after the other, until one succeeds."""
 
     name = "selector"
-    description = "one after the other, up to the first that succeeds"
+    description = "runs its children one after the other, until one succeeds"
 
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context

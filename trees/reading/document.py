@@ -1,7 +1,7 @@
-"""YAML read strictly, every value with its place: YAML 1.2 meanings, and nothing said twice.
+"""Strict reading of YAML 1.2: every value with its place, no duplicate keys, no tags.
 
-Values are made here from the parser's events, by YAML 1.2's core schema and nothing else: a YAML
-library's own constructors know more types than task files shall have, and some of them crash.
+Values are made from the events of the parser, by the core schema of YAML 1.2. The constructors of
+YAML libraries are not used: they know more types than task files may have, and some of them crash.
 """
 
 import io
@@ -38,11 +38,11 @@ Scalar = str | int | float | bool | None
 
 @dataclass(frozen=True, slots=True)
 class StandIn:
-    """A value that is given only when a task is called; until then its type is all that is known.
+    """A value that is not known before the task is called. Only its type is known.
 
     Attributes:
-        name: Of the parameter or port.
-        type: Of its value.
+        name: Name of the parameter or port.
+        type: Type of the value.
     """
 
     name: str
@@ -54,18 +54,18 @@ class StandIn:
     __repr__ = __str__
 
 
-# What stands for a value that is refused, so that what is around it can be judged all the same.
+# Replaces a value that is wrong, so that the values around it can be checked.
 REFUSED = StandIn("", "any")
 
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """A value and where it stands.
+    """A value and its place.
 
     Attributes:
         place: Where it begins.
         value: A scalar, a list of Located, or a dict of Located by text key.
-        label: Where its key stands; where it has none, the same as `place`.
+        label: Place of its key; the same as `place` if it has none.
     """
 
     place: Place
@@ -73,7 +73,7 @@ class Located:
     label: Place
 
     def plain(self) -> Any:
-        """The value without places."""
+        """Return the value without places."""
         if isinstance(self.value, dict):
             return {key: item.plain() for key, item in self.value.items()}
         if isinstance(self.value, list):
@@ -86,7 +86,7 @@ class Located:
 
 
 def _written(plain: Any) -> str:
-    """A value about as YAML writes it."""
+    """Return a value approximately as YAML writes it."""
     if isinstance(plain, dict):
         return "{" + ", ".join(f"{key}: {_written(item)}" for key, item in plain.items()) + "}"
     if isinstance(plain, list):
@@ -96,10 +96,10 @@ def _written(plain: Any) -> str:
 
 
 def read_text(path: Path) -> str:
-    """Read a file, as far as it may be long.
+    """Read a file.
 
     Raises:
-        FileError: It cannot be read, is no ordinary file, too long, or not UTF-8.
+        FileError: The file cannot be read, is not an ordinary file, is too long, or is not UTF-8.
     """
     start = Place(path, 1, 1)
     try:
@@ -123,11 +123,12 @@ def read_document(path: Path, text: str) -> Located:
     """Read one YAML document.
 
     Args:
-        path: Named in errors.
-        text: What to read.
+        path: File name for errors.
+        text: Text of the document.
 
     Raises:
-        FileError: Not YAML, too long, too deep, a tag, an alias, or a key given twice.
+        FileError: The text is not YAML, is too long or nested too deeply, or contains a tag, an
+            alias or a duplicate key.
     """
     root, mistakes = draft_document(path, text)
     if mistakes:
@@ -136,17 +137,17 @@ def read_document(path: Path, text: str) -> Located:
 
 
 def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
-    """Read one YAML document as far as it can be read.
+    """Read one YAML document, and continue after mistakes.
 
     Args:
-        path: Named in errors.
-        text: What to read.
+        path: File name for errors.
+        text: Text of the document.
 
     Returns:
-        The document, with None in place of every value that is refused, and why they are.
+        The document, with None in place of every wrong value; and the mistakes.
 
     Raises:
-        FileError: It cannot be read on: not YAML, too long, too deep.
+        FileError: The text is not YAML, is too long, or is nested too deeply.
     """
     text = text.removeprefix("\ufeff")
     if len(text) > MAX_BYTES:
@@ -165,12 +166,12 @@ def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
 
 
 def nested(value: Located) -> Mapping[str, Located]:
-    """The keys of a mapping; of anything else, none."""
+    """Return the items of a mapping; nothing for any other value."""
     return value.value if isinstance(value.value, dict) else {}
 
 
 def names_within(value: Located) -> Iterator[str]:
-    """The names with a $ that stand in a value."""
+    """Return the references in a value, without the $."""
     inner = value.value
     if isinstance(inner, str) and inner.startswith("$"):
         yield inner[1:]
@@ -178,15 +179,15 @@ def names_within(value: Located) -> Iterator[str]:
         yield from names_within(item)
 
 
-# A directive could change what values mean; control characters and Unicode's line separators
-# would make editors and readers disagree about the text and its lines.
+# A directive could change the meaning of values. With control characters and Unicode's line
+# separators, editors and readers would disagree about the lines of the text.
 _FORBIDDEN = re.compile(
     r"^%|[^\t\n\r -~\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 )
 
 
 def _forbidden(path: Path, text: str) -> Iterator[Mistake]:
-    """The characters that may not be there, the first of every line."""
+    """Return a mistake for the first forbidden character of every line."""
     lines = _lines(text)
     for number, line in enumerate(lines, 1):
         if found := _FORBIDDEN.search(line):
@@ -195,7 +196,7 @@ def _forbidden(path: Path, text: str) -> Iterator[Mistake]:
             yield Mistake(place, f"{what} not allowed")
 
 
-# YAML 1.2.2, section 10.3.2; what matches none is a text.
+# YAML 1.2.2, section 10.3.2. A scalar that matches none is a text.
 _CORE: tuple[tuple[re.Pattern[str], Callable[[str], Scalar]], ...] = tuple(
     (re.compile(pattern), make)
     for pattern, make in (
@@ -212,18 +213,18 @@ _CORE: tuple[tuple[re.Pattern[str], Callable[[str], Scalar]], ...] = tuple(
 
 
 class _Plain(YAML):
-    """Looks for no plug-ins, which would read a folder for every file."""
+    """A parser without plug-ins, because the search for them reads a folder for every file."""
 
     def official_plug_ins(self) -> list[str]:
-        """None."""
+        """Return no plug-ins."""
         return []
 
 
 class _Reader:
-    """Makes values of the parser's events.
+    """Makes values from the events of the parser.
 
     Attributes:
-        mistakes: What was refused so far.
+        mistakes: Mistakes so far.
     """
 
     def __init__(self, path: Path, text: str) -> None:
@@ -244,9 +245,11 @@ class _Reader:
             self._wrong(place, "a second document begins here; a file holds one")
         return root
 
-    def _value(self, event: Event, depth: int, way: str, label: Place | None = None) -> Located:
-        # The parser puts an empty value where the next token stands.
-        place = label if label and _empty(event) else self._place(event, way)
+    def _value(
+        self, event: Event, depth: int, location: str, label: Place | None = None
+    ) -> Located:
+        # The parser reports an empty value at the place of the next token.
+        place = label if label and _empty(event) else self._place(event, location)
         if depth > MAX_DEPTH:
             self._end(place, f"nested deeper than {MAX_DEPTH} levels")
         if isinstance(event, AliasEvent):
@@ -263,20 +266,20 @@ class _Reader:
         if isinstance(event, ScalarEvent):
             return self._scalar(event, place)
         if isinstance(event, SequenceStartEvent):
-            return self._items(depth, place.way)
-        return self._mapping(depth, place.way)
+            return self._items(depth, place.location)
+        return self._mapping(depth, place.location)
 
-    def _items(self, depth: int, way: str) -> list[Located]:
+    def _items(self, depth: int, location: str) -> list[Located]:
         items: list[Located] = []
         while not isinstance(event := next(self._events), SequenceEndEvent):
-            items.append(self._value(event, depth, f"{way}[{len(items)}]"))
+            items.append(self._value(event, depth, f"{location}[{len(items)}]"))
         return items
 
-    def _mapping(self, depth: int, way: str) -> dict[str, Located]:
+    def _mapping(self, depth: int, location: str) -> dict[str, Located]:
         values: dict[str, Located] = {}
         while not isinstance(event := next(self._events), MappingEndEvent):
             written = _printable(_joined(getattr(event, "value", "?")))
-            below = f"{way}.{written}" if way else written
+            below = f"{location}.{written}" if location else written
             key = self._value(event, depth, below)
             name = key.value
             if not isinstance(name, str):
@@ -302,9 +305,9 @@ class _Reader:
             return make(text) if event.tag is None else None
         return None
 
-    def _place(self, event: Event, way: str) -> Place:
+    def _place(self, event: Event, location: str) -> Place:
         mark = event.start_mark
-        return Place(self._path, mark.line + 1, mark.column + 1, way, self._lines)
+        return Place(self._path, mark.line + 1, mark.column + 1, location, self._lines)
 
     def _wrong(self, place: Place, message: str) -> None:
         self.mistakes.append(Mistake(place, message))
@@ -316,7 +319,7 @@ class _Reader:
 
 
 def _joined(text: str) -> str:
-    """The text with what JSON writes as two escapes, halves of one character, put together."""
+    """Combine surrogate pairs: JSON writes some characters as two escapes."""
     if text.isascii():
         return text
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "surrogatepass")
@@ -341,6 +344,6 @@ def _lines(text: str) -> list[str]:
 
 
 def _place_of(path: Path, before: str, lines: list[str]) -> Place:
-    """The place right after a text."""
+    """Return the place right after a text."""
     passed = _lines(before)
     return Place(path, len(passed), len(passed[-1]) + 1, "", lines)

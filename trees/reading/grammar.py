@@ -1,6 +1,6 @@
-"""The grammar of files: a text in, a checked task, subtree or set of poses out.
+"""The grammar of files: from a text to a task, a subtree or poses, and their mistakes.
 
-What a skill's name or port means is not known here; the builder above checks that.
+Names of skills and ports are not checked here, but when the tree is compiled.
 """
 
 import re
@@ -19,7 +19,7 @@ from .node_parser import Mistakes, NodeParser
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
 from .values import fit
 
-VERSION = 1  # of the grammar
+VERSION = 1  # version of the grammar
 
 Read = TypeVar("Read")
 
@@ -36,13 +36,13 @@ class TaskFile:
 
     Attributes:
         path: Its file.
-        text: The file as it was read.
+        text: Text of the file.
         number: Task number.
-        name: One word.
-        description: What it does.
-        parameters: What may be given when it is called; a default is a Located.
-        replaces: Name of the shipped task that it takes the place of; empty for none.
-        tree: What to do.
+        name: Name of the task, one word.
+        description: Description, one line.
+        parameters: Parameters by name; a default is a Located.
+        replaces: Name of the shipped task that it replaces; empty for none.
+        tree: Root of its tree.
     """
 
     path: Path
@@ -57,16 +57,16 @@ class TaskFile:
 
 @dataclass(frozen=True, slots=True)
 class SubtreeFile:
-    """A tree that tasks share.
+    """A tree that several tasks can use.
 
     Attributes:
         path: Its file.
-        text: The file as it was read.
-        name: One word.
-        description: What it does.
-        ports: What it is given; a port without a type takes what its uses take.
-        replaces: Its own name where it takes the place of a shipped one; else empty.
-        tree: What to do.
+        text: Text of the file.
+        name: Name of the subtree, one word.
+        description: Description, one line.
+        ports: Ports by name. The type of an untyped port follows from its uses.
+        replaces: Its own name if it replaces a shipped subtree; else empty.
+        tree: Root of its tree.
     """
 
     path: Path
@@ -84,11 +84,11 @@ class PosesFile:
 
     Attributes:
         path: The file.
-        text: The file as it was read.
-        poses: Joint values [rad] by joint name, by the name of the pose; one that is wrong is
-            REFUSED, of a pose that is wrong as a whole there are none.
-        labels: Where each name stands.
-        replaces: Which of them take the place of shipped ones.
+        text: Text of the file.
+        poses: Joint positions [rad] by joint name, by name of the pose. A wrong position is
+            REFUSED; a pose that is wrong as a whole has none.
+        labels: Names and values of the poses with their places, by name.
+        replaces: Names of the poses that replace shipped ones.
     """
 
     path: Path
@@ -98,23 +98,23 @@ class PosesFile:
     replaces: tuple[str, ...]
 
 
-UNTYPED = ""  # the type of a port that takes what its uses take
+UNTYPED = ""  # type of a port whose type follows from its uses
 
 
 def parse_task(path: Path, text: str) -> TaskFile:
-    """Check a task file.
+    """Read a task file.
 
     Raises:
-        FileError: With every mistake in it.
+        FileError: The file has mistakes.
     """
     return _strict(*draft_task(path, text))
 
 
 def draft_task(path: Path, text: str) -> tuple[TaskFile, list[Mistake]]:
-    """Read a task file as far as it can be read, with every mistake in it.
+    """Read a task file, and continue after mistakes; return the task and the mistakes.
 
     Raises:
-        FileError: It is not YAML.
+        FileError: The file is not YAML.
     """
     parser = _Parser(path, text, _TASK_KEYS)
     task = TaskFile(
@@ -132,14 +132,14 @@ def draft_task(path: Path, text: str) -> tuple[TaskFile, list[Mistake]]:
 
 
 def parse_head(path: Path, text: str) -> TaskFile:
-    """Check a task file without its tree, which takes a fraction of the time.
+    """Read a task file without its tree, which takes a fraction of the time.
 
     Raises:
-        FileError: With every mistake in what was read.
+        FileError: The part before the tree has mistakes.
     """
     head, _, tree = text.partition("\ntree:")
     follows = re.search(r"^[^\s#]", tree, re.MULTILINE) or not tree
-    if follows or re.search(r"^\s*\{", head, re.MULTILINE):  # or the tree is within braces
+    if follows or re.search(r"^\s*\{", head, re.MULTILINE):  # the tree may be inside braces
         return parse_task(path, text)
     parser = _Parser(path, head, _TASK_KEYS)
     task = TaskFile(
@@ -156,10 +156,10 @@ def parse_head(path: Path, text: str) -> TaskFile:
 
 
 def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
-    """Read a subtree file as far as it can be read, with every mistake in it.
+    """Read a subtree file, and continue after mistakes; return the subtree and the mistakes.
 
     Raises:
-        FileError: It is not YAML.
+        FileError: The file is not YAML.
     """
     parser = _Parser(path, text, _SUBTREE_KEYS)
     subtree = SubtreeFile(
@@ -175,12 +175,12 @@ def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
     return subtree, parser.mistakes.found
 
 
-@lru_cache(maxsize=16)  # every task asks for all of them
+@lru_cache(maxsize=16)  # every task needs all of them
 def draft_poses(path: Path, text: str) -> tuple[PosesFile, tuple[Mistake, ...]]:
-    """Read a file of poses as far as it can be read, with every mistake in it.
+    """Read a file of poses, and continue after mistakes; return the poses and the mistakes.
 
     Raises:
-        FileError: It is not YAML.
+        FileError: The file is not YAML.
     """
     parser = _Parser(path, text, _POSES_KEYS)
     given = parser.get("poses")
@@ -200,14 +200,14 @@ def draft_poses(path: Path, text: str) -> tuple[PosesFile, tuple[Mistake, ...]]:
 
 
 def parse_value(text: str, source: str) -> Located:
-    """Read a value that stands outside any file, such as on the command line.
+    """Read a value that is not in a file, such as an argument of the command line.
 
     Args:
-        text: What to read.
-        source: Named in errors.
+        text: The value in YAML.
+        source: Name of its source, for errors.
 
     Raises:
-        FileError: It is not YAML.
+        FileError: The text is not YAML.
     """
     root, mistakes = draft_document(Path(source), text)
     return _strict(root, mistakes)
@@ -220,7 +220,7 @@ def _strict(read: Read, mistakes: list[Mistake]) -> Read:
 
 
 class _Parser:
-    """Reads the keys of a file and collects the mistakes."""
+    """Reads the top-level keys of a file, and collects mistakes."""
 
     def __init__(self, path: Path, text: str, keys: tuple[str, ...]) -> None:
         self.root, known = draft_document(path, text)
@@ -240,13 +240,13 @@ class _Parser:
     def get(self, key: str, needed: bool = True) -> Located | None:
         value = self._values.get(key)
         if value is None and needed and self._values:
-            self._wrong(replace(self.root.place, way=key), f"the key {key} is missing")
+            self._wrong(replace(self.root.place, location=key), f"the key {key} is missing")
         return value
 
     def _corrections(
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
-        """The keys as they were probably meant; tells those that are not known."""
+        """Report unknown keys; return the values with corrected keys."""
         for key, value in values.items():
             if key not in known:
                 there = choices(key, known, values)
@@ -273,7 +273,7 @@ class _Parser:
     def declared(
         self, key: str, more: tuple[str, ...], needed: bool = False
     ) -> dict[str, Declaration]:
-        """Parameters or ports, by name."""
+        """Return the parameters or ports that a key declares, by name."""
         value = self.get(key, needed)
         if value is None:
             return {}
@@ -290,7 +290,7 @@ class _Parser:
         return declared
 
     def used(self, key: str, tree: TreeNode) -> None:
-        """See to it that every declared name is used."""
+        """Report declared names that the tree does not use."""
         names, value = {*_keys(tree), *self.nodes.spare}, self._values.get(key)
         if value is None or tree == SkillNode(tree.place, "", {}):
             return
@@ -335,7 +335,7 @@ class _Parser:
         )
 
     def _type(self, value: Located, what: str, opaque: bool) -> str:
-        """A type; a port may also have one that only skills know, such as Plan."""
+        """Return a type. An opaque type is one that only skills can write, such as Plan."""
         kind = value.value
         if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
             return kind
@@ -375,7 +375,7 @@ class _Parser:
         return tuple(str(item.value) for item in items)
 
     def _flag(self, value: Located | None) -> bool | None:
-        """True or false; None where it is neither."""
+        """Return true or false, or None if the value is neither."""
         if value is None or isinstance(value.value, bool):
             return value is not None and value.value is True
         self._wrong(value.place, f"{value} is not true or false")
@@ -383,7 +383,7 @@ class _Parser:
 
 
 def _keys(node: TreeNode) -> Iterator[str]:
-    """The names of all values that a tree takes by name."""
+    """Return the names of all references in a tree."""
     match node:
         case ControlNode():
             for child in node.children:
@@ -398,6 +398,6 @@ def _keys(node: TreeNode) -> Iterator[str]:
 
 
 def _keys_within(value: Located) -> Iterator[str]:
-    """The names within a mapping or a list; a text by itself that begins with a $ is one."""
+    """Return the references inside a mapping or a list. A text alone is not one."""
     if not isinstance(value.value, str):
         yield from names_within(value)

@@ -1,7 +1,7 @@
-"""Finding task files: those that ship, and a user's own folder on top.
+"""The library of task files: those that ship, and those in the user's folder.
 
-A task's file is named by its number and name, `1_pick.yaml`, so that one of many is found without
-reading the others; `poses.yaml` holds poses, any other `.yaml` file a subtree named like the file.
+The name of a task's file contains its number and name, such as `1_pick.yaml`, so a task is found
+without reading the other files. `poses.yaml` contains poses. Any other `.yaml` file is a subtree.
 """
 
 import os
@@ -33,27 +33,26 @@ _POSES = "poses.yaml"
 
 
 class Library:
-    """The tasks there are. A file is read when it is asked for, so a change shows at once.
+    """Tasks, subtrees and poses. Each file is read when it is needed, and parsed once.
 
     Args:
-        folder: A user's own task files; None for only those that ship.
-        read: Reads a file's text.
+        folder: Folder of the user's files; None for only those that ship.
+        read: Returns the text of a file.
 
     Attributes:
         shipped: Folders of the files that ship.
-        folder: The user's, or None.
-        read: What reads a file.
-        mistakes: Files that are named wrongly, or claim what another one has already. They cost
-            only what they claim.
-        notes: Files that are not read, though they are YAML, too.
+        folder: Folder of the user's files, or None.
+        read: Returns the text of a file.
+        mistakes: Mistakes of file names, and files with the same number or name. Only the tasks and
+            subtrees of these files cannot be used.
+        notes: YAML files that are ignored.
 
     Raises:
-        FileError: The folder is not there or cannot be read.
+        FileError: The folder does not exist or cannot be read.
     """
 
     def __init__(self, folder: Path | None = None, read: Callable[[Path], str] = read_text) -> None:
         self.read = read
-        # Each file is parsed once: a library stays as it was read.
         self.draft = cache(self.draft)  # type: ignore[method-assign]
         self.subtree = cache(self.subtree)  # type: ignore[method-assign]
         self.draft_poses = cache(self.draft_poses)  # type: ignore[method-assign]
@@ -68,8 +67,12 @@ class Library:
         self._tasks: dict[int, Path] = {}
         self._subtrees: dict[str, Path] = {}
         self._poses: list[Path] = []
-        self._claimed: dict[int | str, FileError] = {}  # by two files
-        self._replaced: dict[Path, Path] = {}  # the shipped file, by the user's in its place
+        self._claimed: dict[
+            int | str, FileError
+        ] = {}  # the error of a number or name that several files have
+        self._replaced: dict[
+            Path, Path
+        ] = {}  # the shipped file, by the user's file that replaces it
         self.mistakes: list[Mistake] = []
         self.notes: list[Mistake] = []
         for each in filter(None, (*self.shipped, folder)):
@@ -97,12 +100,12 @@ class Library:
             self._add_subtree(path.stem, path)
 
     def _leave(self, path: Path) -> None:
-        """Leave a file alone that is named like those of others."""
+        """Ignore a file that may belong to another program."""
         text = self._text(path)
         head = re.search(r"^(task|subtree|poses):", text, re.MULTILINE)
         message = "is not read: the name of a file of tasks ends in .yaml"
-        told = Mistake(_top(path, text, head[1] if head else ""), message)
-        (self.mistakes if head else self.notes).append(told)
+        mistake = Mistake(_top(path, text, head[1] if head else ""), message)
+        (self.mistakes if head else self.notes).append(mistake)
 
     def _add_task(self, number: int, path: Path) -> None:
         there = self._tasks.setdefault(number, path)
@@ -132,7 +135,7 @@ class Library:
     def _replaces(
         self, claimed: int | str, path: Path, stem: str, says: Callable[[Path, str], str]
     ) -> bool:
-        """Whether a user's file says that it takes the place of a shipped one."""
+        """Whether a user's file declares that it replaces a shipped one."""
         try:
             return bool(stem) and says(path, self.read(path)) == stem
         except FileError as error:
@@ -140,7 +143,7 @@ class Library:
             raise
 
     def _text(self, path: Path) -> str:
-        """What is in a file, as far as that can be shown."""
+        """Return the text of a file for messages; empty if it cannot be read."""
         try:
             return self.read(path)
         except FileError:
@@ -151,7 +154,7 @@ class Library:
         return self, ""
 
     def numbers(self) -> list[int]:
-        """The task numbers there are, ascending."""
+        """Return all task numbers, ascending."""
         return sorted(self._tasks)
 
     def names(self) -> dict[str, int]:
@@ -172,24 +175,24 @@ class Library:
         return names[task]
 
     def subtrees(self) -> list[str]:
-        """The names of the subtrees there are, in order."""
+        """Return the names of all subtrees, in order."""
         return sorted(self._subtrees)
 
     def subtree_path(self, name: str) -> Path:
-        """The file of a subtree that there is."""
+        """Return the file of a subtree."""
         return self._subtrees[name]
 
     @property
     def pose_files(self) -> tuple[Path, ...]:
-        """The files of poses, the user's last."""
+        """The files of poses; the user's file is the last one."""
         return tuple(self._poses)
 
     def path(self, number: int) -> Path:
-        """The file of a task.
+        """Return the file of a task.
 
         Raises:
             UnknownTask: No file has that number.
-            FileError: Two files have, or one that is named wrongly may have been meant.
+            FileError: Several files have that number, or the name of its file is wrong.
         """
         if number in self._claimed:
             raise self._claimed[number]
@@ -205,7 +208,7 @@ class Library:
 
         Raises:
             UnknownTask: No file has that number.
-            FileError: The file is wrong.
+            FileError: The file has mistakes.
         """
         path = self.path(number)
         return _as_named(parse_task(path, self.read(path)), number)
@@ -215,13 +218,13 @@ class Library:
 
         Raises:
             UnknownTask: No file has that number.
-            FileError: The file is wrong before its tree.
+            FileError: The part before the tree has mistakes.
         """
         path = self.path(number)
         return _as_named(parse_head(path, self.read(path)), number)
 
     def draft(self, number: int) -> tuple[TaskFile, list[Mistake]]:
-        """Read a task as far as it can be read, with every mistake in it.
+        """Read a task, and continue after mistakes; return the task and the mistakes.
 
         Raises:
             UnknownTask: No file has that number.
@@ -229,30 +232,28 @@ class Library:
         """
         path = self.path(number)
         task, mistakes = draft_task(path, self.read(path))
-        told = {mistake.place.way for mistake in mistakes}
-        named = (
-            [] if "" in told else [m for m in _misnaming(task, number) if m.place.way not in told]
-        )
+        reported = {mistake.place.location for mistake in mistakes}
+        named = [m for m in _misnaming(task, number) if not {"", m.place.location} & reported]
         return task, [*mistakes, *named, *self._replacing(task, f"task {number}", _TASK)]
 
-    def subtree(self, name: str, asked: Place) -> tuple[SubtreeFile, list[Mistake]]:
-        """Read a subtree as far as it can be read, with every mistake in it.
+    def subtree(self, name: str, user: Place) -> tuple[SubtreeFile, list[Mistake]]:
+        """Read a subtree, and continue after mistakes; return the subtree and the mistakes.
 
         Args:
-            name: Which.
-            asked: Where it is asked for.
+            name: Name of the subtree.
+            user: Place that refers to it.
 
         Raises:
-            FileError: There is none of that name, or its file is not YAML.
+            FileError: No subtree has that name, or its file is not YAML.
         """
         if name not in self._subtrees:
             there = choices(name, self._subtrees)
-            raise FileError([Mistake(asked, f"no subtree {name}; there are {there}")])
+            raise FileError([Mistake(user, f"no subtree {name}; there are {there}")])
         if name in self._claimed:
             raise self._claimed[name]
         path = self._subtrees[name]
         subtree, mistakes = draft_subtree(path, self.read(path))
-        if subtree.name not in ("", name):  # else it is told already
+        if subtree.name not in ("", name):  # else it is reported already
             message = f"the file is named {path.name} but says subtree {subtree.name}"
             mistakes.append(Mistake(_top(path, subtree.text, "subtree"), message))
         return subtree, [*mistakes, *self._replacing(subtree, f"subtree {name}", _SUBTREE)]
@@ -260,7 +261,7 @@ class Library:
     def _replacing(
         self, file: TaskFile | SubtreeFile, what: str, names: re.Pattern[str]
     ) -> Iterator[Mistake]:
-        """What is wrong where a file says that it takes the place of one that is not there."""
+        """Return a mistake if a file replaces one that does not ship."""
         if file.replaces and file.path not in self._replaced:
             stems = [
                 Path(name).stem
@@ -275,10 +276,11 @@ class Library:
         """Read the poses.
 
         Returns:
-            Joint values [rad] by the name of the pose; and the texts of the files, by name.
+            Joint positions [rad] by joint name, by name of the pose; and the texts of the files, by
+            name.
 
         Raises:
-            FileError: A file is wrong, or has a pose that ships too and does not say so.
+            FileError: A file has mistakes, or has a shipped pose without `replaces`.
         """
         files, mistakes = self.draft_poses()
         if mistakes:
@@ -286,7 +288,7 @@ class Library:
         return poses_of(files), {self._shown(file): file.text for file in files}
 
     def draft_poses(self) -> tuple[tuple[PosesFile, ...], list[Mistake]]:
-        """Read the poses as far as they can be read, with every mistake in their files.
+        """Read the poses, and continue after mistakes; return the files and the mistakes.
 
         Raises:
             FileError: A file is not YAML.
@@ -299,18 +301,18 @@ class Library:
         return tuple(files), mistakes
 
     def _shown(self, file: PosesFile) -> str:
-        """What a recording calls a file of poses."""
+        """Return the name of a file of poses in a recording."""
         first = file.path == self._poses[0]
         return file.path.name if first else f"{file.path.parent.name}_{_POSES}"
 
 
 def poses_of(files: Iterable[PosesFile]) -> dict[str, Mapping[str, float]]:
-    """Joint values [rad] by the name of the pose, those of the last file on top."""
+    """Return joint positions [rad] by name of the pose. Later files replace earlier poses."""
     return {name: pose for file in files for name, pose in file.poses.items()}
 
 
 def _replaced_poses(file: PosesFile, shipped: Mapping[str, object]) -> list[Mistake]:
-    """What is wrong with the poses that take the place of shipped ones."""
+    """Return mistakes of poses that replace shipped ones."""
     mistakes = [
         Mistake(file.labels[name].label, f"pose {name} ships; to replace it, add it to replaces")
         for name in file.poses
@@ -331,7 +333,7 @@ def _replaced_poses(file: PosesFile, shipped: Mapping[str, object]) -> list[Mist
 
 
 def _misnaming(task: TaskFile, number: int) -> list[Mistake]:
-    """What a file says otherwise than its own name does."""
+    """Return a mistake if a file contradicts its name."""
     _, _, name = task.path.stem.partition("_")
     wrong = {}
     if task.number != number:
@@ -348,7 +350,7 @@ def _as_named(task: TaskFile, number: int) -> TaskFile:
 
 
 def _top(path: Path, text: str, key: str) -> Place:
-    """Where a file says what it is."""
+    """Return the place of a top-level key."""
     lines = text.splitlines()
     line = next((n for n, each in enumerate(lines, 1) if each.startswith(f"{key}:")), 1)
     return Place(path, line, 1, key, lines)

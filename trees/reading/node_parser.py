@@ -1,4 +1,4 @@
-"""Nodes: a located value in, the node it says out."""
+"""Reading of nodes: from YAML values to the nodes of a tree."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -20,47 +20,47 @@ _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 
 
 class Mistakes:
-    """Collects what is wrong.
+    """Collects mistakes, at most one per place.
 
     Args:
-        known: What is known to be wrong already; the same place is not told twice. A mapping and
-            its first key begin at the same place, and differ in their ways.
+        known: Mistakes that are known already. A mapping and its first key begin at the same place;
+            their locations in the document differ.
     """
 
     def __init__(self, known: Iterable[Mistake] = ()) -> None:
         self.found = list(known)
-        self._told = {_where(mistake.place) for mistake in self.found}
+        self._reported = {_where(mistake.place) for mistake in self.found}
 
     def add(self, place: Place, message: str) -> None:
-        """Note a mistake."""
-        if _where(place) not in self._told:
+        """Add a mistake, unless its place has one."""
+        if _where(place) not in self._reported:
             self.found.append(Mistake(place, message))
 
     def add_also(self, place: Place, message: str) -> None:
-        """Note a mistake of a node, whatever is told of what begins at the same place."""
+        """Add a mistake of a node, although its place may have others."""
         self.found.append(Mistake(place, message))
 
     def add_last(self, place: Place, message: str) -> None:
-        """Note a mistake after which nothing more can be said of that place."""
+        """Add a mistake; later ones at the same place are dropped."""
         self.add(place, message)
-        self._told.add(_where(place))
+        self._reported.add(_where(place))
 
     def take(self, mistakes: Iterable[Mistake]) -> None:
-        """Note what was found elsewhere; the same places are not told twice."""
+        """Add several mistakes; later ones at the same places are dropped."""
         taken = list(mistakes)
         for mistake in taken:
             self.add(mistake.place, mistake.message)
-        self._told |= {_where(mistake.place) for mistake in taken}
+        self._reported |= {_where(mistake.place) for mistake in taken}
 
 
 class NodeParser:
-    """Reads nodes and names. What is misspelt is told, and read on as what was probably meant.
+    """Reads nodes and names. A misspelt name is reported, and read as the suggestion.
 
     Args:
-        mistakes: Where to tell what is wrong.
+        mistakes: Receives mistakes.
 
     Attributes:
-        spare: Names with a $ that stand where nothing reads them.
+        spare: Names of references that nothing reads.
     """
 
     def __init__(self, mistakes: Mistakes) -> None:
@@ -68,7 +68,7 @@ class NodeParser:
         self.spare: set[str] = set()
 
     def node(self, value: Located) -> TreeNode:
-        """The node that a value says."""
+        """Return the node that a value describes."""
         if isinstance(value.value, str):
             return SkillNode(value.place, self.name(value, "a node"), {})
         keys = nested(value)
@@ -90,7 +90,7 @@ class NodeParser:
         return made(place, head, keys)
 
     def _broken(self, value: Located, keys: Mapping[str, Located]) -> TreeNode:
-        """What is no node, with the nodes in it that can be made out."""
+        """Return a node of unknown kind, with the nodes that can be recognised in it."""
         items = value.value if isinstance(value.value, list) else ()
         below: list[TreeNode] = [self._unknown(value), *self._items(items)]
         beside = {"with", "name"}
@@ -108,16 +108,16 @@ class NodeParser:
         return ControlNode(value.place, "", tuple(below)) if below[1:] else below[0]
 
     def _unknown(self, value: Located) -> SkillNode:
-        """A leaf of which nothing is known but the keys that stand in it."""
+        """Return a leaf of which only the references are known."""
         keys = {name: Key(value.place, name, value.label) for name in names_within(value)}
         return SkillNode(value.place, "", keys)
 
     def is_name(self, value: object) -> TypeGuard[str]:
-        """Whether something is a name."""
+        """Whether a value is a name."""
         return isinstance(value, str) and _NAME.fullmatch(value) is not None
 
     def name(self, value: Located, what: str) -> str:
-        """A name; empty where it is none."""
+        """Return a name, or an empty text if the value is none."""
         if self.is_name(value.value):
             return value.value
         rule = "a letter, then letters, digits, _ or -"
@@ -125,21 +125,21 @@ class NodeParser:
         return ""
 
     def number(self, value: Located, what: str) -> int:
-        """A task number; 0 where it is none."""
+        """Return a task number, or 0 if the value is none."""
         if is_number(value.value):
             return value.value
         self._wrong(value.place, f"{what}: {value} is no number from 0 to {MAX_NUMBER}")
         return 0
 
     def line(self, value: Located, what: str) -> str:
-        """A text as one line; empty where it is none."""
+        """Return a text as one line, or an empty one if the value is no text."""
         if isinstance(value.value, str) and value.value.strip():
             return " ".join(value.value.split())
         self._wrong(value.place, f"{what}: {value} is not a text")
         return ""
 
     def wired(self, value: Located) -> Value:
-        """A value that is written out, or `$name`."""
+        """Return a literal value, or a reference for `$name`."""
         if not isinstance(value.value, str) or not value.value.startswith("$"):
             return value
         if value.value.startswith("$$"):
@@ -210,7 +210,7 @@ class NodeParser:
     def _beside(
         self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
-        """The keys of a node as they were probably meant; tells those that are not known."""
+        """Report unknown keys of a node; return its values with corrected keys."""
         beside = [key for key in keys if key != head]
         for key in beside:
             if key not in known:
@@ -228,7 +228,7 @@ class NodeParser:
         return name
 
     def _wiring(self, value: Located, what: str) -> dict[str, Value] | None:
-        """What ports are wired to; None where that is wrong as a whole."""
+        """Return the values at ports, or None if the mapping as a whole is wrong."""
         if not isinstance(value.value, dict):
             named = value.value is not None and not isinstance(value.value, list)
             form = f"; say which, as in {{port: {value}}}" if named else ""
@@ -249,11 +249,11 @@ def _heads() -> tuple[str, ...]:
 
 
 def _where(place: Place) -> tuple[Place, str]:
-    return place, place.way
+    return place, place.location
 
 
 def is_number(value: object) -> TypeGuard[int]:
-    """Whether something may be the number of a task."""
+    """Whether a value is a task number."""
     return type(value) is int and 0 <= value <= MAX_NUMBER
 
 

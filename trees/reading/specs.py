@@ -1,4 +1,4 @@
-"""The nodes of a tree as data, and the table of those that hold others."""
+"""The nodes of a tree as data, as they are written in a file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,12 +10,12 @@ from .document import Located
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A value by name, `$name` in a file: a parameter, a port of the subtree, or a key.
+    """A reference, `$name` in a file: to a parameter, a port of the subtree, or a key.
 
     Attributes:
-        place: Where it stands.
-        name: Without the $.
-        label: Where the port stands that it is wired to.
+        place: Its place.
+        name: Name without the $.
+        label: Place of the port that has it as a value.
     """
 
     place: Place
@@ -31,10 +31,10 @@ class SkillNode:
     """A leaf.
 
     Attributes:
-        place: Where it stands.
-        skill: Name of the skill; empty where the file is wrong here.
-        ports: What its ports are wired to; where the file is wrong, the keys that stand here.
-        name: How it is shown; empty for the skill's name.
+        place: Its place.
+        skill: Name of the skill; empty if the file is wrong here.
+        ports: Values and references by port. If the file is wrong here: the references in it.
+        name: Name of the node; empty for the skill's name.
     """
 
     place: Place
@@ -45,14 +45,14 @@ class SkillNode:
 
 @dataclass(frozen=True, slots=True)
 class ControlNode:
-    """A node that decides what becomes of others.
+    """A node with children.
 
     Attributes:
-        place: Where it stands.
-        kind: A key of KINDS; empty where the file is wrong here.
-        children: What it holds; the condition of a guard comes last.
-        options: What is written beside it.
-        name: How it is shown; empty for its kind.
+        place: Its place.
+        kind: Name of its kind; empty if the file is wrong here.
+        children: Its children. If it has a condition, that is the last one.
+        options: Values of its options, by name.
+        name: Name of the node; empty for its kind.
     """
 
     place: Place
@@ -64,13 +64,13 @@ class ControlNode:
 
 @dataclass(frozen=True, slots=True)
 class SubtreeNode:
-    """A subtree, or a task, from a file of its own.
+    """A subtree, or another task, from its own file.
 
     Attributes:
-        place: Where it stands.
-        source: Name of the subtree, or number of the task; empty where the file is wrong here.
-        values: What its ports or parameters are wired to.
-        name: How it is shown; empty for the name of the file.
+        place: Its place.
+        source: Name of the subtree, or number of the task; empty if the file is wrong here.
+        values: Values and references by port or parameter.
+        name: Name of the node; empty for the name in the file.
     """
 
     place: Place

@@ -24,7 +24,7 @@ Wrong = Callable[[Place, str], None]
 
 
 def measured(value: Located) -> str:
-    """Which type a number with a unit is of; empty where it has none that is known."""
+    """Return the type of a number with a unit; empty if it has no known unit."""
     plain = value.value
     found = _QUANTITY.fullmatch(plain) if isinstance(plain, str) else None
     return next((kind for kind, units in UNITS.items() if found and found[2] in units), "")
@@ -33,21 +33,21 @@ def measured(value: Located) -> str:
 def fit(
     value: Located, wanted: Declaration, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
 ) -> Any:
-    """The value that a text means where something is wanted.
+    """Convert a literal value to its declared type, and check it.
 
     Args:
-        value: As it is written.
-        wanted: What it must be.
-        poses: Joint values [rad] by the name of the pose.
-        wrong: Told what is wrong with it.
+        value: The value as it is written.
+        wanted: Declaration of the type and limits.
+        poses: Joint positions [rad] by joint name, by name of the pose.
+        wrong: Receives mistakes.
 
     Returns:
-        A float in the type's first unit, an int, a bool, a str, a dict of floats, or a list of any
-        of these; None where it is wrong. What is not known yet is its StandIn, and what is wrong
-        within a dict or a list is REFUSED.
+        A float in the type's first unit, an int, a bool, a str, a dict of floats, or a list of
+        these; None if the value is wrong. A value that is not known yet is a StandIn. In a dict or
+        a list, a wrong value is REFUSED.
     """
     if isinstance(value.value, StandIn):
-        return _stands(value, value.value, wanted.type, wrong)
+        return _known_type(value, value.value, wanted.type, wrong)
     if wanted.type.startswith(LIST):
         return _items(value, wanted, poses, wrong)
     if wanted.type == "positions":
@@ -56,7 +56,7 @@ def fit(
         fitted = _number(value, wanted.type, wrong)
     else:
         fitted = _plain(value, wanted.type, wrong)
-    if fitted is not None and (reason := _beyond(fitted, wanted)):
+    if fitted is not None and (reason := _violation(fitted, wanted)):
         wrong(value.place, f"{value} {reason}")
         return None
     return fitted
@@ -81,7 +81,7 @@ def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
     if kind == ANY and type(plain) is int:
         return float(plain)
     python = _PYTHON.get(kind)
-    # A truth value is a whole number to Python.
+    # In Python, a bool is an int.
     if python and isinstance(plain, python) and (kind != "integer" or type(plain) is int):
         return plain
     hint = "" if python else "; name a key that a skill writes, such as $key"
@@ -89,7 +89,7 @@ def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
     return None
 
 
-def _stands(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> StandIn | None:
+def _known_type(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> StandIn | None:
     if type_fits(stand_in.type, kind):
         return stand_in
     wrong(value.place, f"{stand_in} is {words(stand_in.type)}, not {words(kind)}")
@@ -99,7 +99,7 @@ def _stands(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> Stand
 def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> float | StandIn | None:
     plain = value.value
     if isinstance(plain, StandIn):
-        return _stands(value, plain, kind, wrong)
+        return _known_type(value, plain, kind, wrong)
     if type(plain) in (int, float):
         number = float(plain)  # type: ignore[arg-type]
     elif isinstance(plain, str) and kind in UNITS and (found := _QUANTITY.fullmatch(plain)):
@@ -124,7 +124,7 @@ def _positions(
 ) -> dict[str, float | StandIn] | None:
     if isinstance(value.value, str):
         if value.value in poses:
-            return dict(poses[value.value]) or None  # an empty one is wrong, and told already
+            return dict(poses[value.value]) or None  # an empty pose is wrong, and reported already
         wrong(value.place, f"no pose {value.value}; there are {choices(value.value, poses)}")
         return None
     if not isinstance(value.value, dict):
@@ -139,8 +139,8 @@ def _positions(
     return {joint: REFUSED if number is None else number for joint, number in fitted.items()}
 
 
-def _beyond(fitted: Any, wanted: Declaration) -> str:
-    """Why a value is not allowed; empty where it is."""
+def _violation(fitted: Any, wanted: Declaration) -> str:
+    """Return why a value violates its declaration; empty if it does not."""
     unit = f" {wanted.unit}".rstrip()
     if wanted.least is not None and fitted < wanted.least:
         return f"is less than {wanted.least:g}{unit}"

@@ -146,7 +146,7 @@ def test_what_is_told_of_an_odd_key_can_be_printed(text: str) -> None:
     with pytest.raises(FileError) as caught:
         read(text)
     for mistake in caught.value.mistakes:
-        assert mistake.place.way.isprintable()
+        assert mistake.place.location.isprintable()
         assert str(mistake).replace("\n", "").isprintable()
 
 

@@ -76,8 +76,8 @@ def said(path: Path, text: str) -> tuple[Said, dict[str, int]]:
         if isinstance(inner, dict | list) and inner:
             left += inner.values() if isinstance(inner, dict) else inner
         else:
-            found[value.place.way] = value.plain()
-            lines[value.place.way] = value.place.line
+            found[value.place.location] = value.plain()
+            lines[value.place.location] = value.place.line
     return found, lines
 
 
