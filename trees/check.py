@@ -300,7 +300,7 @@ def _refused(pending: _Pending, context: Context, notes: list[Mistake]) -> Itera
         for world, place in _unmoved(pending, context).items():
             new = (boot, world) not in poses and broken.isdisjoint(world.bodies)
             if new and (hit := _hit(context, boot, world)):
-                why = "where a reset puts the arm, it collides before it moves here"
+                why = "in its boot pose the arm collides before it moves here"
                 notes.append(Mistake(place, f"{why}: {_words(hit)}"))
 
 

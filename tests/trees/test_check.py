@@ -62,24 +62,24 @@ def test_right(robot: Robot, tmp_path: Path, text: str) -> None:
 WRONG = [
     (f"{{sequence: [{{Fail: {{reason: a}}}}, {{{SAY}}}]}}", "never reached: Fail before it never"),
     (f"{{selector: [{{{SAY}}}, {{{SAY}}}]}}", "is never reached: Say before it never fails"),
-    (f"{{repeat: {{{SAY}}}}}", "never ends: nothing in it can fail"),
+    (f"{{repeat: {{{SAY}}}}}", "never ends: its child cannot fail"),
     ("{parallel: [{repeat: Succeed}, {repeat: Succeed}], policy: any}", "no node of it can succ"),
     (f"{{retry: {{{SAY}}}, attempts: 2}}", "has nothing to retry"),
     ("{repeat: {Fail: {reason: a}}}", "has nothing to repeat"),
-    ("{wait_for: {inverter: {force_success: CheckHardware}}}", "never ends: what it waits for"),
+    ("{wait_for: {inverter: {force_success: CheckHardware}}}", "never ends: its condition never"),
     (
         "{sequence: [CheckHardware, {Wait: {duration: 1}}, Succeed], memory: false}",
-        "4:34 Wait acts, and without memory would begin anew",
+        "4:34 Wait acts, and without memory would be restarted",
     ),
     (
         f"{{selector: [{MOVE}, Succeed], memory: false}}",
-        "4:19 SetStart acts, and without memory would begin anew",
+        "4:19 SetStart acts, and without memory would be restarted",
     ),
     (
         "{timeout: {Wait: {duration: 3}}, after: 2 s}",
-        "always fails after 2 s; what it holds takes 3",
+        "always fails after 2 s; its child takes at least 3",
     ),
-    ("{timeout: {repeat: {Wait: {duration: 1}}, times: 3}, after: 2}", "takes 3 s at least"),
+    ("{timeout: {repeat: {Wait: {duration: 1}}, times: 3}, after: 2}", "takes at least 3 s"),
     ("{Wait: {duration: -1}}", "4:25 Wait.duration: -1 is less than 0 s"),
     ("{Wait: {duration: 2 days}}", "no unit days; there are h, min, ms, s"),
     ("{Wait: {duration: .nan}}", "is not finite"),
@@ -96,16 +96,16 @@ WRONG = [
     ("{guard: Succeed, while: {Wait: {duration: 1}}}", "Wait acts, and cannot be a condition"),
     (
         "{guard: Succeed, while: {selector: [CheckHardware, {retry: CheckHardware, attempts: 2}]}}",
-        "4:58 retry may take time, and while asks for an answer at once",
+        "4:58 retry may take several ticks, and while needs a result at once",
     ),
     (
         "{guard: Succeed, while: {guard: CheckHardware, while: CheckHardware, otherwise: pause}}",
-        "guard may take time",
+        "guard may take several ticks",
     ),
     (
         "{sequence: [{selector: [{sequence: [{Set: {value: 1, key: $a}}, CheckHardware]},"
         " {Set: {value: b, key: $a}}]}, {Compare: {left: $a, is: '<', right: 2}}]}",
-        "Compare.left: $a is a number or a text, by the way that was taken before",
+        "Compare.left: $a is a number or a text, depending on the path taken before",
     ),
     ("{wait_for: SetStart}", "SetStart acts, and cannot be a condition"),
     ("{inverter: [Succeed]}", "a node is one of"),
@@ -126,11 +126,11 @@ WRONG = [
     ),
     (
         "{sequence: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}, {Say: {text: b}}]}",
-        "$a is written a second time; what line 4 writes nothing reads",
+        "$a is written again, but nothing reads what line 4 writes",
     ),
     (
         "{parallel: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}]}",
-        "which writes it too, so that nobody knows which comes last",
+        "which writes it too, so that it is not certain which comes last",
     ),
     (
         "{sequence: [{selector: [CheckHardware, {Set: {value: 1, key: $a}}]},"
@@ -182,7 +182,7 @@ WRONG = [
         " {subtree: move_joints, with: {joints: {joint_5: 0}}}]}",
         "joint_5 follows joint_4; name joint_4 instead (joint_4 = 0 gives",
     ),
-    ("{task: 3}", "task 3 would hold itself"),
+    ("{task: 3}", "task 3 would contain itself"),
     ("{task: 99}", "no task 99; there are 0, 1, 2"),
     ("{task: 1, with: {speed: 1}}", "speed is no parameter of task 1; there are none"),
     ("{Say: {text: a}, name: a/b}", "has a / or more than 60 characters"),

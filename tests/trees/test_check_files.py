@@ -91,13 +91,13 @@ OWN_FILES = [
         "look.yaml",
         "subtree: look\ndescription: x\nports: {a: {type: text, output: true}}\n"
         "tree: {Set: {value: 1, key: $a}}\n",
-        "4:7 subtree look: a is a text, but written is a number",
+        "4:7 subtree look: a is a text, but a number is written",
     ),
     (
         "look.yaml",
         "subtree: look\ndescription: x\nports: {a: {type: text, output: true}}\n"
         "tree: {selector: [CheckHardware, {Set: {value: b, key: $a}}]}\n",
-        "4:7 subtree look does not write a on every way through it",
+        "4:7 subtree look does not write a on every path through it",
     ),
     (
         "look.yaml",
@@ -127,7 +127,7 @@ ONCE = [
     (
         "",
         "{sequence: [{subtree: open_gripper}, {Wait: {duration: 1 s}}], memory: false}",
-        "4:19 SetStart acts, and without memory would begin anew",
+        "4:19 SetStart acts, and without memory would be restarted",
     ),
     (
         "",
@@ -138,7 +138,7 @@ ONCE = [
         "",
         "{sequence: [{selector: [{sequence: [{Set: {key: $a, value: 1}}, CheckHardware]},"
         " {Set: {key: $a, value: x}}]}, {Compare: {left: $a, is: '<', right: 2}}]}",
-        "4:135 Compare.left: $a is a number or a text, by the way that was taken before",
+        "4:135 Compare.left: $a is a number or a text, depending on the path taken before",
     ),
     ("parameters: [a]\n", "Succeed", "4:13 parameters: ['a'] is not a mapping of names"),
     (
@@ -214,17 +214,17 @@ ONCE = [
     (
         "parameters: {a: {type: number, default: 1}}\n",
         "{sequence: [{Say: {text: a, value: $a}}, {Set: {value: 2, key: $a}}]}",
-        "5:70 Set.key: $a is a parameter, which nothing may write",
+        "5:70 Set.key: $a is a parameter, which must not be written",
     ),
     (
         "parameters: {a: number}\n",
         "{sequence: [{Say: {text: a, value: $a}}, {Set: {value: 2, key: $a}}]}",
-        "5:70 Set.key: $a is a parameter, which nothing may write",
+        "5:70 Set.key: $a is a parameter, which must not be written",
     ),
     (
         "parameters: {a: number}\n",
         "{sequence: [{Say: {text: a, value: $a}}, {subtree: writes, with: {to: $a}}]}",
-        "5:77 subtree writes: to: $a is a parameter, which nothing may write",
+        "5:77 subtree writes: to: $a is a parameter, which must not be written",
     ),
     (
         "",
@@ -268,7 +268,7 @@ def test_a_subtree_may_not_write_to_what_it_reads(robot: Robot, tmp_path: Path) 
     path = tmp_path / "look.yaml"
     text = "subtree: look\ndescription: x\nports: {to: number}\ntree: {Set: {value: 1, key: $to}}\n"
     path.write_text(text)
-    words = "Set.key: $to is a port that is read; say output: true where it is declared"
+    words = "Set.key: $to is an input port; declare it with output: true to write it"
     assert [m.message for m in check(robot, None, [path]).mistakes] == [words]
     task = tree("{sequence: [{Set: {value: 3, key: $a}}, {subtree: look, with: {to: $a}}]}")
     (tmp_path / "3_x.yaml").write_text(task)

@@ -16,7 +16,7 @@ from trees.errors import Place
 from trees.nodes import Flow
 
 _UNNAMED = "bodies named at run time"
-_UNKNOWN = "only a run of the task tells from where, or where to"
+_UNKNOWN = "its start or target is known only during a run"
 
 
 @dataclass(frozen=True)

@@ -307,9 +307,9 @@ class TreeCompiler:
         label = spec.source if isinstance(spec.source, str) else what
         way = (*scope.within, label)
         if label in scope.within:
-            self._wrong(spec.place, f"{what} would hold itself: {' -> '.join(way)}")
+            self._wrong(spec.place, f"{what} would contain itself: {' -> '.join(way)}")
         elif len(way) > MAX_SUBTREES:
-            self._wrong(spec.place, f"more than {MAX_SUBTREES} subtrees within each other")
+            self._wrong(spec.place, f"more than {MAX_SUBTREES} nested subtrees")
         elif spec.source != "" and (source := self._sources.get(spec, self._mistakes)):
             ports = self._ports(spec, source, scope, what)
             missing = {
@@ -368,9 +368,9 @@ class TreeCompiler:
     ) -> None:
         written = self._keys.written.get(key)
         if written is None:
-            self._wrong(place, f"{what} does not write {name} on every way through it")
+            self._wrong(place, f"{what} does not write {name} on every path through it")
         elif not type_fits(written, declared.type):
-            self._wrong(place, f"{what}: {name} is {declared}, but written is {words(written)}")
+            self._wrong(place, f"{what}: {name} is {declared}, but {words(written)} is written")
 
     # Skills
 
@@ -382,7 +382,7 @@ class TreeCompiler:
                 self._wrong(spec.place, f"{name} is a subtree, not a skill: write subtree: {name}")
             elif spec.skill:  # else a mistake here is reported already
                 there = choices(spec.skill, (*self._skills, *KINDS, "subtree", "task"))
-                own = "; one of your own comes with --skills DIR"
+                own = "; --skills DIR adds your own"
                 self._wrong(spec.place, f"no skill {spec.skill}; there are {there}{own}")
             self._forgive(spec.ports.values(), scope)
             return self._placeholder(spec.skill, spec.place)

@@ -46,7 +46,7 @@ class Keys:
             mistakes.add_last(key.place, f"nothing has written ${name} when {what} reads it")
         elif _OR in written:
             kinds = " or ".join(map(words, written.split(_OR)))
-            why = f"{what}: ${name} is {kinds}, by the way that was taken before"
+            why = f"{what}: ${name} is {kinds}, depending on the path taken before"
             mistakes.add_last(key.place, why)
             return ""
         elif not type_fits(written, wanted):
@@ -60,8 +60,7 @@ class Keys:
             line = before.place.line
             mistakes.add(
                 key.place,
-                f"${short_name(key)} is written a second time; what line {line} writes nothing "
-                "reads",
+                f"${short_name(key)} is written again, but nothing reads what line {line} writes",
             )
         self.written[key.name], self.unread[key.name] = kind, key
 
@@ -84,7 +83,7 @@ class Keys:
                     mistakes.add(
                         key.place,
                         f"${short_name(key)} is written beside line {other.place.line}, which "
-                        "writes it too, so that nobody knows which comes last",
+                        "writes it too, so that it is not certain which comes last",
                     )
                 self.unread[name] = key
             self.written |= branch.written

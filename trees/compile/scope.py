@@ -32,8 +32,8 @@ class Scope:
 def fixed(declared: Mapping[str, Declaration], what: str) -> dict[str, str]:
     """Return the parameters or ports that must not be written, and the reason."""
     why = {
-        "parameter": "a parameter, which nothing may write",
-        "port": "a port that is read; say output: true where it is declared",
+        "parameter": "a parameter, which must not be written",
+        "port": "an input port; declare it with output: true to write it",
     }
     names = (name for name, each in declared.items() if each.type != UNTYPED and not each.output)
     return dict.fromkeys(names, why[what])
@@ -79,7 +79,7 @@ def _without_names(
         return Located(given.place, given.value, value.label)
     wrong(
         value.place,
-        f"{inner} has no value before the run; within a mapping or a list stand values, and "
-        "parameters or ports that are given one",
+        f"{inner} has no value before the run; a mapping or a list may contain values, and "
+        "parameters or ports that have one",
     )
     return Located(value.place, None, value.label)

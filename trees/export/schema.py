@@ -19,7 +19,7 @@ NAME = "task.schema.json"
 _NAME = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_-]*$"}
 _KEY = {"type": "string", "pattern": "^\\$[A-Za-z]", "description": "a parameter, port or key"}
 _LINE = {"type": "string", "minLength": 1}
-_SHOWN = {"type": "string", "maxLength": 60, "description": "how the node is shown"}
+_SHOWN = {"type": "string", "maxLength": 60, "description": "name of the node"}
 
 
 def schema_text(library: Library) -> str:

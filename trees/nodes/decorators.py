@@ -64,7 +64,7 @@ class TimeoutKind(ControlNodeKind):
         """Return how it can end, and report a child that always takes longer."""
         child, after = node.child(0, halted=True), node.options["after"]
         if child.shortest >= after:
-            least = f"what it holds takes {child.shortest:g} s at least"
+            least = f"its child takes at least {child.shortest:g} s"
             node.wrong(f"always fails after {after:g} s; {least}")
         return PossibleOutcomes(child.succeeds, True, child.shortest)
 

@@ -95,8 +95,8 @@ class GuardKind(ControlNodeKind):
         """Report a condition that may take several ticks."""
         for below in children[1].lasting():
             below.wrong(
-                f"{below.name} may take time, and while asks for an answer at once; the guard "
-                "asks again by itself"
+                f"{below.name} may take several ticks, and while needs a result at once; the guard "
+                "repeats it by itself"
             )
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
@@ -107,7 +107,7 @@ class GuardKind(ControlNodeKind):
 
     def groot(self, options: Options) -> list[Element]:
         """Return the nodes of BehaviorTree.CPP; a retried sequence waits as a guard does."""
-        description = {"_description": f"asked every {options['every']:g} s"}
+        description = {"_description": f"checked every {options['every']:g} s"}
         if _pauses(options):
             attributes = {"num_attempts": "-1", **description}
             return [("RetryUntilSuccessful", attributes), ("ReactiveSequence", {})]

@@ -131,7 +131,7 @@ class RetryKind(ControlNodeKind):
         """Return how it can end, and report a child that never fails."""
         child = node.child(0, node.halted)
         if not child.fails:
-            node.wrong("has nothing to retry: what it holds never fails")
+            node.wrong("has nothing to retry: its child never fails")
         return child
 
     def groot(self, options: Options) -> list[Element]:
@@ -199,12 +199,12 @@ class RepeatKind(ControlNodeKind):
         """Return how it can end, and report a loop that never starts again or never ends."""
         child, times = node.child(0, node.halted), node.options["times"]
         if not child.succeeds:
-            node.wrong("has nothing to repeat: what it holds never succeeds")
+            node.wrong("has nothing to repeat: its child never succeeds")
         if times is not None:
             return PossibleOutcomes(child.succeeds, child.fails, child.shortest * times)
         if not child.fails and not node.halted:
             node.wrong(
-                "never ends: nothing in it can fail; say times, or put it into a timeout or into a "
+                "never ends: its child cannot fail; give times, or put it into a timeout or into a "
                 "parallel with policy any"
             )
         return PossibleOutcomes(False, child.fails, 0.0)
@@ -262,12 +262,12 @@ class WaitForKind(ControlNodeKind):
         """Return how it can end, and report a condition that never holds."""
         child = node.child(0, node.halted)
         if not child.succeeds:
-            node.wrong("never ends: what it waits for never holds")
+            node.wrong("never ends: its condition never holds")
         return PossibleOutcomes(child.succeeds, False, child.shortest)
 
     def groot(self, options: Options) -> list[Element]:
         """Return the node of BehaviorTree.CPP."""
-        description = f"asked every {options['every']:g} s"
+        description = f"checked every {options['every']:g} s"
         return [("RetryUntilSuccessful", {"num_attempts": "-1", "_description": description})]
 
 

@@ -235,7 +235,7 @@ class _Parser:
         version = self.get("grammar", needed=False)
         if version and (type(version.value) is not int or version.value != VERSION):
             here = f"this armtree reads grammar {VERSION}"
-            self._wrong(version.place, f"grammar: {version} is another one; {here}")
+            self._wrong(version.place, f"grammar: {version} is not supported; {here}")
 
     def get(self, key: str, needed: bool = True) -> Located | None:
         value = self._values.get(key)

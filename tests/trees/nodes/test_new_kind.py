@@ -55,7 +55,7 @@ class KeepGoingKind(ControlNodeKind, register=False):
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         child = node.child(0, node.halted)
         if not child.fails:
-            node.wrong("hides nothing: what it holds never fails")
+            node.wrong("hides nothing: its child never fails")
         return PossibleOutcomes(True, child.fails, 0.0)
 
     def groot(self, options: Options) -> list[Element]:
@@ -114,7 +114,7 @@ def test_it_is_read(robot: Robot, folder: Path) -> None:
 
 def test_it_is_analysed(robot: Robot, folder: Path) -> None:
     told = mistakes(robot, folder, "{Fail: {reason: so it is}}", "Succeed")
-    assert told == ["keep_going hides nothing: what it holds never fails"]
+    assert told == ["keep_going hides nothing: its child never fails"]
     never = "    - Fail: {reason: now}\n    - Say: {text: after it}\n"
     told = mistakes(robot, folder, "    - Say: {text: after it}\n", never)
     assert told == ["Say is never reached: Fail before it never succeeds"]
