@@ -52,20 +52,20 @@ class Code:
 ROWS = {
     OK: Code(0, "The task was done", ""),
     INTERNAL: Code(
-        1, "A bug of ours", "report it, with --debug and the recording", "A bug of ours"
+        1, "A bug in armtree", "report it, with --debug and the recording", "A bug in armtree"
     ),
-    "file": Code(3, "A file is wrong", "correct it where the message says"),
+    "file": Code(3, "A file is wrong", "correct it at the line that the message names"),
     CANCELED: Code(7, "The goal was canceled", "", "Canceled"),
     BUSY: Code(4, "Another goal is under way", "wait for it, cancel it, or choose another policy"),
     QUEUE_FULL: Code(4, "The queue of goals is full", "wait for some, or cancel them"),
-    DUPLICATE: Code(4, "Another goal has that identity", "give every goal a name of its own"),
+    DUPLICATE: Code(4, "Another goal has that identity", "give every goal its own identity"),
     BAD_IDENTITY: Code(
         4,
         "The identity of a goal is not 32 lower-case hexadecimal digits",
-        "leave it out to have one made",
+        "leave it out to get one",
     ),
     DIFFERS: Code(12, "A replay differs from its recording", "see where it differs"),
-    "server": Code(13, "The server cannot take part", "start it again"),
+    "server": Code(13, "The server failed", "start it again"),
     CLOSING: Code(13, "The server is ending", "start it again"),
 }
 

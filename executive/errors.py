@@ -48,21 +48,21 @@ _LONGEST = 300  # characters of a refusal: it may quote what the client sent
 
 
 class GoalError(Exception):
-    """Root of everything that is said of goals as such."""
+    """Root of the errors of goals."""
 
     code = "goal.error"
     exit_status = 4
-    meaning = "The goal makes no sense"
+    meaning = "The goal is invalid"
     hint = "send another one"
     heading = ""
 
 
 class UnknownGoal(GoalError):
-    """There is no goal of that name, or its result was kept long enough."""
+    """No goal has that identity, or its result is forgotten."""
 
     code = "goal.unknown"
-    meaning = "There is no goal of that name, or it is forgotten"
-    hint = "ask sooner"
+    meaning = "No goal has that identity, or its result is forgotten"
+    hint = "request the result sooner"
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"no goal {identity} is known; results are kept for a while only")
@@ -74,17 +74,17 @@ class ResultTimeout(GoalError, TimeoutError):
     code = "goal.result_timeout"
     exit_status = 8
     meaning = "The goal has not ended yet"
-    hint = "ask again"
+    hint = "request the result again"
 
     def __init__(self, identity: str, timeout: float) -> None:
-        super().__init__(f"goal {identity} has not ended within {timeout:g} s; ask again")
+        super().__init__(f"goal {identity} has not ended within {timeout:g} s; request it again")
 
 
 class NotExecuting(GoalError):
-    """Only a goal that is executing can be paused and gone on with."""
+    """Only an executing goal can be paused."""
 
     code = "goal.not_executing"
-    meaning = "Only a goal that is executing can be paused"
+    meaning = "Only an executing goal can be paused"
     hint = "`armtree status` shows which one is"
 
     def __init__(self, identity: str, state: str) -> None:
@@ -92,10 +92,10 @@ class NotExecuting(GoalError):
 
 
 class NotPaused(GoalError):
-    """Only a paused goal can be gone on with."""
+    """Only a paused goal can be resumed."""
 
     code = "goal.not_paused"
-    meaning = "Only a paused goal can be gone on with"
+    meaning = "Only a paused goal can be resumed"
     hint = "pause it first"
 
     def __init__(self, identity: str) -> None:
@@ -103,21 +103,21 @@ class NotPaused(GoalError):
 
 
 class TooManyBreakpoints(GoalError):
-    """There are as many as there may be."""
+    """The limit of breakpoints is reached."""
 
     code = "goal.too_many_breakpoints"
-    meaning = "There are as many breakpoints as there may be"
-    hint = "`armtree break NODE --off` lifts one"
+    meaning = "The limit of breakpoints is reached"
+    hint = "`armtree break NODE --off` removes one"
 
     def __init__(self, most: int) -> None:
-        super().__init__(f"there are {most} breakpoints already; take one away first")
+        super().__init__(f"there are {most} breakpoints already; remove one first")
 
 
 class NoSuchNode(GoalError):
-    """No task has a node of that path."""
+    """No task has a node with that path."""
 
     code = "goal.no_such_node"
-    meaning = "No task has a node of that path"
+    meaning = "No task has a node with that path"
     hint = "`armtree run N --json` prints the paths of nodes"
 
 
@@ -133,18 +133,18 @@ class GoalPreempted(GoalError):
 
 
 class ExecutorBlocked(GoalError):
-    """The code of a skill does not return, and holds the thread that would execute it.
+    """The code of a skill does not return, so the executor thread cannot run another goal.
 
     Args:
-        identity: Of the goal that has ended, but for that.
-        task: Which it was for.
-        node: Path in its tree; empty where it is not known.
+        identity: Identity of the goal.
+        task: Number of its task.
+        node: Path of the blocked node; empty if it is not known.
     """
 
     code = "server.held"
     exit_status = 13
-    meaning = "The code of a skill does not return, so that nothing else can be executed"
-    hint = "start the server again, and mend the skill that is named"
+    meaning = "The code of a skill does not return, so no other goal can be executed"
+    hint = "fix the skill that the message names, then start the server again"
 
     def __init__(self, identity: str, task: int, node: str) -> None:
         super().__init__(
@@ -154,29 +154,29 @@ class ExecutorBlocked(GoalError):
 
 
 class ServerRestarted(GoalError):
-    """Its server ended before it did."""
+    """The server ended before the goal did."""
 
     code = "server.restarted"
     exit_status = 13
     meaning = "The server ended before the goal did"
-    hint = "see where the arm stands, then send the goal again"
+    hint = "check where the arm is, then send the goal again"
 
     def __init__(self) -> None:
         super().__init__(
-            "the server ended before this goal did, and never goes on with one; see where the arm "
-            "stands, then send the goal again"
+            "the server ended before this goal did, and no server resumes it; check where the arm "
+            "is, then send the goal again"
         )
 
 
 class UnknownQuestion(GoalError):
-    """There is no question of that name, or it is answered."""
+    """No open question has that identity."""
 
     code = "goal.unknown_question"
-    meaning = "There is no question of that name, or it is answered"
+    meaning = "No open question has that identity"
     hint = "`armtree answer` lists them"
 
     def __init__(self, identity: str) -> None:
-        super().__init__(f"question {identity} is not known, or answered already")
+        super().__init__(f"question {identity} is unknown or already answered")
 
 
 class BadAnswer(GoalError):
@@ -194,11 +194,11 @@ class NotHeld(GoalError):
     """A goal that needs a hold, and no client holds it."""
 
     code = "goal.not_held"
-    meaning = "A goal with a dead man's handle, and nobody holds it"
+    meaning = "The goal needs a hold, and no client holds it"
     hint = "hold it, then send it"
 
     def __init__(self, identity: str) -> None:
-        super().__init__(f"nobody holds goal {identity}; begin to hold it, then send it")
+        super().__init__(f"no client holds goal {identity}; hold it, then send it")
 
 
 class ServerError(Exception):
@@ -206,7 +206,7 @@ class ServerError(Exception):
 
     code = "server.options"
     exit_status = 13
-    meaning = "The server would be open to more than was said"
+    meaning = "The options of the server are unsafe or invalid"
     hint = "see the message"
     heading = ""
 
@@ -231,8 +231,8 @@ class RequestError(Exception):
     status = 400
     code = "request"
     exit_status = 13
-    meaning = "The server refused a request"
-    hint = "`/openapi.json` lists all there is"
+    meaning = "The server rejected a request"
+    hint = "`/openapi.json` describes all requests"
     heading = ""
 
     def __init__(self, message: str, hint: str = "", status: int | None = None) -> None:
@@ -246,8 +246,8 @@ class BadRequest(RequestError):
     """A request is malformed."""
 
     code = "request.malformed"
-    meaning = "A request cannot be understood"
-    hint = "`/openapi.json` says how to ask"
+    meaning = "A request is malformed"
+    hint = "`/openapi.json` describes all requests"
 
 
 class NotFound(RequestError):
@@ -255,8 +255,8 @@ class NotFound(RequestError):
 
     status = 404
     code = "request.not_found"
-    meaning = "There is no such address"
-    hint = "`/openapi.json` lists them"
+    meaning = "The address does not exist"
+    hint = "`/openapi.json` describes all requests"
 
 
 class BadMethod(RequestError):
@@ -264,8 +264,8 @@ class BadMethod(RequestError):
 
     status = 405
     code = "request.method"
-    meaning = "That method is not for this address"
-    hint = "`/openapi.json` lists them"
+    meaning = "The address has no such method"
+    hint = "`/openapi.json` describes all requests"
 
 
 class Forbidden(RequestError):
@@ -273,7 +273,7 @@ class Forbidden(RequestError):
 
     status = 403
     code = "request.forbidden"
-    meaning = "A request from a foreign page or name"
+    meaning = "A request of another site, or to another name"
     hint = "see the message"
 
 
@@ -282,15 +282,15 @@ class WrongHost(Forbidden):
 
     code = "request.host"
     meaning = "Host is no name of this server"
-    hint = "ask it by its address, or serve --host NAME"
+    hint = "use its address, or `armtree serve --host NAME`"
 
 
 class WrongOrigin(Forbidden):
     """A page of another site sent the request."""
 
     code = "request.origin"
-    meaning = "A foreign page asks"
-    hint = "serve --origin URL lets it, if it shall"
+    meaning = "A page of another site sent a request"
+    hint = "`armtree serve --origin URL` allows it"
 
 
 class Unauthorized(RequestError):
@@ -307,7 +307,7 @@ class TooMuch(RequestError):
 
     status = 429
     code = "request.too_many"
-    meaning = "Too many requests, or clients"
+    meaning = "Too many requests or clients"
     hint = "wait a moment"
 
 
@@ -316,7 +316,7 @@ class TooLarge(TooMuch):
 
     status = 413
     code = "request.too_large"
-    meaning = "A body is too large"
+    meaning = "The body of a request is too large"
     hint = "send less"
 
 
@@ -325,15 +325,15 @@ class TooSlow(TooMuch):
 
     status = 408
     code = "request.timeout"
-    meaning = "A body came too slowly"
-    hint = "send it in one go"
+    meaning = "The body of a request arrived too slowly"
+    hint = "send it at once"
 
 
 class PoseUnconfirmed(HardwareError):
     """The position of the arm is unknown, and no person has confirmed it."""
 
     code = "hw.pose_unconfirmed"
-    meaning = "Nobody has said where the arm stands"
+    meaning = "The position of the arm is not confirmed"
     hint = "give --pose last, or --pose boot"
 
 
@@ -347,13 +347,13 @@ class RecordingBehind(LinkError):
 
     code = "log.behind"
     exit_status = 10
-    meaning = "The disk is too slow, so that nothing more was sent"
+    meaning = "The disk is too slow, so no more frames were sent"
     hint = "record to a faster disk"
 
     def __init__(self, port: str, most: float) -> None:
         super().__init__(
             port,
-            f"The recording is more than {most * 1000:.0f} ms behind, so that nothing more "
+            f"The recording is more than {most * 1000:.0f} ms behind, so nothing more "
             f"was sent to {port}. Record to a faster disk, or let other programs use it less",
         )
 
@@ -362,8 +362,8 @@ class BadWorldFile(FileError):
     """A file of obstacles is wrong."""
 
     code = "file.world"
-    meaning = "A file of bodies around the arm is wrong"
-    hint = "correct it where the message says"
+    meaning = "A file of obstacles is wrong"
+    hint = "correct it at the line that the message names"
 
 
 class ClientError(Exception):

@@ -78,8 +78,8 @@ class TreeError(Exception):
 
     code = "file.error"
     exit_status = 3
-    meaning = "A task file is wrong"
-    hint = "correct it where the message says"
+    meaning = "A folder or file of tasks cannot be read"
+    hint = "correct it at the line that the message names"
     heading = ""
 
 
@@ -91,7 +91,7 @@ class FileError(TreeError):
     """
 
     code = "file.task"
-    meaning = "A task file is wrong; every mistake is named with its line"
+    meaning = "A task file is wrong; the message lists every mistake with its line"
     hint = "correct it, then `armtree check`"
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
@@ -136,7 +136,7 @@ class BadArguments(FileError):
 
     code = "goal.bad_arguments"
     exit_status = 4
-    meaning = "What a task is called with is wrong"
+    meaning = "The arguments of a task are wrong"
     hint = "`armtree tasks` shows what each task takes"
 
 
@@ -150,8 +150,8 @@ class UnknownTask(TreeError):
 
     code = "goal.unknown_task"
     exit_status = 4
-    meaning = "No task has that number"
-    hint = "`armtree tasks` shows those there are"
+    meaning = "No task has that number or name"
+    hint = "`armtree tasks` lists them"
 
     def __init__(self, task: int | str, known: Iterable[int | str]) -> None:
         self.task, self.known = task, tuple(known)

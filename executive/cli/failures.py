@@ -17,7 +17,7 @@ def print_error(error: Exception) -> int:
     elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
         code, words = "file", "the disk is full; make room, then try again"
     elif code == INTERNAL:
-        words = f"a bug of ours: {error!r}; see --debug"
+        words = f"a bug in armtree: {error!r}; --debug shows where"
     hint = vars(error).get("hint")  # an error that a server returned
     more = f"\n  -> {hint}" if hint and hint not in words else ""
     click.echo(f"Error: {words} [{code}]{more}", err=True)

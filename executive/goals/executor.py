@@ -141,7 +141,7 @@ class GoalExecutor:
             while goal := self._goals.take():
                 self._execute(_Attempt(goal))
         except BaseException:
-            logger.critical("a bug of ours: no goal is executed any more", exc_info=True)
+            logger.critical("a bug in armtree: no goal is executed any more", exc_info=True)
             self._goals.close()
             self._arm.stop()
         with self._signal:
@@ -168,7 +168,7 @@ class GoalExecutor:
                 logger.error("%s", error)
             attempt.error = attempt.error or error
         except Exception as error:  # a bug, too, must end the goal
-            logger.exception("a bug of ours")
+            logger.exception("a bug in armtree")
             attempt.error = attempt.error or error
 
     def _build(self, attempt: _Attempt) -> None:

@@ -78,7 +78,7 @@ def test_a_fault_outweighs_the_cancel() -> None:
 ERRORS: list[tuple[Exception, str, str]] = [
     (PortNotGiven(), "hw.no_port", "No serial port provided"),
     (OUT, "goal.out_of_bounds", "Target position out of boundaries: j"),
-    (ZeroDivisionError("x"), "internal", "A bug of ours: x"),
+    (ZeroDivisionError("x"), "internal", "A bug in armtree: x"),
 ]
 
 
