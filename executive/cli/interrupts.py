@@ -1,4 +1,4 @@
-"""Ctrl-C and its like, while the main thread waits for a run to end."""
+"""Handles SIGINT, SIGTERM and SIGHUP while the main thread waits for a run to end."""
 
 import os
 import signal
@@ -17,10 +17,10 @@ _END = 0  # no signal has this number
 
 
 class Interrupts:
-    """The first signal cancels, the second leaves at once.
+    """The first signal cancels the run, the second exits the process at once.
 
-    A signal that comes just as the main thread goes to sleep on a lock is not handled before the
-    lock is free. A byte in a pipe is there whenever it came, so that is what is waited for.
+    The main thread waits on a pipe, not on a lock: Python handles a signal that arrives just before
+    a thread sleeps on a lock only when the lock is released.
     """
 
     def __init__(self) -> None:
@@ -46,13 +46,17 @@ class Interrupts:
         os.close(self._writer)
 
     def on_cancel(self, cancel: Callable[[], None]) -> None:
-        """Call this in the main thread at the first signal; at once if it has come already."""
+        """Call a function on the main thread at the first signal, or now if it has arrived."""
         self._cancel = cancel
         if self._canceled:
             cancel()
 
     def run(self, work: Callable[[], T]) -> T:
-        """Do it on another thread, and handle signals on this one; return or raise its result."""
+        """Run a function on another thread, and handle signals on this one.
+
+        Returns:
+            The result of the function. Its exception is raised.
+        """
         work_done: Future[T] = Future()
 
         def run() -> None:
@@ -86,5 +90,5 @@ class Interrupts:
 
 
 def _hangup_ignored(number: signal.Signals) -> bool:
-    """Whether whoever started us wants us to outlive the terminal, as nohup does."""
+    """Return True if the parent process has disabled hang-ups, as nohup does."""
     return number is signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN

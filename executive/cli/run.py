@@ -1,4 +1,4 @@
-"""`armtree run`: tasks in turn, on an executive of their own."""
+"""Runs tasks for `armtree run` and `armtree replay --on`, on their own executive."""
 
 import sys
 from collections.abc import Sequence
@@ -30,14 +30,14 @@ def execute(
     """Run tasks from the command line.
 
     Args:
-        setup: What they run on.
+        setup: Set-up of the executive.
         numbers: Numbers of the tasks.
         settings: Parameters of the tasks, each as NAME=VALUE.
         as_json: True to print JSON.
         verbose: True if the log is printed, so that lines are printed instead of a live picture.
 
     Returns:
-        Their outcomes, at least one.
+        The outcomes of the tasks that ran, at least one.
     """
     with Interrupts() as interrupts, view_for(as_json, verbose) as view, ExitStack() as stack:
         try:

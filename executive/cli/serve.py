@@ -23,12 +23,12 @@ from .log_handler import recorded_log
 
 logger = logging.getLogger(__name__)
 
-# For so long a busy thread keeps the interpreter from the streamer, and from a stop [s].
+# Longest time that a busy thread keeps the interpreter from the streamer and from a stop [s].
 _SWITCH = 0.0005
 
 
 def serve(setup: Setup, listen: ListenOptions) -> None:
-    """Serve until a signal comes; then stop the arm, end the goals and leave in order.
+    """Run the server until a signal arrives; then stop the arm, cancel the goals and exit.
 
     Raises:
         HardwareError: The robot file is wrong or names no driver, or the start pose is unconfirmed.
@@ -45,8 +45,8 @@ def serve(setup: Setup, listen: ListenOptions) -> None:
         open_executive(setup, clock=clock, operator=questions) as executive,
         Server(executive, listen, questions) as server,
     ):
-        logger.info("Token for whatever changes something: %s", server.token)
-        with recorded_log(executive):  # all but the token
+        logger.info("Token for requests that change something: %s", server.token)
+        with recorded_log(executive):  # everything but the token
             logger.info("%s", port_line(executive))
             _announce(server, executive, listen)
             executive.start()
@@ -73,8 +73,8 @@ def prepare(executive: Executive) -> None:
         logger.error("%s", error)
     except HardwareError as error:
         logger.debug("%s", error)  # the arm has logged it
-    # What is loaded by now stays: to look through it again and again would hold the streamer, and
-    # a stop, for 30 ms each time.
+    # Objects that exist by now stay. Each garbage collection of them would delay the streamer, and
+    # a stop, by 30 ms.
     gc.freeze()
 
 
@@ -105,12 +105,12 @@ def _announce(server: Server, executive: Executive, listen: ListenOptions) -> No
 
 @contextmanager
 def _log() -> Iterator[None]:
-    """Print the log from a thread of its own: a slow or closed pipe must hold nothing up."""
-    waiting: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
-    printing = logging.StreamHandler(sys.stderr)
-    printing.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
-    listener = logging.handlers.QueueListener(waiting, printing)
-    root, put = logging.getLogger(), logging.handlers.QueueHandler(waiting)
+    """Print the log on its own thread, so that a slow or closed pipe cannot block the server."""
+    lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
+    printer = logging.StreamHandler(sys.stderr)
+    printer.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
+    listener = logging.handlers.QueueListener(lines, printer)
+    root, put = logging.getLogger(), logging.handlers.QueueHandler(lines)
     before = root.handlers[:]
     root.handlers[:] = [put]
     listener.start()
