@@ -1,4 +1,4 @@
-"""Where recordings lie."""
+"""The folder of recordings."""
 
 import shutil
 from collections import namedtuple
@@ -11,7 +11,7 @@ from logs import NoSpace, check_space
 Usage = namedtuple("Usage", "total used free")
 
 
-def test_space_is_told_for_a_folder_that_is_not_there_yet(tmp_path: Path) -> None:
+def test_free_space_is_known_for_a_folder_that_does_not_exist(tmp_path: Path) -> None:
     assert check_space(tmp_path / "a" / "b") > 0
 
 

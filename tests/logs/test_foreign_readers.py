@@ -1,4 +1,4 @@
-"""Readers written by others open every recording as it is, and find in it what was recorded."""
+"""Readers of other projects open every recording and find all records in it."""
 
 import json
 import shutil
@@ -42,13 +42,13 @@ URDF = (ROBOT_FILE.with_suffix(".urdf")).read_text()
 
 
 def between_runs() -> list[Record]:
-    """What a server records beside its goals."""
+    """A server's own recording."""
     told = LogLine(0.5, 20, "executive.server", "Listening on 127.0.0.1, grüß Gott \ud800 \0")
     return [Description(0.0, URDF), *lifecycle(0.1), told]
 
 
 def killed(path: Path) -> None:
-    """A journal that was cut in a record, and recovered."""
+    """A recovered journal that was cut within a record."""
     run_journal(path, finish=False)
     path.write_bytes(path.read_bytes()[:-3])
     assert logs.recover(path)
@@ -56,7 +56,7 @@ def killed(path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Recordings of runs that ended in every way, and some of real ones."""
+    """Recordings of runs with every outcome, and some of real runs."""
     folder = tmp_path_factory.mktemp("runs")
     told = {**RUNS, "server": between_runs()}
     made = {name: folder / f"{name}.mcap" for name in [*told, "killed"]}
@@ -111,8 +111,8 @@ def test_the_decoder_of_mcap_itself(files: dict[str, Path]) -> None:
         assert (Counter(topic for topic, _ in found), frames, joints) == ours(path), path
 
 
-def test_what_rosbag2_asks_of_a_file(files: dict[str, Path]) -> None:
-    """It cannot be run here; these are the fields that its reader takes from a bare file."""
+def test_rosbag2_finds_the_fields_that_it_needs(files: dict[str, Path]) -> None:
+    """rosbag2 is not installed here; these are the fields that it reads from a bare file."""
     yaml = YAML(typ="safe")
     for path in files.values():
         with path.open("rb") as stream:
@@ -130,9 +130,9 @@ def test_what_rosbag2_asks_of_a_file(files: dict[str, Path]) -> None:
             assert numbers == [1, 1, 1]
             assert qos["durability"] in (1, 2)
             assert {"depth", "deadline", "lifespan", "liveliness_lease_duration"} <= qos.keys()
-        if path.parent != EXAMPLES:  # which are older
+        if path.parent != EXAMPLES:  # they are older
             bag = yaml.load(notes["rosbag2"]["serialized_metadata"])
-            assert bag["version"] == 8  # else it takes those numbers for names
+            assert bag["version"] == 8  # newer versions have names for these numbers
             assert bag.keys() == BAG
 
 

@@ -1,4 +1,4 @@
-"""Whole runs: what is put in comes out of the file, to every reader."""
+"""Whole runs: every reader gets the records that were written."""
 
 import dataclasses
 import math
@@ -46,13 +46,13 @@ NODES = (
     "Execute",
     "Succeed",
 )
-# Of a schedule that was not planned.
+# A schedule that was not planned.
 MOTION: Any = ({"joint_1": 0.0}, 3.2, (), False, (), ())
 PARENTS = {"PlanArm": BOTH, "PlanGripper": BOTH, "Plan both": ROOT}
 
 
 def fail(cause: Exception) -> None:
-    """The on_failure of recorders that must not fail."""
+    """Callback of recorders that must not fail."""
     raise AssertionError(cause)
 
 
@@ -72,7 +72,7 @@ def node(time: float, name: str, status: str, message: str = "") -> NodeStatus:
 
 
 def lifecycle(time: float) -> list[Record]:
-    """From unconfigured to active, with a boot of 0.6 s."""
+    """Transitions from unconfigured to active; the board boots for 0.6 s."""
     ok = "transition_success"
     return [
         Transition(time, "configure", "unconfigured", "configuring"),
@@ -109,13 +109,13 @@ def plan(time: float, group: str, joints: tuple[str, ...], goal: tuple[float, ..
 
 
 def frame(joints: tuple[float, ...]) -> bytes:
-    """A frame of the published wire format, near enough."""
+    """A frame similar to the published wire format."""
     b, s, e, g = (int(math.degrees(value)) + 90 for value in joints[:4])
     return f"b{b:03d},s{s:03d},e{e:03d},g{90 - g:03d},".encode()
 
 
 def pick_run(frames: int | None = None, begin: float = 40.0) -> list[Record]:
-    """Task 1 as it ends well; with `frames`, canceled after so many."""
+    """A successful run of task 1; with `frames`, canceled after that many frames."""
     t = begin
     arm = plan(t + 0.72, "arm", ARM, (-1.4, -0.6, -0.07))
     gripper = plan(t + 0.68, "gripper", GRIPPER, (-0.7, 0.7))
@@ -172,7 +172,7 @@ def _cut(motion: list[Record], frames: int) -> list[Record]:
 
 
 def refused_run() -> list[Record]:
-    """A target out of bounds: judged at once, nothing moves."""
+    """A run that is refused: its target is out of bounds."""
     message = "Target position out of boundaries: joint_1 2 rad is above 1.57 rad"
     return [
         Goal(7.0, GOAL_ID, 9, "far", 1),
@@ -185,7 +185,7 @@ def refused_run() -> list[Record]:
 
 
 def faulted_run() -> list[Record]:
-    """The cable is pulled after ten frames."""
+    """A run whose cable is pulled after ten frames."""
     moved = pick_run(frames=10)[:-5]
     t = moved[-1].time + 0.05
     words = "the port is gone"
@@ -207,7 +207,7 @@ RUNS = {
 
 
 def rebuilt(messages: list[logs.Message]) -> list[Record]:
-    """The records that a recording's messages tell of."""
+    """The records of a recording."""
     by_topic: dict[str, list[logs.Message]] = {}
     for message in messages:
         by_topic.setdefault(message.topic, []).append(message)
@@ -226,7 +226,7 @@ def rebuilt(messages: list[logs.Message]) -> list[Record]:
 
 
 def order(record: Record) -> tuple[float, str]:
-    """Files keep the order of arrival; two topics of a file have none but time."""
+    """Files keep the order of writing; two topics of a file are ordered by time only."""
     return record.time, repr(record)
 
 
@@ -235,7 +235,7 @@ def seconds(message: logs.Message) -> float:
 
 
 def tuples(fields: dict[str, Any]) -> dict[str, Any]:
-    """JSON knows lists only."""
+    """JSON has lists only."""
     return {key: as_tuple(value) for key, value in fields.items()}
 
 
@@ -273,7 +273,7 @@ PLAIN_RECORDS: dict[str, Any] = {
 
 
 def exact(record: Record) -> Record:
-    """A record as its file can tell it: in whole nanoseconds where only the stamp has the time."""
+    """A record as it is read: its time in whole nanoseconds if only the stamp holds it."""
     if isinstance(record, Received | LogLine | Transition):
         return dataclasses.replace(record, time=round(record.time, 9))
     return record
@@ -347,7 +347,7 @@ def test_a_plan_that_failed_has_no_trajectory(tmp_path: Path) -> None:
     assert message.fields()["code"] == "plan.collision"
 
 
-def test_feedback_is_the_actions_own(tmp_path: Path) -> None:
+def test_feedback_is_that_of_the_action(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path, [Feedback(1.0, GOAL_ID, 42, "executing", "Execute")])
     (message,) = logs.read(path, ["/feedback"])
@@ -373,7 +373,7 @@ def test_a_setting_of_the_board_moves_no_joint(tmp_path: Path) -> None:
     assert len(logs.table(path, "/joint_states")["joint_1"]) == len(moved)
 
 
-def test_the_story_tells_that_the_arm_was_held(tmp_path: Path) -> None:
+def test_the_narrative_mentions_a_hold(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["canceled"])
     told = [words for _, words in narrative(path, everything=False)]

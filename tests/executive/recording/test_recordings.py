@@ -1,4 +1,4 @@
-"""Recordings of a server's goals: finished behind its back, and never too many unfinished."""
+"""Recordings of a server's goals: finished in the background, with a limit on unfinished ones."""
 
 import errno
 import logging
@@ -29,7 +29,7 @@ from tests.support.server_acts import run
 from tests.support.typed import typed
 
 
-def test_another_process_finishes_them(
+def test_another_process_finishes_the_recordings(
     server: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("logs.writing.recorder.rewrite", fail)
@@ -40,7 +40,9 @@ def test_another_process_finishes_them(
     assert all(is_complete(path, every_byte=True) for path in ran)
 
 
-def test_a_servers_own_tells_of_goals_that_others_prove(server: RigMaker, tmp_path: Path) -> None:
+def test_a_servers_own_recording_mentions_goals_of_other_recordings(
+    server: RigMaker, tmp_path: Path
+) -> None:
     arm = server()
     assert run(arm, 1).success
     arm.executive.close()
@@ -56,7 +58,7 @@ def test_a_servers_own_tells_of_goals_that_others_prove(server: RigMaker, tmp_pa
 
 
 class SlowBegin:
-    """A journal that takes its time to begin, as the first one of a process does."""
+    """A journal that starts slowly, as the first one of a process does."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, error: Exception | None = None) -> None:
         self._error, self._clock = error, threading.Event()
@@ -64,7 +66,7 @@ class SlowBegin:
         monkeypatch.setattr("logs.writing.journal.Journal", self)
 
     def __call__(self, *given: Any) -> Journal:
-        self._clock.wait(0.2)  # nobody ends it
+        self._clock.wait(0.2)  # nothing ends it
         if self._error:
             raise self._error
         made: Journal = self._real(*given)
@@ -72,7 +74,7 @@ class SlowBegin:
 
 
 @pytest.mark.parametrize("single_user", [True, False])
-def test_what_a_run_is_to_do_is_recorded_before_the_board_boots(
+def test_the_goal_is_recorded_before_the_board_boots(
     rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, single_user: bool
 ) -> None:
     SlowBegin(monkeypatch)
@@ -99,7 +101,7 @@ def test_what_a_run_is_to_do_is_recorded_before_the_board_boots(
     assert any(name.endswith(".urdf") for name in found.files)
 
 
-def test_what_cannot_be_recorded_does_not_boot_the_board(
+def test_the_board_does_not_boot_without_a_recording(
     rig: RigMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     SlowBegin(monkeypatch, OSError(errno.EIO, os.strerror(errno.EIO)))
@@ -110,7 +112,7 @@ def test_what_cannot_be_recorded_does_not_boot_the_board(
 
 
 @pytest.mark.parametrize("canceled", [True, False])
-def test_what_became_of_the_recording_is_told_however_the_goal_ended(
+def test_a_lost_recording_is_reported_whatever_the_outcome(
     rig: RigMaker, tmp_path: Path, canceled: bool
 ) -> None:
     arm = rig()
@@ -129,14 +131,14 @@ def test_what_became_of_the_recording_is_told_however_the_goal_ended(
     assert outcome.cause is None or "was moved or deleted" in outcome.cause.message
 
 
-def test_where_they_are_not_finished_goals_wait_in_the_end(
+def test_goals_wait_if_too_many_recordings_are_unfinished(
     server: RigMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recordings, "_UNFINISHED", 2)
     arm = server(policy=Policy.QUEUE)
     pid = compactor().pid
     os.kill(pid, signal.SIGSTOP)
-    sent = [arm.executive.send(7).identity for _ in range(4)]  # 7 is no task
+    sent = [arm.executive.send(7).identity for _ in range(4)]  # there is no task 7
     third = arm.executive.result(sent[2])
     unfinished = [Path(arm.executive.result(goal).recording) for goal in sent[:3]]
     assert all(map(being_written, unfinished))
@@ -147,7 +149,9 @@ def test_where_they_are_not_finished_goals_wait_in_the_end(
     assert all(is_complete(path, every_byte=True) for path in unfinished)
 
 
-def test_the_wait_for_its_turn_is_told_apart_from_the_run(server: RigMaker, tmp_path: Path) -> None:
+def test_the_time_in_the_queue_is_shown_apart_from_the_run(
+    server: RigMaker, tmp_path: Path
+) -> None:
     arm = server(policy=Policy.QUEUE)
     first, second = (arm.executive.send(task).identity for task in (1, 0))
     one, two = map(arm.executive.result, (first, second))
@@ -167,7 +171,7 @@ def test_the_wait_for_its_turn_is_told_apart_from_the_run(server: RigMaker, tmp_
 
 
 @pytest.mark.parametrize("single_user", [True, False])
-def test_what_was_logged_before_a_recording_heads_it(
+def test_earlier_log_lines_are_at_the_start_of_a_recording(
     rig: RigMaker, tmp_path: Path, single_user: bool
 ) -> None:
     arm = rig(single_user=single_user)

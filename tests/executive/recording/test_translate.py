@@ -1,4 +1,4 @@
-"""What is recorded of a plan is all it takes to plan it again."""
+"""The record of a plan holds everything to plan it again."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ tree:
 """
 
 
-def test_a_way_that_keeps_more_distance_holds(rig: RigMaker, tmp_path: Path) -> None:
+def test_a_path_that_keeps_more_distance_holds(rig: RigMaker, tmp_path: Path) -> None:
     (tmp_path / "7_close.yaml").write_text(CLOSE)
     (outcome,) = rig(tasks=tmp_path).run(7)
     assert outcome.success, outcome.message

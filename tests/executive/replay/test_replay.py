@@ -1,4 +1,4 @@
-"""Recordings used by a person: proved, sent again, watched, listed, compared, mended."""
+"""Commands for recordings: verify, send again, watch, list, compare, recover."""
 
 import json
 import os
@@ -37,7 +37,7 @@ pytestmark = pytest.mark.slow
 __all__ = ["quick"]
 
 
-def test_verify_holds_and_says_what_it_compared(tmp_path: Path, picked: Path) -> None:
+def test_verify_holds_and_names_what_it_compared(tmp_path: Path, picked: Path) -> None:
     status, out, err = finish(tmp_path, "replay", str(picked.parent), "--verify")
     assert (status, err) == (0, "")
     assert "plan -> frames  holds    31 frames of 1 schedule" in out
@@ -45,7 +45,7 @@ def test_verify_holds_and_says_what_it_compared(tmp_path: Path, picked: Path) ->
     assert json.loads(out)["holds"] is True
 
 
-def test_verify_of_what_is_no_recording_is_3(tmp_path: Path, picked: Path) -> None:
+def test_verify_of_another_file_exits_with_3(tmp_path: Path, picked: Path) -> None:
     (picked.parent / "z.mcap").write_text("no recording")
     status, out, _ = finish(tmp_path, "replay", str(picked.parent), "--verify")
     assert status == 3
@@ -61,7 +61,7 @@ def test_the_worst_of_many_is_the_exit_status(tmp_path: Path, picked: Path) -> N
     verify = ["replay", str(folder), "--verify", "--jobs", "1"]
     assert finish(tmp_path, *verify)[0] == 10
     other = altered(picked, replace("Message", b"b089,", b"b088,"))
-    other.write_bytes(other.read_bytes()[:-100])  # that it differs counts more
+    other.write_bytes(other.read_bytes()[:-100])  # a difference has the higher exit status
     other.rename(folder / "z.mcap")
     status, out, _ = finish(tmp_path, *verify)
     assert status == 12
@@ -73,7 +73,7 @@ def test_the_worst_of_many_is_the_exit_status(tmp_path: Path, picked: Path) -> N
     ]
 
 
-def test_what_is_read_in_part_is_told(tmp_path: Path, picked: Path) -> None:
+def test_reading_a_cut_file_is_reported(tmp_path: Path, picked: Path) -> None:
     picked.write_bytes(picked.read_bytes()[:-100])
     path, folder = str(picked), str(picked.parent)
     for command in (
@@ -114,7 +114,7 @@ def test_a_file_of_another_program_is_not_drawn(tmp_path: Path, picked: Path) ->
     assert "is a file" in err
 
 
-def test_a_full_disk_is_no_bug_of_ours_and_a_pipe_takes_a_picture(
+def test_a_full_disk_is_no_internal_error_and_a_figure_goes_to_a_pipe(
     tmp_path: Path, picked: Path
 ) -> None:
     full = "Error: the disk is full; make room, then try again [file]\n"
@@ -158,7 +158,7 @@ def test_watching_shows_what_the_run_showed(tmp_path: Path, picked: Path) -> Non
 
 
 class Seen:
-    """A view that only notes."""
+    """A view that only keeps its input."""
 
     def __init__(self) -> None:
         self.told: list[logs.Record] = []
@@ -167,10 +167,10 @@ class Seen:
         self.told.append(record)
 
     def report(self, outcome: object) -> None:
-        """Nothing."""
+        """Does nothing."""
 
 
-def test_every_recording_says_in_which_state_it_begins(tmp_path: Path, rig: RigMaker) -> None:
+def test_every_recording_starts_with_the_state_of_the_arm(tmp_path: Path, rig: RigMaker) -> None:
     first, second = (Path(outcome.recording) for outcome in rig().run(0, 1))
     for path, state in (first, "unconfigured"), (second, "active"):
         seen = Seen()
@@ -185,7 +185,7 @@ def test_every_recording_says_in_which_state_it_begins(tmp_path: Path, rig: RigM
     assert verify(second).holds
 
 
-def test_scrubbing_back_begins_anew(picked: Path) -> None:
+def test_moving_back_starts_from_the_beginning(picked: Path) -> None:
     seen = Seen()
     player = Player(logs.Recording(picked), seen, 1.0)  # type: ignore[arg-type]
     player.show_until(3.0)
@@ -200,7 +200,7 @@ def test_scrubbing_back_begins_anew(picked: Path) -> None:
     assert isinstance(seen.told[-1], logs.Transition | logs.Result | logs.LogLine)
 
 
-def test_logs_are_listed_told_exported(tmp_path: Path, picked: Path) -> None:
+def test_recordings_are_listed_shown_and_exported(tmp_path: Path, picked: Path) -> None:
     folder = str(picked.parent)
     assert "1 pick" in finish(tmp_path, "log", "ls", folder)[1]
     assert "task 1 pick, seed 1" in finish(tmp_path, "log", "info", str(picked))[1]
@@ -217,7 +217,7 @@ def test_logs_are_listed_told_exported(tmp_path: Path, picked: Path) -> None:
     assert len(joints) == len(frames) == 32
 
 
-def test_three_lines_to_a_table(picked: Path) -> None:
+def test_a_table_takes_three_lines(picked: Path) -> None:
     joints = logs.table(picked, "/joint_states")
     assert list(joints) == ["time_ns", "joint_1", "joint_2", "joint_3", "joint_4"]
     assert joints["joint_1"][-1] == pytest.approx(-1.4, abs=0.01)
@@ -262,7 +262,7 @@ def test_every_topic_is_a_table() -> None:
         logs.table(path, "/joint_state")
 
 
-def test_the_narrative_tells_late_frames_and_no_node_that_never_ran(picked: Path) -> None:
+def test_the_narrative_has_late_frames_and_no_node_that_never_ran(picked: Path) -> None:
     told = [words for _, words in narrative(picked, everything=False)]
     assert not [words for words in told if "INVALID" in words or "late" in words]
     types = ros_types()
@@ -302,7 +302,9 @@ def test_a_recording_that_is_being_written_is_not_called_damaged(
     assert "UNFINISHED" in finish(tmp_path, "log", "ls", str(tmp_path))[1]
 
 
-def test_a_killed_run_is_mended_by_the_next_and_by_hand(tmp_path: Path, quick: Path) -> None:
+def test_a_killed_run_is_recovered_by_the_next_run_and_by_command(
+    tmp_path: Path, quick: Path
+) -> None:
     with start(tmp_path, "run", "1", "--robot", str(quick), "--json") as process:
         assert process.stdout
         heard = 0
@@ -342,9 +344,7 @@ def test_pinned_recordings_outlive_the_rule(tmp_path: Path, picked: Path) -> Non
 
 
 @pytest.mark.parametrize("value", ["-1", "nan", "inf"])
-def test_a_rule_that_makes_no_sense_deletes_nothing(
-    tmp_path: Path, picked: Path, value: str
-) -> None:
+def test_an_invalid_rule_deletes_nothing(tmp_path: Path, picked: Path, value: str) -> None:
     os.utime(picked, (0, 0))
     folder = str(picked.parent)
     for option in ("--days", "--mb"):
@@ -355,7 +355,7 @@ def test_a_rule_that_makes_no_sense_deletes_nothing(
 
 
 class Slow:
-    """Recordings whose disk does not keep up."""
+    """Recordings on a slow disk."""
 
     def __init__(self, clock: SimulatedClock) -> None:
         self._clock = clock

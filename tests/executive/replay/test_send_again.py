@@ -96,7 +96,9 @@ def test_a_replay_goes_by_the_times_of_the_schedule(picked: Path) -> None:
         (change("start", lambda q: q | {"joint_1": 0.5}, 2), "does not begin where the one before"),
     ],
 )
-def test_what_would_hurt_the_arm_is_not_sent(tmp_path: Path, schedule: Change, words: str) -> None:
+def test_frames_beyond_the_limits_are_not_sent(
+    tmp_path: Path, schedule: Change, words: str
+) -> None:
     path = Path(shutil.copy(WAVE, tmp_path))
     _setpoints(path, ROBOT)
     with pytest.raises(NotReplayable, match=words):

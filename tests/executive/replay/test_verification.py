@@ -1,4 +1,4 @@
-"""Recordings verified: runs that end in any way hold, and a change is found with its source."""
+"""Verification: runs with any outcome hold, and every change is found with its source."""
 
 import multiprocessing
 import re
@@ -54,7 +54,7 @@ def test_a_canceled_run_holds_with_its_hold_frame(rig: RigMaker) -> None:
 
 
 def test_a_run_that_was_held_up_holds(rig: RigMaker, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where a frame leaves more than a period late, those behind it are due later, too."""
+    """If a frame is sent more than a period late, all later frames are due later, too."""
     arm, sent = rig(), count(1)
     write = arm.link.write
 
@@ -71,9 +71,9 @@ def test_a_run_that_was_held_up_holds(rig: RigMaker, monkeypatch: pytest.MonkeyP
     assert verification.holds, verification.text()
 
 
-def test_what_was_cut_before_anything_happened_is_cut_and_not_changed(rig: RigMaker) -> None:
+def test_a_file_cut_before_its_first_record_is_cut_and_not_changed(rig: RigMaker) -> None:
     path = picked(rig())
-    path.write_bytes(path.read_bytes()[:32_000])  # in the first chunk, behind the robot
+    path.write_bytes(path.read_bytes()[:32_000])  # in the first chunk, after the robot
     verification = verify(path)
     assert (checks(verification), verification.code) == ([True, True], "log.truncated")
     logs.recover(path)
@@ -170,7 +170,7 @@ def test_a_frame_that_is_missing(rig: RigMaker) -> None:
             channels[record.id] = record.topic
         elif kind == "Message" and channels[record.channel_id].startswith(("/serial", "/joint")):
             seen += 1
-            if seen > 3 * 20:  # the rest was never sent, though the run says that it succeeded
+            if seen > 3 * 20:  # the rest was not sent, but the result is SUCCEEDED
                 record.channel_id = next(i for i, t in channels.items() if t == "/rosout")
 
     path = altered(picked(rig()), change)
@@ -191,7 +191,7 @@ def test_a_frame_that_is_missing(rig: RigMaker) -> None:
         (["/schedule"], [False, True], "was sent without a schedule"),
     ],
 )
-def test_what_is_missing_is_a_difference(
+def test_a_missing_record_is_a_difference(
     rig: RigMaker, topics: list[str], held: list[bool], words: str
 ) -> None:
     verification = verify(lacking(picked(rig()), *topics))
@@ -200,7 +200,7 @@ def test_what_is_missing_is_a_difference(
 
 
 def field(*places: Any, to: Any) -> Callable[[dict[str, Any]], None]:
-    """Sets what stands at a place among the fields of a message."""
+    """Sets the value at a path of a message's fields."""
 
     def change(fields: Any) -> None:
         for place in places[:-1]:
@@ -235,7 +235,7 @@ def field(*places: Any, to: Any) -> Callable[[dict[str, Any]], None]:
         (retold("/serial/timing", field("hold", to=True), 6), [False, True], "does not repeat"),
     ],
 )
-def test_what_is_recorded_of_a_motion_is_held_against_what_is_made(
+def test_a_recorded_motion_is_compared_with_the_one_compiled_again(
     rig: RigMaker, change: Change, held: list[bool], words: str
 ) -> None:
     verification = verify(altered(picked(rig()), change))
@@ -272,7 +272,7 @@ tree:
 """
 
 
-def test_new_versions_are_told_apart(rig: RigMaker) -> None:
+def test_new_versions_are_named_as_the_source(rig: RigMaker) -> None:
     def change(record: Any) -> None:
         if type(record).__name__ == "Metadata" and record.name == "versions":
             record.metadata = {**record.metadata, "ompl": "1.9.9"}
@@ -288,7 +288,7 @@ def test_new_versions_are_told_apart(rig: RigMaker) -> None:
     assert "waypoint 1: joint_1 = 0.1 rad is recorded, now 0.0 rad" in verification.checks[1].words
 
 
-def test_a_cut_file_is_judged_as_far_as_it_goes_and_does_not_hold(rig: RigMaker) -> None:
+def test_a_cut_file_is_checked_up_to_the_cut_and_does_not_hold(rig: RigMaker) -> None:
     path = picked(rig())
     path.write_bytes(path.read_bytes()[:-100])
     verification = verify(path)
@@ -297,7 +297,7 @@ def test_a_cut_file_is_judged_as_far_as_it_goes_and_does_not_hold(rig: RigMaker)
     assert verification.code == "log.truncated"
 
 
-def test_many_are_verified_in_their_order(rig: RigMaker, tmp_path: Path) -> None:
+def test_results_of_many_files_keep_their_order(rig: RigMaker, tmp_path: Path) -> None:
     paths = [Path(outcome.recording) for outcome in rig().run(0, 1, 2)]
     paths.insert(1, tmp_path / "nope.mcap")
     verifications = list(verify_all(paths, 2))
@@ -367,9 +367,9 @@ def test_a_plan_that_a_body_forbids(rig: RigMaker, tmp_path: Path) -> None:
     assert "plan.start_in_collision is recorded, now there is a motion" in verification.text()
 
 
-def test_a_plan_that_was_canceled_tells_its_world(rig: RigMaker, tmp_path: Path) -> None:
+def test_a_canceled_plan_records_its_world(rig: RigMaker, tmp_path: Path) -> None:
     arm = around(rig, tmp_path)
-    task = tmp_path / "tasks" / "7_around.yaml"  # to and fro, which takes long to plan
+    task = tmp_path / "tasks" / "7_around.yaml"  # back and forth, which takes long to plan
     task.write_text(task.read_text().replace("via: [", "via: [" + "upright, right, " * 30))
     arm.on_record = lambda record: (
         arm.cancel()

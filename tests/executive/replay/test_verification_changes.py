@@ -1,4 +1,4 @@
-"""A recording in which one thing was changed, with every checksum right, never passes."""
+"""A recording with a single change and valid checksums never passes."""
 
 import re
 import shutil
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 EXAMPLE = EXAMPLES / "recordings" / "7_measure.mcap"
 
-# What follows from nothing else in a recording: that it was changed is told by its digests alone.
+# Values that follow from nothing else in a recording: only its digests show a change of them.
 BY_DIGEST_ALONE = """\
 .* (publish_time|sequence)|/robot_description log_time|file .* (time|name)
 file .*\\.yaml (data|left out)|note (configuration|versions) .*
@@ -32,9 +32,9 @@ file .*\\.yaml (data|left out)|note (configuration|versions) .*
 /result \\.data\\.(message|duration|node|joint|value|limit|hint)"""
 
 
-def test_every_single_change_is_seen(tmp_path: Path) -> None:
+def test_every_single_change_is_found(tmp_path: Path) -> None:
     path = Path(shutil.copy(EXAMPLE, tmp_path))
-    logs.compact(path)  # it is older than the digests
+    logs.compact(path)  # the file is older than digests
     records, unseen, by_digest = records_of(path), [], BY_DIGEST_ALONE.replace("\n", "|")
     for name, changed in single_changes(records):
         if not changed_in(rewritten(path, changed, digests=True)):
@@ -45,7 +45,7 @@ def test_every_single_change_is_seen(tmp_path: Path) -> None:
 
 
 def decoded(topic: str, type_: str, change: Change, number: int = 1) -> Change:
-    """Changes one message of a topic, as it is when it is decoded."""
+    """Changes one decoded message of a topic."""
     types = ros_types()
 
     def tell(record: Any) -> None:
@@ -139,7 +139,7 @@ def rename(state: Any) -> None:
         (retold("/schedule", field("duration", to=1e8)), [False, False], "s is recorded with 3"),
     ],
 )
-def test_what_contradicts_the_rest_is_named(
+def test_a_contradiction_is_named(
     rig: RigMaker, change: Change, held: list[bool], words: str
 ) -> None:
     verification = verify(altered(picked(rig()), change))
@@ -147,7 +147,7 @@ def test_what_contradicts_the_rest_is_named(
     assert words in verification.text()
 
 
-def test_a_result_that_the_tree_did_not_come_to(rig: RigMaker) -> None:
+def test_a_result_that_differs_from_the_tree(rig: RigMaker) -> None:
     def cancel(result: dict[str, Any]) -> None:
         result.update(state="CANCELED", success=False, code="goal.canceled")
 
@@ -170,7 +170,7 @@ def test_a_result_that_the_tree_did_not_come_to(rig: RigMaker) -> None:
         ("/result", ("frames",), None),
     ],
 )
-def test_what_no_armtree_records_is_refused_in_words(
+def test_an_invalid_field_is_refused_with_its_name(
     rig: RigMaker, topic: str, places: tuple[Any, ...], value: Any
 ) -> None:
     verification = verify(altered(picked(rig()), retold(topic, field(*places, to=value))))
@@ -178,7 +178,7 @@ def test_what_no_armtree_records_is_refused_in_words(
     assert "is invalid; another program recorded it" in verification.text()
 
 
-def test_a_figure_of_the_firmware_that_is_none(rig: RigMaker) -> None:
+def test_a_firmware_value_of_the_wrong_type_is_refused(rig: RigMaker) -> None:
     for old, new in (('"ring": 63', '"ring": "6"'), ('"ring": 63', '"ring" 63')):
 
         def change(record: Any, old: str = old, new: str = new) -> None:
@@ -190,7 +190,7 @@ def test_a_figure_of_the_firmware_that_is_none(rig: RigMaker) -> None:
         assert "holds an invalid firmware" in verification.error
 
 
-def test_what_was_changed_after_the_run_is_named(rig: RigMaker, tmp_path: Path) -> None:
+def test_a_change_after_the_run_is_named(rig: RigMaker, tmp_path: Path) -> None:
     path = picked(rig())
     assert verify(path).holds
     log = retold("/plan/arm", field("milliseconds", "ends", to=0.1))
@@ -206,7 +206,7 @@ def test_what_was_changed_after_the_run_is_named(rig: RigMaker, tmp_path: Path) 
     assert verification.checks[1].source == "the recording: /plan/arm was changed after the run"
 
 
-def test_what_an_older_armtree_did_not_record_is_not_missing(rig: RigMaker) -> None:
+def test_topics_that_an_older_armtree_did_not_know_are_not_missing(rig: RigMaker) -> None:
     path = picked(rig())
     records = records_of(path)
     gone = {

@@ -1,4 +1,4 @@
-"""A run that was killed, at whichever instant, is recovered and verifies."""
+"""A run that was killed at any time is recovered and verifies."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 
 def begun(rig: Rig, folder: Path) -> bytes:
-    """A real journal, as it was when its tenth frame was sent; the run then ends."""
+    """The journal of a real run, at the moment when its tenth frame was sent."""
     found: list[bytes] = []
 
     def take(record: logs.Record) -> None:
@@ -30,7 +30,7 @@ def begun(rig: Rig, folder: Path) -> bytes:
 
 
 def cuts(path: Path, head: int) -> Iterator[int]:
-    """Sizes at which to cut a journal: at every record, and beside those of its head."""
+    """Sizes at which to cut a journal: after each record, and one byte around those of its head."""
     salvage = TolerantReader(path)
     for number, _ in enumerate(salvage):
         beside = number < head
@@ -41,7 +41,7 @@ def test_a_run_that_was_cut_anywhere_is_recovered_and_holds(
     rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     journal = begun(rig(), tmp_path)
-    # 300 recoveries: what fsync costs a disk is no part of this.
+    # 300 recoveries: skip the cost of fsync.
     monkeypatch.setattr("os.fsync", lambda handle: None)
     path = tmp_path / "cut.mcap"
     path.write_bytes(journal)
@@ -59,4 +59,4 @@ def test_a_run_that_was_cut_anywhere_is_recovered_and_holds(
         )
         assert verification.checks[0].words.startswith(words)
         frames = max(frames, sent)
-    assert frames >= 9  # the tenth may be on its way
+    assert frames >= 9  # the tenth may not be written yet

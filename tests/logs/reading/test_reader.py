@@ -31,7 +31,7 @@ def test_reading_is_lazy(tmp_path: Path) -> None:
     assert first.fields()["name"] == "pick"
 
 
-def test_what_is_unknown_in_a_column_of_numbers_is_nan(tmp_path: Path) -> None:
+def test_unknown_numbers_in_a_column_are_nan(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     words = Result(3.0, "0" * 32, 1, "ABORTED", False, "x", "x", 0, 3.0)
     record(path, [Sent(float(n), b"b", due, due is None, (), ()) for n, due in enumerate(DUE)])
@@ -52,7 +52,7 @@ def test_only_json_has_fields(tmp_path: Path) -> None:
         state.fields()
 
 
-def test_what_cannot_be_read_is_told_at_once(tmp_path: Path) -> None:
+def test_an_unreadable_file_raises_at_once(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"gone\.mcap: cannot be read \(No such file"):
         read(tmp_path / "gone.mcap")
     (tmp_path / "image.png").write_bytes(b"\x89PNG\r\n\x1a\n")
@@ -60,7 +60,7 @@ def test_what_cannot_be_read_is_told_at_once(tmp_path: Path) -> None:
         read(tmp_path / "image.png")
 
 
-def test_a_cut_file_gives_what_is_valid_and_then_says_so(tmp_path: Path) -> None:
+def test_a_cut_file_yields_the_valid_messages_then_raises(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     whole = record(path, RUNS["ok"])
     path.write_bytes(path.read_bytes()[:-5])
@@ -78,9 +78,7 @@ def test_an_empty_file_is_a_cut_recording(tmp_path: Path) -> None:
         list(read(path))
 
 
-def test_a_recording_is_summed_up_in_one_reading(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_overview_reads_the_file_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, records, given = tmp_path / "run.mcap", TolerantReader.__iter__, 0
 
     def counted(salvage: TolerantReader) -> Iterator[Any]:
@@ -94,7 +92,7 @@ def test_a_recording_is_summed_up_in_one_reading(
     monkeypatch.setattr(TolerantReader, "__iter__", counted)
     found = overview(path)
     assert (found.messages, found.complete, found.files) == (whole.messages, True, ("task.yaml",))
-    assert given < total + 10  # the head is looked at before
+    assert given < total + 10  # the head is read before
 
 
 def test_a_summary_whose_channel_lost_its_schema_is_damage(tmp_path: Path) -> None:

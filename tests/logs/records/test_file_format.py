@@ -1,4 +1,4 @@
-"""The checks of a journal: what is kept of a damaged one is as it was written."""
+"""The checksums of a journal: recovery keeps no damaged byte."""
 
 import tempfile
 from pathlib import Path
@@ -15,7 +15,7 @@ from tests.support.file_damage import piece_ends
 
 @pytest.fixture(scope="module")
 def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The journal of a run that ended well."""
+    """The journal of a successful run."""
     path = tmp_path_factory.mktemp("journal") / "run.mcap"
     run_journal(path)
     return path
@@ -28,10 +28,10 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
     bit=st.integers(0, 7),
     length=st.integers(1, 200),
 )
-def test_of_a_journal_nothing_is_kept_that_is_not_as_it_was_written(
+def test_no_damaged_byte_of_a_journal_is_kept(
     original: Path, share: float, kind: str, bit: int, length: int
 ) -> None:
-    """Whatever bits a crash, or a disk, has changed: what is recovered precedes them, unaltered."""
+    """All recovered messages are before the first damaged byte, and unchanged."""
     journal = original.read_bytes()
     place = 8 + int(share * (len(journal) - 8))
     middle = {

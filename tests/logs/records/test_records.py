@@ -1,4 +1,4 @@
-"""Records of any content survive the file."""
+"""Records of any content are read as they were written."""
 
 import tempfile
 from pathlib import Path
@@ -30,7 +30,7 @@ def sent_frames(draw: st.DrawFn) -> Sent:
     )
 
 
-# Any text at all: a node's message may quote a file name with undecodable bytes in it.
+# Any text: a node's message may contain a file name with bytes that cannot be decoded.
 TEXTS = st.text(st.characters(), max_size=30)
 NODES = st.builds(NodeStatus, TIMES, TEXTS, TEXTS, st.sampled_from(["RUNNING", "INVALID"]), TEXTS)
 

@@ -1,4 +1,4 @@
-"""Motions in space, from two sides: all that is drawn is seen."""
+"""Drawings of motions in space: everything drawn is visible."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_the_key_hides_nothing_that_is_drawn(
     assert not caplog.records
 
 
-def test_what_the_arm_holds_is_drawn_as_bodies_are() -> None:
+def test_a_held_body_is_drawn_like_other_bodies() -> None:
     figure = Figure()
     FigureCanvasAgg(figure)
     sides = figure.subplots(1, 2)

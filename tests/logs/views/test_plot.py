@@ -1,4 +1,4 @@
-"""Plots: something is drawn, and the right things."""
+"""The figure of a run shows the right content."""
 
 import dataclasses
 from pathlib import Path
@@ -19,7 +19,7 @@ FAILURE, INVALID = (0xD5, 0x5E, 0x00), (0x99, 0x99, 0x99)
 
 
 def drawn(tmp_path: Path, records: list[Any], keep: int | None = None) -> tuple[Timeline, Any]:
-    """What was drawn, and the picture as (H, W, 3) bytes."""
+    """The timeline that was drawn, and the image as (H, W, 3) bytes."""
     recording, output = tmp_path / "run.mcap", tmp_path / "run.png"
     record(recording, records)
     if keep is not None:
@@ -30,7 +30,7 @@ def drawn(tmp_path: Path, records: list[Any], keep: int | None = None) -> tuple[
 
 
 def share(picture: Any, colour: tuple[int, int, int]) -> float:
-    """How much of a picture has a colour."""
+    """Share of an image that has a colour."""
     return float((picture == np.array(colour, np.uint8)).all(axis=2).mean())
 
 
@@ -39,7 +39,7 @@ def test_a_run_that_ended_well(tmp_path: Path) -> None:
     assert picture.shape[1] == 2148  # 7.16 in at 300 dpi: two columns
     assert picture.std() > 20
     assert share(picture, RUNNING) > share(picture, SUCCESS) > 0.002
-    assert share(picture, FAILURE) < 0.00008  # nothing but the key
+    assert share(picture, FAILURE) < 0.00008  # only the legend
     assert [trace.joint for trace in run.traces] == [f"joint_{i}" for i in range(1, 6)]
     assert [trace.group for trace in run.traces] == ["arm"] * 3 + ["gripper"] * 2
     assert (len(run.frames), run.holds) == (33, ())
@@ -55,7 +55,7 @@ def test_a_run_that_ended_well(tmp_path: Path) -> None:
 
 
 def back(time: float) -> list[Any]:
-    """A second motion, of the arm alone: from where task 1 ends to zero again."""
+    """A second motion, of the arm only: from the end of task 1 back to zero."""
     there = plan(time, "arm", ARM, (-1.4, -0.6, -0.07))
     home = dataclasses.replace(there, positions=there.positions[::-1])
     both = [(*arm, -0.7, 0.7) for arm in home.positions]
@@ -78,7 +78,7 @@ def test_curves_follow_one_motion_after_the_other(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_the_marks_of_many_motions_leave_the_title_alone(tmp_path: Path) -> None:
+def test_the_marks_of_many_motions_do_not_cover_the_title(tmp_path: Path) -> None:
     more = [item for number in range(9) for item in back(48.0 + 4 * number)]
     run, picture = drawn(tmp_path, [*RUNS["ok"][:-2], *more, *RUNS["ok"][-2:]])
     assert len(run.marks) == 10
@@ -96,7 +96,7 @@ def test_a_canceled_run(tmp_path: Path) -> None:
     assert (len(run.frames), len(run.holds)) == (15, 1)
     assert [what for _, what in run.marks] == ["plan ready", "cancel"]
     assert share(picture, INVALID) > 0.0005
-    assert share(picture, FAILURE) > 0.00012  # the key and the hold
+    assert share(picture, FAILURE) > 0.00012  # the legend and the hold
 
 
 def test_a_fault_is_marked(tmp_path: Path) -> None:
@@ -169,7 +169,7 @@ def test_siblings_stay_with_their_parent(tmp_path: Path) -> None:
     assert "".join(row.name for row in rows) == "abced"
 
 
-def test_what_cannot_be_plotted_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_cannot_be_plotted(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="No such file"):
         plot(tmp_path / "gone.mcap", tmp_path / "run.png")
     record(tmp_path / "run.mcap", list(RUNS["refused"]))

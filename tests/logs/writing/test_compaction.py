@@ -1,4 +1,4 @@
-"""One path from any journal to a recording."""
+"""Compaction makes a recording from any journal."""
 
 import io
 import os
@@ -19,7 +19,7 @@ MAGIC = 8
 
 
 def small_journal(path: Path) -> list[int]:
-    """A journal of five messages; gives the sizes at which it is whole."""
+    """Writes a journal of five messages; returns its size after each piece."""
     sizes = []
     with path.open("wb") as stream:
         writer = Writer(stream, use_chunking=False)
@@ -62,7 +62,7 @@ def content(path: Path) -> list[object]:
 def test_cut_at_every_byte_the_valid_prefix_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # 1500 compactions: what fsync costs a disk is no part of this.
+    # 1500 compactions: skip the cost of fsync.
     monkeypatch.setattr("os.fsync", lambda handle: None)
     path = tmp_path / "run.mcap"
     sizes = small_journal(path)
@@ -146,7 +146,7 @@ def test_a_flipped_bit_in_a_journal_costs_what_follows_at_most(
             make_reader(stream, validate_crcs=True).get_summary()
 
 
-def test_what_is_no_mcap_file_stays_as_it_is(tmp_path: Path) -> None:
+def test_a_file_that_is_not_mcap_is_not_changed(tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_text("not a recording")
     with pytest.raises(RecordingError, match=r"notes\.txt: is not an MCAP file"):

@@ -1,4 +1,4 @@
-"""The process that compacts: whoever dies, a journal or a finished recording is left."""
+"""The compactor process: if any process dies, a journal or a finished recording is left."""
 
 import fcntl
 import os
@@ -35,7 +35,7 @@ def recorded(path: Path) -> Recorder:
     return recorder
 
 
-def test_it_is_made_by_another_process(
+def test_the_recording_is_made_by_another_process(
     tmp_path: Path, compactor: Compactor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(logs.writing.compactor, "rewrite", fail)
@@ -55,7 +55,7 @@ def test_many_at_once(tmp_path: Path, compactor: Compactor) -> None:
     assert all(is_complete(recorder.path, every_byte=True) for recorder in recorders)
 
 
-def test_where_it_was_killed_the_recording_is_made_here_and_a_new_one_takes_over(
+def test_if_the_process_was_killed_the_caller_compacts_and_a_new_one_starts(
     tmp_path: Path, compactor: Compactor
 ) -> None:
     first = compactor.pid
@@ -72,15 +72,17 @@ def test_where_it_was_killed_the_recording_is_made_here_and_a_new_one_takes_over
     assert compactor.pid != first
 
 
-def test_what_it_cannot_do_is_told_by_who_asked(tmp_path: Path, compactor: Compactor) -> None:
+def test_a_failed_compaction_is_reported_by_the_caller(
+    tmp_path: Path, compactor: Compactor
+) -> None:
     recorder = recorded(tmp_path / "run.mcap")
-    (tmp_path / "run.mcap.part").mkdir()  # where the recording is to be made
+    (tmp_path / "run.mcap.part").mkdir()  # the path of the partial copy
     with pytest.raises(RecordingIncomplete, match="Is a directory"):
         recorder.close(compactor)
     assert sum(1 for _ in read(recorder.path)) == 900
 
 
-# Says that it has asked, and waits for what never comes.
+# Prints when it sent its request, then waits forever.
 ASKER = """
 import os, signal, socket, sys
 from pathlib import Path
@@ -103,7 +105,7 @@ recorder.close(compactor)
 """
 
 
-def test_where_who_asked_was_killed_it_is_finished_and_nobody_else_takes_it(tmp_path: Path) -> None:
+def test_if_the_caller_was_killed_the_recording_is_finished_under_its_lock(tmp_path: Path) -> None:
     path, root = tmp_path / "run.mcap", ROOT
     command = [sys.executable, "-c", ASKER, str(path)]
     with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE) as asker:

@@ -1,4 +1,4 @@
-"""The recorder: never in the way, nothing lost in silence."""
+"""The recorder never blocks a run, and reports every loss."""
 
 import errno
 import fcntl
@@ -45,7 +45,7 @@ def sent(number: int) -> Sent:
 
 @contextmanager
 def room_for(size: int) -> Iterator[None]:
-    """The kernel refuses to let any file grow beyond `size` [bytes]."""
+    """The kernel refuses to write any file beyond `size` [bytes]."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
@@ -54,7 +54,7 @@ def room_for(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def test_a_name_says_when_and_what(tmp_path: Path) -> None:
+def test_a_name_holds_time_and_task(tmp_path: Path) -> None:
     folder = tmp_path / "a" / "b"
     assert recording_path(folder, UTC_NS, 1) == folder / "20261121T103155.123Z-1.mcap"
     assert folder.is_dir()
@@ -148,7 +148,7 @@ def test_all_recorders_share_two_threads_and_each_has_its_own_file(tmp_path: Pat
 
 
 class Disk:
-    """Notes what is brought to the disk; can refuse to."""
+    """Notes every fsync; can let them fail."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, refuses: int = 0) -> None:
         self.synced: Queue[int] = Queue()
@@ -164,9 +164,7 @@ class Disk:
         self._real(handle)
 
 
-def test_what_was_written_is_soon_brought_to_the_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_written_records_are_synced_soon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk(monkeypatch)
     with (
         Recorder(tmp_path / "a.mcap", EPOCH_NS, fail) as first,
@@ -177,14 +175,14 @@ def test_what_was_written_is_soon_brought_to_the_disk(
             assert disk.synced.get(timeout=5) == recorder.path.stat().st_ino
 
 
-def test_a_slow_disk_is_told_once_and_holds_nothing_up(
+def test_a_slow_disk_is_logged_once_and_delays_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     disk, go_on = Disk(monkeypatch), threading.Semaphore(0)
     sync = os.fsync
 
     class Clock:
-        """On which each fsync takes 3 s."""
+        """A clock on which each fsync takes 3 s."""
 
         now = 0.0
 
@@ -213,7 +211,7 @@ def test_a_slow_disk_is_told_once_and_holds_nothing_up(
     assert "took 3.0 s to sync the recording to the disk" in told.getMessage()
 
 
-def test_a_disk_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Disk(monkeypatch, refuses=1)
     failures: Queue[Exception] = Queue()
     recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, failures.put)
@@ -224,7 +222,7 @@ def test_a_disk_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert sum(1 for _ in read(recorder.path)) == 3
 
 
-def test_closing_twice_says_the_same_and_late_records_are_ignored(tmp_path: Path) -> None:
+def test_closing_twice_gives_the_same_summary_and_late_records_are_ignored(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, fail)
     recorder.put(sent(1))
     summary = recorder.close()
@@ -251,7 +249,9 @@ def test_a_record_that_cannot_be_converted_costs_itself_only(
 
 
 @pytest.mark.parametrize("size", [0, 5_000, 30_000])
-def test_a_full_disk_is_told_once_and_what_came_before_is_valid(tmp_path: Path, size: int) -> None:
+def test_a_full_disk_is_reported_once_and_the_records_before_are_valid(
+    tmp_path: Path, size: int
+) -> None:
     path = tmp_path / "run.mcap"
     failures: list[Exception] = []
     told = threading.Event()
@@ -277,7 +277,7 @@ def test_a_full_disk_is_told_once_and_what_came_before_is_valid(tmp_path: Path, 
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_full_disk_that_costs_nothing_is_said_so(
+def test_a_full_disk_that_loses_nothing_is_reported_as_such(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[Exception] = []
@@ -299,7 +299,7 @@ def test_a_full_disk_that_costs_nothing_is_said_so(
     assert is_complete(recorder.path, every_byte=True)
 
 
-def test_where_no_recording_can_be_made_the_way_out_is_named(
+def test_if_compaction_fails_the_error_names_recover(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(path: Path) -> None:

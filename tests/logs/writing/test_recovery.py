@@ -1,4 +1,4 @@
-"""What a crash leaves is made whole, what is being written is left alone, what is old goes."""
+"""Recovery and retention: neither touches a recording that is being written."""
 
 import errno
 import os
@@ -75,7 +75,7 @@ def test_recovery_keeps_the_pin_the_age_and_what_was_kept_before(tmp_path: Path)
     ]
 
 
-def test_a_closed_journal_that_was_never_compacted_is_too(tmp_path: Path) -> None:
+def test_a_closed_journal_that_was_never_compacted_is_recovered(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     run_journal(path)
     (made,) = recover_all(tmp_path)
@@ -84,13 +84,13 @@ def test_a_closed_journal_that_was_never_compacted_is_too(tmp_path: Path) -> Non
     assert list(recover_all(tmp_path)) == []
 
 
-def test_damage_in_the_middle_is_found_by_hand(tmp_path: Path) -> None:
+def test_damage_in_the_middle_is_found_by_the_command(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["ok"])
     data = bytearray(path.read_bytes())
     data[len(data) // 3] ^= 1
     path.write_bytes(data)
-    assert list(recover_all(tmp_path)) == []  # at start-up only the ends are looked at
+    assert list(recover_all(tmp_path)) == []  # at start-up only the ends are read
     made = recover(path)
     assert made is not None
     assert made.torn > 0
@@ -120,7 +120,7 @@ def test_every_flip_in_the_footer_is_damage(tmp_path: Path) -> None:
             assert not is_complete(path, every_byte=True), (place - len(whole), bit)
 
 
-def test_stray_parts_go_and_other_files_stay(tmp_path: Path) -> None:
+def test_partial_copies_are_removed_and_other_files_stay(tmp_path: Path) -> None:
     record(tmp_path / "run.mcap", RUNS["refused"])
     for name in ("run.mcap.part", "gone.mcap.part", "odd.mcap.part"):
         (tmp_path / name).write_bytes(b"half")
@@ -130,7 +130,7 @@ def test_stray_parts_go_and_other_files_stay(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["note.txt", "odd.mcap", "run.mcap"]
 
 
-def test_a_recording_whose_beginning_is_damaged_is_told_of(tmp_path: Path) -> None:
+def test_a_recording_with_a_damaged_head_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     run_journal(path)
     path.write_bytes(b"?" + path.read_bytes()[1:])
@@ -139,7 +139,7 @@ def test_a_recording_whose_beginning_is_damaged_is_told_of(tmp_path: Path) -> No
     assert "is not an MCAP file" in str(error)
 
 
-def test_what_another_program_writes_is_left_alone(tmp_path: Path) -> None:
+def test_files_of_other_programs_stay(tmp_path: Path) -> None:
     path = tmp_path / "theirs.mcap"
     writer = Writer(str(path))
     writer.start("ros2", "rosbag2")
@@ -155,7 +155,7 @@ def test_what_another_program_writes_is_left_alone(tmp_path: Path) -> None:
     assert path.stat().st_ino == inode
 
 
-def test_a_recording_that_was_killed_before_it_began_goes(tmp_path: Path) -> None:
+def test_an_empty_recording_of_a_killed_process_is_removed(tmp_path: Path) -> None:
     path = recording_path(tmp_path, EPOCH_NS, 1)
     for act in (lambda: recover_all(tmp_path), lambda: [recover(path)]):
         path.touch()
@@ -181,14 +181,14 @@ def test_only_a_file_is_a_recording(tmp_path: Path, make: Callable[[Path], None]
     assert path.stat() == before
 
 
-def test_what_vanishes_meanwhile_is_no_matter(tmp_path: Path) -> None:
+def test_files_that_vanish_are_skipped(tmp_path: Path) -> None:
     (tmp_path / "gone.mcap").symlink_to(tmp_path / "away")
     old = aged(tmp_path, "old", 9)
     assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [old]
     assert list(recover_all(tmp_path)) == []
 
 
-def test_the_part_of_a_recording_that_is_being_made_is_left_alone(tmp_path: Path) -> None:
+def test_the_partial_copy_of_a_running_compaction_stays(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     run_journal(path)
     with locked(path):
@@ -197,7 +197,7 @@ def test_the_part_of_a_recording_that_is_being_made_is_left_alone(tmp_path: Path
         assert part_of(path).exists()
 
 
-def test_a_recording_that_is_made_whole_by_hand_leaves_no_part(tmp_path: Path) -> None:
+def test_recovery_by_command_leaves_no_partial_copy(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["refused"])
     part_of(path).write_bytes(b"half")
@@ -206,7 +206,7 @@ def test_a_recording_that_is_made_whole_by_hand_leaves_no_part(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("code", [errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS])
-def test_where_files_have_one_name_only_the_damaged_one_is_copied(
+def test_without_hard_links_the_damaged_file_is_copied(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int
 ) -> None:
     def refuse(*paths: Path) -> None:
@@ -248,7 +248,7 @@ def test_a_disk_too_full_for_the_copy_changes_nothing(
     assert path.read_bytes() == torn
 
 
-def test_what_is_being_written_is_left_alone(tmp_path: Path) -> None:
+def test_a_recording_being_written_stays(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with Recorder(path, EPOCH_NS, fail) as recorder:
         recorder.put(sent(1))
@@ -281,11 +281,11 @@ def test_a_recording_that_is_moved_while_it_is_written_can_be_recovered(tmp_path
     assert made.whole
 
 
-def test_a_frame_that_is_not_recorded_yet_is_told(tmp_path: Path) -> None:
+def test_a_frame_that_is_not_recorded_in_time_raises(tmp_path: Path) -> None:
     with Recorder(tmp_path / "run.mcap", EPOCH_NS, fail) as recorder:
         assert recorder.caught_up(0.0)
         blocked = threading.Event()
-        recorder._jobs.put(blocked.wait)  # what comes behind it waits for the thread
+        recorder._jobs.put(blocked.wait)  # later jobs wait for the thread
         recorder.put(sent(1))
         assert not recorder.caught_up(0.0)
         blocked.set()
@@ -310,7 +310,7 @@ def test_a_full_disk_leaves_room_for_the_end(tmp_path: Path) -> None:
             os.write = real
         assert tail.full
         assert path.read_bytes() == b"the end"
-    assert "its end" not in str(DiskFull(path))  # at first nobody knows
+    assert "its end" not in str(DiskFull(path))  # not known yet
 
 
 def aged(folder: Path, name: str, days: float) -> Path:
@@ -320,7 +320,7 @@ def aged(folder: Path, name: str, days: float) -> Path:
     return path
 
 
-def test_old_recordings_go_but_never_a_pinned_or_unfinished_one(tmp_path: Path) -> None:
+def test_old_recordings_are_deleted_but_no_pinned_or_unfinished_one(tmp_path: Path) -> None:
     old, kept = aged(tmp_path, "old", 9), aged(tmp_path, "kept", 99)
     aged(tmp_path, "new", 1)
     pin(kept, True)
@@ -334,7 +334,7 @@ def test_old_recordings_go_but_never_a_pinned_or_unfinished_one(tmp_path: Path) 
     assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [kept]
 
 
-def test_what_was_kept_of_a_damaged_recording_makes_room_too_unless_pinned(tmp_path: Path) -> None:
+def test_a_kept_damaged_file_is_deleted_by_the_rule_unless_pinned(tmp_path: Path) -> None:
     for name, pinned_ in (("a", False), ("b", True)):
         path = tmp_path / f"{name}.mcap"
         run_journal(path, finish=False)
@@ -352,17 +352,17 @@ def test_what_was_kept_of_a_damaged_recording_makes_room_too_unless_pinned(tmp_p
     assert list(prune(tmp_path, Rule(None, (size - 1) / 1e6), NOW)) == [tmp_path / "a.mcap"]
 
 
-def test_what_cannot_be_pinned_is_not_called_pinned(
+def test_a_file_system_without_permissions_cannot_pin(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["refused"])
-    monkeypatch.setattr(Path, "chmod", lambda path, mode: None)  # as exFAT does it
+    monkeypatch.setattr(Path, "chmod", lambda path, mode: None)  # as on exFAT
     with pytest.raises(PermissionError, match="has no write protection; move it"):
         pin(path, True)
 
 
-def test_the_oldest_go_until_the_rest_fits(tmp_path: Path) -> None:
+def test_the_oldest_are_deleted_until_the_rest_fits(tmp_path: Path) -> None:
     paths = [aged(tmp_path, str(days), days) for days in (5, 4, 3, 2)]
     size = paths[0].stat().st_size
     assert list(prune(tmp_path, Rule(None, 2.5 * size / 1e6), NOW)) == paths[:2]
