@@ -1,4 +1,4 @@
-"""The arm as it is: description, wire format, link, lifecycle, guard and streamer."""
+"""The robot and its board: description, drivers, links, lifecycle, write guard and streamer."""
 
 from .arm.arm import Arm
 from .arm.events import (

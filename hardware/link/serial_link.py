@@ -60,7 +60,9 @@ class SerialLink:
         why = f"Something went wrong while sending the message {text} to the port {self.port}"
         try:
             with self._writing:
-                _send(self._opened().fileno(), data)
+                if self._serial is None:
+                    raise OSError(errno.EBADF, "the port is not open")
+                _send(self._serial.fileno(), data)
         except TimeoutError as error:
             raise PortStalled(self.port, why) from error
         except _LOST as error:
@@ -104,11 +106,6 @@ class SerialLink:
             raise PortLost(self.port, "Something went wrong while closing") from error
         finally:
             self._lock.release()
-
-    def _opened(self) -> serial.Serial:
-        if self._serial is None:
-            raise OSError(errno.EBADF, "the port is not open")
-        return self._serial
 
 
 def _send(handle: int, data: bytes) -> None:

@@ -85,11 +85,9 @@ class SerialServo:
         """Return a serial port, or the virtual Arduino."""
         if port != VIRTUAL:
             return SerialLink(port, baud)
-        return VirtualLink(Codec(joints).letters, _boot_angles(joints), firmware, baud)
-
-
-def _boot_angles(joints: Sequence[Joint]) -> tuple[int, ...]:
-    return Codec(joints).encode([joint.boot for joint in joints]).servos
+        codec = Codec(joints)
+        boot_angles = codec.encode([joint.boot for joint in joints]).servos
+        return VirtualLink(codec.letters, boot_angles, firmware, baud)
 
 
 def _is_servo_angle(field: WireField, limit: float) -> bool:
