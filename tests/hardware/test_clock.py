@@ -61,7 +61,7 @@ def test_simulated_time_takes_no_time() -> None:
     assert time.monotonic() - began < 1
 
 
-def test_time_stands_still_while_anybody_works() -> None:
+def test_time_stops_while_any_thread_works() -> None:
     clock = SimulatedClock()
     with clock.working():
         waiter = clock.spawn(lambda: until(clock, 5.0), "waiter")
@@ -102,7 +102,7 @@ def test_everyone_wakes_in_the_order_of_their_deadlines() -> None:
     assert order == sorted(deadlines)
 
 
-def test_a_notified_thread_acts_before_time_goes_on() -> None:
+def test_a_notified_thread_acts_before_time_continues() -> None:
     """Whoever is notified counts as working at once, though it has not yet run."""
     clock = SimulatedClock()
     signal, state = clock.signal(), {"told": False}

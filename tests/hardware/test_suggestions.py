@@ -9,7 +9,7 @@ def test_the_most_similar_name_is_suggested() -> None:
     assert suggestion("joint_7", ["joint_1", "joint_2"], ["joint_2"]) == "; did you mean joint_1?"
 
 
-def test_any_name_is_near_enough_if_the_caller_says_so() -> None:
+def test_a_cutoff_of_0_accepts_any_name() -> None:
     assert closest("/zzz", {"/tf"}) == ""
     assert closest("/zzz", {"/tf"}, cutoff=0.0) == "/tf"
 

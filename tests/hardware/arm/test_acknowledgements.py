@@ -29,7 +29,7 @@ def booted() -> Acknowledgements:
 
 
 @given(st.integers(0, len(LINE)), st.binary(max_size=40))
-def test_a_banner_in_pieces_after_noise_is_heard(cut: int, noise: bytes) -> None:
+def test_a_banner_in_pieces_after_noise_is_recognised(cut: int, noise: bytes) -> None:
     acks = Acknowledgements(ROBOT)
     acks.receive(noise + b"\n")
     acks.receive(LINE[:cut])
@@ -39,14 +39,14 @@ def test_a_banner_in_pieces_after_noise_is_heard(cut: int, noise: bytes) -> None
 
 
 @pytest.mark.parametrize("line", [LINE[:-2], LINE.replace(b"g000", b"g0x0"), b"READY\n", b"\n"])
-def test_what_is_no_banner_is_none(line: bytes) -> None:
+def test_other_lines_are_not_taken_for_a_banner(line: bytes) -> None:
     acks = Acknowledgements(ROBOT)
     acks.receive(line)
     assert acks.boot_frame is None
     assert acks.enable_command == b""
 
 
-def test_what_never_ends_is_not_kept() -> None:
+def test_a_line_without_an_end_is_not_kept() -> None:
     acks = Acknowledgements(ROBOT)
     for _ in range(1000):
         acks.receive(b"x" * 1000)
@@ -54,7 +54,7 @@ def test_what_never_ends_is_not_kept() -> None:
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 180)] * 4), max_size=50), st.data())
-def test_acknowledgements_count_what_arrived(
+def test_acknowledgements_count_received_frames(
     frames: list[tuple[int, ...]], data: st.DataObject
 ) -> None:
     """The board may leave lines out; the next one tells the newest state."""
@@ -78,7 +78,7 @@ def test_the_count_wraps() -> None:
     assert acks.acknowledged == 0x10000 + 2
 
 
-def test_a_frame_that_was_lost_or_changed_or_came_from_elsewhere_is_told() -> None:
+def test_a_frame_that_was_lost_changed_or_not_sent_is_an_error() -> None:
     first, second = [10, 90, 90, 0], [11, 90, 90, 0]
     lost = booted()
     lost.note_sent(CODEC.frame(first), 0.0)
@@ -94,7 +94,7 @@ def test_a_frame_that_was_lost_or_changed_or_came_from_elsewhere_is_told() -> No
         foreign.receive(ack(1, binascii.crc_hqx(bytes(first), 0)))
 
 
-def test_the_first_that_is_heard_may_be_an_acknowledgement() -> None:
+def test_the_first_line_may_be_an_acknowledgement() -> None:
     acks = Acknowledgements(ROBOT)
     acks.note_sent(CODEC.frame([10, 90, 90, 0]), 0.0)
     acks.receive(ack(1, binascii.crc_hqx(bytes([10, 90, 90, 0]), 0)))
@@ -109,7 +109,7 @@ def watched(acks: Acknowledgements, until: float) -> None:
 
 
 @pytest.mark.parametrize("times", [1, 2])
-def test_a_frame_without_an_answer_is_told_when_its_time_is_over(times: int) -> None:
+def test_a_frame_without_an_answer_is_an_error_after_the_timeout(times: int) -> None:
     """The answer to one before is no answer to the next one."""
     acks, total = booted(), 0
     acks.check(100.0)
@@ -139,7 +139,7 @@ def test_a_board_that_answers_one_of_two_frames_has_its_time_for_the_other() -> 
         watched(acks, 1.24 + ANSWER_TIMEOUT + 0.05)
 
 
-def test_a_board_that_says_what_is_known_already_has_not_answered() -> None:
+def test_a_repeated_acknowledgement_is_no_answer() -> None:
     acks = booted()
     acks.note_sent(CODEC.frame([10, 90, 90, 0]), 1.0)
     watched(acks, 1.0 + ANSWER_TIMEOUT - 0.01)
@@ -148,7 +148,7 @@ def test_a_board_that_says_what_is_known_already_has_not_answered() -> None:
         watched(acks, 1.0 + ANSWER_TIMEOUT + 1e-9)
 
 
-def test_a_stall_of_the_host_takes_the_board_no_more_than_a_look() -> None:
+def test_a_stall_of_the_host_counts_as_one_check() -> None:
     """However long it is: what the board has said meanwhile is not read yet."""
     acks = booted()
     acks.note_sent(CODEC.frame([10, 90, 90, 0]), 1.0)
@@ -169,7 +169,7 @@ def test_a_start_after_noise_is_a_reset() -> None:
         booted().receive(b"\xff" + LINE)
 
 
-def test_a_board_that_says_nothing_has_what_it_was_sent() -> None:
+def test_a_board_without_acknowledgements_counts_as_having_received_everything() -> None:
     acks = Acknowledgements(load_robot())
     acks.receive(LINE[1:] + ack(3, 7))
     acks.note_sent(CODEC.frame([10, 90, 90, 0]), 0.0)
@@ -177,7 +177,7 @@ def test_a_board_that_says_nothing_has_what_it_was_sent() -> None:
 
 
 @pytest.mark.parametrize("noise", [b"", b"\n", b"xx"])
-def test_a_banner_of_another_firmware_is_told(noise: bytes) -> None:
+def test_the_banner_of_another_firmware_is_an_error(noise: bytes) -> None:
     for robot in (load_robot(), dataclasses.replace(ROBOT, firmware=OTHER)):
         acks = Acknowledgements(robot)
         acks.receive(noise + LINE[:-1])
@@ -186,7 +186,7 @@ def test_a_banner_of_another_firmware_is_told(noise: bytes) -> None:
             acks.receive(LINE[-1:])
 
 
-def test_nobody_looks_while_nothing_waits_for_an_answer() -> None:
+def test_no_check_is_due_while_every_frame_is_acknowledged() -> None:
     acks = booted()
     assert acks.next_check is None
     acks.note_sent(CODEC.frame([10, 90, 90, 0]), 1.0)

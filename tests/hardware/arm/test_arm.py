@@ -56,7 +56,7 @@ def test_activate_waits_for_the_boot_and_sends_nothing(rig: Rig) -> None:
     assert rig.frames == []
 
 
-def test_edges_are_told_in_order(rig: Rig) -> None:
+def test_edges_are_reported_in_order(rig: Rig) -> None:
     rig.start()
     rig.arm.deactivate()
     rig.arm.shutdown()
@@ -106,7 +106,7 @@ def test_a_motion_plays_at_its_times_to_its_end(rig: Rig) -> None:
     assert state.lost == 0
 
 
-def test_a_motion_to_where_the_arm_stands_is_done_at_once(rig: Rig) -> None:
+def test_a_motion_to_the_present_pose_is_done_at_once(rig: Rig) -> None:
     rig.start()
     goal = (1e-4, 0.0, 0.0, 0.0)
     playback = rig.arm.play(motion(HOME, goal, 1.0), rig.wake, "test", rig.arm.generation)
@@ -188,7 +188,7 @@ def test_leaving_the_context_shuts_down(rig: Rig) -> None:
     assert rig.frames[-1].scheduled is None
 
 
-def test_what_the_board_says_is_told() -> None:
+def test_bytes_from_the_board_are_reported() -> None:
     clock, events = SimulatedClock(), list[ArmEvent]()
     robot = dataclasses.replace(ROBOT, firmware=FIRMWARES["armtree"])
     with clock.working():

@@ -101,7 +101,7 @@ def active(runs: Firmware = OURS) -> Iterator[Rig]:
         yield rig
 
 
-def test_the_arm_begins_where_the_board_says_it_stands() -> None:
+def test_the_arm_starts_at_the_pose_that_the_board_reports() -> None:
     with active() as rig:
         assert 1.0 < rig.clock.now() < 1.01  # it waits for the boot and the line, and no longer
         assert rig.arm.commanded == HOME
@@ -134,7 +134,7 @@ def test_progress_counts_what_the_board_acknowledged() -> None:
 
 
 @pytest.mark.parametrize("ends", [Arm.stop, Arm.deactivate, Arm.shutdown])
-def test_a_lost_hold_frame_is_told(ends: Callable[[Arm], None]) -> None:
+def test_a_lost_hold_frame_is_a_fault(ends: Callable[[Arm], None]) -> None:
     with active() as rig:
         there = motion(HOME, PICK, 4.0, ROBOT)
         playback = rig.arm.play(there, rig.changed, "test", rig.arm.generation)
@@ -207,7 +207,7 @@ def test_a_board_that_resets_in_mid_motion_ends_it() -> None:
         assert rig.clock.now() < reset + 0.35
 
 
-def test_a_board_that_resets_while_nothing_moves_is_told() -> None:
+def test_a_reset_while_nothing_moves_is_a_fault() -> None:
     with active() as rig:
         rig.link.board.reset(rig.clock.now())
         rig.link.write(b"")  # whoever reads looks again when something may come
@@ -222,7 +222,7 @@ def test_a_stop_right_before_a_motion_leaves_its_count_alone() -> None:
         assert rig.play(HOME, 4.0).arrived == playback.arrived
 
 
-def test_a_board_that_says_it_runs_another_firmware_is_refused_and_told_how_to_name_it() -> None:
+def test_a_board_with_another_firmware_is_refused_and_the_error_names_it() -> None:
     rig = Rig(OURS, load_robot())
     with rig.clock.working(), rig.arm:
         rig.arm.configure()
@@ -237,7 +237,7 @@ def test_a_board_that_says_it_runs_another_firmware_is_refused_and_told_how_to_n
 @pytest.mark.parametrize(
     ("letter", "angle", "nearest"), [("b", 0, 45), ("b", 44, 45), ("s", 180, 135), ("s", 136, 135)]
 )
-def test_a_board_that_holds_what_the_arm_must_never_be_sent_is_refused(
+def test_a_board_that_holds_a_servo_outside_the_limits_is_refused(
     letter: str, angle: int, nearest: int
 ) -> None:
     """Else the first frame would make the arm jump to where it may be."""
@@ -280,7 +280,7 @@ def hold(rig: Rig, frame: str) -> None:
     rig.link.close()
 
 
-def test_a_board_that_does_not_run_what_the_robot_file_says_is_refused() -> None:
+def test_a_board_that_does_not_run_the_firmware_of_the_robot_file_is_refused() -> None:
     rig = Rig(FIRMWARES["stock"])
     with rig.clock.working(), rig.arm:
         rig.arm.configure()

@@ -56,7 +56,7 @@ class Foreign(BoardLink):
 
 @pytest.mark.parametrize("deaf", [True, False])
 @pytest.mark.parametrize("error", [OSError(5, "I/O"), ValueError("bad"), AssertionError()])
-def test_what_a_driver_raises_ends_the_motion_with_its_cause_named(
+def test_an_exception_of_a_driver_ends_the_motion_and_is_its_cause(
     deaf: bool, error: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whether the thread that listens sees it, or the one that writes."""
@@ -78,7 +78,7 @@ def test_what_a_driver_raises_ends_the_motion_with_its_cause_named(
 
 
 @pytest.mark.parametrize("error", [NotActive("theirs"), StaleGeneration("theirs"), SystemExit(3)])
-def test_not_even_errors_of_ours_out_of_a_driver_leave_a_motion_without_end(
+def test_hardware_errors_from_a_driver_end_the_motion_too(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
     rig.start()
@@ -142,7 +142,7 @@ class Stuck(BoardLink):
 
 
 @pytest.mark.parametrize("act", [Arm.stop, Arm.deactivate, Arm.shutdown])
-def test_a_write_that_does_not_return_keeps_nobody_for_ever_and_its_end_harms_no_next_motion(
+def test_a_write_that_does_not_return_blocks_no_thread_forever_and_no_later_motion(
     monkeypatch: pytest.MonkeyPatch, act: Callable[[Arm], None]
 ) -> None:
     monkeypatch.setattr("hardware.arm.connection.OBSERVER_TIMEOUT", 0.02)

@@ -319,7 +319,7 @@ def test_an_observer_that_fails_keeps_the_arm_from_nothing(
     assert "an observer of the arm failed" in caplog.text
 
 
-def test_who_watches_a_motion_and_fails_does_not_end_it(
+def test_a_callback_that_fails_does_not_end_its_motion(
     rig: Rig, caplog: pytest.LogCaptureFixture
 ) -> None:
     def broken() -> None:
@@ -339,7 +339,7 @@ def test_an_arm_that_is_gone_leaves_nothing_behind() -> None:
     assert gone() is None
 
 
-def test_an_arm_that_nobody_shut_down_is_shut_down_at_the_exit() -> None:
+def test_an_arm_is_shut_down_when_the_interpreter_exits() -> None:
     program = """
 from hardware.arm.connection import Connection
 from hardware.arm.write_guard import WriteGuard

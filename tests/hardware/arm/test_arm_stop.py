@@ -146,7 +146,7 @@ def test_a_refused_activation_takes_no_stop_back(rig: Rig) -> None:
 
 @pytest.mark.parametrize("told", ["observer", "watcher"])
 @pytest.mark.parametrize("act", [Arm.stop, lambda arm: arm.fault(PortLost("board", "gone"))])
-def test_who_is_told_may_want_a_lock_whose_owner_stops_the_arm(
+def test_an_observer_may_wait_for_a_lock_whose_owner_stops_the_arm(
     told: str, act: Callable[[Arm], None]
 ) -> None:
     theirs, entered, rig = threading.RLock(), threading.Event(), Rig()
@@ -178,7 +178,7 @@ def test_who_is_told_may_want_a_lock_whose_owner_stops_the_arm(
     arm.shutdown()
 
 
-def test_the_hold_is_told_before_the_end_of_its_motion() -> None:
+def test_the_hold_is_reported_before_the_end_of_its_motion() -> None:
     rig, told, ended = Rig(), list[str](), threading.Event()
 
     def observe(event: ArmEvent) -> None:
@@ -224,7 +224,7 @@ def test_stops_at_any_instant_leave_one_hold_and_lose_nothing() -> None:
             assert rig.link.board.state(rig.clock.now()).lost == 0
 
 
-def test_after_a_stop_the_arm_moves_on_from_where_it_was_commanded(rig: Rig) -> None:
+def test_after_a_stop_the_next_motion_starts_at_the_commanded_pose(rig: Rig) -> None:
     rig.start()
     rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
     rig.wait(1.0)

@@ -63,7 +63,7 @@ def ended(connection: Connection) -> bool:
     return not connection._reader.is_alive()
 
 
-def test_who_still_listens_after_the_end_leaves_the_next_ones_bytes_alone(line: Line) -> None:
+def test_a_closed_connection_does_not_take_bytes_of_the_next_one(line: Line) -> None:
     watch = Watch()
     line.said.put(b"first")
     connection = watch.connect(line)
@@ -77,9 +77,7 @@ def test_who_still_listens_after_the_end_leaves_the_next_ones_bytes_alone(line: 
 
 
 @pytest.mark.parametrize("late", [b"late", OSError(5, "I/O")])
-def test_what_is_read_after_the_end_is_neither_told_nor_a_fault(
-    line: Line, late: bytes | Exception
-) -> None:
+def test_bytes_and_errors_after_the_end_are_ignored(line: Line, late: bytes | Exception) -> None:
     watch = Watch()
     connection = watch.connect(line)
     connection.close()

@@ -48,7 +48,7 @@ class Held:
         return self.watch.told
 
 
-def test_what_is_put_is_told_in_order() -> None:
+def test_events_are_delivered_in_order() -> None:
     watch = Watch()
     outbox = Outbox(watch)
     outbox.deliver()
@@ -60,7 +60,7 @@ def test_what_is_put_is_told_in_order() -> None:
     assert watch.told == [FIRST, SECOND]
 
 
-def test_who_finds_another_at_it_leaves_his_events_to_that_one() -> None:
+def test_a_thread_leaves_its_events_to_the_one_that_delivers() -> None:
     held = Held()
     held.outbox.put(SECOND)
     held.outbox.deliver()
@@ -68,7 +68,7 @@ def test_who_finds_another_at_it_leaves_his_events_to_that_one() -> None:
     assert held.end() == [FIRST, SECOND]
 
 
-def test_who_has_patience_waits_until_all_is_told() -> None:
+def test_a_delivery_with_a_timeout_waits_until_all_is_delivered() -> None:
     held = Held()
     held.outbox.put(SECOND)
     patient = threading.Thread(target=held.outbox.deliver, args=(5.0,))
@@ -81,7 +81,7 @@ def test_who_has_patience_waits_until_all_is_told() -> None:
     assert held.watch.told == [FIRST, SECOND]
 
 
-def test_patience_ends() -> None:
+def test_the_timeout_of_a_delivery_ends() -> None:
     held = Held()
     held.outbox.deliver(0.01)
     assert held.end() == [FIRST]
@@ -118,7 +118,7 @@ def test_an_observer_that_fails_does_not_keep_the_next_event() -> None:
     assert watch.told == [FIRST, SECOND]
 
 
-def test_whatever_many_threads_put_is_told_once_and_in_each_ones_order() -> None:
+def test_events_of_many_threads_are_delivered_once_and_in_the_order_of_each_thread() -> None:
     watch = Watch()
     outbox = Outbox(watch)
 

@@ -14,7 +14,7 @@ def test_every_joint_with_a_servo_has_a_command_interface_in_the_order_of_the_fr
     assert command_interfaces(load_robot()) == names
 
 
-def test_every_joint_has_a_state_and_who_follows_has_its_leaders() -> None:
+def test_every_joint_has_a_state_and_mimic_joints_follow_their_leaders() -> None:
     assert state_interfaces(load_robot(), (0.1, 0.2, 0.3, -0.4)) == {
         "joint_1/position": 0.1,
         "joint_2/position": 0.2,
@@ -48,7 +48,7 @@ def test_every_end_of_a_claim_counts_one_generation() -> None:
     assert claims.generation == 3
 
 
-def test_who_decided_before_another_joint_was_claimed_may_move_his() -> None:
+def test_a_claim_of_another_joint_makes_no_plan_stale() -> None:
     claims = Claims(["a", "b"])
     decided = claims.generation
     first = claims.acquire("one", ["a"], decided)
@@ -69,7 +69,7 @@ def test_to_give_up_one_claim_leaves_the_others() -> None:
         claims.check(first)
 
 
-def test_what_is_claimed_again_is_not_the_old_claims() -> None:
+def test_a_new_claim_never_equals_an_old_one() -> None:
     claims = Claims(["a"])
     old = claims.acquire("one", ["a"], 0)
     claims.release_all()

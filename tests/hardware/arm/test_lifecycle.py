@@ -158,9 +158,7 @@ def test_an_interrupt_counts_as_an_error_and_is_raised(
     [(State.CONFIGURING, State.UNCONFIGURED), (State.ERRORPROCESSING, State.FINALIZED),
      (State.INACTIVE, State.INACTIVE)],
 )  # fmt: skip
-def test_an_interrupt_of_who_watches_leaves_no_transition_half_way(
-    moment: State, end: State
-) -> None:
+def test_an_interrupt_in_the_callback_leaves_no_transition_state(moment: State, end: State) -> None:
     def watch(label: str, start: State, goal: State) -> None:
         if goal is moment:
             raise KeyboardInterrupt
@@ -173,7 +171,7 @@ def test_an_interrupt_of_who_watches_leaves_no_transition_half_way(
     assert not lifecycle.changing
 
 
-def test_who_interrupts_again_and_again_still_finds_an_end() -> None:
+def test_repeated_interrupts_still_reach_a_primary_state() -> None:
     machine = Machine("unconfigured")
     machine.callbacks.update(dict.fromkeys(OUTCOMES, interrupt))
     with pytest.raises(KeyboardInterrupt):
@@ -187,7 +185,7 @@ LEGAL = {*ENDS, ("raise_error", "active")}
 @pytest.mark.parametrize(
     ("label", "start"), sorted(set(itertools.product([*LABELS, "destroy"], WAYS)) - LEGAL)
 )
-def test_what_is_not_in_the_table_is_refused(label: str, start: str) -> None:
+def test_a_request_that_is_not_in_the_table_is_refused(label: str, start: str) -> None:
     machine = Machine(start)
     legal = ", ".join(n for n, s, _ in REQUESTS if s.value == start)
     words = f"; legal: {legal}$" if legal else "; start armtree again"
@@ -197,7 +195,7 @@ def test_what_is_not_in_the_table_is_refused(label: str, start: str) -> None:
     assert machine.edges == []
 
 
-def test_every_edge_is_told_with_both_states() -> None:
+def test_every_edge_is_reported_with_both_states() -> None:
     machine = Machine("unconfigured")
     machine.callbacks[State.CONFIGURING] = answers(Result.ERROR)
     machine.lifecycle.request("configure")

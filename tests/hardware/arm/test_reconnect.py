@@ -94,7 +94,7 @@ def test_a_board_that_comes_back_under_another_name_is_reported(
     assert arm.state is State.UNCONFIGURED  # coming back is a person's act
 
 
-def test_who_is_refused_is_told_of_the_return_all_the_same(
+def test_the_return_is_reported_even_if_activation_was_refused(
     by_id: Path, lost: tuple[Arm, Watch]
 ) -> None:
     arm, watch = lost
@@ -109,7 +109,7 @@ def test_who_is_refused_is_told_of_the_return_all_the_same(
 
 @pytest.mark.parametrize("act", [Arm.configure, Arm.shutdown])
 @pytest.mark.parametrize("gone", [False, True])
-def test_who_goes_on_looks_out_no_longer(
+def test_configuring_stops_the_reconnect_watcher(
     by_id: Path, lost: tuple[Arm, Watch], act: Callable[[Arm], None], gone: bool
 ) -> None:
     arm, _ = lost
@@ -122,12 +122,12 @@ def test_who_goes_on_looks_out_no_longer(
 
 
 @pytest.mark.usefixtures("by_id")
-def test_nobody_looks_out_for_a_port_without_a_lasting_name() -> None:
+def test_a_port_without_a_persistent_name_is_not_watched() -> None:
     with closing(VirtualArduino(*BOARD)) as arduino:
         assert ReconnectWatcher(arduino.port, RealClock(), Watch()).start() is None
 
 
-def test_a_missing_port_is_told_the_lasting_names(
+def test_the_error_of_a_missing_port_lists_persistent_names(
     by_id: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = [ports_module.SerialPort("/dev/ttyACM1", "Uno", "2341:0043", str(by_id))]

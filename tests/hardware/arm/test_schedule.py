@@ -86,7 +86,7 @@ def test_equal_frames_are_left_out() -> None:
     assert [str(setpoint.frame)[:4] for setpoint in schedule.setpoints] == ["b091", "b092"]
 
 
-def test_a_fast_motion_is_slowed_and_says_by_how_much() -> None:
+def test_a_fast_motion_is_slowed_and_the_schedule_has_the_delay() -> None:
     schedule = straight(STOCK, PICK, 0.1)
     check(STOCK, HOME, schedule)
     assert schedule.slowed == pytest.approx(schedule.duration - 0.1)
@@ -99,14 +99,14 @@ def test_a_fast_motion_is_slowed_and_says_by_how_much() -> None:
 
 
 @pytest.mark.parametrize("duration", [0.0, 3.0])
-def test_a_motion_to_where_the_arm_stands_has_no_frames(duration: float) -> None:
+def test_a_motion_to_the_present_pose_has_no_frames(duration: float) -> None:
     goal = (1e-4, 0.0, 0.0, -1e-4)  # in the bins of where it stands
     schedule = compile_schedule(STOCK, HOME, line(HOME, goal, duration), duration)
     assert schedule.setpoints == ()
     assert schedule.duration == schedule.slowed == 0.0
 
 
-def test_a_motion_in_no_time_goes_nowhere() -> None:
+def test_a_motion_of_no_duration_has_no_frames() -> None:
     assert straight(STOCK, PICK, 0.0) == Schedule((), HOME, 0.0, 0.0)
 
 

@@ -24,7 +24,7 @@ from hardware.drivers.driver import Frame
 from tests.support.write_guard_rig import HOME, Rig, degrees
 
 
-def test_a_frame_goes_out_and_is_told() -> None:
+def test_a_frame_is_sent_and_reported() -> None:
     rig = Rig()
     assert rig.write(degrees(10))
     assert rig.events == [FrameSent(2.0, b"b100,s090,e090,g000,", degrees(10), 2.0)]
@@ -64,7 +64,9 @@ class CarelessDriver(SerialServo):
 
 @pytest.mark.parametrize("place", range(4))
 @pytest.mark.parametrize("bad", [math.nan, 2.0, -2.0])
-def test_a_bad_value_is_refused_even_where_the_wire_format_takes_it(place: int, bad: float) -> None:
+def test_a_bad_position_is_refused_even_if_the_wire_format_accepts_it(
+    place: int, bad: float
+) -> None:
     rig = Rig(driver=CarelessDriver())
     positions = [0.0, 0.0, 0.0, 0.0]
     positions[place] = bad
@@ -120,7 +122,7 @@ def test_a_joint_that_has_no_servo_cannot_be_claimed() -> None:
         rig.guard.claim("jog", ["joint_5/position"], rig.guard.generation)
 
 
-def test_who_claims_one_joint_moves_that_one() -> None:
+def test_a_claim_of_one_joint_moves_only_that_joint() -> None:
     rig = Rig()
     rig.write(degrees(10))
     rig.guard.release(rig.claim)

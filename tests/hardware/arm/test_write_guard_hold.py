@@ -60,14 +60,14 @@ def test_a_hold_for_a_motion_that_is_over_leaves_the_next_one_alone() -> None:
     assert [frame[:4] for frame in rig.sent] == ["b091", "b091", "b092", "b093", "b093"]
 
 
-def test_a_hold_writes_nothing_where_no_frame_has_left() -> None:
+def test_a_hold_writes_nothing_if_no_frame_was_sent() -> None:
     rig = Rig()
     rig.write(HOME)
     rig.guard.hold()
     assert rig.sent == []
 
 
-def test_a_hold_writes_nothing_where_the_arm_is_not_active() -> None:
+def test_a_hold_writes_nothing_if_the_arm_is_not_active() -> None:
     rig = Rig()
     rig.write(degrees(1))
     rig.active = False
@@ -130,7 +130,7 @@ def test_a_hold_within_a_hold_writes_one_frame(monkeypatch: pytest.MonkeyPatch) 
     assert rig.sent == ["b091,s090,e090,g000,"] * 2
 
 
-def test_a_closed_door_stays_closed() -> None:
+def test_a_closed_guard_stays_closed() -> None:
     rig = Rig()
     rig.write(degrees(1))
     rig.guard.close()
@@ -142,7 +142,7 @@ def test_a_closed_door_stays_closed() -> None:
     assert len(rig.sent) == 1
 
 
-def test_who_is_told_of_a_frame_may_hold_at_once() -> None:
+def test_an_observer_of_a_frame_may_hold_at_once() -> None:
     rig = Rig()
     rig.then = lambda _: rig.guard.hold()
     told = threading.Thread(target=lambda: rig.write(degrees(1)), daemon=True)
@@ -187,7 +187,7 @@ def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object
      lambda rig: rig.write(degrees(1))],
     ids=["claim", "release", "enable", "hold", "write"],
 )  # fmt: skip
-def test_nobody_waits_for_ever_for_a_write_that_does_not_return(
+def test_no_thread_waits_forever_for_a_write_that_does_not_return(
     act: Callable[[Rig], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("hardware.arm.write_guard._WAIT", 0.002)
@@ -264,7 +264,7 @@ def test_after_whatever_a_driver_raises_nothing_follows(
         rig.guard.hold()
 
 
-def test_a_closed_door_has_told_all() -> None:
+def test_a_closed_guard_has_reported_everything() -> None:
     rig, entered, leave = Rig(), threading.Event(), threading.Event()
     done: list[bool] = []
 

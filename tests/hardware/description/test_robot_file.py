@@ -57,7 +57,7 @@ def test_its_limits_are_the_literals_of_its_urdf() -> None:
     assert limits == [(-quarter, quarter)] * 3 + [(-quarter, 0.0), (0.0, quarter)]
 
 
-def test_an_unknown_joint_is_told_the_known_ones() -> None:
+def test_an_unknown_joint_gets_a_list_of_the_known_ones() -> None:
     with pytest.raises(KeyError, match="no joint joint_9; there are joint_1, joint_2"):
         SHIPPED.joint("joint_9")
 

@@ -181,7 +181,7 @@ def test_a_driver_reads_its_own_keys(robot: Robot) -> None:
 
 
 @pytest.mark.usefixtures("robot")
-def test_an_unknown_driver_is_told_the_installed_ones(tmp_path: Path) -> None:
+def test_an_unknown_driver_gets_a_list_of_the_installed_ones(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_text(path.read_text().replace('driver = "ticks"', 'driver = "tiks"'))
     why = r"robot.toml:5: driver: 'tiks' is not one of (serial_servo, ticks|ticks, serial_servo)"

@@ -17,14 +17,14 @@ def test_a_robot_file_may_leave_out_the_board(name: str) -> None:
     assert [joint.mimic for joint in robot.actuated] == [None] * len(robot.actuated)
 
 
-def test_what_slides_is_in_metres_and_what_turns_without_end_has_none() -> None:
+def test_prismatic_joints_are_in_metres_and_continuous_joints_have_no_limits() -> None:
     units = {joint.name: joint.unit for joint in foreign("seven_axes").joints}
     assert (units["finger_1"], units["finger_2"], units["axis_1"]) == ("m", "m", "rad")
     assert [joint.name for joint in foreign("endless").joints if joint.continuous]
     assert not any(joint.continuous for joint in load_robot().joints)
 
 
-def test_it_cannot_be_moved_and_says_why() -> None:
+def test_it_cannot_be_moved_and_the_error_explains_why() -> None:
     robot = foreign("seven_axes")
     why = re.escape(f"{robot.path} names no driver")
     with pytest.raises(NoDriver, match=why):

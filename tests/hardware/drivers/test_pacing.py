@@ -26,9 +26,7 @@ def test_the_bytes_that_wait_are_those_behind_the_first_field() -> None:
 
 
 @pytest.mark.parametrize(("ring", "one_waits"), [(54, False), (55, True)])
-def test_one_frame_waits_where_the_ring_then_has_room_for_a_hold(
-    ring: int, one_waits: bool
-) -> None:
+def test_one_frame_waits_if_the_buffer_then_has_room_for_a_hold(ring: int, one_waits: bool) -> None:
     firmware = dataclasses.replace(FIRMWARES["stock"], ring=ring)
     pacing = PacingModel(firmware, BAUD, frame([90, 90, 90, 0]))
     assert pacing.earliest == pacing.done == -math.inf

@@ -68,7 +68,7 @@ def test_close_and_open_again_resets_again(shell: Shell, firmware: Firmware) -> 
     shell.until(lambda state: state.servos == (85, 90, 90, 0))
 
 
-def test_only_our_firmware_says_something(shell: Shell, firmware: Firmware) -> None:
+def test_only_armtree_firmware_sends_anything(shell: Shell, firmware: Firmware) -> None:
     shell.open()
     shell.listen()
     shell.booted()

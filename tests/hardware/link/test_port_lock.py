@@ -66,7 +66,7 @@ class Competitors:
             self.changed.notify_all()
 
 
-def test_many_who_want_a_lock_get_it_one_at_a_time(port: str) -> None:
+def test_many_threads_acquire_a_lock_one_at_a_time(port: str) -> None:
     competitors = Competitors(port)
     threads = [threading.Thread(target=competitors.compete) for _ in range(4)]
     for thread in threads:
@@ -98,7 +98,7 @@ def test_a_lock_file_that_its_owner_removes_right_now_is_no_lock(
     third.release()
 
 
-def test_who_only_looks_keeps_nobody_from_the_lock(port: str) -> None:
+def test_reading_the_owner_does_not_prevent_locking(port: str) -> None:
     done = threading.Event()
 
     def look() -> None:
@@ -131,7 +131,7 @@ def test_the_owner_is_named_while_there_is_one(port: str) -> None:
     lock.path.unlink()
 
 
-def test_a_lock_of_another_file_system_is_not_ours(
+def test_a_lock_of_another_file_system_is_ignored(
     port: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Files of two file systems may have one number, and in /run and /tmp small ones are usual."""

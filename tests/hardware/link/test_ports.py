@@ -45,7 +45,7 @@ def test_a_missing_port() -> None:
 
 
 @pytest.mark.parametrize("port", ["/dev/null", "/dev/zero", "/etc/passwd", "/tmp"])
-def test_what_is_no_serial_port(port: str) -> None:
+def test_a_path_that_is_no_serial_port(port: str) -> None:
     check = told(port)
     assert (check.ok, check.code) == (False, "hw.link")
     assert check.detail == f"{port} is no serial port"
@@ -57,7 +57,7 @@ def test_a_terminal_of_the_kernels_is_one() -> None:
 
 
 @pytest.mark.parametrize("usb", ["", "1a86:7523"])
-def test_a_denied_port_is_told_the_group_and_its_own_udev_rule(
+def test_the_error_of_a_denied_port_has_the_group_and_a_udev_rule(
     line: Pty, usb: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "serial_ports", lambda: [SerialPort(line.port, "x", usb, "")])
@@ -75,7 +75,7 @@ def test_a_denied_port_is_told_the_group_and_its_own_udev_rule(
     assert ("udev rule" in check.remedy) is bool(usb)
 
 
-def test_a_port_of_another_armtree_is_told_its_process(line: Pty) -> None:
+def test_the_error_of_a_port_of_another_armtree_has_its_process_id(line: Pty) -> None:
     link = SerialLink(line.port, 115200)
     link.open()
     check = told(line.port)

@@ -166,7 +166,7 @@ def prepared(row: Row, scene: Scene, port: Port) -> Port:
 
 
 @pytest.mark.parametrize("row", ROWS.values(), ids=ROWS)
-def test_what_pyserial_raises(row: Row, scene: Scene) -> None:
+def test_the_exceptions_of_pyserial(row: Row, scene: Scene) -> None:
     name = row.port(scene) if row.port else scene.line.port
     port = serial.Serial(None, exclusive=True, write_timeout=0.1)
     port.port = name
@@ -179,7 +179,7 @@ def test_what_pyserial_raises(row: Row, scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("row", ROWS.values(), ids=ROWS)
-def test_what_the_link_makes_of_it(row: Row, scene: Scene) -> None:
+def test_the_errors_of_the_link(row: Row, scene: Scene) -> None:
     name = row.port(scene) if row.port else scene.line.port
     link = SerialLink(name, 115200)
     prepared(row, scene, link)

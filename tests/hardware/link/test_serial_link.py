@@ -67,7 +67,7 @@ def test_a_port_that_is_denied(line: Pty) -> None:
 
 
 @pytest.mark.parametrize("make", [Path.mkdir, Path.touch])
-def test_what_is_no_serial_port(tmp_path: Path, make: Callable[[Path], None]) -> None:
+def test_a_path_that_is_no_serial_port(tmp_path: Path, make: Callable[[Path], None]) -> None:
     make(tmp_path / "thing")
     said = str(refused(str(tmp_path / "thing"), LinkError))
     assert f"{tmp_path}/thing cannot be opened as a serial port" in said
@@ -153,7 +153,7 @@ def test_the_lock_is_given_up_when_opening_is_interrupted(
     assert PortLock(line.port).owner() is None
 
 
-def test_what_is_written_arrives_and_what_arrives_is_read(line: Pty) -> None:
+def test_bytes_arrive_in_both_directions(line: Pty) -> None:
     link = SerialLink(line.port, BAUD)
     link.open()
     link.write(FRAME)
@@ -163,7 +163,7 @@ def test_what_is_written_arrives_and_what_arrives_is_read(line: Pty) -> None:
     link.close()
 
 
-def test_a_port_lost_while_idle_is_told_by_every_call(line: Pty) -> None:
+def test_every_call_reports_a_port_lost_while_idle(line: Pty) -> None:
     link = SerialLink(line.port, BAUD)
     link.open()
     line.vanish()
@@ -206,7 +206,7 @@ def fill(link: SerialLink) -> tuple[list[bytes], PortStalled]:
             return frames, error
 
 
-def test_who_is_kept_waiting_after_a_write_is_not_stuck(
+def test_a_write_delayed_after_its_end_is_not_stuck(
     line: Pty, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """On a machine that is busy enough, a second may pass before the writing thread goes on."""
@@ -231,7 +231,7 @@ def write_on(link: SerialLink) -> LinkError:
                 return error
 
 
-def test_a_stuck_line_is_told_and_nothing_is_repeated(line: Pty) -> None:
+def test_a_stuck_line_is_an_error_and_nothing_is_repeated(line: Pty) -> None:
     link = SerialLink(line.port, BAUD)
     link.open()
     frames, error = fill(link)
@@ -244,7 +244,7 @@ def test_a_stuck_line_is_told_and_nothing_is_repeated(line: Pty) -> None:
 
 
 @pytest.mark.parametrize("discard", [True, False])
-def test_what_the_kernel_still_holds_goes_out_or_is_discarded(line: Pty, discard: bool) -> None:
+def test_unsent_bytes_in_the_kernel_are_sent_or_discarded(line: Pty, discard: bool) -> None:
     link = SerialLink(line.port, BAUD)
     link.open()
     frames, _ = fill(link)

@@ -58,7 +58,7 @@ def test_whole_degrees_are_truncated_in_the_published_order() -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, True, "0", None, [0.0]])
 @pytest.mark.parametrize("place", range(4))
-def test_what_is_no_finite_number_is_refused(bad: object, place: int) -> None:
+def test_a_value_that_is_not_a_finite_number_is_refused(bad: object, place: int) -> None:
     positions: list[object] = [0.0, 0.0, 0.0, 0.0]
     positions[place] = bad
     with pytest.raises(BadPosition, match=f"joint_{place + 1} = "):
@@ -131,7 +131,7 @@ def test_decoding_hits_the_bin_of_every_servo_angle() -> None:
      b"s090,b090,e090,g000,", b"b0x0,s090,e090,g000,", b"b00-1,s090,e090,g000,",
      b"b181,s090,e090,g000,", b"b090,s090,e090,g999,"],
 )  # fmt: skip
-def test_what_is_no_frame_is_told(data: bytes) -> None:
+def test_bytes_that_are_no_frame_are_an_error(data: bytes) -> None:
     with pytest.raises(ValueError, match="is no frame such as b000,s000,e000,g000,"):
         CODEC.parse(data)
 
@@ -154,7 +154,7 @@ def test_a_robot_of_other_letters_has_frames_of_its_own() -> None:
 @pytest.mark.parametrize(
     ("value", "limit"), [(2, J1.upper), (-2.0, J1.lower), (math.nan, None), ("x", None)]
 )
-def test_a_bad_value_is_told_with_its_joint_and_its_limit(
+def test_a_bad_position_is_an_error_with_its_joint_and_limit(
     value: object, limit: float | None
 ) -> None:
     with pytest.raises(BadPosition) as caught:

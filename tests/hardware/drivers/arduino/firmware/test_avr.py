@@ -83,7 +83,7 @@ def simulated(stock: AvrBoard, sent: list[tuple[float, bytes]], end: float) -> t
 
 
 @pytest.mark.parametrize("waiting", [1, 2, 3, 4, 6])
-def test_the_sketch_loses_what_the_model_says(board: MakeBoard, waiting: int) -> None:
+def test_the_sketch_loses_the_same_bytes_as_the_model(board: MakeBoard, waiting: int) -> None:
     sent = [(0.0, frame((0, 90, 90, 0)) + frame(BOOT) * waiting)]
     assert simulated(board("stock"), sent, 3.0) == modelled(sent, 3.0)
 
@@ -96,12 +96,12 @@ DAMAGE = [
 
 
 @pytest.mark.parametrize("data", DAMAGE)
-def test_the_sketch_takes_damage_as_the_model_says(board: MakeBoard, data: bytes) -> None:
+def test_the_sketch_handles_damage_like_the_model(board: MakeBoard, data: bytes) -> None:
     sent, end = [(0.0, data)], 5.0 if b"b24," in data else 2.0
     assert simulated(board("stock"), sent, end) == modelled(sent, end)
 
 
-def test_the_sketch_takes_bursts_as_the_model_says(board: MakeBoard) -> None:
+def test_the_sketch_handles_bursts_like_the_model(board: MakeBoard) -> None:
     dice, losses = random.Random(5), 0
     for _ in range(10):
         burst = [
@@ -135,7 +135,7 @@ def overload(dice: random.Random) -> list[tuple[float, bytes]]:
     return sent
 
 
-def test_the_overloaded_sketch_does_what_the_model_says(board: MakeBoard) -> None:
+def test_the_overloaded_sketch_behaves_like_the_model(board: MakeBoard) -> None:
     dice, compared, lost = random.Random(11), 0, []
     while compared < 8:
         sent = overload(dice)
@@ -149,7 +149,7 @@ def test_the_overloaded_sketch_does_what_the_model_says(board: MakeBoard) -> Non
 
 
 @pytest.mark.parametrize(("rate", "loses"), [(48, False), (55, True)])
-def test_the_sketch_sustains_the_rate_that_the_model_says(
+def test_the_sketch_sustains_the_rate_of_the_model(
     board: MakeBoard, rate: int, loses: bool
 ) -> None:
     sent = [(number / rate, frame(BOOT)) for number in range(2 * rate)]

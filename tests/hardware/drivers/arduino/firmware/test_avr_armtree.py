@@ -28,7 +28,7 @@ pytestmark = [
 ]
 
 
-def test_the_committed_hex_is_what_the_source_gives(built: Built) -> None:
+def test_the_committed_hex_is_built_from_the_source(built: Built) -> None:
     if rig.avr_gcc_version() != rig.AVR_GCC:
         pytest.skip(f"avr-gcc {rig.avr_gcc_version()}, and the .hex is from {rig.AVR_GCC}")
     rebuilt = built.programs["armtree"].image.read_bytes()
@@ -68,7 +68,7 @@ def test_switching_off_forgets(board: MakeBoard) -> None:
     assert report.angles == BOOT
 
 
-def test_a_reset_at_any_moment_keeps_what_the_last_pulses_said(board: MakeBoard) -> None:
+def test_a_reset_at_any_moment_keeps_the_angles_of_the_last_pulses(board: MakeBoard) -> None:
     ours, dice = board(boot_time=0.0), random.Random(1)
     angles: tuple[int, ...] = BOOT
     for _ in range(500):
@@ -92,7 +92,7 @@ def _angles(report: Report) -> tuple[int, ...]:
 # Ours: what it answers -----------------------------------------------------------------------
 
 
-def test_it_says_nothing_that_nobody_asked_for(board: MakeBoard) -> None:
+def test_it_sends_only_what_was_requested(board: MakeBoard) -> None:
     assert board().feed(frame(TASKS[0]) * 100, wait=1.0).said == b""
 
 
@@ -125,7 +125,7 @@ def test_answers_that_find_no_room_are_dropped_and_frames_are_not(board: MakeBoa
     assert (report.lost, report.refused) == (0, 0)
 
 
-def test_the_status_tells_everything(board: MakeBoard) -> None:
+def test_the_status_has_everything(board: MakeBoard) -> None:
     ours = board()
     first = ours.feed(b"?").said
     assert first == (
@@ -147,7 +147,7 @@ def test_the_status_tells_everything(board: MakeBoard) -> None:
     assert status(ours.feed(b"?"))["at"] == "b090,s090,e090,g080,"
 
 
-def test_the_lines_are_as_long_as_the_code_says(board: MakeBoard) -> None:
+def test_the_lines_have_the_lengths_in_the_code(board: MakeBoard) -> None:
     ours = board()
     ours.tell("reset")
     banner = ours.run(1.1).said
@@ -211,7 +211,7 @@ def test_a_speed_limit_is_kept(board: MakeBoard, limit: int) -> None:
 # Ours: damage --------------------------------------------------------------------------------
 
 
-def test_corruptions_and_splits_and_no_angle_that_nobody_sent(board: MakeBoard) -> None:
+def test_damaged_and_split_frames_cause_no_angle_that_was_not_sent(board: MakeBoard) -> None:
     damage, dice = Corruptions(CORRUPTIONS, seed=3), random.Random(4)
     ours = board()
     ours.feed(b"bA01;")

@@ -60,7 +60,7 @@ def test_a_virtual_port_that_does_not_open_ends_its_process(
         os.kill(pids[0], 0)
 
 
-def test_a_virtual_arduino_that_has_ended_says_so() -> None:
+def test_the_state_of_an_ended_virtual_arduino_is_an_error() -> None:
     arduino = VirtualArduino("bseg", (90, 90, 90, 0), ROBOT.firmware, BAUD)
     os.kill(arduino.pid, signal.SIGKILL)
     for _ in range(2):

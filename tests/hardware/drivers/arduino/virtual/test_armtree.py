@@ -28,7 +28,7 @@ def board() -> Board:
     return made
 
 
-def test_it_says_what_it_is_when_it_is_switched_on_and_when_it_has_booted() -> None:
+def test_it_sends_its_banner_when_switched_on_and_when_booted() -> None:
     made = Board("bseg", BOOT, OURS, 115200)
     assert made.next_output() == pytest.approx(len(BANNER) * BYTE)
     assert made.read_output(1.0) == BANNER.replace(b"kept", b"boot")
@@ -87,7 +87,7 @@ def test_an_acknowledgement_comes_when_its_frame_is_there_and_it_has_been_sent()
 BOOT_AT = b"at=b090,s090,e090,g000,\n"
 
 
-def test_the_watchdog_says_that_it_holds_without_any_input() -> None:
+def test_the_watchdog_sends_a_status_without_any_input() -> None:
     made = board()
     made.receive(b"bW05;", 0.1 - 5 * BYTE - 0.01)
     made.read_output(0.15)
@@ -102,7 +102,7 @@ def test_the_watchdog_says_that_it_holds_without_any_input() -> None:
     assert made.next_output() is None
 
 
-def test_a_line_that_finds_no_room_waits_and_tells_the_newest() -> None:
+def test_a_line_without_room_waits_and_has_the_newest_state() -> None:
     made = board()
     made.receive(b"bA01;" + FRAME + b"??", 0.1)
     # Behind the first status there is room for the acknowledgement and one more; asked for again,
@@ -172,7 +172,7 @@ def test_a_reader_in_simulated_time_is_woken_for_every_line_at_its_time() -> Non
 # Damage --------------------------------------------------------------------------------------
 
 
-def test_corruptions_and_splits_and_no_angle_that_nobody_sent() -> None:
+def test_damaged_and_split_frames_cause_no_angle_that_was_not_sent() -> None:
     damage, dice, made, now = Corruptions(CORRUPTIONS, seed=5), random.Random(6), board(), 0.1
     made.receive(b"bA01;", now)
     for piece, pause in pieces(damage.stream, dice):
@@ -207,7 +207,7 @@ PIECES = st.lists(st.tuples(FRAMES | DAMAGED, st.sampled_from([0.0, 0.003, 0.5])
 
 
 @given(PIECES)
-def test_the_servos_stand_where_a_whole_frame_sent_them(parts: list[tuple[bytes, float]]) -> None:
+def test_the_servos_have_the_angles_of_a_whole_frame(parts: list[tuple[bytes, float]]) -> None:
     made, stream, now = board(), b"", 0.1
     for part, pause in parts:
         data = part.replace(b";", b":")  # a command could limit the speed

@@ -185,7 +185,7 @@ OURS_DAMAGE = {
 
 
 @pytest.mark.parametrize(("data", "refused"), OURS_DAMAGE.values(), ids=OURS_DAMAGE)
-def test_ours_drops_a_bad_frame_whole_and_takes_the_next(data: bytes, refused: int) -> None:
+def test_armtree_drops_a_bad_frame_whole_and_accepts_the_next(data: bytes, refused: int) -> None:
     assert after(data + b"b001,s002,e003,g004,", firmware="armtree", refused=refused) == (
         1,
         2,
@@ -212,7 +212,7 @@ def test_whatever_comes_no_servo_leaves_its_travel(parts: list[bytes]) -> None:
 
 
 @given(st.lists(st.integers(0, 40), max_size=20))
-def test_how_often_one_looks_changes_nothing(looks: list[int]) -> None:
+def test_how_often_the_state_is_read_changes_nothing(looks: list[int]) -> None:
     watched, left = booted(), booted()
     for number in range(8):
         data = b"b%03d,s090,e%03d,g000," % (90 - 9 * number, 90 + 7 * number)

@@ -96,7 +96,7 @@ def test_a_damaged_frame_is_dropped_whole_and_counted(ours: Shell) -> None:
         assert (state.lost, state.refused) == (0, refused)
 
 
-def test_every_frame_is_acknowledged_when_asked_and_none_before(ours: Shell) -> None:
+def test_every_frame_is_acknowledged_after_the_command_and_none_before(ours: Shell) -> None:
     ours.ask(frame(NEAR) + b"bA01;", "status")
     dice = random.Random(8)
     sent = [NEAR, *(tuple(dice.randrange(181) for _ in BOOT) for _ in range(100))]
@@ -111,7 +111,7 @@ def test_every_frame_is_acknowledged_when_asked_and_none_before(ours: Shell) -> 
     assert ours.heard.count(b"k0066") == 0
 
 
-def test_an_acknowledgement_tells_of_refused_bytes(ours: Shell) -> None:
+def test_an_acknowledgement_counts_refused_bytes(ours: Shell) -> None:
     ours.ask(b"bA01;", "status")
     assert ours.ask(b"junk" + frame(BOOT), "k") == f"k0001,04,00,{checksum([BOOT]):04x}"
 
@@ -126,7 +126,7 @@ def test_questions_without_end_are_answered_as_room_allows_and_stop_no_frame(our
     assert (state.lost, state.refused) == (0, 0)
 
 
-def test_the_status_tells_everything_and_a_reset_forgets_all_but_the_angles(ours: Shell) -> None:
+def test_the_status_has_everything_and_a_reset_clears_all_but_the_angles(ours: Shell) -> None:
     nothing = {
         "frames": "0000",
         "refused": "0000",
@@ -166,7 +166,7 @@ def test_the_status_tells_everything_and_a_reset_forgets_all_but_the_angles(ours
     assert words(ours.ask(b"?", "status")) == {**nothing, "at": "b091,s089,e091,g001,"}
 
 
-def test_the_watchdog_holds_where_the_arm_is_and_says_so_unasked(ours: Shell) -> None:
+def test_the_watchdog_holds_the_arm_and_sends_a_status(ours: Shell) -> None:
     ours.link.write(b"bW02;gV01;" + frame((90, 90, 90, 180)))
     lines = ours.hear(lambda lines: "holds=01" in lines[-1])
     gripper = int(words(lines[-1])["at"][-4:-1])
