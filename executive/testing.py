@@ -1,9 +1,9 @@
-"""A test kit: tasks and skills on the virtual board, in simulated time, in a few lines of pytest.
+"""Test tasks and skills on the virtual board in simulated time, in a few lines of pytest.
 
-with SimulatedArm(trees=Path("trees"), skills=Path("skills")) as rehearsal:
-    rehearsal.replace("door_closed", lambda: True)
-    assert rehearsal.run(3, swing="10 deg").success
-    assert rehearsal.said("Say") == ["done"]
+with SimulatedArm(trees=Path("trees"), skills=Path("skills")) as arm:
+    arm.replace("door_closed", lambda: True)
+    assert arm.run(3, swing="10 deg").success
+    assert arm.said("Say") == ["done"]
 """
 
 import dataclasses
@@ -26,25 +26,25 @@ from .setup import Setup
 
 
 class SharedPool(Pool):
-    """Planners that many executives use in turn: they are started the first time only."""
+    """Planners that several executives use in turn. Only the first `start` starts them."""
 
     _started = False
 
     def start(self) -> None:
-        """Start, unless they are."""
+        """Start the planners, if they are not started."""
         if not self._started:
             self._started = True
             super().start()
 
 
 class _Script:
-    """An operator who answers by heart."""
+    """An operator that gives prepared answers."""
 
     def __init__(self, answers: list[str]) -> None:
         self._answers = answers
 
     def ask(self, question: Question) -> None:
-        """Answer it, if anything is left to say."""
+        """Give the next answer, if any is left."""
         if self._answers:
             words = self._answers.pop(0)
             assert question.answer(words), f"{words} is no answer to: {question}"
@@ -54,16 +54,16 @@ class _Script:
 
 
 class SimulatedArm:
-    """An executive on the virtual board, whose clock jumps when everybody waits.
+    """An arm on the virtual board. Its time jumps whenever every thread waits.
 
     Args:
-        trees: Folder with task files; None for only those that ship.
-        skills: Folder with skills; None for only those there are.
+        trees: Folder with task files of your own; None for the shipped tasks only.
+        skills: Folder with skills of your own; None for the shipped and installed skills only.
         robot: Robot file; None for the shipped robot.
 
     Attributes:
-        answers: What the operator answers, one question after the other; then nobody does.
-        records: All that was recorded, in its order.
+        answers: Answers of the operator, one per question; further questions stay unanswered.
+        records: Everything that was recorded, in order.
         clock: The simulated clock.
 
     Raises:
@@ -94,7 +94,7 @@ class SimulatedArm:
         self._folder.cleanup()
 
     def replace(self, name: str, function: Callable[..., Any]) -> None:
-        """Let another function stand in for a registered one, until the end.
+        """Replace a registered function until the end of the context.
 
         Raises:
             KeyError: No function is registered under that name.
@@ -134,7 +134,7 @@ class SimulatedArm:
             self.records.append(event)
 
     def said(self, name: str) -> list[str]:
-        """What a node of that name said, each time it ended."""
+        """The messages of the nodes with that name, one for each time that one ended."""
         nodes = [record for record in self.records if isinstance(record, logs.NodeStatus)]
         done = ("SUCCESS", "FAILURE")
         ended = [node for node in nodes if node.name == name and node.status in done]
@@ -142,6 +142,6 @@ class SimulatedArm:
 
     @property
     def frames(self) -> list[str]:
-        """The frames that were sent."""
+        """The frames that were sent, as text."""
         sent = [record for record in self.records if isinstance(record, logs.Sent)]
         return [record.data.decode() for record in sent]

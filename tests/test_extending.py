@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from executive.client import Client
+from executive.codes import look_up
 from executive.server.http import schemas
 from executive.server.http.answers import Answers
 from executive.server.http.operations import OPERATIONS, Access, Operation
@@ -49,6 +50,38 @@ def test_a_skill_is_one_class(tmp_path: Path) -> None:
     with SimulatedArm(trees=tmp_path, skills=tmp_path) as arm:
         assert arm.run(21).success
         assert arm.said("count") == ["4 joints"]
+
+
+FAILURE = """
+from skills import Skill, TaskFailed
+
+class TooHot(TaskFailed):
+    '''The motor is too hot.'''
+
+    code = "task.test_too_hot"
+    exit_status = 40
+    meaning = "A motor is too hot"
+    hint = "let it cool down"
+
+class MeasureHeat(Skill):
+    '''Measure the temperature of the motors.'''
+
+    def on_start(self):
+        raise TooHot("71 degrees")
+"""
+
+
+def test_a_failure_is_one_exception_class(tmp_path: Path) -> None:
+    (tmp_path / "heat.py").write_text(FAILURE)
+    (tmp_path / "22_heat.yaml").write_text(
+        TASK.format(number=22, name="heat", tree="MeasureHeat: {}")
+    )
+    with SimulatedArm(trees=tmp_path, skills=tmp_path) as arm:
+        cause = arm.run(22).cause
+    assert cause
+    assert (cause.code, cause.hint) == ("task.test_too_hot", "let it cool down")
+    assert cause.message == "The task failed: 71 degrees"
+    assert look_up(cause.code).exit_status == 40
 
 
 def test_an_arm_is_one_robot_file_with_its_urdf(tmp_path: Path) -> None:
