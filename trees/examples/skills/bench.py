@@ -1,18 +1,18 @@
-"""Skills of one's own: two functions and a class. They stand in for a light barrier and a gauge."""
+"""Example skills: two functions and a class. They simulate a light barrier and a gauge."""
 
 from py_trees.common import Status
 
 from skills import Cancel, Context, Port, Positions, Skill, condition, skill
 
-# Somebody is near between these times after the program began, in every minute [s].
+# The light barrier is interrupted between these times, in every minute of the clock [s].
 NEAR = (3.0, 4.5)
 
 
 @condition
 def nobody_near(context: Context) -> bool:
     """Whether the light barrier is free."""
-    come, gone = NEAR
-    return (context.clock.now() - come) % 60.0 >= gone - come
+    begin, end = NEAR
+    return (context.clock.now() - begin) % 60.0 >= end - begin
 
 
 @skill
@@ -27,7 +27,7 @@ def measure(samples: int, cancel: Cancel) -> float:
 
 
 class Nod(Skill):
-    """Say where to nod to."""
+    """Return the target of a nod."""
 
     may_fail = False
 
@@ -35,6 +35,6 @@ class Nod(Skill):
     OUTPUT_PORTS = {"target": Port(Positions, description="where to [rad]")}
 
     def on_start(self) -> Status:
-        """Tell."""
+        """Write the target."""
         self._set_output("target", Positions({"joint_3": -self.get_input("by")}))
         return Status.SUCCESS
