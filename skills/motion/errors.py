@@ -62,7 +62,7 @@ class BadQuery(MotionError, ValueError):
     """The request is not valid for this robot."""
 
     code = "plan.bad_query"
-    meaning = "The planner was asked something that makes no sense"
+    meaning = "A request to the planner is not valid"
     hint = "correct the task"
 
     @classmethod
@@ -87,7 +87,7 @@ class NotFinite(BadQuery):
     """
 
     code = "plan.not_finite"
-    meaning = "The planner was given a NaN or an infinity"
+    meaning = "A request to the planner has a number that is NaN or infinite"
 
     def __init__(self, what: str, joint: str, value: float) -> None:
         self.what, self.joint, self.value = what, joint, value
@@ -99,7 +99,7 @@ class BadWorld(BadQuery):
     """A body is not valid, or names an unknown link or body."""
 
     code = "plan.bad_world"
-    meaning = "A body around the arm makes no sense, or is not there"
+    meaning = "A body of the world is not valid or not known"
     heading = "What is around the arm makes no sense"
 
 
@@ -112,12 +112,12 @@ class ModelUnusable(MotionError):
 
     code = "plan.model"
     exit_status = 3
-    meaning = "The robot's URDF cannot be planned with"
-    hint = "correct it"
+    meaning = "The robot's URDF is unusable for planning"
+    hint = "correct the file, then run again"
 
     def __init__(self, path: str, why: str) -> None:
         self.path = path
-        super().__init__(f"{path} cannot be planned with: {why}. Correct the file, then run again")
+        super().__init__(f"{path} is unusable for planning: {why}; {self.hint}")
 
 
 class OutOfBounds(MotionError, ValueError):
@@ -150,7 +150,7 @@ class OutOfBounds(MotionError, ValueError):
         position, low, high = (f"{scale * x:.6g}" for x in (value, lower, upper))
         super().__init__(
             f"{_the(self.what)} of {joint}, {position} {display} ({value:.6g} {unit}), "
-            f"is outside [{low}, {high}] {display}; choose a value within these limits"
+            f"is outside [{low}, {high}] {display}; {self.hint}"
         )
 
 
@@ -158,8 +158,8 @@ class StartOutOfBounds(OutOfBounds):
     """The motion would start outside the limits."""
 
     code = "plan.start_out_of_bounds"
-    meaning = "The arm stands outside its limits"
-    hint = "free it by hand, then run again"
+    meaning = "At the start, a joint is outside its limits"
+    hint = "move the joint within its limits by hand, then run again"
     what = "start"
 
 
@@ -167,8 +167,8 @@ class GoalOutOfBounds(OutOfBounds):
     """The motion would end outside the limits."""
 
     code = "plan.goal_out_of_bounds"
-    meaning = "The motion would end outside the limits"
-    hint = "choose a goal within"
+    meaning = "At the goal, a joint would be outside its limits"
+    hint = "choose a value within the limits"
     what = "goal"
 
 
@@ -184,7 +184,6 @@ class EndInCollision(MotionError):
     """
 
     what = "end"
-    advice = ""
 
     def __init__(
         self, first: str, second: str, distance: float, margin: float, what: str = ""
@@ -192,10 +191,10 @@ class EndInCollision(MotionError):
         self.what = what or self.what
         self.first, self.second = first, second
         self.distance, self.margin = distance, margin
-        advice = "choose another via point" if what else self.advice
+        hint = "choose another via point" if what else self.hint
         super().__init__(
             f"At {_the(self.what).lower()}, {_contact(first, second, distance)} "
-            f"(margin: {1e3 * margin:.1f} mm); {advice}"
+            f"(margin: {1e3 * margin:.1f} mm); {hint}"
         )
 
 
@@ -203,19 +202,17 @@ class StartInCollision(EndInCollision):
     """The arm is too close to something to move by plan."""
 
     code = "plan.start_in_collision"
-    meaning = "The arm stands too near to something"
-    hint = "free it by hand, then run again"
+    meaning = "At the start, the arm is too close to something"
+    hint = "move the arm away by hand, then run again"
     what = "start"
-    advice = "move the arm away by hand, then run again"
 
 
 class GoalInCollision(EndInCollision):
     """At the goal the arm is too close to something."""
 
     code = "plan.goal_in_collision"
-    meaning = "The goal is too near to something"
+    meaning = "At the goal, the arm would be too close to something"
     what = "goal"
-    advice = "choose another goal"
 
 
 class Unreachable(MotionError):
@@ -233,7 +230,7 @@ class Unreachable(MotionError):
     """
 
     code = "plan.unreachable"
-    meaning = "The tool cannot be brought there, or cannot point that way there"
+    meaning = "The tool cannot reach the point, or not in that direction"
     hint = "choose a point within reach, or another direction"
 
     def __init__(
@@ -282,7 +279,7 @@ class Barred(MotionError):
     """
 
     code = "plan.barred"
-    meaning = "A joint cannot pass what is between start and goal"
+    meaning = "There is no path: a joint would have to pass a position in collision"
 
     def __init__(self, joint: str, value: float, unit: str, first: str, second: str) -> None:
         self.joint, self.value, self.unit = joint, value, unit
@@ -291,7 +288,7 @@ class Barred(MotionError):
         super().__init__(
             f"There is no path to the goal: {joint} would have to pass {scale * value:.4g} "
             f"{display}, where {first} is too close to {second} for all positions of the other "
-            "joints; choose another goal"
+            f"joints; {self.hint}"
         )
 
 
@@ -303,15 +300,12 @@ class NoPath(MotionError):
     """
 
     code = "plan.no_path"
-    meaning = "No way round was found"
-    hint = "choose another goal, or one on the way to it"
+    meaning = "The search found no path"
+    hint = "choose another goal, add a via pose, or try another seed"
 
     def __init__(self, iterations: int) -> None:
         self.iterations = iterations
-        super().__init__(
-            f"No path was found in {iterations} iterations; "
-            "choose another goal, add a via pose, or try another seed"
-        )
+        super().__init__(f"No path was found in {iterations} iterations; {self.hint}")
 
 
 class PlanTimeout(MotionError, TimeoutError):
@@ -324,13 +318,11 @@ class PlanTimeout(MotionError, TimeoutError):
     code = "plan.timeout"
     exit_status = 8
     meaning = "The planner ran out of time"
-    hint = "choose a nearer goal, or go by way of a pose between"
+    hint = "allow more time, add a via pose, or choose another goal"
 
     def __init__(self, timeout: float) -> None:
         self.timeout = timeout
-        super().__init__(
-            f"No plan within {timeout:g} s; allow more time, add a via pose, or choose another goal"
-        )
+        super().__init__(f"No plan within {timeout:g} s; {self.hint}")
 
 
 class MotionCollides(MotionError):
@@ -347,8 +339,8 @@ class MotionCollides(MotionError):
     """
 
     code = "plan.motion_collides"
-    meaning = "The motion would touch something as its frames play it"
-    hint = "go by way of a pose further off"
+    meaning = "The motion, as its frames play it, is in collision"
+    hint = "add a via pose further away"
     heading = "The motion would collide as its frames play it"
 
     def __init__(
@@ -364,7 +356,7 @@ class MotionCollides(MotionError):
         self.first, self.second, self.distance = first, second, distance
         self.contact = f"{_contact(first, second, distance)} (margin: {1e3 * margin:.1f} mm)"
         where = f"row {row} of" if time is None else f"{time:.2f} s into"
-        super().__init__(f"At {where} the motion, {self.contact}; add a via pose further away")
+        super().__init__(f"At {where} the motion, {self.contact}; {self.hint}")
 
 
 class PlanCanceled(MotionError):
@@ -372,10 +364,10 @@ class PlanCanceled(MotionError):
 
     code = "plan.canceled"
     meaning = "Planning was canceled"
-    hint = "ask again"
+    hint = "send the request again if it is still needed"
 
     def __init__(self) -> None:
-        super().__init__("Planning was canceled; send the request again if it is still needed")
+        super().__init__(f"Planning was canceled; {self.hint}")
 
 
 class WorkerDied(MotionError):
@@ -386,14 +378,12 @@ class WorkerDied(MotionError):
     """
 
     code = "plan.worker_died"
-    meaning = "The planning process ended; a new one takes over"
+    meaning = "The planning process ended; a new one starts"
     hint = "run again"
 
     def __init__(self, why: str) -> None:
         self.why = why
-        super().__init__(
-            f"The planning process failed: {why}. A new one starts; send the request again"
-        )
+        super().__init__(f"The planning process failed: {why}. A new one starts; {self.hint}")
 
 
 def shown(value: object) -> str:

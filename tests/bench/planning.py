@@ -1,11 +1,11 @@
-"""How soon a plan is found, how long it takes, whether it keeps what it promises, and beside peers.
+"""Planning time, duration and safety of plans, compared with other planners.
 
-Ours and every peer that installs, each in an environment of its own, are asked the same in the
-same run: two straight moves and one round a block, on three simple axes; random pairs on the
-shipped arm, bare and beside a post; random pairs among posts on six and seven axes. All keep the
-same margin, and all are judged anew each millisecond by one judge. Then ours alone: motions by way
-of points and what is left of stopped ones, judged alike; how the cost grows, what a worker costs,
-how soon it can be stopped, and whether it leaks. `--quick` asks less of everything.
+Our planner and all others that can be installed, each in its own environment, get the same queries
+in the same run: two straight motions and one around a block, on three simple axes; random pairs on
+the shipped arm, alone and near a post; random pairs among posts on six and seven axes. All keep the
+same margin, and one reference checker checks all motions every millisecond. Then ours only: motions
+with via points and the rest of stopped motions, checked the same way; growth of the cost, overhead
+of a worker, time to stop it, and memory leaks. `--quick` uses fewer queries.
 """
 
 import os
@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-# This file's folder comes first where it is run by itself, and holds files named like rooms.
+# If this file is run as a script, its folder is first, and holds files named like the rooms.
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -22,12 +22,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hardware import load_robot
-from tests.bench.planners import meshed
+from tests.bench.planners import mesh_arms
+from tests.bench.planners.compared_planners import PEERS, Score, installed, ours, peer
+from tests.bench.planners.continued_motions import score_continued
 from tests.bench.planners.growth import Growth, growths
-from tests.bench.planners.onward import onward
-from tests.bench.planners.pools import deadlines, growth_mb, overheads, poison
 from tests.bench.planners.problems import Problem, fixed, random
-from tests.bench.planners.stacks import PEERS, Score, installed, ours, peer
+from tests.bench.planners.worker_pool import deadlines, growth_mb, overheads, poison
 from tests.bench.table import Row, arguments, show
 
 _LINE = "{:<9} {:<18} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n"
@@ -45,18 +45,18 @@ _HEAD = (
 
 
 def table(problems: Sequence[Problem], peers: dict[str, Path], folder: Path) -> Iterator[Score]:
-    """Every planner on every problem, printed as it comes; what peers read and write goes there."""
+    """Run every planner on every problem, and print each score. The folder is for their files."""
     sys.stdout.write(_LINE.format(*_HEAD))
     for problem in problems:
-        yield _told(ours(problem))
+        yield _shown(ours(problem))
         for name, venv in peers.items():
             try:
-                yield _told(peer(name, venv, problem, folder))
+                yield _shown(peer(name, venv, problem, folder))
             except RuntimeError as error:
                 sys.stdout.write(f"{problem.name:<9} {name}: FAILED: {error}\n")
 
 
-def _told(score: Score) -> Score:
+def _shown(score: Score) -> Score:
     figures = (f"{x:.3f}" for x in (score.p(50), score.p(95)))
     solved = f"{len(score.spent)}/{score.asked}"
     rest = (len(score.detours), f"{score.ratio():.4f}", score.colliding, f"{score.worst():.4f}")
@@ -66,19 +66,19 @@ def _told(score: Score) -> Score:
 
 
 def grown(count: int, folder: Path) -> Iterator[Growth]:
-    """How our cost grows, printed as it comes."""
+    """Measure how our cost grows, and print each result."""
     for growth in growths(count, folder):
         each = zip(growth.counts, growth.spent, growth.solved, growth.searched, strict=True)
         for n, ms, solved, searched in each:
-            told = f"{ms:9.3f} ms, {ms / growth.spent[0]:6.2f} times, {solved} of {count}"
-            sys.stdout.write(f"{n:>3} {growth.what:<6} {told}, {searched} of them searched\n")
+            text = f"{ms:9.3f} ms, {ms / growth.spent[0]:6.2f} times, {solved} of {count}"
+            sys.stdout.write(f"{n:>3} {growth.what:<6} {text}, {searched} of them searched\n")
         yield growth
 
 
 def rows(
     runs: Sequence[dict[str, Score]], quick: bool, folder: Path, overhead: Row
 ) -> Iterator[Row]:
-    """The figures that the project holds itself to; arms are written into a folder."""
+    """Yield the figures that the project commits to. Arms are written into a folder."""
     last, robot = runs[-1], load_robot()
     own = list(last.values())
     for name, problem, share in (
@@ -97,9 +97,9 @@ def rows(
     yield Row("solved", "1", [sum(len(s.spent) for s in own) / sum(s.asked for s in own)])
     yield Row("colliding", "", [sum(score.colliding for score in own)])
     yield Row("limit_excess", "1", [max(score.worst() for score in own)])
-    on = onward(random(10 if quick else 100))
-    yield Row("onward_colliding", "", [on.colliding])
-    yield Row("onward_excess", "1", [max(on.over)])
+    continued = score_continued(random(10 if quick else 100))
+    yield Row("onward_colliding", "", [continued.colliding])
+    yield Row("onward_excess", "1", [max(continued.over)])
     yield Row("seven_axis_success", "1", [len(last["seven"].spent) / last["seven"].asked])
     yield overhead
     late, canceled, again = deadlines(robot, 10 if quick else 50, folder)
@@ -107,14 +107,16 @@ def rows(
     yield Row("cancel_ms", "ms", canceled)
     yield Row("next_after_kill_ms", "ms", again)
     yield Row("poison_ms", "ms", list(poison(robot)))
-    arms, count = meshed.arms(folder), 10 if quick else 100
-    yield Row("mesh_poison_ms", "ms", [x for arm in arms for x in meshed.poison(arm, count)])
-    yield Row("mesh_past_deadline_ms", "ms", [x for arm in arms for x in meshed.late(arm, count)])
+    arms, count = mesh_arms.arms(folder), 10 if quick else 100
+    yield Row("mesh_poison_ms", "ms", [x for arm in arms for x in mesh_arms.poison(arm, count)])
+    yield Row(
+        "mesh_past_deadline_ms", "ms", [x for arm in arms for x in mesh_arms.late(arm, count)]
+    )
     yield Row("growth_10k_plans_mb", "MB", [growth_mb(robot, 1_000 if quick else 10_000)])
 
 
 def draw(scores: Sequence[Score], growths: Sequence[Growth], file: Path) -> None:
-    """Cost of every planner on every problem, and growth of ours."""
+    """Draw the cost of every planner on every problem, and the growth of ours."""
     figure = Figure(figsize=(11.0, 4.2), dpi=150, layout="constrained")
     FigureCanvasAgg(figure)
     times, longer, growing = figure.subplots(1, 3)
@@ -153,21 +155,21 @@ def main() -> None:
     """Measure and show."""
     parser = arguments(__doc__ or "")
     parser.add_argument("--quick", action="store_true", help="30 pairs instead of 300, and so on")
-    parser.add_argument("--no-peers", action="store_true", help="ours alone")
+    parser.add_argument("--no-peers", action="store_true", help="our planner only")
     parser.add_argument("--plot", type=Path, default=Path("planning.png"), metavar="PNG")
     parser.add_argument(
         "--environments",
         type=Path,
         default=Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "armtree-peers",
         metavar="DIR",
-        help="where the peers are or get installed, 1.5 GB (default: %(default)s)",
+        help="folder of the other planners' environments, 1.5 GB (default: %(default)s)",
     )
     given = parser.parse_args()
     wanted = {} if given.no_peers else PEERS
     found = {name: installed(name, given.environments, sys.stdout.write) for name in wanted}
     peers = {name: venv for name, venv in found.items() if venv}
     problems = [*fixed(12), *random(30 if given.quick else 300)]
-    # First, while as little is in memory as where a task runs.
+    # First, while as little is in memory as in the process that runs a task.
     count = 100 if given.quick else 500
     overhead = Row("worker_overhead_ms", "ms", overheads(load_robot(), count))
     with tempfile.TemporaryDirectory() as name:

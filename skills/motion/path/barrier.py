@@ -64,10 +64,8 @@ def _barrier(
     pair = next(
         k for k in sorted(pairs) if checker.first_collision(row, distance, frozenset((k,))) == 0
     )
-    joint, scene = (
-        int(validator.group.columns[np.argmax(validator.lever_arms[pair])]),
-        checker.scene,
-    )
+    scene, mover = checker.scene, np.argmax(validator.lever_arms[pair])
+    joint = int(validator.group.columns[mover])
     ends = scene.hulls.collisionPairs[pair]
     links = [scene.link(scene.hulls, i) for i in (ends.first, ends.second)]
     model = scene.robot_model

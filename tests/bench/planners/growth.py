@@ -1,6 +1,6 @@
-"""How our cost grows with axes, obstacles and the length of the path, to ten times of each.
+"""Growth of planning time with the number of axes, obstacles and legs, up to ten times each.
 
-Nothing asked here is a straight move: on the line of every leg something is in the way.
+No query is a straight motion: there is an obstacle on the line of every leg.
 """
 
 import statistics
@@ -41,11 +41,11 @@ class Growth:
     """Median time to plan at each of `FACTORS`.
 
     Attributes:
-        what: What grows.
-        counts: How many there are.
+        what: Quantity that grows.
+        counts: Its values.
         spent: Medians [ms].
-        solved: Of all, how many were found.
-        searched: Of these, how many needed a search, as one bend was not enough.
+        solved: Number of plans that were found.
+        searched: Number of these that needed a search, because one bend was not enough.
     """
 
     what: str
@@ -56,7 +56,7 @@ class Growth:
 
 
 def growths(count: int, folder: Path) -> Iterator[Growth]:
-    """All three, with so many queries at each factor; arms are written into a folder."""
+    """Yield all three, with `count` queries at each factor. Arms are written into a folder."""
     yield _growth("axes", AXES, count, lambda n: (chain(n, folder), POSTS, 1))
     yield _growth("boxes", BOXES, count, lambda n: (load_robot(), around(n), 1))
     yield _growth("legs", LEGS, count, lambda n: (load_robot(), POST, n))
@@ -71,7 +71,7 @@ def _growth(what: str, base: int, count: int, case: Case) -> Growth:
 
 
 def _found(robot: Robot, world: World, legs: int, count: int) -> Iterator[tuple[float, bool]]:
-    """What each query that is solved within ten seconds takes [ms], and whether by a search."""
+    """Time of each query that is solved within ten seconds [ms], and True if it was searched."""
     planner, poses = Planner(robot), _stations(robot, world)
     own = [robot.actuated.index(joint) for joint in robot.actuated_in("arm")]
     for seed in range(count + 1):
@@ -89,9 +89,9 @@ def _found(robot: Robot, world: World, legs: int, count: int) -> Iterator[tuple[
 
 
 def _stations(robot: Robot, world: World) -> Iterator[Array]:
-    """Random free configurations, none to be reached from the last by a line (A,) [rad].
+    """Random free configurations with no free line from one to the next (A,) [rad].
 
-    All but the arm is at zero.
+    Joints outside the arm are at zero.
     """
     checker, draw = CollisionChecker(PlanningScene(robot, world)), np.random.default_rng(3)
     moves = np.isin([j.name for j in robot.actuated], [j.name for j in robot.actuated_in("arm")])
@@ -110,7 +110,7 @@ def _stations(robot: Robot, world: World) -> Iterator[Array]:
 
 
 def around(count: int) -> World:
-    """Small boxes at random places around the shipped arm, none next to its base."""
+    """Return small boxes at random positions around the shipped arm, none next to its base."""
     draw = np.random.default_rng(2).uniform(
         (-0.25, -0.25, 0.02), (0.25, 0.25, 0.3), (20 * count, 3)
     )
@@ -122,7 +122,7 @@ def around(count: int) -> World:
 
 
 def chain(axes: int, folder: Path) -> Robot:
-    """An arm of so many hinges, always as long and as bendable in all; its URDF goes there."""
+    """Return an arm with this many revolute joints and constant length and range; writes a URDF."""
     length, bend = _LENGTH / axes, 6.0 / axes
     links = [
         f'<link name="link_{i}"><collision><origin xyz="0 0 {0.5 * length}"/>'

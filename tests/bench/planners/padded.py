@@ -1,8 +1,8 @@
-"""The same arm and world for planners that know no margin: every shape grown by half of it.
+"""The same arm and world for planners without a margin: every shape is padded by half of it.
 
-Two shapes that are each half a margin larger touch where ours are a margin apart (at corners a
-little further), so all planners keep the same distance. Joints outside the arm are fixed at zero,
-bodies and the floor are links, and a mesh is the box around it.
+Two shapes that are padded by half a margin each touch when the originals are a margin apart, or
+slightly more at corners. So all planners keep the same distance. Joints outside the arm are fixed
+at zero, bodies and the floor are links, and a mesh is its bounding box.
 """
 
 from collections.abc import Iterator
@@ -23,13 +23,13 @@ from skills.motion.kinematics.robot_model import mesh_folders
 
 @dataclass(frozen=True)
 class Description:
-    """An arm and its world in the words that everybody understands.
+    """An arm and its world in formats that all planners read.
 
     Attributes:
-        urdf: All of it.
-        srdf: Which pairs of links are not checked; the group `arm`.
-        joints: Of the arm, in order.
-        checked: Pairs of links that are.
+        urdf: Arm and world.
+        srdf: The pairs of links that are not checked, and the group `arm`.
+        joints: Names of the arm's joints, in order.
+        checked: Pairs of links that are checked.
     """
 
     urdf: str
@@ -39,7 +39,7 @@ class Description:
 
 
 def padded(robot: Robot, world: World, padding: float | None = None) -> Description:
-    """The arm and world of a problem, grown by half the robot's margin, or by another padding."""
+    """Return the arm and world, padded by half the robot's margin or by another distance [m]."""
     grow = 0.5 * robot.collision.margin if padding is None else padding
     root = Xml.parse(robot.urdf).getroot()
     arm = tuple(joint.name for joint in robot.actuated_in("arm"))
@@ -83,7 +83,7 @@ def _grow(geometry: Xml.Element, urdf: Path, grow: float) -> None:
 
 
 def _box_around(name: str, urdf: Path, geometry: Xml.Element) -> Xml.Element:
-    """In place of a mesh that stands straight on the origin of its link."""
+    """Return the bounding box of a mesh that is aligned with its link's frame."""
     relative = name.removeprefix("package://")
     path = next(Path(f) / relative for f in mesh_folders(urdf) if (Path(f) / relative).exists())
     mesh = coal.MeshLoader().load(str(path), np.ones(3))

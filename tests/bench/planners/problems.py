@@ -1,4 +1,4 @@
-"""What is asked of every planner."""
+"""The queries for every planner."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from hardware import Robot, load_robot
 from skills.motion import EMPTY, Body, Box, Query, World
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
-from tests.bench.planners.judge import Judge
 from tests.bench.planners.padded import padded
+from tests.bench.planners.reference_checker import ReferenceChecker
 from tests.support.arms import foreign, robot_of
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ POSTS = World(
 )
 BLOCK = World((Body("block", Box((0.03, 0.03, 0.2)), (0.065, 0.075, 0.1)),))
 
-# The fixed queries of three simple axes: two straight moves and one round a block.
+# The fixed queries for three simple axes: two straight motions and one around a block.
 EASY = (((0.0, 0.0, 0.0), (-1.4, -0.6, -0.07)), ((0.0, 0.0, 0.0), (-1.57, 0.0, -0.9)))
 HARD = (((0.0, 0.3, 0.2), (-1.4, 0.3, 0.2)),)
 
@@ -37,10 +37,10 @@ class Problem:
     """Queries for one arm in one world; only its arm moves, all other joints are at zero.
 
     Attributes:
-        name: What it is called in the table.
+        name: Name in the table.
         robot: The arm.
-        world: What stands around it.
-        pairs: Start and goal of each query, the arm's joints alone [rad].
+        world: Bodies around it.
+        pairs: Start and goal of each query, only the arm's joints [rad].
     """
 
     name: str
@@ -49,7 +49,7 @@ class Problem:
     pairs: Sequence[tuple[tuple[float, ...], tuple[float, ...]]]
 
     def queries(self) -> Iterator[Query]:
-        """For our planner; equal pairs get seeds of their own."""
+        """Yield queries for our planner. Each has its own seed."""
         arm = self.robot.actuated_in("arm")
         for seed, (start, goal) in enumerate(self.pairs, 1):
             own = dict(zip((joint.name for joint in arm), start, strict=True))
@@ -58,7 +58,7 @@ class Problem:
 
 
 def fixed(times: int) -> list[Problem]:
-    """Three simple axes at life size: the two straight moves, and the one round the block."""
+    """Return the problems for three simple axes: two straight motions, and one around a block."""
     robot = robot_of(DATA / "three_axes.urdf", margin=0.005)
     return [
         Problem("straight", robot, EMPTY, EASY * times),
@@ -67,7 +67,7 @@ def fixed(times: int) -> list[Problem]:
 
 
 def random(count: int) -> list[Problem]:
-    """Random pairs: the shipped arm bare and beside a post, six and seven axes among posts."""
+    """Return random pairs: the shipped arm alone and near a post; six and seven axes, posts."""
     arduinobot = load_robot()
     return [
         _drawn("bare", arduinobot, EMPTY, count),
@@ -78,14 +78,14 @@ def random(count: int) -> list[Problem]:
 
 
 def _drawn(name: str, robot: Robot, world: World, count: int) -> Problem:
-    """Both ends are free for us, with our margin, and in the padded world that peers are given."""
+    """Both ends are free with our margin, and in the padded world of the other planners."""
     free = _free(robot, world)
     return Problem(name, robot, world, [(next(free), next(free)) for _ in range(count)])
 
 
 def _free(robot: Robot, world: World) -> Iterator[tuple[float, ...]]:
     checker = CollisionChecker(PlanningScene(robot, world))
-    judge = Judge(padded(robot, world))
+    reference = ReferenceChecker(padded(robot, world))
     arm, draw = robot.actuated_in("arm"), np.random.default_rng(1)
     lower, upper = np.array([(joint.lower, joint.upper) for joint in arm]).T
     columns = [robot.actuated.index(joint) for joint in arm]
@@ -93,5 +93,5 @@ def _free(robot: Robot, world: World) -> Iterator[tuple[float, ...]]:
         pose, whole = draw.uniform(lower, upper), np.zeros((1, len(robot.actuated)))
         whole[0, columns] = pose
         free = checker.first_collision(whole, robot.collision.margin) is None
-        if free and not judge.collides(pose[None, :]):
+        if free and not reference.collides(pose[None, :]):
             yield tuple(pose.tolist())

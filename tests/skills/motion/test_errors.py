@@ -1,4 +1,4 @@
-"""Errors of motion planning: they say what to do, and survive the way between processes."""
+"""Errors of motion planning: they say what to do, and can be pickled."""
 
 import pickle
 
@@ -26,7 +26,7 @@ ERRORS = [
 
 
 @pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
-def test_travels_between_processes(error: motion.MotionError) -> None:
+def test_errors_can_be_pickled(error: motion.MotionError) -> None:
     twin = pickle.loads(pickle.dumps(error))
     assert type(twin) is type(error)
     assert (str(twin), twin.__dict__) == (str(error), error.__dict__)

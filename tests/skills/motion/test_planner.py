@@ -1,4 +1,4 @@
-"""The ladder: every rung with its own error, and a plan that is exact at both ends."""
+"""The planner: each stage with its own error, and plans that are exact at both ends."""
 
 import dataclasses
 import hashlib
@@ -80,7 +80,7 @@ def test_gripper_moves_alone(planner: Planner) -> None:
     assert tuple(plan.start) == (*PICK, 0.0)
 
 
-def test_nowhere_to_go(planner: Planner) -> None:
+def test_a_goal_at_the_start(planner: Planner) -> None:
     plan = planner.plan(arm(PICK, PICK))
     assert plan.duration == 0.0
     assert np.array_equal(plan.sample([-1.0, 0.0, 1.0]), [PICK] * 3)
@@ -109,10 +109,10 @@ def test_ends_are_exact_and_limits_kept(
 
 @given(start=ANGLES, goal=ANGLES, shares=st.lists(st.floats(-0.1, 1.1), min_size=1, max_size=50))
 @settings(max_examples=100, deadline=None)
-def test_every_sample_of_a_straight_motion_is_on_the_line_that_was_proved(
+def test_every_sample_of_a_straight_motion_is_on_the_checked_line(
     planner: Planner, start: tuple[float, ...], goal: tuple[float, ...], shares: list[float]
 ) -> None:
-    """Which is why it is not checked again once it is timed."""
+    """Therefore it is not checked again after timing."""
     plan = planner.plan(arm(start, goal))
     assert "check" not in plan.milliseconds
     rows, line = plan.sample(plan.duration * np.array(shares)), np.subtract(goal, start)
@@ -132,7 +132,7 @@ def test_derivatives_are_those_of_the_samples(planner: Planner) -> None:
     assert np.allclose(turns[away], plan.accelerations(times)[away], atol=1e-3)
 
 
-def test_every_seed_finds_a_way_within_the_limits(planner: Planner) -> None:
+def test_every_seed_finds_a_path_within_the_limits(planner: Planner) -> None:
     for seed in range(40):
         plan = planner.plan(dataclasses.replace(SEARCHED, seed=seed))
         assert "search" in plan.milliseconds
@@ -148,8 +148,10 @@ def test_a_bend_does_not_depend_on_the_seed(planner: Planner) -> None:
     assert digest(planner.plan(dataclasses.replace(DETOUR, seed=2))) == digest(plan)
 
 
-def test_what_cannot_be_timed_is_not_all(planner: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The solver fails on the bend: a way is searched for; on that too: it stops at each corner."""
+def test_other_paths_are_tried_if_one_cannot_be_timed(
+    planner: Planner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If the bend fails, a path is searched; if that fails, the motion stops at each corner."""
     monkeypatch.setattr("skills.motion.timing.toppra_timing.time_section", lambda *_: None)
     plan = planner.plan(DETOUR)
     assert {"bend", "search", "blend"} <= plan.milliseconds.keys()
@@ -200,11 +202,11 @@ def test_refusals(planner: Planner, query: Query, error: type[MotionError], mess
 
 
 @pytest.mark.parametrize("far", [5e-324, 1e-300, 1e-160, 1e-12])
-def test_however_near_it_arrives(planner: Planner, far: float) -> None:
+def test_goals_very_close_to_the_start(planner: Planner, far: float) -> None:
     assert tuple(planner.plan(arm(HOME, (far, 0.0, 0.0))).state(1.0)) == (far, 0.0, 0.0)
 
 
-def test_a_limit_itself_is_within(planner: Planner, robot: Robot) -> None:
+def test_a_limit_itself_is_allowed(planner: Planner, robot: Robot) -> None:
     edge = robot.joint("joint_1").lower
     assert planner.plan(arm(HOME, (edge, 0.0, 0.0))).goal[0] == edge
 
@@ -219,7 +221,7 @@ WALL = """
 
 @pytest.fixture
 def cut_off(robot: Robot, tmp_path: Path) -> Planner:
-    """A wall stands between home and pick, and the arm cannot fold to get past it."""
+    """A wall between home and pick that the arm cannot pass."""
     urdf = tmp_path / "wall.urdf"
     urdf.write_text(robot.urdf.read_text().replace("</robot>", WALL))
     ignores = robot.collision.floor_ignores | {"wall"}
@@ -248,18 +250,18 @@ def test_time_comes_from_the_clock(robot: Robot) -> None:
 
 
 class _Ticking(RealClock):
-    """A second later each time it is looked at."""
+    """A clock that advances by a second with each reading."""
 
     looks = 0
 
     def now(self) -> float:
-        """Seconds since nobody looked."""
+        """Number of readings."""
         self.looks += 1
         return float(self.looks)
 
 
-def test_the_rungs_together_take_all_the_time(robot: Robot) -> None:
-    """Also where one is climbed for each leg; the last look is at the deadline."""
+def test_the_durations_of_the_stages_add_up(robot: Robot) -> None:
+    """Also if a stage runs for each leg. The last reading is that of the deadline."""
     clock = _Ticking()
     there_and_back = (*SEARCHED.via, SEARCHED.goal, *SEARCHED.via)
     plan = Planner(robot, clock).plan(
@@ -300,7 +302,7 @@ def test_same_query_same_bytes_in_another_process(planner: Planner, tmp_path: Pa
     assert there.stdout.strip() == here
 
 
-def test_limits_that_make_no_sense(robot: Robot) -> None:
+def test_invalid_limits(robot: Robot) -> None:
     base, *rest = robot.joints
     for odd in (
         dataclasses.replace(base, acceleration=0.0),
@@ -316,7 +318,7 @@ def test_limits_that_make_no_sense(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("odd", [math.nan, math.inf, -2e6, "a", 10**400])
-def test_what_is_no_distance_is_told(planner: Planner, robot: Robot, odd: Any) -> None:
+def test_invalid_distances(planner: Planner, robot: Robot, odd: Any) -> None:
     for name in ("margin", "floor"):
         rules = dataclasses.replace(robot.collision, **{name: odd})
         with pytest.raises(ModelUnusable, match=rf"the {name} is .* m; give a number from"):
@@ -331,10 +333,10 @@ def test_what_is_no_distance_is_told(planner: Planner, robot: Robot, odd: Any) -
 
 
 @pytest.mark.parametrize(("velocity", "acceleration"), [(1.0, 1e6), (1.0, 1e300), (1e-8, 1e-8)])
-def test_a_bend_is_checked_soon_whatever_the_limits(
+def test_the_check_of_a_bend_is_fast_for_all_limits(
     robot: Robot, velocity: float, acceleration: float
 ) -> None:
-    """The check reckons with no joint faster than its limit between two samples."""
+    """The check assumes that no joint exceeds its velocity limit between two samples."""
     joints = tuple(
         dataclasses.replace(joint, velocity=velocity, acceleration=acceleration)
         for joint in robot.joints
@@ -344,14 +346,14 @@ def test_a_bend_is_checked_soon_whatever_the_limits(
     assert abs(plan.velocities(np.linspace(0.0, plan.duration, 500))).max() <= 1.001 * velocity
 
 
-def test_verify_passes_what_is_free(planner: Planner) -> None:
+def test_verify_accepts_a_free_motion(planner: Planner) -> None:
     plan = planner.plan(arm(HOME, PICK))
     rows = np.hstack((plan.sample(np.arange(0.0, 3.4, 0.1)), np.zeros((34, 1))))
     assert planner.answer(Verify(rows, 0.002)) is None
 
 
-def test_verify_looks_between_the_rows(planner: Planner) -> None:
-    """Both rows are free, and so is the way by plan; the straight way is not."""
+def test_verify_checks_between_the_rows(planner: Planner) -> None:
+    """Both rows are free, and so is the planned path. The straight line is not."""
     rows = np.array([DETOUR.start, (*DETOUR.goal, 0.0)])
     with pytest.raises(MotionCollides) as caught:
         planner.verify(Verify(rows, 0.005, times=[1.0, 3.0]))
@@ -377,7 +379,7 @@ def test_verify_looks_between_the_rows(planner: Planner) -> None:
         (Verify([(0.0, 0.0, 0.0, 0.0)], 0.001, times=[0.0, 1.0]), BadQuery),
     ],
 )
-def test_verify_refuses(planner: Planner, request_: Verify, error: type[MotionError]) -> None:
+def test_verify_rejects(planner: Planner, request_: Verify, error: type[MotionError]) -> None:
     with pytest.raises(error):
         planner.verify(request_)
     planner.verify(Verify([(0.0, 0.0, 0.0, 0.0)], 0.001))

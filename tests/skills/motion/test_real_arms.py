@@ -1,4 +1,4 @@
-"""Arms that are sold, with their makers' meshes: six and seven axes, sliding fingers, no end."""
+"""Commercial arms with meshes: six and seven axes, sliding fingers, continuous joints."""
 
 import dataclasses
 from itertools import combinations
@@ -48,8 +48,8 @@ def planner(robot: Robot) -> Planner:
     return Planner(robot)
 
 
-class Judge:
-    """Looks for contacts from the URDF, with pinocchio alone."""
+class ReferenceChecker:
+    """Finds contacts from the URDF, with pinocchio only."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot, urdf = robot, str(robot.urdf)
@@ -69,7 +69,7 @@ class Judge:
         self.pool = pin.GeometryPool(self.model, self.shapes, 1)
 
     def coordinates(self, rows: Array) -> Array:
-        """Of all actuated joints (N, A), as pinocchio wants them (nq, N)."""
+        """Converts configurations (N, A) to pinocchio's coordinates (nq, N)."""
         own = dict(zip([joint.name for joint in self.robot.actuated], rows.T, strict=True))
         q = np.zeros((self.model.nq, len(rows)), order="F")
         for joint in self.robot.joints:
@@ -82,14 +82,18 @@ class Judge:
         return q
 
     def hits(self, rows: Array) -> Array:
-        """Whether something touches at each of the rows (N,)."""
+        """True for each row in which something touches (N,)."""
         q = self.coordinates(rows)
         return np.array(pin.computeCollisionsInParallel(1, self.pool, q, True, False), bool)
 
 
-def test_random_pairs_past_a_post(robot: Robot, planner: Planner) -> None:
-    """Free each millisecond, within the limits, and not all of them straight."""
-    judge, checker, bent = Judge(robot), CollisionChecker(PlanningScene(robot, POSTS)), 0
+def test_random_pairs_near_a_post(robot: Robot, planner: Planner) -> None:
+    """Plans are free each millisecond and keep the limits. Some are not straight."""
+    reference, checker, bent = (
+        ReferenceChecker(robot),
+        CollisionChecker(PlanningScene(robot, POSTS)),
+        0,
+    )
     poses = free_poses(robot, 24, 1, checker)
     own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     for start, goal in zip(poses[::2], poses[1::2], strict=True):
@@ -97,7 +101,7 @@ def test_random_pairs_past_a_post(robot: Robot, planner: Planner) -> None:
         times = np.arange(0.0, plan.duration + 0.001, 0.001)
         rows = np.tile(start, (len(times), 1))
         rows[:, own] = plan.sample(times)
-        assert not judge.hits(rows).any()
+        assert not reference.hits(rows).any()
         assert np.all(abs(plan.velocities(times)) <= 1.001 * plan.velocity)
         assert np.all(abs(plan.accelerations(times)) <= 1.001 * plan.acceleration)
         assert np.cos(rows[-1, own] - goal[own]) == pytest.approx(1.0, abs=1e-12)
@@ -105,23 +109,23 @@ def test_random_pairs_past_a_post(robot: Robot, planner: Planner) -> None:
     assert 0 < bent < 12
 
 
-def test_the_judge_sees_what_the_planner_refuses(robot: Robot) -> None:
+def test_the_reference_finds_the_collisions_that_the_planner_reports(robot: Robot) -> None:
     checker, draw = CollisionChecker(PlanningScene(robot, POSTS)), np.random.default_rng(2)
     lower = [max(joint.lower, -np.pi) for joint in robot.actuated]
     upper = [min(joint.upper, np.pi) for joint in robot.actuated]
     rows = draw.uniform(lower, upper, (100, len(lower)))
     refused = [checker.first_collision([row], 0.0) == 0 for row in rows]
-    assert Judge(robot).hits(rows).tolist() == refused
+    assert ReferenceChecker(robot).hits(rows).tolist() == refused
     assert 2 < sum(refused) < 98
 
 
-def test_what_is_in_a_link_touches_it(robot: Robot, planner: Planner) -> None:
-    """A pea in the solid middle of each mesh that moves."""
-    judge, start, found = Judge(robot), np.array([robot.boot_pose]), 0
-    q = judge.coordinates(start)[:, 0]
-    placed = judge.shapes.createData()
-    pin.updateGeometryPlacements(judge.model, judge.data, judge.shapes, placed, q)
-    for shape, place in zip(judge.shapes.geometryObjects, placed.oMg, strict=True):
+def test_a_body_inside_a_link_is_in_collision(robot: Robot, planner: Planner) -> None:
+    """A small sphere in the solid middle of each moving mesh."""
+    reference, start, found = ReferenceChecker(robot), np.array([robot.boot_pose]), 0
+    q = reference.coordinates(start)[:, 0]
+    placed = reference.shapes.createData()
+    pin.updateGeometryPlacements(reference.model, reference.data, reference.shapes, placed, q)
+    for shape, place in zip(reference.shapes.geometryObjects, placed.oMg, strict=True):
         if not isinstance(shape.geometry, coal.BVHModelBase) or not shape.parentJoint:
             continue
         corners = np.asarray(shape.geometry.vertices())
@@ -141,14 +145,14 @@ def test_what_is_in_a_link_touches_it(robot: Robot, planner: Planner) -> None:
 
 
 def _middle(triangles: Array) -> Array:
-    """Of the volume that they enclose (3,), each seen as a tetrahedron from the origin."""
+    """Centroid of the enclosed volume (3,), as a sum of tetrahedra from the origin."""
     volumes = np.einsum("fi,fi->f", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2]))
     middle: Array = volumes @ triangles.sum(axis=1) / (4.0 * volumes.sum())
     return middle
 
 
 def _enclosed(triangles: Array, point: Array) -> bool:
-    """Whether rays from a point pass through them an odd number of times, whichever way they go."""
+    """True if rays from a point cross them an odd number of times, in all directions."""
     corner, first, second = triangles[:, 0], *np.moveaxis(triangles[:, 1:] - triangles[:, :1], 1, 0)
     counts = []
     for ray in np.array([[0.301, 0.507, 0.807], [-0.613, 0.211, 0.761], [0.107, -0.893, 0.437]]):
@@ -158,7 +162,7 @@ def _enclosed(triangles: Array, point: Array) -> bool:
     return all(count % 2 for count in counts)
 
 
-def test_ends_that_cannot_be(robot: Robot, planner: Planner) -> None:
+def test_invalid_ends(robot: Robot, planner: Planner) -> None:
     start, leaders = robot.boot_pose, robot.actuated_in("arm")
     lower = [max(joint.lower, -np.pi) for joint in leaders]
     upper = [min(joint.upper, np.pi) for joint in leaders]
@@ -178,8 +182,8 @@ def test_ends_that_cannot_be(robot: Robot, planner: Planner) -> None:
         planner.plan(Query("arm", start, tuple(beyond)))
 
 
-def test_the_tool_gets_where_it_can(robot: Robot, planner: Planner) -> None:
-    """Where it is known to get; once a block stands there it finds no place."""
+def test_the_tool_reaches_a_reachable_point(robot: Robot, planner: Planner) -> None:
+    """A point known to be reachable; with a block there, all solutions are in collision."""
     there = free_poses(robot, 1, 5, planner.checker)[0]
     start, size = robot.boot_pose, len(robot.actuated_in("arm"))
     there[size:] = start[size:]

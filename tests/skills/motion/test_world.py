@@ -1,4 +1,4 @@
-"""Worlds from files: what is no body is refused, and says why."""
+"""Worlds from files: invalid bodies are rejected with the reason."""
 
 import math
 import re
@@ -13,7 +13,7 @@ from skills.motion import BadWorld, Body, Box, Cylinder, Mesh, Shape, Sphere, Wo
 BALL: dict[str, Any] = {"name": "b", "sphere": {"radius": 0.1}, "position": [0.0, 0.0, 0.5]}
 
 
-def test_written_down_and_read_again() -> None:
+def test_a_world_is_written_and_read_again() -> None:
     shapes: tuple[Shape, ...] = (Box((0.1, 0.2, 0.3)), Sphere(0.1), Cylinder(0.1, 1), Mesh("a.stl"))
     world = World(
         tuple(
@@ -66,7 +66,7 @@ def test_written_down_and_read_again() -> None:
         ({"touches": [7]}, "give a list of names"),
     ],
 )
-def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> None:
+def test_invalid_bodies_are_rejected(change: dict[str, Any], message: str) -> None:
     with pytest.raises(BadWorld, match=message):
         World.parse([BALL | change])
 
@@ -90,7 +90,7 @@ def test_what_is_no_body_is_refused(change: dict[str, Any], message: str) -> Non
         ({"sphere": {"radius": 0.1}, "pos": [0, 0, 0]}, '"pos" is not a key of b; .* mesh$'),
     ],
 )
-def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
+def test_invalid_shapes_are_rejected(shape: dict[str, Any], message: str) -> None:
     with pytest.raises(BadWorld, match=message):
         World.parse([{"name": "b", "position": [0, 0, 0], **shape}])
 
@@ -99,7 +99,7 @@ def test_forms_that_are_none(shape: dict[str, Any], message: str) -> None:
     ("bodies", "seen"),
     [(7, "7"), ({"name": "b"}, '{"name": "b"}'), ("b", '"b"'), (None, "null"), (True, "true")],
 )
-def test_what_is_no_list_of_bodies(bodies: Any, seen: str) -> None:
+def test_other_values_than_a_list_of_bodies(bodies: Any, seen: str) -> None:
     with pytest.raises(BadWorld, match=f"^{re.escape(seen)} is not a list of bodies"):
         World.parse(bodies)
 
@@ -112,7 +112,7 @@ def test_what_is_no_list_of_bodies(bodies: Any, seen: str) -> None:
         ("\ud800\x9b", r'"\\ud800\\u009b"'),
     ],
 )
-def test_what_is_shown_of_a_value_is_short_and_can_be_read(body: Any, seen: str) -> None:
+def test_values_in_messages_are_short_and_readable(body: Any, seen: str) -> None:
     with pytest.raises(BadWorld, match=f"^Body 1: {seen} is not an object"):
         World.parse([body])
 
@@ -131,7 +131,9 @@ def test_a_rounded_quaternion_is_scaled(part: float) -> None:
     ("rotation", "length"),
     [([0, 0, 1, 1], "1.41421"), ([0, 0, 0, 0], "0"), ([0.5, 0, 0, 0], "0.5")],
 )
-def test_one_of_another_length_is_refused_with_it(rotation: list[float], length: str) -> None:
+def test_a_quaternion_of_another_length_is_rejected_with_its_length(
+    rotation: list[float], length: str
+) -> None:
     with pytest.raises(BadWorld, match=rf"\], of length {length}; give x, y, z, w of a unit"):
         World.parse([BALL | {"rotation": rotation}])
 
@@ -147,14 +149,14 @@ def test_one_of_another_length_is_refused_with_it(rotation: list[float], length:
         ({"touches": {"floor"}}, "touches of b is {'floor'}"),
     ],
 )
-def test_what_could_not_be_kept(odd: dict[str, Any], message: str) -> None:
-    """The planner keeps its models by their worlds, so these have to be hashable."""
+def test_bodies_that_are_not_hashable(odd: dict[str, Any], message: str) -> None:
+    """The planner looks up its scenes by their worlds, so these must be hashable."""
     with pytest.raises(BadWorld, match=message):
         replace(Body("b", Sphere(0.1)), **odd)
 
 
 @pytest.mark.parametrize("bodies", [None, [Body("b", Sphere(0.1))], ("b",)])
-def test_what_is_no_tuple_of_bodies(bodies: Any) -> None:
+def test_other_values_than_a_tuple_of_bodies(bodies: Any) -> None:
     with pytest.raises(BadWorld, match="give a tuple of bodies"):
         World(bodies)
 

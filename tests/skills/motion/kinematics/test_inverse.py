@@ -1,4 +1,4 @@
-"""Joint positions for a tool: found where there are any, and told truly where there are none."""
+"""Inverse kinematics: solutions, and correct errors if there is none."""
 
 import dataclasses
 import re
@@ -26,7 +26,7 @@ ROOM = World(
 
 
 class Reads(RealClock):
-    """A clock that counts how often it is read."""
+    """A clock that counts its readings."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -80,7 +80,7 @@ def test_the_nearest_point_is_the_nearest(planner: Planner, seed: int) -> None:
         ),
     ],
 )
-def test_what_few_places_lead_to_is_found(
+def test_solutions_that_few_starting_points_lead_to(
     six_axes: Planner,
     start: tuple[float, ...],
     point: tuple[float, float, float],
@@ -92,7 +92,7 @@ def test_what_few_places_lead_to_is_found(
     assert six_axes.plan(Query("arm", start, found.positions)).duration > 0.0
 
 
-def test_where_the_first_answers_are_not_free_others_are_looked_for(six_axes: Planner) -> None:
+def test_more_solutions_are_searched_if_the_first_are_in_collision(six_axes: Planner) -> None:
     start = (0.211, 1.748, -1.87, -0.492, 0.673, 2.231)
     found = six_axes.reach(ToolQuery("arm", start, (0.4283, -0.4088, 0.0789), world=ROOM))
     checker = CollisionChecker(PlanningScene(foreign("six_axes"), ROOM))
@@ -102,7 +102,7 @@ def test_where_the_first_answers_are_not_free_others_are_looked_for(six_axes: Pl
 @pytest.mark.parametrize(
     ("direction", "degrees"), [((0.0, 0.0, -1.0), 69.7), ((0.8, 0.4, 0.45), 47.6)]
 )
-def test_a_direction_that_cannot_be_kept_is_told_from_a_point_out_of_reach(
+def test_an_unreachable_direction_differs_from_an_unreachable_point(
     planner: Planner, direction: tuple[float, float, float], degrees: float
 ) -> None:
     error = refusal(planner, ToolQuery("arm", HOME, WITHIN, direction))
@@ -115,7 +115,7 @@ def test_a_direction_that_cannot_be_kept_is_told_from_a_point_out_of_reach(
     assert "leave it out" in str(error)
 
 
-def test_a_point_out_of_reach_is_told_as_that_with_a_direction_too(planner: Planner) -> None:
+def test_an_unreachable_point_is_reported_with_a_direction_too(planner: Planner) -> None:
     alone = refusal(planner, ToolQuery("arm", HOME, FAR))
     both = refusal(planner, ToolQuery("arm", HOME, FAR, (0.0, 0.0, -1.0)))
     assert both.distance == pytest.approx(alone.distance, abs=1e-5)
@@ -123,7 +123,7 @@ def test_a_point_out_of_reach_is_told_as_that_with_a_direction_too(planner: Plan
     assert "within reach" in str(both)
 
 
-def test_a_point_just_out_of_reach_looks_unlike_the_nearest(planner: Planner) -> None:
+def test_a_point_slightly_out_of_reach_is_shown_with_enough_digits(planner: Planner) -> None:
     far = refusal(planner, ToolQuery("arm", HOME, FAR))
     out = np.subtract(far.point, far.nearest) / far.distance
     x, y, z = (np.array(far.nearest) + 2e-5 * out).tolist()
@@ -134,14 +134,14 @@ def test_a_point_just_out_of_reach_looks_unlike_the_nearest(planner: Planner) ->
     assert re.search(r", 0\.0[12]\d* mm away \(tolerance: 0\.001 mm\); ", str(error))
 
 
-def test_what_is_not_finite_is_named(planner: Planner) -> None:
+def test_a_number_that_is_not_finite_is_named(planner: Planner) -> None:
     axis = (0.0, 1.0, float("inf"))
     with pytest.raises(NotFinite, match=r"^The z of the axis is inf; give") as caught:
         planner.reach(ToolQuery("arm", HOME, WITHIN, axis=axis))
     assert caught.value.joint == ""
 
 
-def test_the_answer_is_soonest_reached_with_the_accelerations_too() -> None:
+def test_accelerations_count_for_the_shortest_motion() -> None:
     robot, start = foreign("six_axes"), (0.0, 0.5, 0.5, 0.0, 0.5, 0.0)
     slow = _with_acceleration(robot, "turn", 0.05)
     query = ToolQuery("arm", start, (-0.3, 0.2, 0.4))
@@ -160,7 +160,7 @@ def _with_acceleration(robot: Robot, name: str, limit: float) -> Robot:
     return dataclasses.replace(robot, joints=joints)
 
 
-def test_the_clock_is_read_between_steps_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_deadline_is_checked_at_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
     clock, seen, ask = Reads(), list[int](), pin.computeJointJacobians
 
     def noted(*given: object) -> object:

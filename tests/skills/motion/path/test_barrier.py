@@ -1,4 +1,4 @@
-"""Where a joint cannot pass there is no way, which is said at once."""
+"""If a joint cannot pass a position, the planner reports at once that there is no path."""
 
 import dataclasses
 from math import pi, radians
@@ -34,7 +34,7 @@ LEADER_URDF = """<robot name="arm">
 
 @pytest.fixture(scope="module")
 def rolling() -> Robot:
-    """Six axes over a floor, of which the second could go all the way round, were there none."""
+    """Six axes over a floor. Without the floor the second joint could make a whole turn."""
     robot = foreign("six_axes")
     turn, lift, *rest = robot.joints
     joints = (turn, dataclasses.replace(lift, lower=-2.0 * pi, upper=2.0 * pi), *rest)
@@ -43,7 +43,7 @@ def rolling() -> Robot:
     return dataclasses.replace(robot, joints=joints, collision=floor)
 
 
-def test_a_turn_through_the_floor(rolling: Robot) -> None:
+def test_a_motion_through_the_floor(rolling: Robot) -> None:
     with pytest.raises(Barred) as caught:
         Planner(rolling).plan(Query("arm", UPRIGHT, (0.0, 2.0 * pi, 0.0, 0.0, 0.0, 0.0)))
     error = caught.value
@@ -54,19 +54,19 @@ def test_a_turn_through_the_floor(rolling: Robot) -> None:
     assert "lift would have to pass" in str(error)
 
 
-def test_a_joint_without_an_end_goes_the_other_way_round() -> None:
+def test_a_continuous_joint_takes_the_other_direction() -> None:
     planner = Planner(foreign("endless"))
     plan = planner.plan(Query("arm", UPRIGHT, ACROSS, world=World((BAR, LEFT))))
     assert plan.goal[0] == pytest.approx(radians(150.0 - 360.0))
 
 
-def test_a_joint_without_an_end_that_cannot_pass_either_way() -> None:
+def test_a_continuous_joint_that_is_blocked_in_both_directions() -> None:
     planner = Planner(foreign("endless"))
     with pytest.raises(Barred, match=r"turn would have to pass \d+\.?\d* deg, where bar .* left"):
         planner.plan(Query("arm", UPRIGHT, ACROSS, world=World((BAR, LEFT, RIGHT))))
 
 
-def test_two_joints_without_an_end_that_both_must_turn_the_other_way() -> None:
+def test_two_continuous_joints_that_must_take_the_other_direction() -> None:
     stick = Body(
         "stick", Box((0.3, 0.01, 0.01)), (0.2, 0.0, 0.05), link="fist",
         touches=frozenset(("wrist_bend",)),
@@ -81,7 +81,7 @@ def test_two_joints_without_an_end_that_both_must_turn_the_other_way() -> None:
     assert plan.goal[[0, 5]] == pytest.approx(radians(150.0 - 360.0))
 
 
-def test_a_via_point_that_a_joint_without_an_end_reaches_the_other_way_round() -> None:
+def test_a_via_point_that_is_reached_in_the_other_direction() -> None:
     lifted = (ACROSS[0], 0.3, 0.0, 0.0, 0.0, 0.0)
     world = World((BAR, LEFT))
     query = Query("arm", UPRIGHT, lifted, via=(ACROSS,), world=world, timeout=30.0)
@@ -92,7 +92,7 @@ def test_a_via_point_that_a_joint_without_an_end_reaches_the_other_way_round() -
     assert np.linalg.norm(plan.sample(times) - turned, axis=1).min() < 0.02
 
 
-def test_a_leader_without_an_end_is_never_barred(tmp_path: Path) -> None:
+def test_a_continuous_leader_is_never_barred(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(LEADER_URDF)
     (tmp_path / "arm.toml").write_text(pair_file("lead", "mate"))
     post = Body("post", Box((0.03, 0.03, 0.3)), (-0.2, 0.05, 0.0))
@@ -102,10 +102,8 @@ def test_a_leader_without_an_end_is_never_barred(tmp_path: Path) -> None:
         planner.plan(query)
 
 
-def test_what_is_barred_no_search_ever_finds(
-    rolling: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Beside each other: what is said at once, and what a search comes to."""
+def test_no_search_finds_a_barred_path(rolling: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compares the proof with the result of a search."""
     planner, random, told = Planner(rolling), np.random.default_rng(1), list[tuple[bool, bool]]()
     lower, upper = [-2.9, -6.28, -2.5, -2.9, -2.0, -2.9], [2.9, 6.28, 2.5, 2.9, 2.0, 2.9]
     check, barred = barrier.check_passable, list[bool]()

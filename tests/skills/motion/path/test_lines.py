@@ -1,4 +1,4 @@
-"""A straight motion is not looked at again as it is timed; what was proved of the line holds."""
+"""A straight motion is not checked again after timing: the proof for its line holds."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -30,8 +30,8 @@ def robot(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return foreign(request.param) if request.param in ARMS else load_robot()
 
 
-class Judge:
-    """Measures from the URDF to one point, by pinocchio alone."""
+class ReferenceChecker:
+    """Measures the distance to one point from the URDF, with pinocchio only."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot, urdf = robot, str(robot.urdf)
@@ -48,7 +48,7 @@ class Judge:
         self.placed = self.shapes.createData()
 
     def coordinates(self, row: Array) -> Array:
-        """Of all actuated joints (A,), as pinocchio wants them (nq,)."""
+        """Converts a configuration (A,) to pinocchio's coordinates (nq,)."""
         own = dict(zip([joint.name for joint in self.robot.actuated], row.tolist(), strict=True))
         q = np.zeros(self.model.nq)
         for joint in self.robot.joints:
@@ -61,7 +61,7 @@ class Judge:
         return q
 
     def hits(self, rows: Array, point: Array, margin: float) -> Array:
-        """Where a link that moves is nearer than a margin [m] to a pea at a point (N,)."""
+        """True for rows with a moving link closer than a margin [m] to a small sphere (N,)."""
         self.shapes.geometryObjects[self.pea].placement = pin.SE3(np.eye(3), point)
         pool = pin.GeometryPool(self.model, self.shapes, 1)
         for request in pool.getGeometryData(0).collisionRequests:
@@ -70,7 +70,7 @@ class Judge:
         return np.array(pin.computeCollisionsInParallel(1, pool, q, True, False), bool)
 
     def beside(self, rows: Array, random: np.random.Generator, margin: float) -> Array:
-        """A point that the rows seem to pass at about a margin [m] (3,)."""
+        """A point that the rows pass at about a margin [m] (3,)."""
         while True:
             row = random.choice(rows)
             link = int(random.choice(self.moving))
@@ -96,9 +96,9 @@ def moments(robot: Robot, plan: Plan) -> Array:
     return rows
 
 
-def test_lines_past_a_pea_keep_half_the_margin_each_millisecond(robot: Robot) -> None:
-    """It lies where some of them only just pass it, and others do not."""
-    judge, planner, margin = Judge(robot), Planner(robot), robot.collision.margin
+def test_lines_past_a_small_sphere_keep_half_the_margin(robot: Robot) -> None:
+    """The sphere is placed so that some lines just pass it and others do not."""
+    reference, planner, margin = ReferenceChecker(robot), Planner(robot), robot.collision.margin
     random, passed = np.random.default_rng(4), 0
     poses = free_poses(robot, 2 * LINES, 5, planner.checker)
     for number, (start, goal) in enumerate(zip(poses[::2], poses[1::2], strict=True)):
@@ -108,18 +108,18 @@ def test_lines_past_a_pea_keep_half_the_margin_each_millisecond(robot: Robot) ->
         way = joints.nearest_turn(start[own], goal[own]) - start[own]
         rows = np.tile(start, (60, 1))
         rows[:, own] += np.linspace(0.0, 1.0, 60)[:, None] * way
-        point = judge.beside(rows, random, margin)
+        point = reference.beside(rows, random, margin)
         world = World((Body("pea", Sphere(RADIUS), tuple(point.tolist())),))
         query = Query(group, tuple(start), tuple(goal[own]), world=world, timeout=0.5)
         with suppress(MotionError):
             plan = planner.plan(query)
             if plan.curve.straight:
                 passed += 1
-                _follow(judge, plan, moments(robot, plan), point)
+                _follow(reference, plan, moments(robot, plan), point)
     assert passed
 
 
-def _follow(judge: Judge, plan: Plan, rows: Array, point: Array) -> None:
-    assert not judge.hits(rows, point, 0.5 * judge.robot.collision.margin - 1e-6).any()
+def _follow(reference: ReferenceChecker, plan: Plan, rows: Array, point: Array) -> None:
+    assert not reference.hits(rows, point, 0.5 * reference.robot.collision.margin - 1e-6).any()
     _, *aside = np.linalg.svd(rows - plan.start, full_matrices=False)[2]
     assert abs((rows - plan.start) @ np.array(aside).T).max() < 1e-12

@@ -1,4 +1,4 @@
-"""What is said to hold a motion back is what does."""
+"""The limits that are reported set the duration of a motion."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -19,7 +19,7 @@ PILLAR = World((Body("pillar", Box((0.1, 0.1, 0.9)), (0.35, 0.25, 0.45)),))
 
 
 def motions(robot: Robot, world: World) -> Iterator[Plan]:
-    """Straight ones, some by way of a point, and some round a body."""
+    """Straight plans, plans with a via point, and plans around a body."""
     planner = Planner(robot)
     poses = free_poses(robot, 12, 5, planner.checker)
     names = [joint.name for joint in robot.actuated_in("arm")]
@@ -33,7 +33,7 @@ def motions(robot: Robot, world: World) -> Iterator[Plan]:
 
 
 @pytest.mark.parametrize("name", ["", *ARMS])
-def test_only_limits_that_are_met_are_named_and_they_explain_the_motion(name: str) -> None:
+def test_the_reported_limits_are_reached_and_explain_the_motion(name: str) -> None:
     robot, world = (foreign(name), PILLAR) if name else (load_robot(), POST)
     shares = []
     for plan in motions(robot, world):
@@ -48,7 +48,7 @@ def test_only_limits_that_are_met_are_named_and_they_explain_the_motion(name: st
     assert np.mean(shares) > 0.97
 
 
-def test_a_speed_that_is_nearly_reached_holds_nothing() -> None:
+def test_a_speed_below_its_limit_is_not_reported() -> None:
     robot = load_robot()
     start = tuple(-0.5 if joint.name == "joint_1" else 0.0 for joint in robot.actuated)
     plan = Planner(robot).plan(Query("arm", start, (1.4, 0.0, 0.0), 1, world=EMPTY))

@@ -1,4 +1,4 @@
-"""What is left of a motion: the same path, timed anew from standstill, within the limits."""
+"""The rest of a motion: the same path, timed again from standstill within the limits."""
 
 import math
 from dataclasses import replace
@@ -52,7 +52,7 @@ def test_the_rest_is_the_same_path_within_the_limits(plan: Plan, share: float) -
     check(plan, time, left(plan, time))
 
 
-def test_corners_may_end_a_path() -> None:
+def test_blends_at_the_ends_of_a_path() -> None:
     assert [bool(plan.curve.quadratic[-1].any()) for plan in (CORNER, HOOK)] == [True, True]
     assert [len(plan.curve.constant) for plan in (CORNER, HOOK)] == [1, 2]
 
@@ -66,7 +66,7 @@ def test_the_rest_of_a_rest(first: float, second: float) -> None:
 
 
 @pytest.mark.parametrize("short", [1e-15, 1e-12, 1e-10, 1e-8])
-def test_left_hardly_before_a_bend_begins_or_ends(short: float) -> None:
+def test_a_stop_slightly_before_a_blend_begins_or_ends(short: float) -> None:
     for end in BENT.curve.breaks[1:-1]:
         rest = BENT.curve.after(end - short)
         assert time_curve(rest, BENT.velocity, BENT.acceleration)
@@ -76,22 +76,20 @@ def test_left_hardly_before_a_bend_begins_or_ends(short: float) -> None:
 
 @pytest.mark.parametrize("plan", [LINE, BENT, CORNER, GRIPPER])
 @pytest.mark.parametrize("before", [1e-12, 1e-9, 1e-6, 3e-5, 1e-4])
-def test_hardly_before_its_end_it_still_begins_where_the_arm_stands(
-    plan: Plan, before: float
-) -> None:
+def test_a_stop_slightly_before_the_end(plan: Plan, before: float) -> None:
     rest = left(plan, plan.duration - before)
     check(plan, plan.duration - before, rest)
     assert np.array_equal(rest.state(0.0), rest.origin)
 
 
-def test_from_its_beginning_it_is_all() -> None:
+def test_the_rest_from_the_start_is_the_whole_motion() -> None:
     rest = left(LINE, 0.0)
     assert list(rest.milliseconds) == ["time"]  # not what it took to find all of it
     assert rest.duration == LINE.duration
     assert np.array_equal(rest.waypoints, LINE.waypoints)
 
 
-def test_an_arm_that_stands_elsewhere_is_refused() -> None:
+def test_an_arm_off_the_path_is_rejected() -> None:
     with pytest.raises(BadQuery, match="is not where the motion was stopped"):
         PLANNER.rest(Rest(LINE, 0.5 * LINE.duration, tuple(LINE.start)))
 
@@ -119,6 +117,6 @@ ODD: tuple[tuple[str, Any, str], ...] = (
 
 
 @pytest.mark.parametrize(("what", "odd", "message"), ODD)
-def test_what_is_no_rest(what: str, odd: Any, message: str) -> None:
+def test_invalid_requests(what: str, odd: Any, message: str) -> None:
     with pytest.raises(BadQuery, match=message):
         PLANNER.rest(replace(Rest(LINE, 0.1, tuple(LINE.start)), **{what: odd}))

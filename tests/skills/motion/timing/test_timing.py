@@ -1,4 +1,4 @@
-"""Timing: as quick as the limits allow, and never beyond them."""
+"""Timing: as fast as the limits allow, and never beyond them."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def line(goal: list[float]) -> Curve:
 
 
 def excess(curve: Curve, profile: TimeLaw, velocity: Array, acceleration: Array) -> float:
-    """Largest speed or acceleration over its limit on a 1 ms grid and at every knot, less 1."""
+    """Largest excess of a speed or acceleration over its limit, every 1 ms and at every knot."""
     times = np.union1d(np.arange(0.0, profile.duration, 0.001), profile.times)
     s, speed, push = profile.at(times)
     speeds = curve.first_derivatives(s) * speed[:, None]
@@ -38,7 +38,7 @@ def excess(curve: Curve, profile: TimeLaw, velocity: Array, acceleration: Array)
     [([-1.4, -0.6, -0.07], 3.3466), ([-1.57, 0.0, -0.9], 3.5440), ([3.0, 1.0, 0.0], 5.0)],
 )
 def test_straight_durations(goal: list[float], duration: float) -> None:
-    """Rest to rest: 2 sqrt(d / a), or d / v + v / a where full speed is reached."""
+    """Rest to rest: 2 sqrt(d / a), or d / v + v / a if full speed is reached."""
     profile = time_curve(line(goal), ONES, 0.5 * ONES)
     assert profile
     assert profile.duration == pytest.approx(duration, abs=1e-4)
@@ -54,7 +54,7 @@ def test_straight_durations(goal: list[float], duration: float) -> None:
     acceleration=st.floats(0.1, 10.0),
 )
 @settings(max_examples=60, deadline=None)
-def test_straight_is_toppras_optimum(
+def test_the_trapezoidal_profile_is_toppras_optimum(
     goal: list[float], velocity: float, acceleration: float
 ) -> None:
     curve, limits = line(goal), (velocity * ONES, acceleration * ONES)
@@ -74,7 +74,7 @@ def test_straight_is_toppras_optimum(
     stop=st.booleans(),
 )
 @settings(max_examples=30, deadline=None)
-def test_bent_keeps_every_limit(seed: int, count: int, rounding: float, stop: bool) -> None:
+def test_curves_keep_every_limit(seed: int, count: int, rounding: float, stop: bool) -> None:
     random = np.random.default_rng(seed)
     waypoints = random.uniform(-1.5, 1.5, (count, 3))
     velocity, acceleration = random.uniform(0.3, 2.0, (2, 3))
@@ -93,8 +93,8 @@ def test_bent_keeps_every_limit(seed: int, count: int, rounding: float, stop: bo
 
 @given(seed=st.integers(0, 10**6))
 @settings(max_examples=60, deadline=None)
-def test_a_corner_may_take_all_of_a_leg(seed: int) -> None:
-    """Then the curve begins or ends with it, and no sliver of the leg is left by rounding."""
+def test_a_blend_may_use_a_whole_leg(seed: int) -> None:
+    """The curve then begins or ends with the blend, and rounding leaves no tiny line."""
     waypoints = np.random.default_rng(seed).uniform(-1.5, 1.5, (3, 3))
     radius = norms(np.diff(waypoints, axis=0)).min()
     curve = Curve.through(waypoints, np.array([radius]))
@@ -106,8 +106,8 @@ def test_a_corner_may_take_all_of_a_leg(seed: int) -> None:
 
 @given(seed=st.integers(0, 10**6), share=st.floats(0.0, 0.999))
 @settings(max_examples=60, deadline=None)
-def test_what_is_left_of_a_corner_is_no_line(seed: int, share: float) -> None:
-    """Nor is a corner that takes all of both legs: one piece, but bent."""
+def test_the_rest_of_a_blend_is_no_line(seed: int, share: float) -> None:
+    """Nor is a blend that uses both legs completely: one piece, but curved."""
     way, out = np.random.default_rng(seed).uniform(-1.0, 1.0, (2, 3))
     corner = way / norms(way[None])[0]
     waypoints = np.array([0.0 * way, corner, corner + out / norms(out[None])[0]])
@@ -125,7 +125,9 @@ def test_what_is_left_of_a_corner_is_no_line(seed: int, share: float) -> None:
     rounding=st.floats(0.01, 1.0) | st.just(0.0),
 )
 @settings(max_examples=60, deadline=None)
-def test_curve_is_smooth_and_stays_near_its_corners(seed: int, count: int, rounding: float) -> None:
+def test_a_curve_is_smooth_and_stays_near_its_corners(
+    seed: int, count: int, rounding: float
+) -> None:
     waypoints = np.random.default_rng(seed).uniform(-1.5, 1.5, (count, 3))
     lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     radii = 0.5 * rounding * np.minimum(lengths[:-1], lengths[1:])

@@ -1,4 +1,4 @@
-"""What passes between a worker and its parent, over a real pair of sockets."""
+"""Messages between a worker and its parent, over a pair of sockets."""
 
 import socket
 import threading
@@ -21,7 +21,9 @@ def pair() -> Iterator[tuple[socket.socket, socket.socket]]:
 
 
 @given(message=st.binary(max_size=300), cuts=st.lists(st.integers(0, 320), max_size=5))
-def test_a_message_arrives_whole_however_it_is_cut(message: bytes, cuts: list[int]) -> None:
+def test_a_message_arrives_complete_in_any_number_of_pieces(
+    message: bytes, cuts: list[int]
+) -> None:
     here, there = socket.socketpair()
     with here, there:
         sent = encode(message)
@@ -51,8 +53,8 @@ LENGTHS = st.integers(0, 12) | st.integers(0, 2**32 - 1)
 
 @settings(max_examples=300)
 @given(length=LENGTHS, comes=st.integers(0, 16), closes=st.booleans())
-def test_what_is_no_message_ends_in_time(length: int, comes: int, closes: bool) -> None:
-    """An x begins no pickle."""
+def test_invalid_messages_are_rejected_in_time(length: int, comes: int, closes: bool) -> None:
+    """No pickle begins with an x."""
     here, there = socket.socketpair()
     with here, there:
         there.sendall((length.to_bytes(4) + b"x" * 12)[:comes])
@@ -66,7 +68,7 @@ def test_what_is_no_message_ends_in_time(length: int, comes: int, closes: bool) 
             receive(here, time.monotonic() + 0.001)
 
 
-def test_no_time_left_is_no_time(pair: tuple[socket.socket, socket.socket]) -> None:
+def test_a_deadline_in_the_past(pair: tuple[socket.socket, socket.socket]) -> None:
     here, there = pair
     there.sendall(encode(1))
     with pytest.raises(TimeoutError):
@@ -74,8 +76,8 @@ def test_no_time_left_is_no_time(pair: tuple[socket.socket, socket.socket]) -> N
     assert receive(here, time.monotonic() + 1.0) == 1
 
 
-def test_a_trickle_does_not_prolong_the_time(pair: tuple[socket.socket, socket.socket]) -> None:
-    """The time-out is for the whole message, not for each piece of it."""
+def test_slow_bytes_do_not_extend_the_timeout(pair: tuple[socket.socket, socket.socket]) -> None:
+    """The timeout applies to the whole message, not to each piece."""
     here, there = pair
     stop = threading.Event()
 

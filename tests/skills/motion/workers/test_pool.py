@@ -1,4 +1,4 @@
-"""The pool: real processes that plan, are ended, crash, hang, and leave nothing behind."""
+"""The pool: processes that plan, are killed, crash, hang, and leave nothing behind."""
 
 import dataclasses
 import os
@@ -61,7 +61,7 @@ def pool(robot: Robot) -> Iterator[Pool]:
 
 
 class Answer:
-    """Takes the result of a job, and waits for it."""
+    """Receives the result of a job and waits for it."""
 
     def __init__(self) -> None:
         self.results: list[Result] = []
@@ -102,7 +102,7 @@ def ticks(process: int) -> int:
 
 
 def running(process: int) -> bool:
-    """Whether a process is there, as a zombie too."""
+    """True if a process exists, also as a zombie."""
     return Path(f"/proc/{process}").exists()
 
 
@@ -113,7 +113,7 @@ def test_answers(pool: Pool) -> None:
     assert ask(pool, Verify([PICK.start, (*PICK.goal, 0.0)], 0.002)) is None
 
 
-def test_errors_come_back_whole(pool: Pool) -> None:
+def test_errors_keep_their_attributes(pool: Pool) -> None:
     start = ask(pool, dataclasses.replace(PICK, start=UNDER_THE_TABLE))
     assert isinstance(start, StartInCollision)
     assert start.distance < 0.0 < start.margin
@@ -129,7 +129,7 @@ def answered(pool: Pool, request: Query) -> Plan:
     return plan
 
 
-def test_poison_hurts_nobody_else(pool: Pool) -> None:
+def test_invalid_requests_do_not_affect_others(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
     worker = pid(pool)
     poison = dataclasses.replace(PICK, goal=(float("nan"), 0.0, 0.0))
@@ -175,7 +175,7 @@ def test_poison_hurts_nobody_else(pool: Pool) -> None:
     assert pid(pool) == worker
 
 
-def test_cancel_ends_the_process_and_the_next_job_is_fine(pool: Pool) -> None:
+def test_cancel_kills_the_process_and_the_next_job_succeeds(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
     worker, running_job, waiting_job = pid(pool), Answer(), Answer()
     job = pool.submit(LONG, running_job)
@@ -195,7 +195,7 @@ def test_cancel_ends_the_process_and_the_next_job_is_fine(pool: Pool) -> None:
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGABRT, signal.SIGSEGV])
-def test_a_worker_that_dies_costs_its_job_only(pool: Pool, how: signal.Signals) -> None:
+def test_a_worker_that_dies_affects_only_its_job(pool: Pool, how: signal.Signals) -> None:
     assert isinstance(ask(pool, PICK), Plan)
     answer = Answer()
     pool.submit(LONG, answer)
@@ -207,7 +207,7 @@ def test_a_worker_that_dies_costs_its_job_only(pool: Pool, how: signal.Signals) 
     assert isinstance(ask(pool, PICK), Plan)
 
 
-def test_a_worker_that_dies_idle_costs_nothing(pool: Pool) -> None:
+def test_a_worker_that_dies_while_idle_affects_no_job(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
     worker = pid(pool)
     os.kill(worker, signal.SIGKILL)
@@ -215,7 +215,7 @@ def test_a_worker_that_dies_idle_costs_nothing(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
 
 
-def test_a_worker_that_dies_idle_is_passed_over_and_replaced(robot: Robot) -> None:
+def test_a_worker_that_dies_while_idle_is_replaced(robot: Robot) -> None:
     pool = Pool(robot, 2, RealClock())
     pool.start()
     nap, (dead, other) = threading.Event(), pool._slots
@@ -236,7 +236,7 @@ def test_a_worker_that_dies_idle_is_passed_over_and_replaced(robot: Robot) -> No
     pool.close()
 
 
-def test_a_worker_that_hangs_is_given_up(pool: Pool) -> None:
+def test_a_worker_that_hangs_is_killed(pool: Pool) -> None:
     assert isinstance(ask(pool, BENT), Plan)
     worker = pid(pool)
     os.kill(worker, signal.SIGSTOP)
@@ -247,20 +247,20 @@ def test_a_worker_that_hangs_is_given_up(pool: Pool) -> None:
 
 
 class _Hungry:
-    """Of more memory than a worker may have, where it is received."""
+    """Needs more memory when it is unpickled than a worker may use."""
 
     def __reduce__(self) -> tuple[type[bytearray], tuple[int]]:
         return bytearray, (8 * 2**30,)
 
 
-def test_a_worker_that_wants_too_much_memory_costs_its_job_only(pool: Pool) -> None:
+def test_a_worker_with_too_much_memory_affects_only_its_job(pool: Pool) -> None:
     died = ask(pool, dataclasses.replace(PICK, seed=cast("int", _Hungry())))
     assert isinstance(died, WorkerDied)
     assert "MemoryError" in died.why
     assert isinstance(ask(pool, PICK), Plan)
 
 
-def test_other_questions_are_answered_too(pool: Pool) -> None:
+def test_other_requests(pool: Pool) -> None:
     start = PICK.start
     reached = ask(pool, ToolQuery("arm", start, (0.1, 0.05, 0.08)))
     assert isinstance(reached, Reached)
@@ -283,7 +283,7 @@ def test_ctrl_c_does_not_reach_a_worker(pool: Pool) -> None:
     assert os.getsid(worker) != os.getsid(0)
 
 
-def test_an_unusable_model_is_told(robot: Robot, tmp_path: Path) -> None:
+def test_an_unusable_model_is_reported(robot: Robot, tmp_path: Path) -> None:
     broken = tmp_path / "broken.urdf"
     broken.write_text("<robot name='x'><link name='a'/><link name='b'/></robot>")
     pool = Pool(dataclasses.replace(robot, urdf=broken), 1, RealClock())
@@ -296,7 +296,7 @@ def test_an_unusable_model_is_told(robot: Robot, tmp_path: Path) -> None:
     pool.close()
 
 
-def test_close_cancels_and_leaves_nothing(robot: Robot) -> None:
+def test_close_cancels_all_and_leaves_nothing(robot: Robot) -> None:
     before = set(threading.enumerate())
     pool = Pool(robot, 2, RealClock())
     pool.start()
@@ -348,7 +348,7 @@ os._exit(0)
 """
 
 
-def test_workers_go_when_the_parent_does() -> None:
+def test_workers_end_with_their_parent() -> None:
     root = str(ROOT)
     with subprocess.Popen(
         [sys.executable, "-c", ORPHAN], cwd=root, stdout=subprocess.PIPE, text=True

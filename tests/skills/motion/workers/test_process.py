@@ -1,4 +1,4 @@
-"""The worker as its process shows: how it loads, and what an answer that makes no sense costs."""
+"""The worker process: what it loads, and what an invalid answer costs."""
 
 import dataclasses
 import os
@@ -40,16 +40,16 @@ with socket.socket(fileno=int(sys.argv[-1])) as parent:
 
 
 def program(file: Path, text: str, monkeypatch: pytest.MonkeyPatch, **values: object) -> None:
-    """Have a worker run another program than it should."""
+    """Let a worker run another program."""
     file.write_text(text.format(python=sys.executable, **values))
     file.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(file))
 
 
-def test_a_worker_that_hangs_in_its_first_goal_is_given_up(
+def test_a_worker_that_hangs_in_its_first_request_is_killed(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """All that it may need was loaded before, so the goal's own time holds."""
+    """Everything was loaded before, so the request's own timeout applies."""
     program(tmp_path / "hangs", SAYS, monkeypatch, answer=b"")
     worker = WorkerProcess(robot)
     assert isinstance(worker.call(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
@@ -68,27 +68,27 @@ print(CubicSpline([0, 1, 2], [0, 1, 4])(1.0))
 """
 
 
-def test_toppra_is_loaded_at_need_and_only_what_is_needed_of_it() -> None:
-    """By a worker before its first goal. All of it would take twice as long as all else."""
+def test_toppra_is_loaded_without_scipy_and_matplotlib() -> None:
+    """A worker loads it before its first request. The two would take longer than all the rest."""
     root = str(ROOT)
     out = subprocess.run([sys.executable, "-c", LOADS], cwd=root, capture_output=True, check=True)
     assert out.stdout.decode() == "[]\n['toppra']\n1.0\n"
 
 
 def framed(body: bytes, more: int = 0) -> bytes:
-    """As a worker sends it, or as if so much more would come."""
+    """A message as a worker sends it, or one that announces more bytes than it has."""
     return (len(body) + more).to_bytes(4) + body
 
 
 class _Raises:
-    """What, when it is received, raises anything."""
+    """Raises any exception when it is unpickled."""
 
     def __reduce__(self) -> tuple[object, ...]:
         return exec, ("raise RuntimeError('?')",)
 
 
 def answered(answer: object, number: object = 1) -> bytes:
-    """The answer to the first request, or another."""
+    """An answer to the first request, or to another one."""
     return framed(pickle.dumps((number, answer)))
 
 
@@ -110,7 +110,7 @@ def answered(answer: object, number: object = 1) -> bytes:
         (2**31).to_bytes(4),
     ],
 )
-def test_a_worker_that_answers_nonsense(
+def test_a_worker_with_an_invalid_answer(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes
 ) -> None:
     program(tmp_path / "nonsense", SAYS, monkeypatch, answer=answer)
@@ -122,7 +122,7 @@ def test_a_worker_that_answers_nonsense(
 
 
 @pytest.mark.parametrize("answer", [b"\0", b"\0\0\0\x10", framed(pickle.dumps(None), more=1)])
-def test_a_worker_that_announces_more_than_it_sends_is_given_up(
+def test_a_worker_that_announces_more_than_it_sends_is_killed(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes
 ) -> None:
     program(tmp_path / "halts", SAYS, monkeypatch, answer=answer)
@@ -135,7 +135,7 @@ def test_a_worker_that_announces_more_than_it_sends_is_given_up(
 def test_a_worker_that_answers_twice(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What it says of the first question is no answer to the second."""
+    """A late answer to the first request is no answer to the second."""
     again = "parent.recv(65536)\n    parent.sendall({answer!r})\n    parent.recv(1)"
     says = SAYS.replace("parent.recv(1)", again)
     program(tmp_path / "twice", says, monkeypatch, answer=answered(PlanTimeout(1.0)))
@@ -148,7 +148,7 @@ def test_a_worker_that_answers_twice(
     worker.close()
 
 
-def test_a_plan_that_is_not_finite_or_not_whole_is_none(robot: Robot) -> None:
+def test_a_plan_that_is_not_finite_or_incomplete_is_invalid(robot: Robot) -> None:
     *rest, (places, memory) = Planner(robot).plan(PICK).__getstate__()
     nan, short = struct.pack("d", float("nan")) + memory[8:], memory[:-8]
     high = struct.pack("dd", 1.7e308, 1.7e308) + memory[16:]
@@ -159,10 +159,10 @@ def test_a_plan_that_is_not_finite_or_not_whole_is_none(robot: Robot) -> None:
             twin.__setstate__((*rest, joined))  # type: ignore[arg-type]
 
 
-def test_a_worker_that_hangs_up_is_given_up_at_once(
+def test_a_worker_that_closes_its_socket_is_replaced_at_once(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It need not say why, if its time is up before it could."""
+    """The exit status is not waited for beyond the request's timeout."""
     says = SAYS.replace("parent.recv(1)", "parent.close(); import signal; signal.pause()")
     program(tmp_path / "hangs_up", says, monkeypatch, answer=b"")
     worker = WorkerProcess(robot)
@@ -173,8 +173,8 @@ def test_a_worker_that_hangs_up_is_given_up_at_once(
     worker.close()
 
 
-def test_a_worker_that_takes_nothing_is_given_up(robot: Robot) -> None:
-    """A request of a megabyte does not wait for it beyond its own time."""
+def test_a_worker_that_reads_nothing_is_killed(robot: Robot) -> None:
+    """Sending a request of a megabyte ends at the request's timeout."""
     worker = WorkerProcess(robot)
     assert worker.call(Verify([robot.boot_pose], 0.0)) is None
     os.kill(worker.pid, signal.SIGSTOP)

@@ -1,4 +1,4 @@
-"""Questions that make no sense: refused by the planner itself, whatever they hold."""
+"""Invalid requests: the planner rejects them, for all kinds of values."""
 
 import dataclasses
 import math
@@ -34,26 +34,26 @@ def planner() -> Planner:
         ({"link": 7}, "The link is 7; give a name, or none"),
     ],
 )
-def test_what_no_tool_can_be_asked(planner: Planner, odd: dict[str, Any], message: str) -> None:
+def test_invalid_tool_queries(planner: Planner, odd: dict[str, Any], message: str) -> None:
     with pytest.raises(BadQuery, match=message):
         planner.reach(dataclasses.replace(TOOL, **odd))
 
 
 @pytest.mark.parametrize("request_", [PICK, TOOL, Verify([HOME], 0.0)])
 @pytest.mark.parametrize("odd", [math.nan, "a", None, np.zeros(3)])
-def test_a_time_out_that_is_none(planner: Planner, request_: Request, odd: Any) -> None:
-    """A NaN would never be over."""
+def test_invalid_timeouts(planner: Planner, request_: Request, odd: Any) -> None:
+    """A timeout of NaN would never pass."""
     with pytest.raises(BadQuery, match=r"The time-out is .* s; give a number"):
         planner.answer(dataclasses.replace(request_, timeout=odd))
 
 
-def test_a_time_out_beyond_numbers(planner: Planner) -> None:
+def test_a_timeout_larger_than_any_float(planner: Planner) -> None:
     assert isinstance(planner.answer(dataclasses.replace(PICK, timeout=10**400)), Plan)
     with pytest.raises(PlanTimeout):
         planner.answer(dataclasses.replace(PICK, timeout=-(10**400)))
 
 
-def test_a_group_of_thousands_of_digits(planner: Planner) -> None:
+def test_a_group_name_of_thousands_of_digits(planner: Planner) -> None:
     group: Any = 10**5000
     with pytest.raises(BadQuery, match="There is no group a int that cannot be shown; there are"):
         planner.answer(dataclasses.replace(PICK, group=group))

@@ -1,4 +1,4 @@
-"""How deep what is made of meshes is in something: how far it would have to move to be free."""
+"""Penetration depth of meshes: how far one must move to be free."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from skills.motion import Body, Box, Mesh, Query, Shape, Sphere, StartInCollisio
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
-from tests.skills.motion.collision.test_inside import AWAY, STAND, cube
+from tests.skills.motion.collision.test_containment import AWAY, STAND, cube
 
 pytestmark = pytest.mark.slow
 
@@ -30,7 +30,7 @@ def mesh(tmp_path_factory: pytest.TempPathFactory) -> Mesh:
 
 
 def depth(held: Shape, there: Shape, shift: tuple[float, ...], turn: tuple[float, ...]) -> float:
-    """Of a body that the arm's base holds, and one that stands; negative where they are apart."""
+    """Depth of a body on the arm's base in a fixed one; negative if they are apart."""
     x, y, z = np.add(HIGH, shift).tolist()
     a, b, c, d = (np.array(turn) / np.linalg.norm(turn)).tolist()
     moving = Body("moving", held, HIGH, link="base_plate")
@@ -42,7 +42,7 @@ def depth(held: Shape, there: Shape, shift: tuple[float, ...], turn: tuple[float
     return -nearest.distance
 
 
-def test_two_meshes_are_as_deep_as_they_are_and_the_error_says_so(mesh: Mesh) -> None:
+def test_the_error_has_the_depth_of_two_meshes(mesh: Mesh) -> None:
     held = Body("held", mesh, HIGH, link="base_plate")
     there = Body("there", mesh, (0.09, 0.003, 0.802))
     with pytest.raises(
@@ -53,7 +53,7 @@ def test_two_meshes_are_as_deep_as_they_are_and_the_error_says_so(mesh: Mesh) ->
 
 
 @given(places, turns)
-def test_of_convex_meshes_it_is_that_of_the_solids(
+def test_convex_meshes_have_the_depth_of_the_same_primitives(
     mesh: Mesh, shift: tuple[float, ...], turn: tuple[float, ...]
 ) -> None:
     box = Box((EDGE,) * 3)
@@ -66,7 +66,7 @@ def test_of_convex_meshes_it_is_that_of_the_solids(
             assert found == pytest.approx(solids, abs=1e-5)
 
 
-def test_what_grazes_the_wall_of_a_tray_is_not_as_deep_as_in_its_hull(tmp_path: Path) -> None:
+def test_the_depth_in_the_wall_of_a_tray_is_less_than_in_its_hull(tmp_path: Path) -> None:
     tray = cube(tmp_path, (0.5 * EDGE,), open_top=True)
     pea, flat = Sphere(0.01), (0.0, 0.0, 0.0, 1.0)
     aside = (0.042, 0.0, 0.0)
@@ -74,23 +74,23 @@ def test_what_grazes_the_wall_of_a_tray_is_not_as_deep_as_in_its_hull(tmp_path: 
     assert depth(tray, pea, aside, flat) == pytest.approx(0.002, rel=0.05)
 
 
-def test_of_what_only_the_hulls_touch_nothing_is_said(tmp_path: Path) -> None:
+def test_bodies_are_apart_if_only_their_hulls_overlap(tmp_path: Path) -> None:
     tray = cube(tmp_path, (0.5 * EDGE,), open_top=True)
     assert depth(Sphere(0.01), tray, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) < 0.0
 
 
-def test_further_in_is_no_way_out(mesh: Mesh, tmp_path: Path) -> None:
-    """9 mm inward it would touch the surface no more."""
+def test_moving_further_inside_is_no_separation(mesh: Mesh, tmp_path: Path) -> None:
+    """9 mm further inside it would not touch the surface."""
     small, aside = cube(tmp_path, (0.01,)), (0.049, 0.0, 0.0)
     for held, there in ((small, mesh), (mesh, small)):
         assert depth(held, there, aside, (0.0, 0.0, 0.0, 1.0)) == pytest.approx(0.011, abs=1e-5)
 
 
 @given(st.floats(-0.12, 0.12), turns)
-def test_in_the_floor_it_is_that_of_the_solid(
+def test_the_depth_in_the_floor_is_that_of_the_same_primitive(
     mesh: Mesh, height: float, turn: tuple[float, ...]
 ) -> None:
-    """Of a mesh with the floor coal tells that of any triangle."""
+    """For a mesh and the floor, coal returns the depth of any triangle."""
     a, b, c, d = (np.array(turn) / np.linalg.norm(turn)).tolist()
     found = []
     for shape in (mesh, Box((EDGE,) * 3)):

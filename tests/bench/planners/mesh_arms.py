@@ -1,4 +1,4 @@
-"""Arms of big meshes: how soon a goal in collision is refused, and how late a deadline is seen."""
+"""Arms with large meshes: time to reject a goal in collision, and delay of deadlines."""
 
 import dataclasses
 import time
@@ -14,8 +14,8 @@ from hardware import RealClock, Robot
 from skills.motion import GoalInCollision, Plan, PlanTimeout, Pool, Query
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
-from tests.bench.planners.pools import ask
 from tests.bench.planners.problems import POSTS
+from tests.bench.planners.worker_pool import ask
 from tests.support.arms import free_poses
 from tests.support.real_arms import FILES, real
 
@@ -23,12 +23,12 @@ _TIMEOUTS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # [s]
 
 
 def arms(folder: Path) -> list[Robot]:
-    """As their makers describe them, by robot files that are written into a folder."""
+    """Return arms with their makers' URDFs. Their robot files are written into a folder."""
     return [real(name, folder) for name in FILES]
 
 
 def poison(robot: Robot, count: int) -> Iterator[float]:
-    """To the error of each goal in which links touch each other or a post [ms]."""
+    """Time until the error for each goal in collision [ms]."""
     checker, random = CollisionChecker(PlanningScene(robot, POSTS)), np.random.default_rng(1)
     start, leaders = free_poses(robot, 1, 1, checker)[0], robot.actuated_in("arm")
     lower = [max(joint.lower, -np.pi) for joint in leaders]
@@ -46,7 +46,7 @@ def poison(robot: Robot, count: int) -> Iterator[float]:
 
 
 def late(robot: Robot, count: int) -> Iterator[float]:
-    """Past the deadline of each plan between posts that did not make it [ms]."""
+    """Delay of the answer after the deadline, for each plan that missed it [ms]."""
     poses = free_poses(robot, 20, 1, CollisionChecker(PlanningScene(robot, POSTS)))
     size = len(robot.actuated_in("arm"))
     ends, timeouts = cycle(permutations(poses, 2)), cycle(_TIMEOUTS)
@@ -60,7 +60,7 @@ def late(robot: Robot, count: int) -> Iterator[float]:
 
 
 def _pool(robot: Robot, start: NDArray[np.float64]) -> Pool:
-    """One worker, warm: that has planned a bend, so it has loaded all, and beside the posts."""
+    """A pool with one warm worker: it planned a bend among the posts, so everything is loaded."""
     pool, size = Pool(robot, 1, RealClock()), len(robot.actuated_in("arm"))
     pool.start()
     aside, goal = start[:size].copy(), start[:size].copy()

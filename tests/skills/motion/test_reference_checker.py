@@ -1,4 +1,4 @@
-"""Plans looked at again, every millisecond, by a judge that shares no code with the planner."""
+"""Plans checked again, every millisecond, by a checker that shares no code with the planner."""
 
 import dataclasses
 import itertools
@@ -41,7 +41,7 @@ def robot() -> Robot:
 
 @pytest.fixture(scope="module")
 def robot_with_post(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    """Another thing stands on the table, in front and to the right."""
+    """Another obstacle stands on the table, in front and to the right."""
     urdf: Path = tmp_path_factory.mktemp("post") / "post.urdf"
     urdf.write_text(robot.urdf.read_text().replace("</robot>", POST))
     ignores = robot.collision.floor_ignores | {"post"}
@@ -49,8 +49,8 @@ def robot_with_post(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> R
     return dataclasses.replace(robot, urdf=urdf, collision=rules)
 
 
-class Judge:
-    """Looks at one configuration at a time, one pair of primitives at a time, with coal alone."""
+class ReferenceChecker:
+    """Checks one configuration and one pair of primitives at a time, with coal only."""
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
@@ -89,7 +89,7 @@ class Judge:
         yield from self.heights(places)
 
     def heights(self, places: list[pin.SE3]) -> Iterator[tuple[float, str, str]]:
-        """Above the floor, from the closed forms of box and cylinder."""
+        """Height above the floor, in closed form for box and cylinder."""
         floor, ignored = self.robot.collision.floor, self.robot.collision.floor_ignores
         for place, shape, link in zip(places, self.shapes, self.links, strict=True):
             if floor is None or link in ignored:
@@ -104,12 +104,12 @@ class Judge:
 
 def test_agrees_with_the_planner(robot: Robot) -> None:
     checker = CollisionChecker(PlanningScene(robot))
-    judge, random = Judge(robot), np.random.default_rng(3)
+    reference, random = ReferenceChecker(robot), np.random.default_rng(3)
     lower = np.array([joint.lower for joint in robot.actuated])
     upper = np.array([joint.upper for joint in robot.actuated])
     hits = 0
     for configuration in random.uniform(lower, upper, (300, 4)):
-        distance, _, _ = min(judge.distances(configuration))
+        distance, _, _ = min(reference.distances(configuration))
         nearest = checker.nearest(configuration)
         assert nearest is not None
         assert nearest.distance == pytest.approx(distance, abs=2e-5)
@@ -120,13 +120,13 @@ def test_agrees_with_the_planner(robot: Robot) -> None:
 
 
 def least_distance(robot: Robot, plan: Plan) -> float:
-    """Over the whole motion, every millisecond, the rest of the arm standing still [m]."""
-    judge, rows = Judge(robot), []
+    """Least distance of the whole motion, every millisecond, with all other joints at rest [m]."""
+    reference, rows = ReferenceChecker(robot), []
     names = [joint.name for joint in robot.actuated]
     for state in plan.sample(np.arange(0.0, plan.duration + 0.001, 0.001)):
         rows.append(plan.start.copy())
         rows[-1][[names.index(name) for name in plan.joints]] = state
-    return min(min(judge.distances(row))[0] for row in rows)
+    return min(min(reference.distances(row))[0] for row in rows)
 
 
 @pytest.mark.parametrize(
@@ -142,14 +142,14 @@ def test_detour_on_the_shipped_robot(
     assert least_distance(robot, plan) > 0.5 * robot.collision.margin
 
 
-def test_the_line_there_really_is_not_free(robot: Robot) -> None:
-    judge, a, b = Judge(robot), np.array((*FOLDED, 0.0)), np.array((*LEANING, 0.0))
+def test_the_straight_line_is_not_free(robot: Robot) -> None:
+    reference, a, b = ReferenceChecker(robot), np.array((*FOLDED, 0.0)), np.array((*LEANING, 0.0))
     line = a + np.linspace(0.0, 1.0, 200)[:, None] * (b - a)
-    assert min(min(judge.distances(row))[0] for row in line) < robot.collision.margin
+    assert min(min(reference.distances(row))[0] for row in line) < robot.collision.margin
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_detour_round_a_post(robot_with_post: Robot, seed: int) -> None:
+def test_detour_around_a_post(robot_with_post: Robot, seed: int) -> None:
     query = Query("arm", (0.3, -0.6, 0.3, 0.0), (-1.4, -0.6, -0.07), seed)
     plan = Planner(robot_with_post).plan(query)
     assert len(plan.waypoints) > 2

@@ -1,4 +1,4 @@
-"""What is wholly inside a mesh touches it, at the ends of a motion where nothing else sees it."""
+"""A shape completely inside a mesh is in collision. This is checked at the ends of a motion."""
 
 from itertools import product
 from pathlib import Path
@@ -39,7 +39,7 @@ TOP = 2  # triangles of the last face, which is that of z = 1
 
 
 def cube(folder: Path, sizes: tuple[float, ...], open_top: bool = False) -> Mesh:
-    """One in the next, as an STL: every triangle with its own corners.
+    """Nested cubes as an STL: every triangle with its own vertices.
 
     Sizes are half the edges [m]; those below 0 face inward.
     """
@@ -53,8 +53,8 @@ def cube(folder: Path, sizes: tuple[float, ...], open_top: bool = False) -> Mesh
     return Mesh(str(file))
 
 
-def test_a_body_in_a_mesh_link_is_seen_and_how_deep() -> None:
-    """In the middle of a beam 80 mm wide, and out with its own radius; see beam.stl."""
+def test_a_body_inside_a_mesh_link_and_its_depth() -> None:
+    """In the middle of a beam 80 mm wide, plus its own radius; see beam.stl."""
     robot = foreign("six_axes")
     planner, stand = Planner(robot), (0.0,) * 6
     pea = World((Body("pea", Sphere(0.003), (0.0, 0.0, 0.3)),))
@@ -97,7 +97,7 @@ def test_an_arm_in_a_mesh_of_the_world(
 
 @pytest.mark.parametrize("shape", [Box((0.01, 0.01, 0.01)), Mesh("small")])
 def test_a_held_body_in_a_mesh(tmp_path: Path, shape: Shape) -> None:
-    """Two bodies, neither of them a link."""
+    """Two bodies of the world, no link."""
     (tmp_path / "small").mkdir()
     if isinstance(shape, Mesh):
         shape = cube(tmp_path / "small", (0.005,))

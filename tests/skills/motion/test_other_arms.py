@@ -1,4 +1,4 @@
-"""Arms that are not ours: six and seven axes, a mesh, sliding fingers, joints without an end."""
+"""Other arms: six and seven axes, a mesh, sliding fingers, continuous joints."""
 
 import dataclasses
 
@@ -43,7 +43,7 @@ def planner(robot: Robot) -> Planner:
 
 
 @pytest.mark.parametrize("world", [World(), POST], ids=["bare", "post"])
-def test_random_pairs_are_planned_free_and_within_the_limits(
+def test_plans_of_random_pairs_are_free_and_keep_the_limits(
     robot: Robot, planner: Planner, world: World
 ) -> None:
     checker = CollisionChecker(PlanningScene(robot, world))
@@ -64,8 +64,8 @@ def test_random_pairs_are_planned_free_and_within_the_limits(
         assert rows[-1, own] == pytest.approx(goal[own] + TURN * np.round(turns), abs=1e-12)
 
 
-def test_what_a_margin_proves_holds_between_the_samples(robot: Robot, planner: Planner) -> None:
-    """The nearest two links come no nearer than the bound on their travel allows."""
+def test_the_bound_on_travel_holds_between_samples(robot: Robot, planner: Planner) -> None:
+    """The distance of the closest links shrinks by no more than the bound on their travel."""
     model = PlanningScene(robot, POST)
     checker = CollisionChecker(model)
     random = np.random.default_rng(3)
@@ -77,8 +77,8 @@ def test_what_a_margin_proves_holds_between_the_samples(robot: Robot, planner: P
         assert after.distance >= before.distance - (model.lever_arms @ abs(move)).max() - 1e-5
 
 
-def test_points_for_the_tool(robot: Robot, planner: Planner) -> None:
-    """Where it is known to get, with the direction it has there; and far out, where it does not."""
+def test_inverse_kinematics(robot: Robot, planner: Planner) -> None:
+    """A pose known to be reachable, and a point far out of reach."""
     model = PlanningScene(robot)
     start, there = free_poses(robot, 2, 5, planner.checker)
     own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
@@ -105,7 +105,7 @@ def test_points_for_the_tool(robot: Robot, planner: Planner) -> None:
     assert 7.0 < caught.value.distance < 9.0
 
 
-def test_the_tool_of_the_robot_file_is_what_gets_there() -> None:
+def test_the_robot_files_tool_reaches_the_point() -> None:
     robot = load_robot()
     assert robot.tool
     point, start = (0.1, 0.05, 0.08), (0.0, 0.0, 0.0, 0.0)
@@ -120,7 +120,7 @@ def test_the_tool_of_the_robot_file_is_what_gets_there() -> None:
     assert beyond.positions != found.positions
 
 
-def test_sliding_fingers_with_a_follower() -> None:
+def test_sliding_fingers_with_a_mimic_joint() -> None:
     robot = foreign("seven_axes")
     planner = planners.setdefault(robot.name, Planner(robot))
     start = [0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.0]
@@ -130,7 +130,7 @@ def test_sliding_fingers_with_a_follower() -> None:
 
 
 def test_a_slide_passes_near_its_via_point() -> None:
-    """It turns back there, so nothing but the via point keeps it from turning sooner."""
+    """The motion reverses there, so only the via point keeps it from reversing earlier."""
     robot = foreign("seven_axes")
     planner = planners.setdefault(robot.name, Planner(robot))
     start = (0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.0)
@@ -148,7 +148,7 @@ def test_a_slide_passes_near_its_via_point() -> None:
         (20.0, 0.5, 3 * TURN + 0.5),
     ],
 )
-def test_a_joint_without_an_end_goes_the_short_way(
+def test_a_continuous_joint_takes_the_shorter_direction(
     begins: float, asked: float, ends: float
 ) -> None:
     robot = foreign("endless")
@@ -160,7 +160,7 @@ def test_a_joint_without_an_end_goes_the_short_way(
 
 
 @pytest.mark.parametrize("far", [1e7, -1e18, 1e300])
-def test_a_joint_without_an_end_is_not_sent_where_no_angle_can_be_told(far: float) -> None:
+def test_a_continuous_joint_rejects_absurd_angles(far: float) -> None:
     robot, rest = foreign("endless"), (0.5, 0.5, 0.0, 1.0, 0.0)
     planner = planners.setdefault(robot.name, Planner(robot))
     with pytest.raises(GoalOutOfBounds, match=r"is outside \[-5\.72958e\+07, 5\.72958e\+07\] deg"):
@@ -169,7 +169,7 @@ def test_a_joint_without_an_end_is_not_sent_where_no_angle_can_be_told(far: floa
         planner.plan(Query("arm", (far, *rest), (0.0, *rest)))
 
 
-def test_via_points_let_it_turn_all_the_way() -> None:
+def test_via_points_allow_a_whole_turn() -> None:
     robot, rest = foreign("endless"), (0.5, 0.5, 0.0, 1.0, 0.0)
     planner = planners.setdefault(robot.name, Planner(robot))
     via = ((2.0, *rest), (4.0, *rest))
@@ -177,7 +177,7 @@ def test_via_points_let_it_turn_all_the_way() -> None:
     assert plan.goal[0] == pytest.approx(TURN)
 
 
-def test_where_the_short_way_is_blocked_it_goes_the_other() -> None:
+def test_a_continuous_joint_takes_the_longer_direction_if_the_shorter_is_blocked() -> None:
     robot, rest = foreign("endless"), (1.2, 0.0, 0.0, 0.0, 0.0)
     planner = planners.setdefault(robot.name, Planner(robot))
     wall = World((Body("wall", Box((2.0, 0.04, 6.0)), (1.08, 0.0, 0.0)),))

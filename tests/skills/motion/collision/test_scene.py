@@ -1,4 +1,4 @@
-"""The model: what touches what, and how far a body can travel."""
+"""Robot model and planning scene: contacts, mimic joints, and bounds on travel."""
 
 import dataclasses
 from pathlib import Path
@@ -35,7 +35,7 @@ def test_tasks_keep_ten_millimetres(checker: CollisionChecker) -> None:
     assert checker.first_collision(poses, 0.010) is None
 
 
-def test_first_hit_is_the_first(checker: CollisionChecker) -> None:
+def test_first_collision_is_the_first(checker: CollisionChecker) -> None:
     free, hit = (0.0, 0.0, 0.0, 0.0), (0.0, -1.5, -0.5, 0.0)
     assert checker.first_collision([free, free, hit, free, hit], 0.005) == 2
     assert checker.first_collision([free] * 1500 + [hit], 0.005) == 1500
@@ -43,7 +43,7 @@ def test_first_hit_is_the_first(checker: CollisionChecker) -> None:
     assert checker.first_collision(np.empty((0, 4)), 0.005) is None
 
 
-def test_answers_do_not_depend_on_what_was_asked_before(robot: Robot) -> None:
+def test_answers_do_not_depend_on_earlier_checks(robot: Robot) -> None:
     rows = np.random.default_rng(5).uniform(-1.5, 0.0, (200, 4))
     one = CollisionChecker(PlanningScene(robot))
     first = [one.first_collision([row], 0.005) for row in rows]
@@ -51,15 +51,15 @@ def test_answers_do_not_depend_on_what_was_asked_before(robot: Robot) -> None:
     assert first == again
 
 
-def test_not_a_number_never_gets_in(checker: CollisionChecker) -> None:
+def test_nan_is_rejected(checker: CollisionChecker) -> None:
     for poison in (np.nan, np.inf, -np.inf):
         with pytest.raises(NotFinite, match=r"Row 1 of joint_3"):
             checker.first_collision([(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, poison, 0.0)], 0.005)
     assert checker.first_collision([(0.0, 0.0, 0.0, 0.0)], 0.005) is None
 
 
-def test_followers_move_with_their_leader(checker: CollisionChecker) -> None:
-    """Opening the gripper brings both fingers away from each other, none through the floor."""
+def test_mimic_joints_move_with_their_leader(checker: CollisionChecker) -> None:
+    """Opening the gripper moves both fingers apart, and none through the floor."""
     model = PlanningScene(load_robot())
     assert model.kinematics.nq == 4
     q = model.robot_model.coordinates(np.array([[0.0, 0.0, 0.0, -0.7]]))[:, 0]
@@ -72,8 +72,8 @@ def test_followers_move_with_their_leader(checker: CollisionChecker) -> None:
     assert turned == pytest.approx([-0.7, 0.7])
 
 
-def test_no_pair_travels_further_than_its_bound(robot: Robot) -> None:
-    """Corners of the outer link as the inner one sees them, over random moves of each joint."""
+def test_no_pair_exceeds_its_bound_on_travel(robot: Robot) -> None:
+    """Corners of the outer link in the frame of the inner one, for random moves of each joint."""
     model, random = PlanningScene(robot), np.random.default_rng(1)
     lower = np.array([joint.lower for joint in robot.actuated])
     upper = np.array([joint.upper for joint in robot.actuated])
@@ -90,7 +90,7 @@ def test_no_pair_travels_further_than_its_bound(robot: Robot) -> None:
 
 
 def seen(model: PlanningScene, configuration: Array) -> list[Array]:
-    """For each pair of links, points of the outer one as the inner one sees them.
+    """For each pair of links, points of the outer one in the frame of the inner one.
 
     The floor sees heights alone.
     """
@@ -124,7 +124,7 @@ UPRIGHT, LEVEL = (0, 0, 1), (1, 0, 0)
         ([("continuous", UPRIGHT), ("prismatic", (1, 0, 0.01))], ["j0"]),
     ],
 )
-def test_joints_that_leave_every_height_as_it_is(
+def test_joints_that_change_no_height(
     axes: list[tuple[str, tuple[float, ...]]], expected: list[str]
 ) -> None:
     links = "".join(f"<link name='l{i}'/>" for i in range(len(axes) + 1))
@@ -140,12 +140,12 @@ def test_joints_that_leave_every_height_as_it_is(
 def test_unusable_urdf(robot: Robot, tmp_path: Path) -> None:
     broken = tmp_path / "broken.urdf"
     broken.write_text("<robot name='x'><link name='a'/><link name='b'/></robot>")
-    with pytest.raises(ModelUnusable, match=r"broken\.urdf cannot be planned with"):
+    with pytest.raises(ModelUnusable, match=r"broken\.urdf is unusable for planning"):
         PlanningScene(dataclasses.replace(robot, urdf=broken))
 
 
 @pytest.mark.parametrize("other", ["joint_1", "universe", "nosuch"])
-def test_a_body_may_touch_links_and_bodies_alone(robot: Robot, other: str) -> None:
+def test_a_body_may_touch_links_and_bodies_only(robot: Robot, other: str) -> None:
     body = Body("b", Sphere(0.1), (0.0, 0.0, 1.0), touches=frozenset({other}))
     with pytest.raises(BadWorld, match=f"may touch {other}, but there is no such") as caught:
         PlanningScene(robot, World((body,)))
@@ -164,7 +164,7 @@ _FOLLOWS = '<mimic joint="z_lead" multiplier="-0.5" offset="0.1"/>'
 def tied(
     folder: Path, lead_on: str, mate_on: str, lead_is: str = "revolute", mate_is: str = "revolute"
 ) -> Robot:
-    """Two joints, of which the one that is named first follows the other."""
+    """Two joints. The first in alphabetical order follows the other one."""
     lead = _JOINT.format("z_lead", lead_on, "led", "", lead_is)
     mate = _JOINT.format("a_mate", mate_on, "mated", _FOLLOWS, mate_is)
     links = "".join(_LINK.format(name) for name in ("base", "led", "mated"))
@@ -179,7 +179,7 @@ KINDS = ("revolute", "continuous", "prismatic")
 @pytest.mark.parametrize("mate_on", ["base", "led"])
 @pytest.mark.parametrize("mate_is", KINDS)
 @pytest.mark.parametrize("lead_is", KINDS)
-def test_any_joint_may_follow_any_other_also_one_that_is_named_after_it(
+def test_a_joint_may_follow_a_later_one(
     tmp_path: Path, lead_is: str, mate_is: str, mate_on: str
 ) -> None:
     model = PlanningScene(tied(tmp_path, "base", mate_on, lead_is, mate_is))
@@ -197,12 +197,12 @@ def test_any_joint_may_follow_any_other_also_one_that_is_named_after_it(
         assert ours.oMf[here].isApprox(free.oMf[there])
 
 
-def test_a_follower_that_carries_its_leader_is_refused(tmp_path: Path) -> None:
+def test_a_joint_that_follows_one_it_carries_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ModelUnusable, match=r"a_mate follows z_lead, .* let z_lead follow"):
         PlanningScene(tied(tmp_path, "mated", "base"))
 
 
-def test_a_follower_that_stays_where_it_is_is_no_follower(tmp_path: Path) -> None:
+def test_a_mimic_joint_with_multiplier_0_is_rejected(tmp_path: Path) -> None:
     robot = tied(tmp_path, "base", "base")
     first, *rest = robot.joints
     follows = [dataclasses.replace(j, mimic=Mimic("z_lead", 0.0, 0.1)) for j in rest]

@@ -1,4 +1,4 @@
-"""What a worker costs, how soon it stops, what poison does to it, and whether it grows."""
+"""The worker pool: overhead, cancellation, invalid requests, and growth of memory."""
 
 import dataclasses
 import threading
@@ -39,7 +39,7 @@ WALL = """
 
 
 class _Call:
-    """A request, and what comes of it."""
+    """A request and its result."""
 
     def __init__(self, pool: Pool, request: Request) -> None:
         self.there, self._found = threading.Event(), list[Result]()
@@ -50,20 +50,20 @@ class _Call:
         self.there.set()
 
     def answer(self) -> Result:
-        """Waited for."""
+        """Wait for the result and return it."""
         self.there.wait()
         return self._found[0]
 
 
 def ask(pool: Pool, request: Request) -> Result:
-    """What the pool answers."""
+    """Return the pool's answer to a request."""
     return _Call(pool, request).answer()
 
 
 def overheads(robot: Robot, count: int) -> list[float]:
-    """A straight plan as the caller of a worker sees it, less the same plan in this process [ms].
+    """Return the time of a straight plan in a worker minus that in this process [ms].
 
-    The two are taken in turn, so that both meet the same machine.
+    The two alternate, so that both run under the same load.
     """
     planner, spent = Planner(robot), list[float]()
     with closing(_pool(robot)) as pool:
@@ -79,9 +79,9 @@ def overheads(robot: Robot, count: int) -> list[float]:
 def deadlines(
     robot: Robot, count: int, folder: Path
 ) -> tuple[list[float], list[float], list[float]]:
-    """Behind a wall: past the deadline, from cancel to its answer, from there to a plan [ms].
+    """Return delays of deadlines, times to cancel, and times from there to the next plan [ms].
 
-    The URDF with the wall goes into the folder.
+    The goal is behind a wall. The URDF with the wall is written into the folder.
     """
     late, canceled, again = list[float](), list[float](), list[float]()
     with closing(_pool(_cut_off(robot, folder))) as pool:
@@ -104,11 +104,11 @@ def deadlines(
 
 
 def poison(robot: Robot) -> Iterator[float]:
-    """To the error of each poisoned query, and of any to a poisoned robot [ms]."""
+    """Yield the time until the error of each invalid query, and of each invalid robot [ms]."""
     with closing(_pool(robot)) as pool:
         for query in POISON:
             yield _refused(pool, query)
-            assert isinstance(ask(pool, EASY), Plan)  # and the next is none the worse
+            assert isinstance(ask(pool, EASY), Plan)  # the next request is not affected
     first, *rest = robot.joints
     for wrong in (
         dataclasses.replace(first, lower=first.upper, upper=first.lower),
@@ -123,7 +123,7 @@ def poison(robot: Robot) -> Iterator[float]:
 
 
 def _refused(pool: Pool, query: Query) -> float:
-    """How long it takes to say so [ms]."""
+    """Time until the error [ms]."""
     begun = time.perf_counter()
     answer = ask(pool, query)
     spent = 1e3 * (time.perf_counter() - begun)
@@ -132,7 +132,7 @@ def _refused(pool: Pool, query: Query) -> float:
 
 
 def growth_mb(robot: Robot, count: int) -> float:
-    """What a worker's memory grows by over so many plans, one in ten round something [MB]."""
+    """Return the growth of a worker's memory over `count` plans, one in ten with a bend [MB]."""
     with closing(_pool(robot)) as pool:
         _plans(pool, count // 10)
         worker = pool._slots[0].process
@@ -155,7 +155,7 @@ def _resident(pid: int) -> float:
 
 
 def _pool(robot: Robot) -> Pool:
-    """One worker, warm."""
+    """A pool with one warm worker."""
     pool = Pool(robot, 1, RealClock())
     pool.start()
     ask(pool, dataclasses.replace(EASY, goal=(0.1, 0.0, 0.0)))
@@ -163,7 +163,7 @@ def _pool(robot: Robot) -> Pool:
 
 
 def _cut_off(robot: Robot, folder: Path) -> Robot:
-    """The arm behind a wall, too stiff to get past it."""
+    """The arm behind a wall, with limits too narrow to pass it."""
     urdf = folder / "cut_off.urdf"
     urdf.write_text(robot.urdf.read_text().replace("</robot>", WALL))
     base, *rest = robot.joints

@@ -1,4 +1,4 @@
-"""Arms of big meshes: no call is so long that a deadline is seen late, and no error comes late."""
+"""Arms with large meshes: no call is so long that a deadline or an error is late."""
 
 import dataclasses
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ POST = World((Body("post", Box((0.1, 0.1, 1.2)), (0.35, 0.35, 0.4)),))
 
 
 class Reader(RealClock):
-    """A clock that goes on by a second each time it is read."""
+    """A clock that advances by a second with each reading."""
 
     def __init__(self) -> None:
         self.reads = 0
@@ -38,7 +38,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
 
 
 class Call(NamedTuple):
-    """What pinocchio is asked in one go."""
+    """One call of pinocchio."""
 
     rows: int
     pairs: int
@@ -47,7 +47,7 @@ class Call(NamedTuple):
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
-    """All from now on."""
+    """All calls from now on."""
     made, ask, ask_one = list[Call](), pin.computeCollisionsInParallel, pin.computeCollisions
 
     def noted(threads: int, pool: pin.GeometryPool, q: Any, *rest: bool) -> Any:
@@ -98,7 +98,7 @@ def test_the_deadline_is_read_between_calls(robot: Robot, calls: list[Call]) -> 
     assert timeouts
 
 
-def test_the_tool_is_looked_for_between_looks_at_the_deadline(
+def test_inverse_kinematics_reads_the_deadline_between_steps(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     steps, ask = list[None](), pin.computeJointJacobians
@@ -121,10 +121,10 @@ def _answered(planner: Planner, request: Query | ToolQuery) -> object:
         return error
 
 
-def test_where_meshes_touch_no_distance_of_meshes_is_asked(
+def test_no_distance_of_touching_meshes_is_computed(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It takes a hundred times as long."""
+    """A distance takes a hundred times as long as a collision check."""
     checker, asked = CollisionChecker(PlanningScene(robot)), list[object]()
     draws = np.random.default_rng(2).uniform(-np.pi, np.pi, (200, len(robot.actuated)))
     touching = [row for row in draws if checker.first_collision([row], 0.0) == 0]

@@ -18,9 +18,9 @@ from skills.motion.collision.scene import PlanningScene
 from skills.motion.path.curve import Curve
 from skills.motion.planner import Planner
 from skills.motion.timing.time_parameterization import time_curve
-from tests.bench.planners.judge import TICK, Judge, excess, ticks
 from tests.bench.planners.padded import padded
 from tests.bench.planners.problems import Problem
+from tests.bench.planners.reference_checker import TICK, ReferenceChecker, excess, ticks
 
 Array = NDArray[np.float64]
 SCRIPTS = Path(__file__).parent / "peers"
@@ -32,23 +32,23 @@ PEERS = {
     "drake": "drake==1.51.1",
     "ruckig": "ruckig==0.19.4",
 }
-_LEFT = 0.3  # of the margin, what the peers' steps leave proved
+_LEFT = 0.3  # share of the margin that the other planners' steps prove
 _PATIENCE = 1800.0  # for all queries of a problem [s]
 
 
 @dataclass(frozen=True)
 class Score:
-    """How a planner did on a problem.
+    """Result of a planner for a problem.
 
     Attributes:
         stack: The planner, with its version.
         problem: The problem's name.
-        asked: How many queries there were.
-        spent: Time for each that was solved [ms].
-        ratios: Duration of each over that of the straight line.
-        colliding: How many touch something.
-        over: Largest speed or acceleration over its limit, less 1, of each.
-        detours: Indices in `spent` of those that do not go straight.
+        asked: Number of queries.
+        spent: Time for each solved query [ms].
+        ratios: Duration of each, divided by that of the straight line.
+        colliding: Number of motions in collision.
+        over: Largest excess over a limit of each, as a share of the limit.
+        detours: Indices in `spent` of the motions that are not straight.
     """
 
     stack: str
@@ -65,16 +65,16 @@ class Score:
         return float(np.percentile(self.spent, share)) if self.spent else float("nan")
 
     def detour(self, share: float) -> float:
-        """The same of the detours alone [ms]."""
+        """Percentile of the time for detours only [ms]."""
         chosen = [self.spent[i] for i in self.detours]
         return float(np.percentile(chosen, share)) if chosen else float("nan")
 
     def ratio(self) -> float:
-        """Mean duration over that of the straight line."""
+        """Mean duration, divided by that of the straight line."""
         return statistics.fmean(self.ratios) if self.ratios else float("nan")
 
     def worst(self) -> float:
-        """Largest speed or acceleration over its limit, less 1."""
+        """Largest excess over a limit, as a share of the limit."""
         return max(self.over, default=float("nan"))
 
 
@@ -83,12 +83,12 @@ Answers = Iterator[tuple[float, Array]]
 
 
 def ours(problem: Problem) -> Score:
-    """In this process, as the worker does it."""
+    """Run our planner in this process, as a worker does."""
     planner = Planner(problem.robot)
 
     queries, found = list(problem.queries()), list[tuple[float, Plan | None]]()
     for query in queries[:3]:
-        planner.plan(query)  # what is loaded or built at first need is not timed
+        planner.plan(query)  # warm up: not timed
     for query in queries:
         begun = time.perf_counter()
         try:
@@ -97,14 +97,14 @@ def ours(problem: Problem) -> Score:
             sys.stderr.write(f"armtree: {error}\n")
             plan = None
         found.append((1e3 * (time.perf_counter() - begun), plan))
-    return _judged("armtree", problem, ((spent, ticks(plan)) for spent, plan in found))
+    return _score("armtree", problem, ((spent, ticks(plan)) for spent, plan in found))
 
 
 def peer(name: str, venv: Path, problem: Problem, folder: Path) -> Score:
-    """In an environment of its own.
+    """Run another planner in its own environment.
 
     Raises:
-        RuntimeError: Its script failed; says with what.
+        RuntimeError: Its script failed; has the last line of its output.
     """
     given, out = folder / f"{problem.name}.json", folder / f"{name}-{problem.name}.json"
     given.write_text(json.dumps(_plain(problem)))
@@ -127,11 +127,11 @@ def peer(name: str, venv: Path, problem: Problem, folder: Path) -> Score:
             yield row["ms"], rows[begin : begin + row["samples"]]
             begin += row["samples"]
 
-    return _judged(f"{name} {answer['version']}", problem, answers())
+    return _score(f"{name} {answer['version']}", problem, answers())
 
 
 def installed(name: str, home: Path, tell: Tell) -> Path | None:
-    """The environment of a peer, made now if it is not there; None, said aloud, if it cannot be."""
+    """Return the environment of a planner; install it if necessary. None if that fails."""
     venv = home / name
     if (venv / "ready").exists():
         return venv
@@ -177,14 +177,17 @@ def _tip(urdf: str) -> str:
     return str(bodies[-1].name)
 
 
-def _judged(stack: str, problem: Problem, answers: Answers) -> Score:
-    judge, arm = Judge(padded(problem.robot, problem.world, 0.0)), problem.robot.actuated_in("arm")
+def _score(stack: str, problem: Problem, answers: Answers) -> Score:
+    reference, arm = (
+        ReferenceChecker(padded(problem.robot, problem.world, 0.0)),
+        problem.robot.actuated_in("arm"),
+    )
     velocity = np.array([joint.velocity for joint in arm])
     acceleration = np.array([joint.acceleration for joint in arm])
     spent, ratios, over, detours, colliding = list[float](), list[float](), list[float](), [], 0
     for (start, goal), (ms, rows) in zip(problem.pairs, answers, strict=True):
         if not len(rows) or abs(rows[-1] - goal).max() > 1e-3:
-            continue  # not solved, or not where it was sent
+            continue  # not solved, or not at the goal
         ends = np.array([start, goal])
         line = time_curve(Curve.through(ends, np.empty(0)), velocity, acceleration)
         assert line
@@ -192,13 +195,13 @@ def _judged(stack: str, problem: Problem, answers: Answers) -> Score:
             detours.append(len(spent))
         spent.append(ms)
         ratios.append((len(rows) - 1) * TICK / line.duration)
-        colliding += judge.collides(rows)
+        colliding += reference.collides(rows)
         over.append(excess(rows, velocity, acceleration))
     return Score(stack, problem.name, len(problem.pairs), spent, ratios, colliding, over, detours)
 
 
 def _off(rows: Array, ends: Array) -> float:
-    """How far a motion leaves the straight line [rad]."""
+    """Largest distance of a motion from the straight line [rad]."""
     way = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     offsets = rows - ends[0]
     return float(np.linalg.norm(offsets - np.outer(offsets @ way, way), axis=1).max())

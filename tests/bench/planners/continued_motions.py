@@ -1,4 +1,4 @@
-"""Motions that no peer is asked for: by way of a point, and what is left of a stopped motion."""
+"""Motions that only our planner offers: via points, and the rest of a stopped motion."""
 
 import dataclasses
 from collections.abc import Iterable, Iterator
@@ -9,21 +9,21 @@ from numpy.typing import NDArray
 
 from skills.motion import EndInCollision, Plan, Query, Rest
 from skills.motion.planner import Planner
-from tests.bench.planners.judge import Judge, excess, ticks
 from tests.bench.planners.padded import padded
 from tests.bench.planners.problems import Problem
+from tests.bench.planners.reference_checker import ReferenceChecker, excess, ticks
 
 Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass
-class Onward:
-    """How these motions did.
+class ContinuedScore:
+    """Quality of these motions.
 
     Attributes:
-        asked: How many there were.
-        colliding: How many touch something.
-        over: Largest speed or acceleration over its limit, less 1, of each.
+        asked: Number of motions.
+        colliding: Number of motions in collision.
+        over: Largest excess over a limit of each, as a share of the limit.
     """
 
     asked: int = 0
@@ -31,15 +31,15 @@ class Onward:
     over: list[float] = dataclasses.field(default_factory=list)
 
 
-def onward(problems: Iterable[Problem]) -> Onward:
-    """By way of each goal to the next start, with legs as they come and with equal ones."""
-    score = Onward()
+def score_continued(problems: Iterable[Problem]) -> ContinuedScore:
+    """Score motions via each goal to the next start, with legs as given and with equal legs."""
+    score = ContinuedScore()
     for problem in problems:
-        judge = Judge(padded(problem.robot, problem.world, 0.0))
+        reference = ReferenceChecker(padded(problem.robot, problem.world, 0.0))
         for plan in _plans(problem):
             rows = ticks(plan)
             score.asked += 1
-            score.colliding += judge.collides(rows)
+            score.colliding += reference.collides(rows)
             score.over.append(excess(rows, plan.velocity, plan.acceleration))
     return score
 
@@ -53,7 +53,7 @@ def _plans(problem: Problem) -> Iterator[Plan]:
             try:
                 plan = planner.plan(asked)
             except EndInCollision:
-                continue  # where a leg was cut short
+                continue  # the end of a shortened leg may be in collision
             yield plan
             time = float(random.uniform(0.0, plan.duration))
             stands = _whole(problem, query.start, plan.state(time))
@@ -65,7 +65,7 @@ def _by_way(query: Query, goal: Array) -> Query:
 
 
 def _equal(problem: Problem, query: Query, goal: Array, cut: float) -> Query:
-    """Both legs cut to a share of the shorter, so that a path of short ones is all one bend."""
+    """Shorten both legs to a share of the shorter one, so that very short paths are one blend."""
     middle = np.array(query.goal)
     legs = [_arm(problem, query.start) - middle, goal - middle]
     length = cut * min(np.linalg.norm(leg) for leg in legs)

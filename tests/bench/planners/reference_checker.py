@@ -1,4 +1,4 @@
-"""The common judge: the same arm and world, not grown, looked at every millisecond."""
+"""The checker for all planners: the same arm and world, not padded, checked every millisecond."""
 
 from itertools import combinations
 
@@ -14,17 +14,17 @@ TICK = 0.001  # [s]
 
 
 def ticks(plan: Plan | None) -> Array:
-    """Its positions each millisecond, and where it ends (N, J) [rad]; none of what is no plan."""
+    """Return a plan's positions each millisecond and at its end (N, J) [rad]; none if no plan."""
     if plan is None:
         return np.empty((0, 1))
     return plan.sample(np.append(np.arange(0.0, plan.duration, TICK), plan.duration))
 
 
-class Judge:
-    """Looks for contacts with pinocchio alone, from a URDF, nothing of our planner's between.
+class ReferenceChecker:
+    """Finds contacts from a URDF with pinocchio only, without code of our planner.
 
     Args:
-        description: Of the arm in its world, only its arm movable.
+        description: The arm in its world. Only its arm can move.
     """
 
     def __init__(self, description: Description) -> None:
@@ -39,15 +39,15 @@ class Judge:
         self._order = np.argsort(order)
 
     def collides(self, rows: Array) -> bool:
-        """Whether anything touches at any of the arm's positions (N, J) [rad]."""
+        """Return True if anything touches at one of the arm's positions (N, J) [rad]."""
         q = np.asfortranarray(rows[:, self._order].T)
         return bool(np.any(pin.computeCollisionsInParallel(1, self._pool, q, True, True)))
 
 
 def excess(rows: Array, velocity: Array, acceleration: Array) -> float:
-    """Largest speed or acceleration over its limit between positions a tick apart, less 1.
+    """Return the largest excess of a speed or acceleration over its limit, as a share of it.
 
-    The first and the last row are repeated, as the arm stands before and after.
+    Rows are one tick apart. The first and the last are repeated: the arm rests before and after.
     """
     if len(rows) < 2:
         return -1.0

@@ -1,4 +1,4 @@
-"""What is far off, or goes far: the time there is holds, and no memory is taken for it."""
+"""Very large distances and travels: timeouts are kept, and memory stays small."""
 
 import dataclasses
 import math
@@ -24,15 +24,15 @@ def joined(count: int) -> list[int]:
 
 
 @pytest.mark.parametrize("count", [*range(1, 70), 1000, 4096, 4097, 33_000])
-def test_the_order_of_looks(count: int) -> None:
-    """As the numbers below the count are, with their binary digits read backwards."""
+def test_the_order_of_samples(count: int) -> None:
+    """The numbers below the count, by their reversed binary digits."""
     bits = max(1, (count - 1).bit_length())
     assert joined(count) == sorted(range(count), key=lambda i: int(f"{i:0{bits}b}"[::-1], 2))
 
 
 @pytest.mark.parametrize("count", [10**7, 2**53 + 2**20, 2**62, 10**15, 10**30, 10**300])
-def test_the_order_of_more_looks_than_can_be_had(count: int) -> None:
-    """It begins alike, and takes the memory of a piece."""
+def test_the_order_of_more_samples_than_fit_in_memory(count: int) -> None:
+    """It begins the same way and takes the memory of one chunk."""
     tracemalloc.start()
     first = next(iter(_coarse_to_fine(count)))
     _, most = tracemalloc.get_traced_memory()
@@ -46,7 +46,7 @@ def test_the_order_of_more_looks_than_can_be_had(count: int) -> None:
 
 
 def late(planner: Planner, query: Query) -> float:
-    """Seconds that a time-out comes late."""
+    """Delay of a timeout [s]."""
     query = dataclasses.replace(query, timeout=0.05)
     begun = time.perf_counter()
     with pytest.raises(PlanTimeout):
@@ -54,7 +54,7 @@ def late(planner: Planner, query: Query) -> float:
     return time.perf_counter() - begun - query.timeout
 
 
-def test_a_body_far_off_on_a_moving_link() -> None:
+def test_a_body_far_away_on_a_moving_link() -> None:
     ball = Body("ball", Sphere(0.1), (1e6, 0.0, 1e5), link="base_plate")
     post = Body("post", Sphere(0.01), (1.0, 1.0, 1.0))
     planner = Planner(load_robot())
@@ -72,14 +72,14 @@ def sliding(upper: float) -> Robot:
     return dataclasses.replace(robot, joints=joints)
 
 
-def test_a_slide_that_goes_far() -> None:
+def test_a_prismatic_joint_with_a_long_travel() -> None:
     planner = Planner(sliding(1e6))
     start = (0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.0)
     assert min(late(planner, Query("gripper", start, (9e5,))) for _ in range(3)) < 0.01
 
 
 @pytest.mark.parametrize("upper", [1e9, 1e300, math.inf])
-def test_a_slide_that_goes_absurdly_far(upper: float) -> None:
+def test_a_prismatic_joint_with_an_absurd_travel(upper: float) -> None:
     with pytest.raises(ModelUnusable, match=r"finger_1 has limits \[0, .*\] m.* to 1e\+06 m"):
         Planner(sliding(upper))
 
@@ -92,14 +92,14 @@ def altered(robot: Robot, name: str, **changes: Any) -> Robot:
 
 
 @pytest.mark.parametrize(("times", "plus"), [(1e300, 0.0), (-1e7, 0.0), (1.0, 1e9)])
-def test_a_follower_that_goes_absurdly_far(times: float, plus: float) -> None:
+def test_a_mimic_joint_with_an_absurd_travel(times: float, plus: float) -> None:
     robot = altered(load_robot(), "joint_5", mimic=Mimic("joint_4", times, plus))
     with pytest.raises(ModelUnusable, match=r"joint_5 follows joint_4 with .*; give numbers"):
         Planner(robot)
 
 
 @pytest.mark.parametrize("odd", [(1e300, 0.0, 0.0), (0.0, -2e6, 0.0), (0.0, math.nan, 0.0)])
-def test_a_tool_absurdly_far_off(odd: tuple[float, float, float]) -> None:
+def test_a_tool_absurdly_far_away(odd: tuple[float, float, float]) -> None:
     robot = load_robot()
     assert robot.tool
     tool = dataclasses.replace(robot.tool, offset=odd)
@@ -107,7 +107,7 @@ def test_a_tool_absurdly_far_off(odd: tuple[float, float, float]) -> None:
         Planner(dataclasses.replace(robot, tool=tool))
 
 
-def test_what_holds_a_motion_of_days() -> None:
+def test_the_limits_of_a_motion_of_days() -> None:
     robot = load_robot()
     slow = tuple(dataclasses.replace(joint, velocity=1e-6) for joint in robot.joints)
     plan = Planner(dataclasses.replace(robot, joints=slow)).plan(Query("arm", HOME, PICK))

@@ -1,4 +1,4 @@
-"""Hulls around whatever a mesh file holds."""
+"""Hulls around the content of mesh files."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ TRIANGLE = (SHEET[0][:3], SHEET[1][:1])
 
 
 def rod(sides: int) -> tuple[list[object], list[object]]:
-    """As drawing programs write a cylinder: fans around the middle of both ends."""
+    """A cylinder as CAD programs write it: fans around the centres of both ends."""
     turns = 2.0 * np.pi / sides * np.arange(sides)
     ring = [(np.cos(a), np.sin(a)) for a in turns]
     points: list[object] = [(*xy, z) for z in (-1.0, 1.0) for xy in ring]
@@ -47,10 +47,10 @@ def mesh(folder: Path, points: object, faces: object, size: float = 0.1) -> Mesh
 
 @pytest.mark.parametrize("form", [SHEET, TRIANGLE, rod(64), rod(300), rod(1000)])
 @pytest.mark.parametrize("height", [0.6, 0.15])
-def test_thin_and_round_bodies_are_checked_as_they_are(
+def test_thin_and_round_bodies_are_checked_exactly(
     tmp_path: Path, form: tuple[object, object], height: float
 ) -> None:
-    """Above the arm nothing is in the way, through the arm it is."""
+    """Above the arm the body is free, through the arm it is in collision."""
     there = World((Body("thing", mesh(tmp_path, *form), (0.0, 0.0, height)),))
     planner, stand = Planner(ROBOT), (0.0,) * 4
     if height > 0.5:
@@ -60,15 +60,15 @@ def test_thin_and_round_bodies_are_checked_as_they_are(
             planner.verify(Verify([stand, (0.5, 0.0, 0.0, 0.0)], 0.005, world=there))
 
 
-def test_a_mesh_of_no_numbers_is_refused(tmp_path: Path) -> None:
+def test_a_mesh_without_numbers_is_rejected(tmp_path: Path) -> None:
     points = [(float("nan"), 0.0, 0.0), *SHEET[0][1:]]
     there = World((Body("thing", mesh(tmp_path, points, SHEET[1]), (0.0, 0.0, 0.6)),))
     with pytest.raises(BadWorld, match=r"mesh\.obj"):
         Planner(ROBOT).plan(Query("arm", (0.0,) * 4, (0.5, 0.0, 0.0), world=there))
 
 
-def test_a_mesh_whose_file_is_written_anew_is_read_again(tmp_path: Path) -> None:
-    """The same path and the same world, but not the same thing."""
+def test_a_changed_mesh_file_is_read_again(tmp_path: Path) -> None:
+    """The path and the world stay equal, the content changes."""
     points, faces = rod(16)
     there = World((Body("thing", mesh(tmp_path, points, faces), (0.0, 0.0, 0.7)),))
     planner, query = Planner(ROBOT), Query("arm", (0.0,) * 4, (0.5, 0.0, 0.0), world=there)
