@@ -1,4 +1,4 @@
-"""The clocks: simulated time jumps only when everybody waits, and no wake-up is lost."""
+"""The clocks: simulated time jumps only when all threads wait, and no wake-up is lost."""
 
 import time
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from hardware import Clock, RealClock, SimulatedClock
 
 
 def until(clock: Clock, deadline: float) -> None:
-    """Waits for a time on a signal of one's own."""
+    """Waits until a time, on a new signal."""
     signal = clock.signal()
     with signal:
         while clock.now() < deadline:
@@ -103,7 +103,7 @@ def test_everyone_wakes_in_the_order_of_their_deadlines() -> None:
 
 
 def test_a_notified_thread_acts_before_time_continues() -> None:
-    """Whoever is notified counts as working at once, though it has not yet run."""
+    """A notified thread counts as working at once, although it has not run yet."""
     clock = SimulatedClock()
     signal, state = clock.signal(), {"told": False}
     seen: list[float] = []
@@ -147,7 +147,7 @@ def test_a_counted_wait_that_is_notified_and_due_at_once_is_counted_once() -> No
     assert not any(thread.is_alive() for thread in threads)
     assert clock.now() == rounds
     with clock.working():
-        until(clock, rounds + 1.0)  # the count of those who work came back to none
+        until(clock, rounds + 1.0)  # the count of working threads is 0 again
     assert clock.now() == rounds + 1
 
 

@@ -35,7 +35,7 @@ def test_a_joint_without_limits_takes_finite_numbers_only(bad: float) -> None:
 def test_a_coarse_number_is_not_rounded_into_the_limits() -> None:
     joint = ROBOT.joint("joint_1")
     above = np.float32(joint.upper)
-    assert float(above) > joint.upper  # though numpy takes the two for equal
+    assert float(above) > joint.upper  # although numpy considers the two equal
     with pytest.raises(BadPosition, match="outside its limits"):
         check_position(joint, above)
 

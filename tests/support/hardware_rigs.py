@@ -1,4 +1,4 @@
-"""An arm in simulated time, for the tests of the hardware room."""
+"""An arm in simulated time, for the tests of hardware."""
 
 import contextlib
 import os
@@ -30,7 +30,7 @@ PICK = (-1.4, -0.6, -0.07, 0.0)
 
 
 def nothing() -> None:
-    """Watches nothing."""
+    """A callback that does nothing."""
 
 
 def motion(
@@ -44,7 +44,7 @@ def motion(
 
 
 class Rig:
-    """An arm on an in-process board, and all that it tells."""
+    """An arm on an in-process board, and its events."""
 
     def __init__(self, robot: Robot = ROBOT) -> None:
         self.clock = SimulatedClock()
@@ -84,7 +84,7 @@ class Rig:
     @classmethod
     @contextlib.contextmanager
     def alone(cls, robot: Robot = ROBOT) -> Iterator["Rig"]:
-        """A rig in time that passes only when this thread waits, too; no thread is left behind."""
+        """A rig whose time passes only while this thread waits too. It leaves no thread behind."""
         before, rig = threading.active_count(), cls(robot)
         with rig.clock.working():
             yield rig
@@ -113,7 +113,7 @@ def settled_for(arm: Arm, state: State, patience: float) -> None:
 
 
 class Pty:
-    """A pseudo-terminal; what is at its other end is up to the test."""
+    """A pseudo-terminal. The test controls its other end."""
 
     def __init__(self) -> None:
         self.master, self.slave = pty.openpty()

@@ -25,12 +25,12 @@ HOME = (0.0, 0.0, 0.0, 0.0)
 
 
 def degrees(*base: float) -> tuple[float, ...]:
-    """Positions in the middle of a servo's degree, so many from home."""
+    """Positions at the middle of a servo degree, this many degrees from home."""
     return (math.radians(base[0] + 0.5), 0.0, 0.0, 0.0)
 
 
 class Slow(BoardLink):
-    """A line on which something may happen before the bytes go."""
+    """A link on which a test may act before the bytes are sent."""
 
     def __init__(self, board: Board, clock: SimulatedClock) -> None:
         super().__init__(board, clock)

@@ -1,4 +1,4 @@
-"""What our firmware says, understood."""
+"""Acknowledgements of frames."""
 
 import binascii
 import dataclasses
@@ -57,7 +57,7 @@ def test_a_line_without_an_end_is_not_kept() -> None:
 def test_acknowledgements_count_received_frames(
     frames: list[tuple[int, ...]], data: st.DataObject
 ) -> None:
-    """The board may leave lines out; the next one tells the newest state."""
+    """The board may drop lines; the next one has the newest state."""
     acks, total = booted(), 0
     for number, servos in enumerate(frames, 1):
         acks.note_sent(CODEC.frame(servos), 0.0)
@@ -102,7 +102,7 @@ def test_the_first_line_may_be_an_acknowledgement() -> None:
 
 
 def watched(acks: Acknowledgements, until: float) -> None:
-    """Looks, as often as it is time to, until a time [s]."""
+    """Checks whenever it is due, until a time [s]."""
     while acks.next_check is not None and acks.next_check <= until:
         acks.check(math.nextafter(acks.next_check, 0))  # too soon, so that it does not count
         acks.check(acks.next_check)
@@ -110,7 +110,7 @@ def watched(acks: Acknowledgements, until: float) -> None:
 
 @pytest.mark.parametrize("times", [1, 2])
 def test_a_frame_without_an_answer_is_an_error_after_the_timeout(times: int) -> None:
-    """The answer to one before is no answer to the next one."""
+    """The answer to an earlier frame is no answer to the next one."""
     acks, total = booted(), 0
     acks.check(100.0)
     for time in range(1, times):
@@ -149,7 +149,7 @@ def test_a_repeated_acknowledgement_is_no_answer() -> None:
 
 
 def test_a_stall_of_the_host_counts_as_one_check() -> None:
-    """However long it is: what the board has said meanwhile is not read yet."""
+    """Even a long one: the answers of the board are not read yet."""
     acks = booted()
     acks.note_sent(CODEC.frame([10, 90, 90, 0]), 1.0)
     for stall in (10.0, 20.0, 30.0, 40.0):

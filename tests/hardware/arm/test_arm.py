@@ -1,4 +1,4 @@
-"""The arm, whole, in simulated time on the in-process board."""
+"""The arm as a whole, in simulated time on an in-process board."""
 
 import dataclasses
 import logging

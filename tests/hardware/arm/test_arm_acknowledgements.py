@@ -1,4 +1,4 @@
-"""What the arm makes of what our firmware says."""
+"""The arm with a board that acknowledges frames."""
 
 import contextlib
 import dataclasses
@@ -47,7 +47,7 @@ CODEC = Codec(ROBOT.actuated)
 
 
 class Rig:
-    """An arm with our firmware on an in-process board whose line can be damaged."""
+    """An arm with armtree's firmware on an in-process board, with a line that can be damaged."""
 
     def __init__(self, runs: Firmware, robot: Robot = ROBOT) -> None:
         self.clock = SimulatedClock()
@@ -103,7 +103,7 @@ def active(runs: Firmware = OURS) -> Iterator[Rig]:
 
 def test_the_arm_starts_at_the_pose_that_the_board_reports() -> None:
     with active() as rig:
-        assert 1.0 < rig.clock.now() < 1.01  # it waits for the boot and the line, and no longer
+        assert 1.0 < rig.clock.now() < 1.01  # it waits for the boot and the line only
         assert rig.arm.commanded == HOME
         assert rig.play(PICK, 4.0).state is PlaybackState.DONE
         rig.arm.deactivate()
@@ -180,7 +180,7 @@ LAST = len(motion(HOME, PICK, 4.0, ROBOT).setpoints)
 @pytest.mark.parametrize("damaged", [1, 40, LAST])
 def test_a_lost_frame_ends_the_motion(damaged: int) -> None:
     with active() as rig:
-        rig.link.damages = 1 + damaged  # after the greeting
+        rig.link.damages = 1 + damaged  # after the first command
         playback = rig.play(PICK, 4.0)
         assert playback.state is PlaybackState.FAILED
         assert isinstance(playback.error, FrameLost)
@@ -210,7 +210,7 @@ def test_a_board_that_resets_in_mid_motion_ends_it() -> None:
 def test_a_reset_while_nothing_moves_is_a_fault() -> None:
     with active() as rig:
         rig.link.board.reset(rig.clock.now())
-        rig.link.write(b"")  # whoever reads looks again when something may come
+        rig.link.write(b"")  # wakes the reader
         rig.settle()
         assert [type(e.error) for e in rig.events if isinstance(e, Faulted)] == [BoardReset]
 
@@ -229,7 +229,7 @@ def test_a_board_with_another_firmware_is_refused_and_the_error_names_it() -> No
         why = 'The board runs armtree, but the robot file names stock. Write firmware = "armtree"'
         with pytest.raises(WrongFirmware, match=why):
             rig.arm.activate()
-        assert rig.clock.now() < ROBOT.serial.boot_wait  # it need not wait any longer
+        assert rig.clock.now() < ROBOT.serial.boot_wait  # it stops waiting early
         assert rig.arm.state is State.UNCONFIGURED
         assert rig.frames == 0
 
@@ -240,7 +240,7 @@ def test_a_board_with_another_firmware_is_refused_and_the_error_names_it() -> No
 def test_a_board_that_holds_a_servo_outside_the_limits_is_refused(
     letter: str, angle: int, nearest: int
 ) -> None:
-    """Else the first frame would make the arm jump to where it may be."""
+    """Otherwise the first frame would make the arm jump into its limits."""
     angles = {"b": 90, "s": 90, "e": 90, "g": 0}
     narrow = dataclasses.replace(ROBOT, joints=tuple(map(narrowed, ROBOT.joints)))
     rig = Rig(OURS, narrow)

@@ -1,4 +1,4 @@
-"""Drivers that are not ours: whatever they do, it is a fault and has an end. In simulated time."""
+"""Drivers of other packages: every exception is a fault and ends. In simulated time."""
 
 import contextlib
 import dataclasses
@@ -33,7 +33,7 @@ def rig() -> Iterator[Rig]:
 
 
 class Foreign(BoardLink):
-    """A link whose author knows none of our errors."""
+    """A link that raises other exceptions."""
 
     error: Exception
     deaf: bool
@@ -59,7 +59,7 @@ class Foreign(BoardLink):
 def test_an_exception_of_a_driver_ends_the_motion_and_is_its_cause(
     deaf: bool, error: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whether the thread that listens sees it, or the one that writes."""
+    """In the reading thread, or in the writing one."""
     monkeypatch.setattr("tests.support.hardware_rigs.BoardLink", Foreign)
     with Rig.alone() as rig:
         assert isinstance(rig.link, Foreign)
@@ -129,7 +129,7 @@ def test_a_driver_that_fails_to_open_leaves_the_arm_inactive(
 
 
 class Stuck(BoardLink):
-    """A link whose write returns when the test says so, and then fails."""
+    """A link with a write that returns when the test lets it, and then fails."""
 
     def __init__(self) -> None:
         super().__init__(virtual_board(ROBOT), RealClock())

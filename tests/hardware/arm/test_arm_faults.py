@@ -1,4 +1,4 @@
-"""What goes wrong under the arm, and from other threads, in simulated time."""
+"""Faults of the link and from other threads, in simulated time."""
 
 import contextlib
 import gc
@@ -52,7 +52,7 @@ def test_a_port_that_is_lost_takes_the_arm_out_of_active(rig: Rig, moving: bool)
     rig.arm.stop()
     rig.wait(5)
     assert len(rig.frames) == written
-    rig.start()  # a person's act
+    rig.start()  # by a person
     assert rig.arm.commanded == HOME
 
 
@@ -147,7 +147,7 @@ def test_after_a_fault_nothing_more_leaves_but_the_hold_of_a_stop_does(
 def test_an_interrupt_while_the_board_boots_closes_the_port_and_is_raised(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, times: int, ended: State
 ) -> None:
-    """At Ctrl-C, and at one more while the first is seen to."""
+    """At Ctrl-C, and at a second one during the first."""
     rig.arm.configure()
     interrupts, close = iter(range(times)), rig.link.close
 
@@ -168,7 +168,7 @@ def test_an_interrupt_while_the_board_boots_closes_the_port_and_is_raised(
 
 
 class LostWhenActive(Rig):
-    """Loses its port in the very moment of becoming active."""
+    """Loses its port while it becomes active."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -361,7 +361,7 @@ rig.arm._observe = lambda event: print(event.label, event.goal.value, flush=True
 
 
 def test_stop_races_with_everything() -> None:
-    """Four threads at once; nobody hangs, nothing but what the table allows is refused."""
+    """Four threads at once: none hangs, and only illegal requests are refused."""
     for _ in range(30):
         rig = Rig()
         rig.start()

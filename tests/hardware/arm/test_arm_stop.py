@@ -88,7 +88,7 @@ def test_stop_during_the_boot_ends_the_activation(rig: Rig) -> None:
 
 @pytest.mark.parametrize("goal", [State.ACTIVATING, State.ACTIVE])
 def test_a_stop_in_the_first_and_in_the_last_moment_of_an_activation(goal: State) -> None:
-    """It ends the activation, or finds the arm active."""
+    """A stop ends the activation, or finds the arm active."""
     with Rig.alone() as rig:
 
         def stop(event: ArmEvent) -> None:
@@ -141,7 +141,7 @@ def test_a_refused_activation_takes_no_stop_back(rig: Rig) -> None:
         rig.arm.activate()
 
 
-# Whoever is told ------------------------------------------------------------------------------
+# Observers ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("told", ["observer", "watcher"])
@@ -246,7 +246,7 @@ def test_deactivate_mid_motion_holds_first(rig: Rig) -> None:
     written = len(rig.frames)
     rig.arm.stop()
     rig.arm.activate()
-    rig.arm.stop()  # no frame has left in this activation
+    rig.arm.stop()  # no frame was sent in this activation
     rig.wait(5)
     assert len(rig.frames) == written
     assert rig.arm.commanded == HOME

@@ -1,4 +1,4 @@
-"""A connection to a board: what it does from its end on is nothing."""
+"""A connection to a board does nothing after its end."""
 
 import queue
 import threading
@@ -10,7 +10,7 @@ from hardware.arm.connection import Connection
 
 
 class Line:
-    """A link whose board says what a test puts on it; an exception is raised to who reads."""
+    """A link from which `read` returns or raises what a test puts."""
 
     port = "line"
 
@@ -31,7 +31,7 @@ class Line:
 
 
 class Watch:
-    """Is told by a connection, and may be kept busy."""
+    """An observer of a connection, which can be blocked."""
 
     def __init__(self) -> None:
         self.events: list[ArmEvent] = []
@@ -52,7 +52,7 @@ class Watch:
 
 @pytest.fixture
 def line(monkeypatch: pytest.MonkeyPatch) -> Line:
-    """Those who close a connection wait for nobody."""
+    """Closing a connection does not wait for observers."""
     monkeypatch.setattr("hardware.arm.connection.OBSERVER_TIMEOUT", 0.01)
     return Line()
 

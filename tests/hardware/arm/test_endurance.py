@@ -1,4 +1,4 @@
-"""The same thing many times, on real pseudo-terminals: nothing is left behind, nothing hangs."""
+"""Many repetitions on real pseudo-terminals: nothing leaks, nothing hangs."""
 
 import dataclasses
 import os
@@ -36,7 +36,7 @@ PATIENCE = 10.0  # [s]
 
 
 def pulled(seconds: float) -> list[ArmEvent]:
-    """Pulls the cable so long after a motion began; returns what happened."""
+    """Disconnects the cable some time after the start of a motion; returns what happened."""
     master, slave = pty.openpty()
     tty.setraw(slave)
     link, events, clock = SerialLink(os.ttyname(slave), 115200), list[ArmEvent](), RealClock()

@@ -1,4 +1,4 @@
-"""How events get to an observer: each once, in order, and nobody waits for another's locks."""
+"""Delivery of events: each once, in order, and without deadlocks."""
 
 import threading
 from collections.abc import Callable
@@ -12,7 +12,7 @@ FIRST, SECOND, THIRD = (CommandSent(time, b"") for time in (1.0, 2.0, 3.0))
 
 
 class Watch:
-    """Notes what it is told, and does something at the first of it."""
+    """Records events, and acts at the first one."""
 
     def __init__(self) -> None:
         self.told: list[ArmEvent] = []
@@ -25,7 +25,7 @@ class Watch:
 
 
 class Held:
-    """An outbox whose observer is in the middle of the first event, in another thread."""
+    """An outbox with an observer that is processing the first event in another thread."""
 
     def __init__(self) -> None:
         self.watch = Watch()

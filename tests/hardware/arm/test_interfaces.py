@@ -1,4 +1,4 @@
-"""Interfaces by name: who commands which joint, and what is known of all of them."""
+"""Command and state interfaces, and their claims."""
 
 import pytest
 
@@ -39,7 +39,7 @@ def test_every_end_of_a_claim_counts_one_generation() -> None:
     assert claims.generation == 0
     claims.release_all()
     assert claims.generation == 1
-    claims.release_all()  # a stop where nothing moves counts too
+    claims.release_all()  # a stop without a motion counts too
     assert claims.generation == 2
     third = claims.acquire("one", ["a"], 2)
     claims.release(third)

@@ -27,7 +27,7 @@ transition_error: configuring -> errorprocessing; activating -> errorprocessing;
 raise_error: active -> errorprocessing
 """
 
-# request from a state: where SUCCESS and FAILURE lead; ERROR is left to on_error
+# request from a state: states after SUCCESS and FAILURE; on_error has those after ERROR
 ENDS = {
     ("configure", "unconfigured"): ("inactive", "unconfigured"),
     ("activate", "inactive"): ("active", "inactive"),
@@ -68,7 +68,7 @@ def interrupt() -> Result:
 
 
 class Machine:
-    """A lifecycle whose callbacks answer what it is told, from any primary state."""
+    """A lifecycle with callbacks that return given results, from any primary state."""
 
     def __init__(self, start: str) -> None:
         self.callbacks: dict[State, Callback] = {}
@@ -86,7 +86,7 @@ def test_the_edges_are_those_of_rcl_and_the_error_edge() -> None:
 
 
 def test_no_way_leads_around_the_table() -> None:
-    """The library would add a `to_<state>` from everywhere."""
+    """The library would add a `to_<state>` from every state."""
     lifecycle = Machine("unconfigured").lifecycle
     assert set(lifecycle._machine.events) == {label for label, _, _ in EDGES}
 

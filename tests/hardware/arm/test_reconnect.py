@@ -1,4 +1,4 @@
-"""A board that was unplugged comes back, perhaps under another name."""
+"""An unplugged board comes back, perhaps under another device name."""
 
 import dataclasses
 import logging
@@ -33,13 +33,13 @@ PATIENCE = 10.0  # [s]
 
 @pytest.fixture
 def by_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where udev keeps the lasting names."""
+    """The folder in which udev keeps persistent names."""
     monkeypatch.setattr(ports_module, "_BY_ID", tmp_path)
     return tmp_path / "usb-Arduino_Uno_1234-if00"
 
 
 class Watch:
-    """What an arm tells, and a way to wait for it."""
+    """The events of an arm, and a way to wait for them."""
 
     def __init__(self) -> None:
         self.events: list[ArmEvent] = []
@@ -51,7 +51,7 @@ class Watch:
             self._changed.notify_all()
 
     def returned(self, patience: float = PATIENCE) -> list[str]:
-        """The devices as which the board came back; waits for the first."""
+        """The device names of returned boards. Waits for the first."""
 
         def devices() -> list[str]:
             return [event.device for event in self.events if isinstance(event, BoardReturned)]
@@ -91,7 +91,7 @@ def test_a_board_that_comes_back_under_another_name_is_reported(
             assert watch.returned() == [second.port]
         back = f"The board of port {port} is back as {second.port}; configure and activate the arm"
         assert back in caplog.text
-    assert arm.state is State.UNCONFIGURED  # coming back is a person's act
+    assert arm.state is State.UNCONFIGURED  # only a person can activate it again
 
 
 def test_the_return_is_reported_even_if_activation_was_refused(

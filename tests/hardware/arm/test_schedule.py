@@ -1,4 +1,4 @@
-"""Motions as frames: thinned, spaced for the board, and never more than its ring holds."""
+"""Schedules: only changed frames, spaced for the board, and never more than fit its buffer."""
 
 import dataclasses
 import math
@@ -92,7 +92,7 @@ def test_a_fast_motion_is_slowed_and_the_schedule_has_the_delay() -> None:
     assert schedule.slowed == pytest.approx(schedule.duration - 0.1)
     assert schedule.slowed > 0.5
     delays = [setpoint.delay for setpoint in schedule.setpoints]
-    assert delays == sorted(delays)  # it falls ever more behind
+    assert delays == sorted(delays)  # the delay only grows
     assert delays[0] == 0.0
     last = schedule.setpoints[-1]
     assert last.time - last.delay == pytest.approx(0.1 * (1 - 1 / len(schedule.setpoints)))
@@ -100,7 +100,7 @@ def test_a_fast_motion_is_slowed_and_the_schedule_has_the_delay() -> None:
 
 @pytest.mark.parametrize("duration", [0.0, 3.0])
 def test_a_motion_to_the_present_pose_has_no_frames(duration: float) -> None:
-    goal = (1e-4, 0.0, 0.0, -1e-4)  # in the bins of where it stands
+    goal = (1e-4, 0.0, 0.0, -1e-4)  # encodes to the frame of the present pose
     schedule = compile_schedule(STOCK, HOME, line(HOME, goal, duration), duration)
     assert schedule.setpoints == ()
     assert schedule.duration == schedule.slowed == 0.0
@@ -123,7 +123,7 @@ def test_a_sample_outside_the_limits_is_refused() -> None:
     [(0.0, "0.000 and 0.020"), (0.51, "0.500 and 0.520"), (0.99, "0.980 and 1.")],
 )
 def test_a_motion_that_jumps_is_refused(robot: Robot, jump: float, between: str) -> None:
-    """At the first jump, be it away from where the arm stands."""
+    """At the first jump, even from the present pose."""
 
     def sample(times: Sequence[float]) -> list[tuple[float, ...]]:
         return [PICK if time >= jump else HOME for time in times]
@@ -224,7 +224,7 @@ def test_no_motion_and_no_stop_overruns_the_board(
 def test_after_a_stop_the_board_turns_no_more_than_two_frames(
     robot: Robot, seed: int, speed: float, part: float
 ) -> None:
-    """One frame may be under way and one may wait behind it."""
+    """One frame may be executing and one may wait behind it."""
     start, sample, duration = wander(seed, speed)
     schedule = compile_schedule(robot, start, sample, duration)
     if not schedule.setpoints:

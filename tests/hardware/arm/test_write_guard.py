@@ -1,4 +1,4 @@
-"""The write guard: what it refuses, and who may write."""
+"""The write guard: refusals and claims."""
 
 import math
 from collections.abc import Sequence

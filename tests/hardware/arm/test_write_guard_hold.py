@@ -86,7 +86,7 @@ def test_a_hold_finds_room_while_two_frames_are_under_way() -> None:
 
 
 def test_after_a_failed_write_nothing_follows() -> None:
-    """What the board got is unknown, so not even a hold may go out."""
+    """It is unknown what the board received, so not even a hold may be sent."""
     rig = Rig()
     rig.write(degrees(1))
     rig.link.unplug()
@@ -98,7 +98,7 @@ def test_after_a_failed_write_nothing_follows() -> None:
     for _ in range(2):
         with pytest.raises(NotActive):
             rig.write(degrees(3))
-        rig.guard.hold()  # the hold that was due is given up
+        rig.guard.hold()  # the hold that was due is dropped
     assert rig.sent == ["b091,s090,e090,g000,"]
     assert rig.guard.commanded == degrees(1)
 
@@ -115,7 +115,7 @@ def test_a_failed_hold_is_not_repeated() -> None:
 
 
 def test_a_hold_within_a_hold_writes_one_frame(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As where a signal's handler stops an arm that is being stopped."""
+    """As when a signal handler stops an arm that is being stopped."""
     rig = Rig()
     rig.write(degrees(1))
     check = rig.guard._check_active
@@ -205,7 +205,7 @@ def test_no_thread_waits_forever_for_a_write_that_does_not_return(
     with pytest.raises(PortStalled, match=why) as raised:
         act(rig)
     assert raised.value.port == "board"
-    rig.guard.close()  # does not wait for ever either
+    rig.guard.close()  # does not wait forever either
     assert stuck.is_alive()
     leave.set()
     stuck.join(5)
@@ -227,7 +227,7 @@ def test_the_time_that_a_write_waits_is_the_boards_too() -> None:
 
 @given(st.lists(st.tuples(st.integers(-4, 4), st.floats(0.0, 0.19), st.floats(0.0, 0.2))))
 def test_slow_writes_overrun_no_board(frames: list[tuple[int, float, float]]) -> None:
-    """Each frame is written as early as it may, and its write waits before it goes through."""
+    """Each frame is written as early as allowed, and its write is delayed."""
     rig, angle = Rig(), 0
     for step, waits, pause in frames:
         rig.wait(max(rig.clock.now() + pause, rig.guard.earliest))

@@ -1,4 +1,4 @@
-"""The links are where pinocchio, too, puts them."""
+"""Forward kinematics, compared with pinocchio."""
 
 import random
 from pathlib import Path

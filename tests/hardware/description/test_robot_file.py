@@ -62,7 +62,7 @@ def test_an_unknown_joint_gets_a_list_of_the_known_ones() -> None:
         SHIPPED.joint("joint_9")
 
 
-# what is wrong, what it is made of, the line it is found on (a text in it), what is said
+# error: original text, wrong text, text in the line that the message names, message
 WRONG = {
     "unknown key": ('name = "arduinobot"', 'nmae = "a"\nname = "b"', "nmae", "nmae: unknown key; .*did you mean name"),
     "no name": ('name = "arduinobot"', "", None, "name: is missing"),
@@ -322,7 +322,7 @@ def test_our_firmware_has_four_servos(tmp_path: Path) -> None:
 
 
 def chain(folder: Path, count: int, firmware: str) -> Path:
-    """The file of an arm of so many equal joints."""
+    """A robot file with this many equal joints."""
     joint = (
         '<joint name="j{0}" type="revolute"><parent link="l{0}"/><child link="l{1}"/>'
         '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="2"/></joint>'

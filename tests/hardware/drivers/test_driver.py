@@ -1,4 +1,4 @@
-"""Another arm's driver is another package: found by name, and behind the same write guard."""
+"""A driver of another package: it is found by name, and works behind the same write guard."""
 
 import dataclasses
 import sys
@@ -69,7 +69,7 @@ class Format:
 
 
 class Bus:
-    """Keeps what is written; nothing answers."""
+    """Keeps the written bytes; no board answers."""
 
     def __init__(self, port):
         self.port, self.written = port, []
@@ -91,7 +91,7 @@ class Bus:
 
 
 def installed(folder: Path, source: str = DRIVER) -> None:
-    """Lays out what installing the package of another arm leaves behind."""
+    """Creates the files of an installed package with a driver."""
     (folder / "ticks_driver.py").write_text(source)
     info = folder / "ticks_driver-1.0.dist-info"
     info.mkdir()
@@ -122,7 +122,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Robot:
 
 
 class Silence:
-    """An event for whose waiters the clock's time passes."""
+    """An event that is waited for on the simulated clock."""
 
     def __init__(self, clock: SimulatedClock) -> None:
         self.signal, self.over = clock.signal(), False

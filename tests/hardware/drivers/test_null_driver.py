@@ -1,4 +1,4 @@
-"""Robot files without a driver: an arm that can be planned for, and not moved."""
+"""Robot files without a driver: an arm that can be planned for but not moved."""
 
 import re
 from pathlib import Path

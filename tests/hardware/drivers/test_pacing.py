@@ -1,4 +1,4 @@
-"""The pace model: whatever it lets through, a hold finds room in the board's ring."""
+"""The pacing model: after every frame that it allows, a hold fits the board's buffer."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""What every line to a board does, whatever is behind it and whatever the board runs."""
+"""The contract of all links, for every kind of board and firmware."""
 
 import re
 
@@ -25,7 +25,7 @@ def test_opening_resets_the_board_and_bytes_are_lost_while_it_boots(shell: Shell
         if state.lost == lost + 20:
             break
         shell.close()
-        if not isinstance(shell, Process):  # whose board ends with the link
+        if not isinstance(shell, Process):  # its board ends with the link
             resets, lost = state.resets, state.lost
     assert (state.resets, state.lost) == (resets + 1, lost + 20)
     assert stood in (BOOT, near)
@@ -55,7 +55,7 @@ def test_close_and_open_again_resets_again(shell: Shell, firmware: Firmware) -> 
     shell.until(lambda state: state.servos == (80, 100, 95, 10))
     shell.close()
     shell.link.close()
-    if not isinstance(shell, Process):  # whose board ends with the link
+    if not isinstance(shell, Process):  # its board ends with the link
         assert shell.until(lambda state: state.resets == 1).servos == (80, 100, 95, 10)
     shell.link.open()
     snaps = isinstance(shell, Process) or not firmware.banner
@@ -100,7 +100,7 @@ def test_closing_wakes_a_reader(shell: Shell) -> None:
 
 
 def assert_over(link: Link) -> None:
-    """Reads until there is no more."""
+    """Reads until the link is closed."""
     while link.read():
         pass
 

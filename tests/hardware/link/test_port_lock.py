@@ -1,4 +1,4 @@
-"""Our own lock on a serial port: one owner at a time, and free again whatever happens to him."""
+"""The lock on a serial port: one owner at a time, and released when the owner ends."""
 
 import contextlib
 import os
@@ -17,7 +17,7 @@ from tests.support.hardware_rigs import open_files
 
 @pytest.fixture
 def port(tmp_path: Path) -> Iterator[str]:
-    """A port that nobody else uses; its lock file is gone at the end."""
+    """A port that no other test uses. Its lock file is removed at the end."""
     port = str(tmp_path / "tty")
     yield port
     assert not PortLock(port).path.exists()
@@ -37,7 +37,7 @@ def test_a_lock_file_is_for_every_user(port: str) -> None:
 
 
 class Competitors:
-    """Threads that want one lock. Who has it keeps it until the others have tried in vain."""
+    """Threads that want one lock. Its owner keeps it until the others have failed."""
 
     def __init__(self, port: str) -> None:
         self.port = port
@@ -126,7 +126,7 @@ def test_the_owner_is_named_while_there_is_one(port: str) -> None:
     assert PortLock(port).owner() == str(os.getpid())
     lock.release()
     assert PortLock(port).owner() is None
-    lock.path.write_text("4711\n")  # left by one who was killed
+    lock.path.write_text("4711\n")  # left by a killed process
     assert lock.owner() is None
     lock.path.unlink()
 
@@ -160,7 +160,7 @@ def test_a_lock_file_that_cannot_be_opened_is_named(port: str) -> None:
 
 
 def test_a_lock_file_that_cannot_be_written_is_named_and_given_up(port: str) -> None:
-    """As where the disk is full; a limit on the size of files does the same here."""
+    """As with a full disk; a limit on the size of files has the same effect."""
     lock, before = PortLock(port), open_files()
     _, hard = limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))

@@ -1,4 +1,4 @@
-"""What can be told of a port without opening it."""
+"""Checks of a port that do not open it."""
 
 import os
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ def line() -> Iterator[Pty]:
 
 
 def told(port: str) -> Check:
-    """The last that is told of a port."""
+    """The last check of a port."""
     return check_port(port)[-1]
 
 
@@ -52,7 +52,7 @@ def test_a_path_that_is_no_serial_port(port: str) -> None:
 
 
 def test_a_terminal_of_the_kernels_is_one() -> None:
-    """A real port has its entry in sysfs, as this one has, which is there on every machine."""
+    """A real port has an entry in sysfs, as this one does, which exists on every machine."""
     assert check_port("/dev/tty")[0].ok
 
 
@@ -63,7 +63,7 @@ def test_the_error_of_a_denied_port_has_the_group_and_a_udev_rule(
     monkeypatch.setattr(module, "serial_ports", lambda: [SerialPort(line.port, "x", usb, "")])
     os.chmod(line.slave, 0)
     user = os.geteuid()
-    if user == 0:  # whom no mode stops
+    if user == 0:  # root ignores the mode
         os.setresuid(NOBODY, NOBODY, 0)
     try:
         check = check_port(line.port)[1]

@@ -34,7 +34,7 @@ class Scene:
         self.line, self.folder, self.patch = Pty(), folder, patch
 
     def after(self, method: str) -> None:
-        """Pulls the cable right after a method of pyserial's port."""
+        """Disconnects the cable right after a method of pyserial's port."""
         original = getattr(serial.Serial, method)
 
         def then_vanish(port: serial.Serial, *arguments: int) -> object:
@@ -47,7 +47,7 @@ class Scene:
 
     def denied(self) -> str:
         os.chmod(self.line.slave, 0)
-        if os.geteuid() == 0:  # whom no mode stops
+        if os.geteuid() == 0:  # root ignores the mode
             os.seteuid(NOBODY)
         return self.line.port
 
@@ -191,7 +191,7 @@ def test_the_errors_of_the_link(row: Row, scene: Scene) -> None:
     link.close()
     os.seteuid(os.getuid())
     lock = PortLock(name)
-    lock.acquire()  # it was given up
+    lock.acquire()  # it was released
     lock.release()
 
 

@@ -55,7 +55,7 @@ def test_a_port_that_is_denied(line: Pty) -> None:
     os.chmod(line.slave, 0)
     PortLock(line.port).path.unlink(missing_ok=True)
     root = os.geteuid() == 0
-    if root:  # whom no mode stops
+    if root:  # root ignores the mode
         os.seteuid(NOBODY)
     try:
         said = str(refused(line.port, PortDenied))
@@ -196,7 +196,7 @@ def test_a_port_lost_while_reading_is_seen_at_once(line: Pty) -> None:
 
 
 def fill(link: SerialLink) -> tuple[list[bytes], PortStalled]:
-    """Writes numbered frames until the line is stuck; returns them and what the last raised."""
+    """Writes numbered frames until the line is stuck; returns them and the last exception."""
     frames: list[bytes] = []
     while True:
         frames.append(b"b%03d,s%03d,e000,g000," % divmod(len(frames), 1000))
@@ -240,7 +240,7 @@ def test_a_stuck_line_is_an_error_and_nothing_is_repeated(line: Pty) -> None:
     assert f"{sending}: the port {line.port} accepts no more bytes" in str(error)
     arrived = line.drain()
     assert len(arrived) > 1000
-    assert b"".join(frames).startswith(arrived)  # of the last one perhaps a part, or nothing
+    assert b"".join(frames).startswith(arrived)  # the last one may be cut or missing
 
 
 @pytest.mark.parametrize("discard", [True, False])

@@ -1,4 +1,4 @@
-"""Real AVR code on simavr: the published sketch's behaviour beside our model, and the port."""
+"""AVR code on simavr: the published sketch compared with its model, and the port."""
 
 import dataclasses
 import os
@@ -22,7 +22,7 @@ pytestmark = [
 ]
 
 BYTE = 10 / BAUD  # [s]
-# What the published sketch takes, measured, and how far from it machine code of it may be.
+# Measured times of the published sketch, and their tolerance.
 DEGREE_TIME, DEGREE_SPREAD = 0.0050583, 0.0000025  # [s]
 TURN_TIME, TURN_SPREAD = 0.00015, 0.000025  # [s]
 COMMANDS = [b"bA01;", b"bA00;", b"bW05;", b"bV09;", b"sV09;", b"eV09;", b"gV09;"]
@@ -54,7 +54,7 @@ def test_bytes_during_the_boot_are_lost_and_the_pins_are_idle(
     assert (report.angles, report.lost, report.resets) == ((91, 91, 91, 1), 20, 1)
 
 
-# Theirs: the model of the board --------------------------------------------------------------
+# The published sketch: the model of the board ------------------------------------------------
 
 
 def modelled(
@@ -126,7 +126,7 @@ def clear(sent: list[tuple[float, bytes]], end: float) -> bool:
 
 
 def overload(dice: random.Random) -> list[tuple[float, bytes]]:
-    """A wandering arm, told more often than it can follow."""
+    """A wandering arm that gets more frames than it can follow."""
     now, held, sent = 0.0, list(BOOT), []
     for _ in range(20):
         held = [min(180, max(0, angle + dice.randint(-4, 4))) for angle in held]

@@ -1,4 +1,4 @@
-"""Our firmware, as real AVR code on simavr: pins, angles held, answers, damage."""
+"""The firmware of armtree, as AVR code on simavr: pins, held angles, answers, damage."""
 
 import random
 from itertools import pairwise
@@ -44,7 +44,7 @@ def test_every_angle_has_its_pulse_width_on_every_pin(board: MakeBoard) -> None:
         assert all(abs(servo.period_us - 20000) < 1 for servo in report.servos)
 
 
-# Ours: what it holds -------------------------------------------------------------------------
+# Held angles ---------------------------------------------------------------------------------
 
 
 def test_a_reset_leaves_the_servos_where_they_were(board: MakeBoard) -> None:
@@ -89,7 +89,7 @@ def _angles(report: Report) -> tuple[int, ...]:
     return tuple(angle for angle in report.angles if angle is not None)
 
 
-# Ours: what it answers -----------------------------------------------------------------------
+# Answers -------------------------------------------------------------------------------------
 
 
 def test_it_sends_only_what_was_requested(board: MakeBoard) -> None:
@@ -167,7 +167,7 @@ def test_a_framing_error_loses_its_frame_and_no_other(board: MakeBoard) -> None:
     assert (report.lost, report.refused) == (1, 21)
 
 
-# Ours: watchdog and speed limits -------------------------------------------------------------
+# Watchdog and speed limits -------------------------------------------------------------------
 
 
 def test_the_watchdog_holds_when_nothing_comes(board: MakeBoard) -> None:
@@ -208,7 +208,7 @@ def test_a_speed_limit_is_kept(board: MakeBoard, limit: int) -> None:
     assert ours.run(0.0).angles == (0, 90, 90, 60)
 
 
-# Ours: damage --------------------------------------------------------------------------------
+# Damage --------------------------------------------------------------------------------------
 
 
 def test_damaged_and_split_frames_cause_no_angle_that_was_not_sent(board: MakeBoard) -> None:

@@ -1,4 +1,4 @@
-"""The models of the board beside machine code, in simulated time: whatever comes, the same."""
+"""The models of the board, compared with machine code in simulated time."""
 
 import bisect
 import dataclasses
@@ -46,7 +46,7 @@ def anything(dice: random.Random) -> bytes:
 
 
 def clear(data: bytes, now: float) -> bool:
-    """Whether nothing that counts comes as a cycle begins, where microseconds decide."""
+    """Whether no relevant byte arrives at the start of a cycle, when microseconds decide."""
     times = (now + (n + 1) * BYTE for n, byte in enumerate(data) if byte in b",;?")
     return all(CLOSE < time % CYCLE < CYCLE - CLOSE for time in times)
 

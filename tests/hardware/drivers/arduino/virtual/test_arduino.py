@@ -70,7 +70,7 @@ def test_the_state_of_an_ended_virtual_arduino_is_an_error() -> None:
 
 
 def test_an_idle_board_costs_next_to_nothing() -> None:
-    """Neither with a client, nor after one has hung up, does its process spin."""
+    """The process does not spin, neither with a client nor after one has closed the port."""
     arduino = VirtualArduino("bseg", (90, 90, 90, 0), FIRMWARES["armtree"], BAUD)
     link, clock = SerialLink(arduino.port, BAUD), RealClock()
     link.open()
@@ -88,7 +88,7 @@ def test_an_idle_board_costs_next_to_nothing() -> None:
 
 
 def test_a_client_that_never_reads_stops_nothing() -> None:
-    """What finds no room in the kernel is lost, as on a wire, and the board goes on."""
+    """Bytes without room in the kernel are lost, as on a real line, and the board continues."""
     asked = 1000
     ours = dataclasses.replace(FIRMWARES["armtree"], boot_time=0.0)
     arduino = VirtualArduino("bseg", (90, 90, 90, 0), ours, 4_000_000)
@@ -112,7 +112,7 @@ def test_a_client_that_never_reads_stops_nothing() -> None:
 
 
 def until(arduino: VirtualArduino, so: Callable[[BoardState], bool]) -> None:
-    """Looks at the board until something is so."""
+    """Reads the state of the board until a condition holds."""
     deadline = time.monotonic() + PATIENCE
     while not so(state := arduino.state()):
         assert time.monotonic() < deadline, state

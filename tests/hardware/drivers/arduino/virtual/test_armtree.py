@@ -1,4 +1,4 @@
-"""The model of our firmware: when it says what, and what finds no room."""
+"""The model of the firmware of armtree: which line it sends when, and which it drops."""
 
 import binascii
 import dataclasses
@@ -22,7 +22,7 @@ STATUS = 131  # bytes
 
 
 def board() -> Board:
-    """One whose first line has been taken."""
+    """A board whose first line has been read."""
     made = Board("bseg", BOOT, OURS, 115200)
     made.read_output(CYCLE / 2)
     return made
@@ -59,7 +59,7 @@ def test_a_reset_forgets_settings_and_counters_and_keeps_the_angles() -> None:
         b"acks": b"1",
         b"watchdog_ms": b"0100",
         b"speeds": b"000,090,000,000",
-        b"at": b"b009,s099,e085,g000,",  # as far as the limit let the shoulder come in 0.1 s
+        b"at": b"b009,s099,e085,g000,",  # the angle that the limit allows in 0.1 s
     }
     made.reset(0.5)
     assert made.read_output(2.0).endswith(b" kept b009,s099,e085,g000,\n")
@@ -76,7 +76,7 @@ def test_an_acknowledgement_comes_when_its_frame_is_there_and_it_has_been_sent()
         b"acks=1 watchdog_ms=0000 speeds=000,000,000,000 " + BOOT_AT
     )
     made.receive(FRAME, 0.2)
-    arrival = made.next_output()  # of the first comma, with which there may be something to say
+    arrival = made.next_output()  # of the first comma, after which it may send a line
     assert arrival == pytest.approx(0.2 + 5 * BYTE)
     made.advance(0.2 + 20.5 * BYTE)
     assert made.next_output() == pytest.approx(0.2 + 37 * BYTE)
@@ -105,8 +105,8 @@ def test_the_watchdog_sends_a_status_without_any_input() -> None:
 def test_a_line_without_room_waits_and_has_the_newest_state() -> None:
     made = board()
     made.receive(b"bA01;" + FRAME + b"??", 0.1)
-    # Behind the first status there is room for the acknowledgement and one more; asked for again,
-    # however often, a third waits, and the acknowledgements that still fit go before it.
+    # After the first status there is room for the acknowledgement and one more status. Further
+    # requests leave one status waiting, and acknowledgements that fit are sent before it.
     made.receive(b"????" + FRAME * 2, 0.1 + 27 * BYTE)
     said = made.read_output(1.0).splitlines()
     first = [b"statu", b"k0001", b"statu", b"k0002", b"k0003", b"statu"]

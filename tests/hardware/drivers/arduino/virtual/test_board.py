@@ -1,4 +1,4 @@
-"""The model of the board against what is known of the published sketch, and of ours."""
+"""The virtual board, compared with facts about the published sketch and armtree's firmware."""
 
 import dataclasses
 
@@ -20,7 +20,7 @@ def booted(firmware: str = "stock") -> Board:
 
 
 def after(*sent: bytes, firmware: str = "stock", refused: int = 0) -> tuple[float, ...]:
-    """Where the servos end when these bytes come, each part when the last is over."""
+    """The final servo angles after these bytes, each part sent when the last one is done."""
     board = booted(firmware)
     for number, data in enumerate(sent):
         board.receive(data, number * LONG)
@@ -57,7 +57,7 @@ def test_what_was_counted_outlives_a_reset() -> None:
     assert board.state(2.0).refused == 4
 
 
-# robot.md section 6: what the parser of the published sketch makes of damaged input
+# How the parser of the published sketch handles damaged input
 DAMAGE = {
     "a good frame": ([b"b024,s125,e085,g010,"], (24, 125, 85, 10), 0),
     "unpadded": ([b"b24,s125,e85,g0,"], (180, 125, 29, 0), 0),
@@ -101,7 +101,7 @@ def test_an_unpadded_frame_keeps_the_board_busy_for_seconds() -> None:
     ],
 )
 def test_the_service_time(frame: bytes, servos: tuple[int, ...], steps: int) -> None:
-    """A byte behind a frame is looked at when the frame is done, and not before."""
+    """A byte after a frame is read when the frame is done, and not before."""
     seconds = STOCK.service_time(BOOT, servos)
     assert seconds == pytest.approx(steps * STOCK.degree_time + 4 * STOCK.turn_time)
     done = 5 * BYTE + seconds  # the first servo turns when its comma is there
@@ -133,7 +133,7 @@ def test_the_ring_holds_63_bytes() -> None:
 
 
 def lost_at(rate: float, seconds: float = 20.0) -> int:
-    """Bytes lost when the same frame comes again and again."""
+    """Number of bytes lost when the same frame is repeated."""
     board = booted()
     for number in range(int(rate * seconds)):
         board.receive(FRAME, number / rate)
@@ -150,7 +150,7 @@ def test_beyond_47_hz_bytes_are_lost(rate: float) -> None:
     assert lost_at(rate) > 0
 
 
-# At f frames a second a steady motion is digested up to 195 - 4.1 f degrees a second in sum.
+# At f frames per second the board follows a motion of up to 195 - 4.1 f degrees per second in sum.
 @pytest.mark.parametrize(
     ("rate", "degrees", "digested"),
     [(10, 15, True), (10, 16, False), (20, 5, True), (20, 6, False), (25, 3, True), (25, 4, False)],

@@ -1,4 +1,4 @@
-"""What every board does with what it hears: the models, and machine code on a simulated chip."""
+"""The contract of all boards: the models, and machine code on a simulated chip."""
 
 import random
 
@@ -26,7 +26,7 @@ def words(status: str) -> dict[str, str]:
 def test_garbage_is_refused_byte_by_byte_and_a_frame_behind_it_is_taken(
     shell: Shell, firmware: Firmware
 ) -> None:
-    """The sum of refused bytes is that of the model, whatever runs it."""
+    """The number of refused bytes equals that of the model."""
     dice = random.Random(7)
     kinds = [byte for byte in range(256) if byte not in b",;?"]
     garbage = bytes(dice.choices(kinds, k=300)) + b"b"
@@ -52,7 +52,7 @@ def test_our_commands_move_nothing_and_spoil_no_frame(shell: Shell) -> None:
 
 def test_the_sketch_takes_damage_in_its_own_way(stock: Shell) -> None:
     damage = {
-        b"b09,s095,e090,g010,": (90, 95, 90, 10),  # lost digit: what is left of the value before
+        b"b09,s095,e090,g010,": (90, 95, 90, 10),  # lost digit: the rest of the value before stays
         b"b094s085,e090,g003,": (90, 85, 90, 3),  # lost comma: that servo stays
         b"b095,080,e090,g003,": (0, 85, 90, 3),  # lost letter: the last servo moves again
         b"b005,s085,e090,g182,": (5, 85, 90, 180),  # too far: as far as it goes
@@ -72,7 +72,7 @@ def test_the_sketch_loses_what_its_ring_cannot_hold(stock: Shell) -> None:
     assert stock.until(lambda state: state.servos == BOOT).lost == 32
 
 
-# Ours ----------------------------------------------------------------------------------------
+# The firmware of armtree ---------------------------------------------------------------------
 
 
 def test_a_damaged_frame_is_dropped_whole_and_counted(ours: Shell) -> None:
@@ -121,7 +121,7 @@ def test_questions_without_end_are_answered_as_room_allows_and_stop_no_frame(our
     ours.link.write(b"?" * 400 + frame(NEAR) + b"?" * 20)
     last = f"k0001,00,00,{checksum([NEAR]):04x}"
     lines = ours.hear(lambda lines: last in lines and any("frames=0001" in line for line in lines))
-    assert 3 <= sum(line.startswith("status") for line in lines) <= 10  # of 421 asked for
+    assert 3 <= sum(line.startswith("status") for line in lines) <= 10  # of 421 requested
     state = ours.until(lambda state: state.servos == NEAR)
     assert (state.lost, state.refused) == (0, 0)
 
@@ -155,7 +155,7 @@ def test_the_status_has_everything_and_a_reset_clears_all_but_the_angles(ours: S
     }
     resets = ours.state().resets
     ours.close()
-    if isinstance(ours, Process):  # whose board ends with the link
+    if isinstance(ours, Process):  # its board ends with the link
         return
     ours.link.open()
     ours.until(lambda state: state.resets == resets + 1)
