@@ -148,7 +148,7 @@ class Arm:
         Returns:
             The outcomes of the tasks that began or were rejected.
         """
-        rejected = self.executive.refused(tasks, arguments) if len(tasks) > 1 else None
+        rejected = self.executive.find_invalid(tasks, arguments) if len(tasks) > 1 else None
         remaining = list(tasks) if rejected is None else [rejected]
         outcomes: list[Outcome] = []
         try:

@@ -1,4 +1,7 @@
-"""The task executive: goals in, outcomes out. Whoever sends goals, by whatever way, uses this."""
+"""The task executive: it accepts goals, executes them, and reports their outcomes.
+
+The command line, the server and the Python interface all use this class.
+"""
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
@@ -27,12 +30,12 @@ from trees.live_library import LiveLibrary
 from .errors import NotExecuting, NotPaused, TooManyBreakpoints
 from .goals.events import Event, EventSubscribers, Status
 from .goals.executor import GoalExecutor
-from .goals.goal import Goal
 from .goals.history import load_goal_history
 from .goals.mailbox import Mailbox
 from .goals.outcome import Acceptance, CancelResult, GoalState, GoalStatus, Outcome, cause_of
 from .goals.queue import GoalQueue, Policy
 from .goals.start_pose import StartPose
+from .goals.stop import GoalStopper
 from .recording.archive import configuration_note
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
@@ -40,15 +43,17 @@ from .setup import Setup
 
 logger = logging.getLogger(__name__)
 
-BREAKPOINTS = 100  # so many may be marked
+BREAKPOINTS = 100  # largest number of breakpoints
+
+_LEAVES = "the arm left *active* before the goal had ended"
 
 
 class Executive:
-    """Runs tasks on an arm. Any thread may call; one thread of its own executes.
+    """Executes tasks on an arm. Any thread may call; one executor thread runs the trees.
 
     Args:
-        setup: What it was started with.
-        robot: The robot.
+        setup: Settings.
+        robot: Description of the robot.
         link: Link to the board, or None if no port is configured.
         library: The tasks.
         pool: The planners.
@@ -73,50 +78,53 @@ class Executive:
         subscriber: Callable[[Event], None] | None = None,
     ) -> None:
         self.setup, self.robot, self.library, self.clock = setup, robot, library, clock
-        self.port, self._began = link.port if link else "", clock.now()
+        self.port, self._started = link.port if link else "", clock.now()
         self._subscribers = EventSubscribers()
         if subscriber:
             self._subscribers.add(subscriber)
         self._progress: logs.Feedback | None = None
-        self._start_pose = StartPose(robot, self.port, setup.recordings, setup.pose)
-        self._marked = set[str]()
-        noted = configuration_note(self.port, setup)
+        self._breakpoints = set[str]()
         self._recordings = Recordings(
-            setup.recordings, robot, clock, self._publish, self._fail, noted
+            setup.recordings,
+            robot,
+            clock,
+            self._publish,
+            self._interrupt,
+            configuration_note(self.port, setup),
         )
+        self._start_pose = StartPose(robot, self.port, setup.recordings, setup.pose)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
-        self._arm = arm = Arm(robot, recorded, clock, self._arm_did)
+        self._arm = Arm(robot, recorded, clock, self._arm_changed)
         self._queue = GoalQueue(clock, setup.policy, setup.result_timeout, self._goal_changed)
+        self._stopper = GoalStopper(self._queue, self._arm, self._recordings, clock)
         context = Context(
             robot,
-            arm,
+            self._arm,
             pool,
             setup.seed,
             setup.planning_timeout,
-            wake=_nobody,
+            wake=_no_run,
             publish=self._recordings.on_skill_event,
             clock=clock,
-            wake_at=_nobody,
+            wake_at=_no_run,
             operator=operator or NoOperator(),
         )
         self._executor = GoalExecutor(
             self._queue,
-            arm,
+            self._stopper,
             library,
-            pool,
             self._recordings,
             context,
-            clock,
-            self._marked,
+            self._breakpoints,
             self._start_pose,
             setup.single_user,
         )
 
     def start(self) -> None:
-        """Begin to execute goals. A server knows those of another one before it.
+        """Start to execute goals. A server first loads the goals of earlier servers.
 
         Raises:
-            LogError: A server's recording cannot be made.
+            LogError: The recording of the server cannot be created.
         """
         if not self.setup.single_user:
             utc = self.clock.epoch_ns() / 1e9 + self.clock.now()
@@ -125,22 +133,22 @@ class Executive:
             self._recordings.open_server_recording()
         self._executor.start()
 
-    def refused(self, tasks: Sequence[int], arguments: Mapping[str, str | Located]) -> int | None:
-        """The first task of which it can be said without the arm that it will not be done.
+    def find_invalid(
+        self, tasks: Sequence[int], arguments: Mapping[str, str | Located]
+    ) -> int | None:
+        """The first task whose goal is invalid, as far as that is known without the arm.
 
-        Only before `start`.
+        Call it only before `start`.
         """
-        return next((task for task in tasks if self._executor.judge(task, arguments)), None)
+        return next((task for task in tasks if self._executor.validate(task, arguments)), None)
 
     def close(self) -> None:
-        """Take no more goals, cancel those there are, wait for them, and shut the arm down.
+        """Accept no more goals, cancel all, wait for their ends, and shut the arm down.
 
         Raises:
             LogError: A recording could not be finished.
         """
-        self._queue.close()
-        *_, running = self._queue.cancel("", 0)
-        self._stop_for(running)
+        self._stopper.close()
         self._executor.join()
         try:
             if self._arm.state is not State.UNCONFIGURED:
@@ -158,133 +166,129 @@ class Executive:
         """Send a goal. Returns at once.
 
         Args:
-            task: Number of the task.
-            arguments: Values of its parameters, by name; a text is read as it would be in a file.
-            identity: 32 hexadecimal digits, made here where there are none.
-            strict: Whether it is refused, not aborted, where it is asked for wrongly.
+            task: Task number.
+            arguments: Values of the task's parameters, by name. Text is read as in a task file.
+            identity: 32 hexadecimal digits; empty for a new identity.
+            strict: True to refuse a goal for an unknown task or with wrong arguments. Otherwise
+                the goal is accepted, and aborted.
         """
         preempts = self._queue.policy is Policy.PREEMPT
-        judge = self._executor.judge if preempts else self._executor.judge_request
-        wrong = judge(task, arguments) if preempts or strict else None
-        acceptance, preempted = self._queue.send(task, arguments, identity, wrong)
-        self._stop_for(preempted)
-        did = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
-        logger.info("Received a goal for task %d (%s): %s", task, acceptance.identity, did)
+        validate = self._executor.validate if preempts else self._executor.validate_request
+        invalid = validate(task, arguments) if preempts or strict else None
+        acceptance, preempted = self._queue.send(task, arguments, identity, invalid)
+        self._stopper.stop(preempted)
+        answer = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
+        logger.info("Received a goal for task %d (%s): %s", task, acceptance.identity, answer)
         return acceptance
 
     def send_and_record(
         self, task: int, arguments: Mapping[str, str | Located], identity: str
     ) -> Acceptance:
-        """Send a goal, strictly; return once a server started after this one would know of it."""
+        """Send a goal strictly, and wait until it is recorded.
+
+        A server that starts after this one then knows the goal.
+        """
         acceptance = self.send(task, arguments, identity, strict=True)
         self._recordings.wait()
         return acceptance
 
     def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelResult:
-        """Cancel goals, and stop the arm if it moves for one of them. Returns at once.
+        """Cancel goals, and stop the arm if the goal under way is one of them. Returns at once.
+
+        Without arguments, all goals are canceled, and the arm is stopped in any case.
 
         Args:
-            identity: Which; empty to name none.
-            stamp_ns: All that were accepted up to then, UTC [ns since 1970]; 0 to name none. All
-                there are where neither is named; then the arm is stopped in any case.
+            identity: Identity of a goal to cancel; empty for none.
+            stamp_ns: Cancel all goals accepted up to this time, UTC [ns since 1970]; 0 for none.
         """
-        answer, canceled, running = self._queue.cancel(identity, stamp_ns)
-        if not (identity or stamp_ns or running):
-            self._arm.stop()
-        self._stop_for(running, canceled)
-        return answer
+        return self._stopper.cancel(identity, stamp_ns)
 
     def result(self, identity: str, timeout: float | None = None) -> Outcome:
-        """Wait for the outcome of a goal; any number may wait, also after its end.
+        """Wait for the outcome of a goal. Any number of threads may wait, also after the end.
 
         Args:
-            identity: Which.
-            timeout: How long at most [s]; None for as long as it takes.
+            identity: Identity of the goal.
+            timeout: Longest time to wait [s]; None for no limit.
 
         Raises:
-            UnknownGoal: There is none, or it is forgotten.
-            ResultTimeout: It has not ended in that time.
+            UnknownGoal: No goal has that identity, or it is forgotten.
+            ResultTimeout: The goal has not ended in time.
         """
         return self._queue.result(identity, timeout)
 
-    def on_result(self, identity: str, callback: Callable[[Outcome], None]) -> None:
-        """Have the outcome of a goal told once, from any thread; at once if it has ended.
-
-        Raises:
-            UnknownGoal: There is none, or it is forgotten.
-        """
-        self._queue.on_result(identity, callback)
-
     def goal(self, identity: str) -> GoalStatus:
-        """What a goal is at.
+        """State of a goal.
 
         Raises:
-            UnknownGoal: There is none, or it is forgotten.
+            UnknownGoal: No goal has that identity, or it is forgotten.
         """
         return self._queue.find(identity).status
 
     def goals(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
-        """All goals that are known, or the newest of them; ended ones until they are forgotten."""
+        """All goals that are known, or the newest ones, in order of acceptance."""
         return self._queue.all(newest)
 
     def pause(self, identity: str) -> None:
-        """Stop the arm where a goal has brought it, and keep the goal. Time-outs stand still too.
+        """Stop the arm and keep the goal. The timeouts of its task are paused, too.
 
         Raises:
-            UnknownGoal: There is none, or it is forgotten.
-            NotExecuting: It is not executing.
+            UnknownGoal: No goal has that identity, or it is forgotten.
+            NotExecuting: The goal is not executing.
         """
         self._executing(identity).pause()
 
-    def resume(self, identity: str) -> None:
-        """Go on with a paused goal: what is left of its motion is timed anew from standstill.
+    def resume(self, identity: str, step: bool = False) -> None:
+        """Resume a paused goal. The rest of its motion is timed again, from standstill.
+
+        Args:
+            identity: Identity of the goal.
+            step: True to pause again before the next skill starts.
 
         Raises:
-            UnknownGoal: There is none, or it is forgotten.
-            NotExecuting: It is not executing.
-            NotPaused: It is not paused.
+            UnknownGoal: No goal has that identity, or it is forgotten.
+            NotExecuting: The goal is not executing.
+            NotPaused: The goal is not paused.
         """
-        if not self._executing(identity).resume():
+        if not self._executing(identity).resume(step):
             raise NotPaused(identity)
 
     def step(self, identity: str) -> None:
-        """Go on with a paused goal up to the next skill that begins, and pause before it.
+        """Resume a paused goal, and pause it again before the next skill starts.
 
-        Raises:
-            UnknownGoal: There is none, or it is forgotten.
-            NotExecuting: It is not executing.
-            NotPaused: It is not paused.
+        Raises: As `resume`.
         """
-        if not self._executing(identity).resume(step=True):
-            raise NotPaused(identity)
+        self.resume(identity, step=True)
 
     def break_at(self, path: str, on: bool = True) -> None:
-        """Have every goal pause before a node begins; a condition is never waited for.
+        """Set a breakpoint: every goal pauses before the node starts. Conditions do not pause.
 
         Args:
-            path: Of the node in its tree, such as `pick/Execute`.
-            on: False to have it no longer.
+            path: Path of the node in its tree, such as `pick/Execute`.
+            on: False to remove the breakpoint.
 
         Raises:
-            TooManyBreakpoints: There are as many as there may be.
+            TooManyBreakpoints: The limit is reached.
         """
         if not on:
-            self._marked.discard(path)
-        elif len(self._marked | {path}) > BREAKPOINTS:
+            self._breakpoints.discard(path)
+        elif len(self._breakpoints | {path}) > BREAKPOINTS:
             raise TooManyBreakpoints(BREAKPOINTS)
         else:
-            self._marked.add(path)
+            self._breakpoints.add(path)
 
     def arm_to(self, transition: str, pose: str | None = None) -> State:
-        """Take the arm through a transition, to its end; gives where it stands then.
+        """Request a transition of the arm's lifecycle, and wait for its end.
 
         Args:
             transition: configure, activate, deactivate, cleanup or shutdown.
             pose: Confirmed start pose of an activation, `boot` or `last`; see `find_start_pose`.
 
+        Returns:
+            State of the arm.
+
         Raises:
-            HardwareError: It did not succeed, or is not legal now.
-            LogError: There is no room for a recording, so the arm is not activated.
+            HardwareError: The transition failed, or is not allowed now.
+            LogError: The disk has no room for a recording, so the arm is not activated.
         """
         if transition not in TRANSITIONS:
             known = ", ".join(TRANSITIONS)
@@ -292,23 +296,22 @@ class Executive:
         if transition == "activate":
             self._recordings.check_space()
             self._recordings.wait()  # the board boots next, and may move the arm
-        if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
-            self._executor.arm_leaves()  # first: the stop that comes with it is not the cause
-        if transition == "activate":
             self._start_pose.activate(self._arm, pose)
-        else:
-            getattr(self._arm, transition)()
+            return self._arm.state
+        if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
+            self._interrupt(NotActive(_LEAVES))  # first: else the goal reports the stop as cause
+        getattr(self._arm, transition)()
         return self._arm.state
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
-        """Have everything told that is recorded, and every change of a goal.
+        """Subscribe to all events: what is recorded, and every change of a goal.
 
         Args:
-            callback: Must be quick, and wait for no other thread; called from any. One that raises
-                something is told nothing more.
+            callback: Called from any thread. It must be quick, and wait for no other thread. If it
+                raises an exception, it is removed.
 
         Returns:
-            What ends it.
+            Function that removes the callback.
         """
         return self._subscribers.add(callback)
 
@@ -330,11 +333,11 @@ class Executive:
             waiting=self._queue.waiting,
             policy=self._queue.policy,
             paused=running is not None and running.mailbox.paused,
-            breakpoints=tuple(sorted(self._marked)),
-            uptime=self.clock.now() - self._began,
+            breakpoints=tuple(sorted(self._breakpoints)),
+            uptime=self.clock.now() - self._started,
         )
 
-    def tell(self, record: logs.Record) -> None:
+    def record(self, record: logs.Record) -> None:
         """Record something from outside, such as a line of the log."""
         self._recordings.record(record)
 
@@ -345,19 +348,6 @@ class Executive:
             LogError: Something is missing from it.
         """
         self._recordings.close()
-
-    def _stop_for(self, running: Goal | None, canceled: Sequence[Goal] = ()) -> None:
-        """Stop the arm for a goal that is under way, if there is one; then say what is canceled."""
-        try:
-            if running:
-                self._arm.stop()
-            for goal in canceled:
-                did = f"a cancel of the goal for task {goal.task} ({goal.identity})"
-                logger.info("Received %s", did)
-        finally:
-            if running:
-                self._queue.stopped(running)
-                self._executor.stop_in_time(running)
 
     def _executing(self, identity: str) -> Mailbox:
         goal = self._queue.find(identity)
@@ -372,18 +362,18 @@ class Executive:
             return None
         return {joint.name: q for joint, q in zip(self.robot.actuated, positions, strict=True)}
 
-    def _arm_did(self, event: ArmEvent) -> None:
+    def _arm_changed(self, event: ArmEvent) -> None:
         self._recordings.on_arm_event(event)
         match event:
             case FrameSent():
                 self._start_pose.note(event.positions)
             case Faulted():
-                self._fail(event.error)
+                self._interrupt(event.error)
             case StateChanged(start=State.ACTIVE, goal=State.DEACTIVATING | State.SHUTTINGDOWN):
-                self._executor.arm_leaves()
+                self._interrupt(NotActive(_LEAVES))
 
-    def _fail(self, error: Exception) -> None:
-        self._executor.interrupt(error)
+    def _interrupt(self, error: Exception) -> None:
+        self._stopper.interrupt(error)
 
     def _goal_changed(self, status: GoalStatus) -> None:
         self._recordings.goal_changed(status)
@@ -395,5 +385,5 @@ class Executive:
         self._subscribers.publish(event)
 
 
-def _nobody(*_: float) -> None:
-    """Wakes nobody."""
+def _no_run(*_: float) -> None:
+    """Wakes no run; every run has its own context."""

@@ -70,7 +70,7 @@ def open_executive(
             pool = stack.enter_context(closing(Pool(robot, setup.workers, clock)))
         executive = Executive(setup, robot, link, library, pool, clock, operator, subscriber)
         for line in early:
-            executive.tell(line)
+            executive.record(line)
         with closing(executive):
             yield executive
 

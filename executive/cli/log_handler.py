@@ -12,7 +12,7 @@ from hardware import Clock
 @contextmanager
 def recorded_log(executive: Executive) -> Iterator[None]:
     """Record every line of the log."""
-    handler = LogHandler(executive.tell, executive.clock)
+    handler = LogHandler(executive.record, executive.clock)
     logging.getLogger().addHandler(handler)
     try:
         yield

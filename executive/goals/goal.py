@@ -1,6 +1,6 @@
 """A goal and its state machine, the one of ROS 2 actions, as a table."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from trees import Located
 
@@ -34,8 +34,7 @@ class Goal:
         state: State of the goal.
         outcome: How the goal ended; None until then.
         ended: Time of the end [s].
-        waiters: Callbacks for the outcome.
-        stops: Number of stops of the arm that other threads have begun for the goal.
+        stops: Number of pending stops of the arm; the goal does not end before they are done.
     """
 
     def __init__(
@@ -52,8 +51,12 @@ class Goal:
         self.state = GoalState.ACCEPTED
         self.outcome: Outcome | None = None
         self.ended = 0.0
-        self.waiters: list[Callable[[Outcome], None]] = []
         self.stops = 0
+
+    @property
+    def name(self) -> tuple[int, str]:
+        """Task number and identity, for the log."""
+        return self.task, self.identity
 
     @property
     def cancelable(self) -> bool:

@@ -1,4 +1,4 @@
-"""What others want of a run: whoever posts wakes the thread that owns it."""
+"""The mailbox of a run: other threads post requests to the executor thread and wake it."""
 
 import math
 from collections.abc import Callable
@@ -7,13 +7,12 @@ from hardware import Clock
 
 
 class Mailbox:
-    """Posts for the owner of one run, and the time as that run has it: it stands still in a pause.
+    """Requests for one run, and the time of the run, which stops while the run is paused.
+
+    Any thread may post. Only the executor thread waits.
 
     Args:
-        clock: Whose time.
-
-    Attributes:
-        ticking: Whether the owner is in the tree, which may hold it.
+        clock: Time source.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -21,84 +20,89 @@ class Mailbox:
         self._signal = clock.signal()
         self._woken = self._canceled = self._paused = self._stepping = False
         self._fault: Exception | None = None
-        self._deadline = math.inf
-        self._paused_time = 0.0  # in pauses [s]
-        self.ticking = False
+        self._deadline = math.inf  # in the time of the run [s]
+        self._paused_time = 0.0
 
     def wake_at(self, time: float) -> None:
-        """Ask for a tick at a time of the run [s]; from the owner thread, and anew at each tick."""
+        """Request a tick at a time of the run [s]; only from the executor thread.
+
+        The request is valid until the next tick.
+        """
         self._deadline = min(self._deadline, time)
 
     def wake(self) -> None:
-        """Ask for a tick."""
+        """Request a tick."""
         with self._signal:
             self._woken = True
             self._signal.notify()
 
     def cancel(self) -> None:
-        """Ask to cancel."""
+        """Request a cancel."""
         with self._signal:
             self._canceled = True
             self._signal.notify()
 
     def pause(self) -> None:
-        """Ask to stand still."""
+        """Request a pause."""
         with self._signal:
             self._paused, self._stepping = True, False
             self._signal.notify()
 
     def resume(self, step: bool = False) -> bool:
-        """Ask to go on, also past the end of a step; false where it goes on already.
+        """Resume a paused run; a run that steps continues without a pause.
 
         Args:
-            step: Whether only up to the next node that begins.
+            step: True to pause again before the next node starts.
+
+        Returns:
+            False if there is nothing to resume.
         """
         with self._signal:
             if not (self._paused or (self._stepping and not step)):
                 return False
             self._paused, self._stepping = False, step
-            self._woken = True  # what waits to begin needs a tick, also where no pause was made yet
+            self._woken = True  # a node at a breakpoint needs a tick, also before the pause began
             self._signal.notify()
             return True
 
     def fail(self, error: Exception) -> None:
-        """Say that something outside the tree failed; the first cause counts."""
+        """Report an error outside the tree; the first one counts."""
         with self._signal:
             self._fault = self._fault or error
             self._signal.notify()
 
     @property
     def canceled(self) -> bool:
-        """Whether a cancel was asked for."""
+        """True after a cancel."""
         return self._canceled
 
     @property
     def paused(self) -> bool:
-        """Whether it is to stand still."""
+        """True while a pause is requested."""
         return self._paused
 
     @property
     def stepping(self) -> bool:
-        """Whether it is to stand still before the next node that begins."""
+        """True if the run pauses before the next node starts."""
         return self._stepping
 
     @property
     def fault(self) -> Exception | None:
-        """What failed outside the tree."""
+        """First error outside the tree; None for none."""
         return self._fault
 
     @property
     def stopping(self) -> bool:
-        """Whether the run is to end before its tree does."""
+        """True if the run must end before its tree does."""
         return self._canceled or self._fault is not None
 
     @property
     def paused_time(self) -> float:
-        """For how long it stood still so far [s]."""
+        """Total time of the pauses so far [s]."""
         return self._paused_time
 
     def wait(self) -> None:
-        """Wait until somebody posts, or the earliest time that was asked for has come."""
+        """Wait for a post, or for the earliest time that was requested."""
         with self._signal:
             while not (self._woken or self._paused or self.stopping or self._due):
                 until = None if self._deadline == math.inf else self._deadline + self._paused_time
@@ -108,7 +112,7 @@ class Mailbox:
                 self._deadline = math.inf
 
     def wait_for_resume(self) -> None:
-        """Stand still until somebody says to go on, or to end."""
+        """Wait until the run is resumed, or must end."""
         since = self._clock.now()
         with self._signal:
             while self._paused and not self.stopping:
@@ -119,10 +123,15 @@ class Mailbox:
     def _due(self) -> bool:
         return self._clock.now() - self._paused_time >= self._deadline
 
-    def wait_until(self, settled: Callable[[], bool], seconds: float) -> bool:
-        """Wait until something is so; False when it took longer than that [s]."""
-        until = self._clock.now() + seconds
+    def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Wait until a condition is true; False if it is not in time.
+
+        Args:
+            condition: Checked after every post.
+            timeout: Longest time to wait [s].
+        """
+        until = self._clock.now() + timeout
         with self._signal:
-            while not settled() and self._clock.now() < until:
+            while not condition() and self._clock.now() < until:
                 self._signal.wait(until)
-            return settled()
+            return condition()

@@ -19,7 +19,9 @@ sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).pare
 
 from executive.goals.goal import Goal
 from executive.goals.mailbox import Mailbox
+from executive.goals.queue import GoalQueue, Policy
 from executive.goals.run import Run
+from executive.goals.stop import GoalStopper
 from hardware import Arm, RealClock, Robot, load_robot
 from skills import Context
 from skills.motion import Pool
@@ -129,7 +131,10 @@ class Bench:
 
     def _run(self, tree: Any) -> tuple[Any, ...]:
         goal = Goal("0" * 32, 11, {}, self.clock.now(), 1, self.mailbox)
-        return goal, tree, self.arm, self.clock, nothing
+        queue = GoalQueue(self.clock, Policy.REJECT, 0.0, nothing)
+        recordings: Any = None  # no goal ends here
+        stopper = GoalStopper(queue, self.arm, recordings, self.clock)
+        return goal, tree, self.arm, stopper, self.clock, nothing
 
 
 def tick(root: Any) -> None:

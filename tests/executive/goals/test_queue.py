@@ -45,8 +45,6 @@ def refused_as_duplicate(answer: Acceptance) -> bool:
 def test_a_result_of_nobody() -> None:
     with pytest.raises(UnknownGoal):
         Table().goals.result(UNKNOWN, None)
-    with pytest.raises(UnknownGoal):
-        Table().goals.on_result(UNKNOWN, print)
 
 
 def test_cancels_that_cancel_nothing() -> None:
@@ -126,25 +124,12 @@ def test_two_askers_before_the_end_and_one_after() -> None:
 
     with table.clock.working():
         askers = [table.clock.spawn(ask, "asker") for _ in range(2)]
-        table.goals.on_result(goal, told.append)
         assert told == []
         table.end(S.SUCCEEDED)
         for asker in askers:
             asker.join()
     ask()
-    table.goals.on_result(goal, told.append)
-    assert [one.state.value for one in told] == [4] * 5
-
-
-def test_whoever_fails_to_be_told_keeps_it_from_nobody() -> None:
-    table = Table()
-    goal = table.send().identity
-    told: list[Outcome] = []
-    table.begin()
-    table.goals.on_result(goal, lambda _: 1 // 0)  # type: ignore[arg-type]
-    table.goals.on_result(goal, told.append)
-    table.end(S.SUCCEEDED)
-    assert len(told) == 1
+    assert [one.state.value for one in told] == [4] * 3
 
 
 def test_the_all_zero_name_is_one_like_any_other() -> None:
@@ -183,8 +168,11 @@ def test_results_can_be_kept_for_ever_or_not_at_all(keep: float, known: int) -> 
     goal = table.send().identity
     table.begin()
     told: list[Outcome] = []
-    table.goals.on_result(goal, told.append)
-    table.end(S.SUCCEEDED)
+    with table.clock.working():
+        asker = table.clock.spawn(lambda: told.append(table.goals.result(goal, None)), "asker")
+        table.pass_time(1.0)  # the asker waits by now
+        table.end(S.SUCCEEDED)
+        asker.join()
     table.pass_time(1e6)
     assert len(told) == 1  # who has asked before is told in any case
     assert len(table.goals.all()) == known
@@ -197,7 +185,7 @@ def test_so_many_wait_and_one_more_is_told_so() -> None:
     waiting = [table.send().identity for _ in range(WAITING)]
     refused = table.send()
     assert (refused.accepted, refused.stamp_ns, refused.code) == (False, 0, "goal.queue_full")
-    assert f"{WAITING} goals wait" in refused.message
+    assert f"{WAITING} goals are waiting" in refused.message
     table.cancel(waiting[0])
     assert table.send().accepted
     assert not table.send().accepted

@@ -8,7 +8,7 @@ from py_trees.behaviours import Dummy
 from py_trees.composites import Sequence
 
 from executive.goals.mailbox import Mailbox
-from executive.goals.run import CANCEL_DEADLINE
+from executive.goals.stop import STOP_TIMEOUT
 from hardware import RealClock, SimulatedClock
 from trees.compile.paths import paths
 
@@ -76,15 +76,15 @@ def test_wait_until_it_is_so(clock: SimulatedClock) -> None:
 
     with clock.working():
         clock.spawn(later, "later")
-        assert mailbox.wait_until(so.is_set, CANCEL_DEADLINE)
+        assert mailbox.wait_until(so.is_set, STOP_TIMEOUT)
     assert clock.now() == pytest.approx(0.1)
 
 
 def test_wait_until_the_time_is_up(clock: SimulatedClock) -> None:
     mailbox = Mailbox(clock)
     with clock.working():
-        assert not mailbox.wait_until(lambda: False, CANCEL_DEADLINE)
-    assert clock.now() == pytest.approx(CANCEL_DEADLINE)
+        assert not mailbox.wait_until(lambda: False, STOP_TIMEOUT)
+    assert clock.now() == pytest.approx(STOP_TIMEOUT)
 
 
 def named(name: str, *children: Behaviour) -> Behaviour:

@@ -121,7 +121,7 @@ def test_a_lost_recording_is_reported_whatever_the_outcome(
         if isinstance(record, logs.Sent) and len(arm.frames) == 5:
             (path,) = tmp_path.glob("*.mcap")
             path.unlink()
-            arm.cancel() if canceled else arm.executive._fail(OSError("odd"))
+            arm.cancel() if canceled else arm.executive._interrupt(OSError("odd"))
 
     arm.on_record = watch
     (outcome,) = arm.run(1)
@@ -177,7 +177,7 @@ def test_earlier_log_lines_are_at_the_start_of_a_recording(
     arm = rig(single_user=single_user)
     begun = arm.clock.now()
     for words in ("one", "two"):
-        arm.executive.tell(logs.LogLine(begun, 30, "logs", words))
+        arm.executive.record(logs.LogLine(begun, 30, "logs", words))
     arm.rest(1.0)
     if single_user:
         assert arm.run(0)[0].success
@@ -197,7 +197,7 @@ def test_the_log_line_that_begins_a_goal_is_in_its_recording(
     caplog.set_level(logging.INFO)
     arm = server()
     root = logging.getLogger()
-    handler = LogHandler(arm.executive.tell, arm.clock)
+    handler = LogHandler(arm.executive.record, arm.clock)
     monkeypatch.setattr(root, "handlers", [*root.handlers, handler])
     outcome = run(arm, 1)
     arm.executive.close()

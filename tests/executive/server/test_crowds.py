@@ -182,7 +182,7 @@ def test_a_subscriber_that_does_not_read_is_dropped(
         assert slow.recv(15) == b"HTTP/1.1 200 OK"
         for number in range(200):
             line = logs.LogLine(served.clock.now(), 20, "test", f"{number} {'x' * 10_000}")
-            served.executive.tell(line)
+            served.executive.record(line)
             assert next(events).message.startswith(f"{number} ")  # type: ignore[union-attr]
         assert b"".join(iter(lambda: slow.recv(65_536), b"")).count(b"\n\n") < 200
         assert client.run(11).success

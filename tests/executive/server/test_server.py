@@ -10,7 +10,7 @@ import logs
 from executive.cli.log_handler import LogHandler
 from executive.cli.serve import prepare
 from executive.errors import ResultTimeout, UnknownGoal
-from executive.goals.outcome import Acceptance, GoalState, GoalStatus, Outcome
+from executive.goals.outcome import Acceptance, GoalState, GoalStatus
 from executive.goals.queue import Policy
 from executive.replay.verification import verify
 from hardware import NotActive, PortMissing, State, TransitionRefused
@@ -197,7 +197,7 @@ def test_a_subscriber_that_fails_or_leaves(server: RigMaker) -> None:
         failed.append(event)
         raise ZeroDivisionError
 
-    handler = LogHandler(arm.executive.tell, arm.clock)  # its log is an event as well
+    handler = LogHandler(arm.executive.record, arm.clock)  # its log is an event as well
     logging.getLogger().addHandler(handler)
     arm.executive.subscribe(fail)
     leave = arm.executive.subscribe(told.append)
@@ -313,9 +313,6 @@ def test_unknown_goals_and_timeouts(server: RigMaker) -> None:
     arm.rest(6.0)
     with pytest.raises(UnknownGoal):
         arm.executive.result(sent)
-    told: list[Outcome] = []
-    with pytest.raises(UnknownGoal):
-        arm.executive.on_result(sent, told.append)
 
 
 def test_closing_cancels_running_and_waiting_goals(server: RigMaker, tmp_path: Path) -> None:
@@ -334,7 +331,7 @@ def test_closing_cancels_running_and_waiting_goals(server: RigMaker, tmp_path: P
 def test_events_between_goals_are_recorded(server: RigMaker, tmp_path: Path) -> None:
     arm = server()
     for task in (1, 7):
-        arm.executive.tell(logs.LogLine(arm.clock.now(), 20, "network", f"a client sends {task}"))
+        arm.executive.record(logs.LogLine(arm.clock.now(), 20, "network", f"a client sends {task}"))
         run(arm, task)
         arm.rest(0.1)
     arm.executive.arm_to("deactivate")
