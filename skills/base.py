@@ -21,7 +21,12 @@ from .motion.world import Body
 logger = logging.getLogger(__name__)
 
 # Names that skills of users may still have, and the names that replace them.
-_RENAMED = {"judge": "validate", "judges_parts": "validates_partial"}
+_RENAMED = {
+    "judge": "validate",
+    "judges_parts": "validates_partial",
+    "shortest": "min_duration",
+    "doing": "phase",
+}
 
 
 class WorldChange(Enum):
@@ -45,8 +50,8 @@ class Skill(BehaviourWithPorts):
         pure: True if its result depends on its inputs alone.
         validates_partial: True if `validate` also receives inputs of which only a part is known:
             Positions with `unknown` joints, and None for an item of a list.
-        doing: Phase that is reported while the skill runs, such as `waiting`. If empty, the phase
-            is `planning` until a motion is scheduled, then `executing`.
+        phase: Phase that is reported while the skill runs, such as `waiting`. If empty, it is
+            `planning` until a motion is scheduled, then `executing`.
         may_fail: False if it always succeeds.
         may_succeed: False if it always fails.
         world_change: How it changes the world; None if it does not.
@@ -63,7 +68,7 @@ class Skill(BehaviourWithPorts):
     condition = False
     pure = False
     validates_partial = False
-    doing = ""
+    phase = ""
     may_fail = True
     may_succeed = True
     world_change: WorldChange | None = None
@@ -102,8 +107,6 @@ class Skill(BehaviourWithPorts):
             ExceptionGroup: Several of these; each is reported at its own line.
         """
 
-    judge = validate  # for users' skills that call super().judge
-
     @classmethod
     def mistyped(cls, inputs: Mapping[str, Any], types: Mapping[str, str]) -> str:
         """Return why the types of the inputs do not match each other, or "" if they do.
@@ -115,7 +118,7 @@ class Skill(BehaviourWithPorts):
         return ""
 
     @classmethod
-    def shortest(cls, inputs: Mapping[str, Any]) -> float:
+    def min_duration(cls, inputs: Mapping[str, Any]) -> float:
         """Return a lower bound of the skill's duration [s], from the inputs in the task."""
         return 0.0
 
@@ -240,14 +243,17 @@ class Skill(BehaviourWithPorts):
 def _accept_old_names(kind: type[Skill]) -> None:
     """Give members with an old name their new one, with a warning.
 
-    `judge` stays an alias of each `validate`, so that `super().judge` of users' skills works.
+    Members with the new name get the old one too, so that `super().judge` of users' skills works.
     """
     members = dict(vars(kind))
     for old, new in _RENAMED.items():
-        if old in members and new not in members:
+        if new in members:
+            setattr(kind, old, members[new])
+        elif old in members:
             file = getattr(sys.modules.get(kind.__module__), "__file__", None) or kind.__module__
             message = f"{file}: {kind.__name__}.{old} is deprecated; rename it to {new}"
             warnings.warn(message, DeprecationWarning, stacklevel=3)
             setattr(kind, new, members[old])
-    if "validate" in members:
-        kind.judge = members["validate"]
+
+
+_accept_old_names(Skill)

@@ -82,8 +82,10 @@ def build(
     """
     given = arguments or {}
     tree = TreeCompiler(library, context).task(*draft, f"/{namespace}", given)
-    refused = refusals(tree, context.robot)
-    if found := mistakes_of(tree, draft, library, context):
+    refusals(tree, context.robot)
+    found = mistakes_of(tree, draft, library, context)
+    refused = tree.hooks.refused  # also by hooks that the analysis has called
+    if found:
         raise wrong([*found, *(refusal.mistake for refusal in refused)], given)
     if refused:
         raise _cause(refused, dict(paths(tree.root)))

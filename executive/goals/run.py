@@ -250,8 +250,8 @@ class Progress:
         before = self._last.percentage if attempt == self._last.attempt else None
         percentage = self._percentage(before)
         name = running.name if running else self._tree.root.name
-        doing = "paused" if paused else running.doing if running else ""
-        phase = doing or ("planning" if percentage is None else "executing")
+        reported = "paused" if paused else running.phase if running else ""
+        phase = reported or ("planning" if percentage is None else "executing")
         last, self._last = self._last, ProgressPoint(percentage, phase, name, attempt)
         return self._last if self._last != last else None
 

@@ -19,7 +19,7 @@ class Ask(Skill):
     """Ask the operator and wait; fail without an answer, or if it differs from the wanted one."""
 
     validates_partial = True
-    doing = "asking"
+    phase = "asking"
 
     INPUT_PORTS = {
         "question": Port(str, description="question to ask"),

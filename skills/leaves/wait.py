@@ -14,7 +14,7 @@ class Wait(Skill):
     """Wait for a duration."""
 
     may_fail = False
-    doing = "waiting"
+    phase = "waiting"
 
     INPUT_PORTS = {
         "duration": Port(float, description="duration [s]", unit="s", least=0.0, most=86_400.0)
@@ -24,7 +24,7 @@ class Wait(Skill):
     _deadline = 0.0
 
     @classmethod
-    def shortest(cls, inputs: Mapping[str, Any]) -> float:
+    def min_duration(cls, inputs: Mapping[str, Any]) -> float:
         """Return the duration if it is known, else 0 [s]."""
         duration: float = inputs.get("duration", 0.0)
         return duration

@@ -33,10 +33,10 @@ def _outcomes(tree: CompiledTree, node: Behaviour, halted: bool) -> PossibleOutc
     if node in tree.hooks.doubtful:
         return PossibleOutcomes()
     leaf = tree.leaves[node]
-    shortest = tree.hooks.shortest(leaf)
+    least = tree.hooks.min_duration(leaf)
     if node in tree.hooks.doubtful:
         return PossibleOutcomes()
-    return PossibleOutcomes(leaf.skill.may_succeed, leaf.skill.may_fail, shortest)
+    return PossibleOutcomes(leaf.skill.may_succeed, leaf.skill.may_fail, least)
 
 
 class _Node:

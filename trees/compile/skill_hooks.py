@@ -82,10 +82,13 @@ class SkillHooks:
         inputs = {**leaf.known, **leaf.partial} if kind.validates_partial else leaf.known
         self._call(leaf, "validate", lambda: kind.validate(robot, inputs), _ANY)
 
-    def shortest(self, leaf: Leaf) -> float:
+    def min_duration(self, leaf: Leaf) -> float:
         """Return the least time that a skill takes [s]."""
         kind = type(leaf.skill)
-        return self._call(leaf, "shortest", lambda: kind.shortest(leaf.known), _DURATION) or 0.0
+        return (
+            self._call(leaf, "min_duration", lambda: kind.min_duration(leaf.known), _DURATION)
+            or 0.0
+        )
 
     def poses(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
         """Return the configurations that inputs send the arm to [rad]; none of a doubtful skill."""

@@ -110,7 +110,7 @@ class Timeless(Skill):
         return Status.SUCCESS
 
     @classmethod
-    def shortest(cls, *_: object) -> float:
+    def min_duration(cls, *_: object) -> float:
         raise ValueError("no idea")
 
 
@@ -149,7 +149,7 @@ def tasks(tmp_path: Path) -> Path:
         (44, "skill.broken", "t44/Unsure", "Unsure.busy raised ValueError: no idea"),
         (45, "skill.broken", "t45/Lost", "Lost.progress raised ValueError: no idea"),
         (47, "skill.broken", "t47/Unmade", "Unmade.__init__ raised ValueError: no idea"),
-        (48, "skill.broken", "t48/Timeless", "Timeless.shortest raised ValueError: no idea"),
+        (48, "skill.broken", "t48/Timeless", "Timeless.min_duration raised ValueError: no idea"),
     ],
 )
 def test_the_goal_ends_with_its_cause_and_the_next_one_is_done(

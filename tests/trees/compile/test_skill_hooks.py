@@ -30,8 +30,8 @@ class Frail(Skill):
         return Status.SUCCESS
 
     @classmethod
-    def shortest(cls, *_: object) -> Any:
-        return cls.answers["shortest"]()
+    def min_duration(cls, *_: object) -> Any:
+        return cls.answers["min_duration"]()
 
     @classmethod
     def poses(cls, *_: object) -> Any:
@@ -59,12 +59,16 @@ POSES = "a list of tuples of 4 numbers"
 BREAKS: list[tuple[str, Callable[[], Any], str]] = [
     ("__init__", boom, RAISED.format("__init__")),
     ("__init__", lambda: "no call of that of Skill", "Frail.__init__ gave "),
-    ("shortest", boom, RAISED.format("shortest")),
-    ("shortest", leave, "Frail.shortest raised SystemExit: 3"),
-    ("shortest", lambda: "long", "Frail.shortest gave 'long', not a number"),
-    ("shortest", lambda: [10**5000], "Frail.shortest gave a list that cannot be shown, not a"),
-    ("shortest", lambda: math.nan, "Frail.shortest gave nan, not a number"),
-    ("shortest", lambda: 10**400, "Frail.shortest gave 1000"),
+    ("min_duration", boom, RAISED.format("min_duration")),
+    ("min_duration", leave, "Frail.min_duration raised SystemExit: 3"),
+    ("min_duration", lambda: "long", "Frail.min_duration gave 'long', not a number"),
+    (
+        "min_duration",
+        lambda: [10**5000],
+        "Frail.min_duration gave a list that cannot be shown, not a",
+    ),
+    ("min_duration", lambda: math.nan, "Frail.min_duration gave nan, not a number"),
+    ("min_duration", lambda: 10**400, "Frail.min_duration gave 1000"),
     ("poses", boom, RAISED.format("poses")),
     ("poses", refuse, "Frail: not there"),
     ("poses", lambda: None, f"Frail.poses gave None, not {POSES}"),
@@ -83,7 +87,7 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Callable[[], Any]]
     def say(what: str, how: Callable[[], Any]) -> None:
         right: dict[str, Callable[[], Any]] = {
             "__init__": lambda: None,
-            "shortest": lambda: 0.0,
+            "min_duration": lambda: 0.0,
             "poses": list,
             "body": lambda: None,
         }
@@ -105,7 +109,7 @@ def test_check_names_it_at_its_node_and_tells_all_else(
     assert "no skill Sukseed" in other.message
 
 
-@pytest.mark.parametrize("what", ["__init__", "shortest"])
+@pytest.mark.parametrize("what", ["__init__", "min_duration"])
 @pytest.mark.parametrize("command", ["show", "plan"])
 def test_commands_refuse_the_file(tmp_path: Path, answer: Any, what: str, command: str) -> None:
     answer(what, boom)
