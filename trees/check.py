@@ -1,36 +1,21 @@
 """`armtree check`: finds the mistakes in task files without moving anything."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, suppress
-from dataclasses import dataclass, field, replace
-from functools import partial
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from queue import SimpleQueue
 
 from hardware import Arm, RealClock, Robot
 from skills import Context, Positions, SkillError, check_joints, known_errors
-from skills.motion import (
-    EMPTY,
-    BadWorld,
-    Body,
-    Carry,
-    MotionCollides,
-    MotionError,
-    Pool,
-    Reached,
-    Result,
-    ToolQuery,
-    Verify,
-    WorkerDied,
-    World,
-)
+from skills.motion import Body, Carry, Pool, Reached, ToolQuery, World
 
+from .analysis.collisions import CollisionChecks
 from .analysis.predicted_motion import Motion, predict_motions
 from .analysis.reachability import check_outcomes
 from .build import mistakes_of, refusals
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.paths import paths
-from .compile.skill_hooks import Pose, SkillHooks
+from .compile.skill_hooks import Pose
 from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import StandIn
 from .reading.grammar import PosesFile
@@ -67,7 +52,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     """
     context = _context(robot)
     findings = Findings()
-    pending = _Pending()
+    collisions = CollisionChecks(robot, context.pool)
     try:
         jobs = list(_jobs(folder, files))
     except TreeError as error:
@@ -81,10 +66,11 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.notes += [] if files else library.notes
     for path, library, name in jobs:
         findings.files.append(path)
-        checker = _Checker(library, context, pending)
+        checker = _Checker(library, context, collisions)
         findings.mistakes += checker.check(path, name)
-    findings.mistakes += _refused(pending, context, findings.notes)
-    findings.mistakes += [m for tree in pending.trees for m in tree.hooks.mistakes]
+    findings.mistakes += collisions.mistakes()
+    findings.mistakes += [m for tree in collisions.trees for m in tree.hooks.mistakes]
+    findings.notes += collisions.notes
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
 
@@ -196,32 +182,17 @@ def _all(library: Library) -> Iterator[tuple[Path, Library, Named]]:
             yield library.path(number), library, number
 
 
-@dataclass
-class _Pending:
-    """What remains to be checked by a planner.
-
-    Attributes:
-        poses: Poses of files of poses, and their places.
-        trees: Compiled tasks and subtrees.
-        tasks: Compiled tasks.
-    """
-
-    poses: list[tuple[Place, Pose]] = field(default_factory=list)
-    trees: list[CompiledTree] = field(default_factory=list)
-    tasks: list[CompiledTree] = field(default_factory=list)
-
-
 class _Checker:
     """Checks one file of a library.
 
     Args:
         library: The library.
         context: Context of an arm that does not move.
-        pending: Receives what a planner must check.
+        collisions: Receives what a planner must check.
     """
 
-    def __init__(self, library: Library, context: Context, pending: _Pending) -> None:
-        self._library, self._context, self._pending = library, context, pending
+    def __init__(self, library: Library, context: Context, collisions: CollisionChecks) -> None:
+        self._library, self._context, self._collisions = library, context, collisions
 
     def check(self, path: Path, name: Named) -> list[Mistake]:
         """Return the mistakes of a file that are found without a planner."""
@@ -237,7 +208,7 @@ class _Checker:
                 draft = self._library.draft(name)
                 tree = compiler.task(*draft, "/check", None)
                 found = mistakes_of(tree, draft, self._library, self._context)
-                self._pending.tasks.append(tree)
+                self._collisions.tasks.append(tree)
             else:
                 place = Place(self._library.subtree_path(name), 1, 1)
                 tree = compiler.subtree(*self._library.subtree(name, place), "/check")
@@ -246,7 +217,7 @@ class _Checker:
         except TreeError as error:
             return _mistakes(error)
         refusals(tree, self._context.robot)  # reported at the end, with those of other hooks
-        self._pending.trees.append(tree)
+        self._collisions.trees.append(tree)
         return found
 
     def _poses(self, file: PosesFile) -> list[Mistake]:
@@ -263,11 +234,10 @@ class _Checker:
             leaders = ({joint.name for joint in robot.actuated_in(group)} for group in robot.groups)
             if len(known) < len(joints):
                 continue
-            if any(
-                names <= joints.keys() for names in leaders
-            ):  # other joints are at their boot positions
+            if any(names <= joints.keys() for names in leaders):
+                # Other joints are at their boot positions.
                 pose = tuple(joints.get(joint.name, joint.boot) for joint in robot.actuated)
-                self._pending.poses.append((place, pose))
+                self._collisions.poses.append((place, pose))
         return wrong
 
 
@@ -276,99 +246,6 @@ def _mistakes(error: TreeError) -> list[Mistake]:
         return list(error.mistakes)
     path = getattr(error, "path", None)
     return [Mistake(Place(path, 1, 1) if path else Place(Path(), 0, 0), str(error))]
-
-
-def _refused(pending: _Pending, context: Context, notes: list[Mistake]) -> Iterator[Mistake]:
-    """Return what a planner reports of every body alone, and of every pose in its world."""
-    if not (pending.poses or pending.trees):
-        return
-    with closing(context.pool) as pool:
-        pool.start()
-        broken = set[Body]()
-        for body, where in _bodies(pending).items():
-            alone = World(
-                (replace(body, touches=frozenset()),)
-            )  # without the bodies that it may touch
-            answer = _ask(pool, Verify([context.robot.boot_pose], 0.0, world=alone))
-            if isinstance(answer, (BadWorld, WorkerDied)):
-                broken.add(body)
-                yield from (Mistake(place, f"{body.name}: {answer}") for place in where)
-        poses, boot = _poses(pending, context), context.robot.boot_pose
-        for (pose, world), uses in poses.items():
-            if broken.isdisjoint(world.bodies) and (hit := _hit(context, pose, world)):
-                yield from (Mistake(place, f"{words}: {_words(hit)}") for place, words in uses)
-        for world, place in _unmoved(pending, context).items():
-            new = (boot, world) not in poses and broken.isdisjoint(world.bodies)
-            if new and (hit := _hit(context, boot, world)):
-                why = "in its boot pose the arm collides before it moves here"
-                notes.append(Mistake(place, f"{why}: {_words(hit)}"))
-
-
-def _words(hit: MotionError) -> str:
-    """Describe a collision of a pose; the error describes one of a motion."""
-    return hit.contact if isinstance(hit, MotionCollides) else str(hit)
-
-
-def _hit(context: Context, pose: Pose, world: World) -> MotionError | None:
-    """Return the collision of a pose, or None."""
-    answer = _ask(context.pool, Verify([pose], context.robot.collision.margin, world=world))
-    # A subtree may name bodies to touch that only its users add.
-    return answer if isinstance(answer, MotionError) and not isinstance(answer, BadWorld) else None
-
-
-def _bodies(pending: _Pending) -> dict[Body, list[Place]]:
-    """Return all bodies that are added, and their places in the files."""
-    bodies: dict[Body, list[Place]] = {}
-    for tree in pending.trees:
-        for leaf in tree.leaves.values():
-            if body := tree.hooks.body(leaf):
-                bodies.setdefault(body, []).append(leaf.place)
-    return bodies
-
-
-def _poses(
-    pending: _Pending, context: Context
-) -> dict[tuple[Pose, World], list[tuple[Place, str]]]:
-    """Return all configurations and their worlds, with the places and messages of a collision."""
-    poses: dict[tuple[Pose, World], list[tuple[Place, str]]] = {}
-    goal, start = "this pose collides", "before it moves here, the arm collides"
-    for place, pose in pending.poses:
-        poses.setdefault((pose, EMPTY), []).append((place, goal))
-    carry = partial(_carried, context.pool)
-    for tree in pending.trees:
-        for motion in predict_motions(tree, context.robot, carry).motions:
-            if motion.start and (motion.start, motion.world) not in poses:
-                poses[motion.start, motion.world] = [(motion.place, start)]
-            poses.setdefault((motion.pose, motion.world), []).append((motion.place, goal))
-    return poses
-
-
-def _unmoved(pending: _Pending, context: Context) -> dict[World, Place]:
-    """Return the worlds in which tasks first move the arm, and the places of these motions."""
-    worlds, boot = dict[World, Place](), context.robot.boot_pose
-    carry = partial(_carried, context.pool)
-    for tree in pending.tasks:
-        # Refusals that concern only this pose are not mistakes.
-        hooks = SkillHooks(tree.hooks.doubtful)
-        found = predict_motions(tree, context.robot, carry, boot, hooks=hooks)
-        for motion in found.motions:
-            if motion.start == boot:
-                worlds.setdefault(motion.world, motion.place)
-    return worlds
-
-
-def _carried(pool: Pool, request: Carry) -> Body:
-    answer = _ask(pool, request)
-    if isinstance(answer, MotionError):
-        raise answer
-    assert isinstance(answer, Body)
-    return answer
-
-
-def _ask(pool: Pool, request: Verify | Carry) -> Result:
-    answers: SimpleQueue[Result] = SimpleQueue()
-    pool.submit(request, answers.put)
-    return answers.get()
 
 
 def _context(robot: Robot) -> Context:

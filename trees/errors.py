@@ -73,6 +73,44 @@ def _printable(words: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in words)
 
 
+class Mistakes:
+    """Collects mistakes, at most one per place.
+
+    Args:
+        known: Mistakes that are known already. A mapping and its first key begin at the same place;
+            their locations in the document differ.
+    """
+
+    def __init__(self, known: Iterable[Mistake] = ()) -> None:
+        self.found = list(known)
+        self._reported = {_where(mistake.place) for mistake in self.found}
+
+    def add(self, place: Place, message: str) -> None:
+        """Add a mistake, unless its place has one."""
+        if _where(place) not in self._reported:
+            self.found.append(Mistake(place, message))
+
+    def add_also(self, place: Place, message: str) -> None:
+        """Add a mistake of a node, although its place may have others."""
+        self.found.append(Mistake(place, message))
+
+    def add_last(self, place: Place, message: str) -> None:
+        """Add a mistake; later ones at the same place are dropped."""
+        self.add(place, message)
+        self._reported.add(_where(place))
+
+    def take(self, mistakes: Iterable[Mistake]) -> None:
+        """Add several mistakes; later ones at the same places are dropped."""
+        taken = list(mistakes)
+        for mistake in taken:
+            self.add(mistake.place, mistake.message)
+        self._reported |= {_where(mistake.place) for mistake in taken}
+
+
+def _where(place: Place) -> tuple[Place, str]:
+    return place, place.location
+
+
 class TreeError(Exception):
     """Root of the errors of task files."""
 

@@ -11,13 +11,12 @@ import trees
 from hardware.suggestions import choices, corrections
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
-from trees.errors import Mistake, Place
+from trees.errors import Mistake, Mistakes, Place
 from trees.nodes import KINDS, Child, Control, ControlNodeKind, Flow
 from trees.nodes.unknown import UnknownKind
 from trees.reading.document import REFUSED, Located, StandIn
 from trees.reading.grammar import UNTYPED, SubtreeFile, TaskFile
 from trees.reading.library import Library
-from trees.reading.node_parser import Mistakes
 from trees.reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
 from .arguments import MISSING

@@ -6,7 +6,7 @@ A key counts as written if every path through the tree to the node writes it.
 from dataclasses import dataclass, field
 
 from trees.declarations import type_fits, words
-from trees.reading.node_parser import Mistakes
+from trees.errors import Mistakes
 from trees.reading.specs import Key
 
 _OR = " | "  # separates the types of a key that depends on the path

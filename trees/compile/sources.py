@@ -4,10 +4,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from trees.declarations import Declaration
-from trees.errors import FileError, Mistake
+from trees.errors import FileError, Mistake, Mistakes
 from trees.reading.grammar import SubtreeFile, TaskFile
 from trees.reading.library import Library, poses_of
-from trees.reading.node_parser import Mistakes
 from trees.reading.specs import SubtreeNode, TreeNode
 
 _SHOWN = 20  # numbers in a message

@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 
 from hardware.suggestions import choices, corrections
 from trees.declarations import LIST, TYPES, Declaration
-from trees.errors import FileError, Mistake
+from trees.errors import FileError, Mistake, Mistakes
 
 from .document import Located, draft_document, names_within, nested
-from .node_parser import Mistakes, NodeParser
+from .node_parser import NodeParser
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
 from .values import fit
 

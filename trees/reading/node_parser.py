@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, TypeGuard
 
 from hardware.suggestions import choices, corrections, suggestion
-from trees.errors import Mistake, Place
+from trees.errors import Mistakes, Place
 
 from .document import Located, names_within, nested
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
@@ -17,40 +17,6 @@ MAX_NUMBER = 2**31 - 1
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
-
-
-class Mistakes:
-    """Collects mistakes, at most one per place.
-
-    Args:
-        known: Mistakes that are known already. A mapping and its first key begin at the same place;
-            their locations in the document differ.
-    """
-
-    def __init__(self, known: Iterable[Mistake] = ()) -> None:
-        self.found = list(known)
-        self._reported = {_where(mistake.place) for mistake in self.found}
-
-    def add(self, place: Place, message: str) -> None:
-        """Add a mistake, unless its place has one."""
-        if _where(place) not in self._reported:
-            self.found.append(Mistake(place, message))
-
-    def add_also(self, place: Place, message: str) -> None:
-        """Add a mistake of a node, although its place may have others."""
-        self.found.append(Mistake(place, message))
-
-    def add_last(self, place: Place, message: str) -> None:
-        """Add a mistake; later ones at the same place are dropped."""
-        self.add(place, message)
-        self._reported.add(_where(place))
-
-    def take(self, mistakes: Iterable[Mistake]) -> None:
-        """Add several mistakes; later ones at the same places are dropped."""
-        taken = list(mistakes)
-        for mistake in taken:
-            self.add(mistake.place, mistake.message)
-        self._reported |= {_where(mistake.place) for mistake in taken}
 
 
 class NodeParser:
@@ -246,10 +212,6 @@ def _kinds() -> "Mapping[str, ControlNodeKind]":
 def _heads() -> tuple[str, ...]:
     """Return the keys that begin a node, except for the names of skills."""
     return (*_kinds(), *_FILES)
-
-
-def _where(place: Place) -> tuple[Place, str]:
-    return place, place.location
 
 
 def is_number(value: object) -> TypeGuard[int]:

@@ -1,6 +1,8 @@
 """Finding files: those that ship, and a folder of one's own."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -118,3 +120,9 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     for number in (3, 4, 5, 6):
         with pytest.raises(FileError, match=rf"{number}_\w+.yaml:1:1: "):
             library.task(number)
+
+
+def test_a_list_of_tasks_needs_neither_skills_nor_py_trees() -> None:
+    code = "import sys; from trees import Library; [Library().head(n) for n in Library().numbers()]"
+    code += "; sys.exit({'numpy', 'py_trees', 'skills'} & set(sys.modules) or None)"
+    assert subprocess.run([sys.executable, "-P", "-c", code], check=False).returncode == 0

@@ -1,0 +1,132 @@
+"""Collision checks before a run: bodies that cannot be loaded, and configurations that collide."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from queue import SimpleQueue
+
+from hardware import Robot
+from skills.motion import (
+    EMPTY,
+    BadWorld,
+    Body,
+    Carry,
+    MotionCollides,
+    MotionError,
+    Pool,
+    Result,
+    Verify,
+    WorkerDied,
+    World,
+)
+from trees.compile.compiler import CompiledTree
+from trees.compile.skill_hooks import Pose, SkillHooks
+from trees.errors import Mistake, Place
+
+from .predicted_motion import predict_motions
+
+_Use = tuple[Place, str]  # a place that uses a configuration, and the message if it collides
+
+
+@dataclass
+class CollisionChecks:
+    """Bodies and configurations to check, all with one planner process.
+
+    Args:
+        robot: The robot.
+        pool: Planners; started and closed by `mistakes`.
+
+    Attributes:
+        poses: Configurations to check in an empty world [rad], and their places.
+        trees: Compiled tasks and subtrees.
+        tasks: The tasks among them.
+        notes: Tasks whose first motion starts in collision if the arm is in its boot pose.
+    """
+
+    robot: Robot
+    pool: Pool
+    poses: list[tuple[Place, Pose]] = field(default_factory=list)
+    trees: list[CompiledTree] = field(default_factory=list)
+    tasks: list[CompiledTree] = field(default_factory=list)
+    notes: list[Mistake] = field(default_factory=list)
+
+    def mistakes(self) -> Iterator[Mistake]:
+        """Return the mistakes that a planner finds, and add the notes."""
+        if not (self.poses or self.trees):
+            return
+        with closing(self.pool):
+            self.pool.start()
+            broken = set[Body]()
+            for body, places in self._bodies().items():
+                if error := self._load_error(body):
+                    broken.add(body)
+                    yield from (Mistake(place, f"{body.name}: {error}") for place in places)
+            configurations, boot = self._configurations(), self.robot.boot_pose
+            for (pose, world), uses in configurations.items():
+                if broken.isdisjoint(world.bodies) and (hit := self._collision(pose, world)):
+                    yield from (Mistake(place, f"{message}: {hit}") for place, message in uses)
+            for world, place in self._first_worlds().items():
+                new = (boot, world) not in configurations and broken.isdisjoint(world.bodies)
+                if new and (hit := self._collision(boot, world)):
+                    why = "in its boot pose the arm collides before it moves here"
+                    self.notes.append(Mistake(place, f"{why}: {hit}"))
+
+    def _load_error(self, body: Body) -> BadWorld | WorkerDied | None:
+        """Return why a body cannot be loaded, or None."""
+        alone = World((replace(body, touches=frozenset()),))  # the others may be added before
+        answer = self._ask(Verify([self.robot.boot_pose], 0.0, world=alone))
+        return answer if isinstance(answer, (BadWorld, WorkerDied)) else None
+
+    def _collision(self, pose: Pose, world: World) -> str:
+        """Return what collides in a configuration, or an empty text."""
+        answer = self._ask(Verify([pose], self.robot.collision.margin, world=world))
+        # A subtree may name bodies to touch that only its users add.
+        if not isinstance(answer, MotionError) or isinstance(answer, BadWorld):
+            return ""
+        return answer.contact if isinstance(answer, MotionCollides) else str(answer)
+
+    def _bodies(self) -> dict[Body, list[Place]]:
+        """Return all bodies that are added, and their places in the files."""
+        bodies: dict[Body, list[Place]] = {}
+        for tree in self.trees:
+            for leaf in tree.leaves.values():
+                if body := tree.hooks.body(leaf):
+                    bodies.setdefault(body, []).append(leaf.place)
+        return bodies
+
+    def _configurations(self) -> dict[tuple[Pose, World], list[_Use]]:
+        """Return all configurations in their worlds, and their uses."""
+        found: dict[tuple[Pose, World], list[_Use]] = {}
+        goal, start = "this pose collides", "before it moves here, the arm collides"
+        for place, pose in self.poses:
+            found.setdefault((pose, EMPTY), []).append((place, goal))
+        for tree in self.trees:
+            for motion in predict_motions(tree, self.robot, self._carry).motions:
+                if motion.start and (motion.start, motion.world) not in found:
+                    found[motion.start, motion.world] = [(motion.place, start)]
+                found.setdefault((motion.pose, motion.world), []).append((motion.place, goal))
+        return found
+
+    def _first_worlds(self) -> dict[World, Place]:
+        """Return the worlds in which tasks first move the arm, and the places of these motions."""
+        worlds, boot = dict[World, Place](), self.robot.boot_pose
+        for tree in self.tasks:
+            # Refusals that concern only this start are not mistakes.
+            hooks = SkillHooks(tree.hooks.doubtful)
+            found = predict_motions(tree, self.robot, self._carry, boot, hooks=hooks)
+            for motion in found.motions:
+                if motion.start == boot:
+                    worlds.setdefault(motion.world, motion.place)
+        return worlds
+
+    def _carry(self, request: Carry) -> Body:
+        answer = self._ask(request)
+        if isinstance(answer, MotionError):
+            raise answer
+        assert isinstance(answer, Body)
+        return answer
+
+    def _ask(self, request: Verify | Carry) -> Result:
+        answers: SimpleQueue[Result] = SimpleQueue()
+        self.pool.submit(request, answers.put)
+        return answers.get()
