@@ -1,4 +1,4 @@
-"""Where a run holds before a node begins, so that it can be looked at and stepped through."""
+"""Breakpoints: a run pauses before a node starts."""
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -37,12 +37,12 @@ def check_node(library: LiveLibrary, path: str) -> None:
 
 
 class Breakpoints:
-    """Those of one run; for its owner thread.
+    """The breakpoints of one run; for the executor thread only.
 
     Args:
-        marked: Paths of the nodes to hold before; those of nodes with others below them count for
-            the first of these that begins. Shared by all runs, and may change meanwhile.
-        mailbox: Of the run.
+        marked: Paths of the nodes with a breakpoint. A breakpoint at an inner node applies to the
+            first skill below it that starts. All runs share the set, and it may change.
+        mailbox: Mailbox of the run.
     """
 
     def __init__(self, marked: set[str], mailbox: Mailbox) -> None:
@@ -50,24 +50,28 @@ class Breakpoints:
         self._paths: dict[Behaviour, str] = {}
         self._held: set[Behaviour] = set()
 
-    def watch(self, tree: Tree) -> None:
-        """Know the nodes of the tree that is run."""
+    def use(self, tree: Tree) -> None:
+        """Take the paths of the nodes of a tree."""
         self._paths = dict(paths(tree.root))
 
-    def holds(self, skill: Behaviour) -> bool:
-        """Whether a skill is to wait before it begins; pauses the run for the first that is."""
+    def hold(self, skill: Behaviour) -> bool:
+        """Pause the run if a skill is at a breakpoint.
+
+        Returns:
+            True if the skill must not start yet.
+        """
         if skill in self._held:
             self._held.discard(skill)
             return False
         mailbox = self._mailbox
-        if not (mailbox.stepping or mailbox.paused or self._reached(skill)):
+        if not (mailbox.stepping or mailbox.paused or self._is_marked(skill)):
             return False
         self._held.add(skill)
         mailbox.pause()
         return True
 
-    def _reached(self, skill: Behaviour) -> bool:
-        """Whether a mark stands at the skill, or at a node that begins with it."""
+    def _is_marked(self, skill: Behaviour) -> bool:
+        """True if the skill, or an inner node that starts with it, has a breakpoint."""
         node: Behaviour | None = skill
         while node is not None and node.status is not Status.RUNNING:
             if self._paths.get(node) in self._marked:

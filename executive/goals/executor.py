@@ -174,13 +174,13 @@ class GoalExecutor:
             wake=mailbox.wake,
             wake_at=mailbox.wake_at,
             paused_time=lambda: mailbox.paused_time,
-            at_breakpoint=breakpoints.holds,
+            at_breakpoint=breakpoints.hold,
         )
         namespace = f"run_{goal.identity}"
         arguments = located(goal.arguments)
         with self._blackboard:
             attempt.tree = build(draft, library, context, namespace, arguments)
-        breakpoints.watch(attempt.tree)
+        breakpoints.use(attempt.tree)
 
     def _open(self, attempt: _Attempt) -> None:
         """Open the recording of a goal."""

@@ -1,4 +1,4 @@
-"""The goals of a server that ended, known by their recordings, and never gone on with."""
+"""Goals of earlier servers, read from their recordings. They are never resumed."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -11,8 +11,16 @@ from executive.recording.recordings import is_server_recording
 from .outcome import GoalState, Outcome, cause_of
 
 
-class _Goal:
-    """What the recordings say of one goal."""
+class _RecordedGoal:
+    """What recordings contain about one goal.
+
+    Attributes:
+        stamp_ns: Time of acceptance, UTC [ns since 1970].
+        record: Record of its acceptance.
+        own: Recording of the goal itself; None if there is none.
+        result: Record of its end; None if it is missing.
+        served: True if a server's recording contains the goal.
+    """
 
     def __init__(self, stamp_ns: int, record: logs.Goal) -> None:
         self.stamp_ns, self.record = stamp_ns, record
@@ -22,43 +30,42 @@ class _Goal:
 
     @property
     def outcome(self) -> Outcome:
-        """How it ended; where nothing says so, its server ended before it did."""
+        """The recorded outcome. If there is none, the server ended before the goal did."""
         path = str(self.own.path) if self.own else ""
         if self.result:
             return Outcome.from_record(self.result, path)
         sent = self.own.records(logs.Sent) if self.own else ()
-        frames = [r for r in sent if isinstance(r, logs.Sent) and r.joints]
+        frames = [record for record in sent if isinstance(record, logs.Sent) and record.joints]
         duration = max(0.0, frames[-1].time - self.record.time) if frames else 0.0
-        cause = cause_of(ServerRestarted())
-        task = self.record.task
+        cause, task = cause_of(ServerRestarted()), self.record.task
         return Outcome.of(task, GoalState.ABORTED, cause, len(frames), duration, path)
 
 
 def load_goal_history(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
-    """The goals of servers before this one, and those that were cut off.
+    """The goals of earlier servers, and all goals whose end is missing.
 
     Args:
-        folder: Where recordings are.
-        since: Only what was recorded since then [s since 1970].
+        folder: Folder of recordings.
+        since: Earliest time of a recording [s since 1970].
 
     Yields:
-        Identity, stamp [ns since 1970], and how it ended, by their stamps.
+        Identity, time of acceptance [ns since 1970] and outcome, in order of acceptance.
     """
-    goals: dict[str, _Goal] = {}
+    goals: dict[str, _RecordedGoal] = {}
     for recording in logs.closed_recordings(folder, since):
-        with suppress(logs.LogError):  # what can be read of it counts
+        with suppress(logs.LogError):  # keep what was read before the error
             _read(recording, goals)
     for identity, goal in sorted(goals.items(), key=lambda item: item[1].stamp_ns):
         if goal.served or goal.result is None:
             yield identity, goal.stamp_ns, goal.outcome
 
 
-def _read(recording: logs.Recording, goals: dict[str, _Goal]) -> None:
+def _read(recording: logs.Recording, goals: dict[str, _RecordedGoal]) -> None:
     served = is_server_recording(recording.path)
     for record in recording.records(logs.Goal, logs.Result):
         if isinstance(record, logs.Goal):
             stamp_ns = recording.epoch_ns + round(record.time * 1e9)
-            goal = goals.setdefault(record.goal_id, _Goal(stamp_ns, record))
+            goal = goals.setdefault(record.goal_id, _RecordedGoal(stamp_ns, record))
             goal.served |= served
             goal.own = goal.own if served else recording
         elif isinstance(record, logs.Result) and record.goal_id in goals:

@@ -1,4 +1,4 @@
-"""What tasks ask, kept until somebody answers it, by whatever way."""
+"""Questions of tasks to the operator, which any client may answer."""
 
 import threading
 import uuid
@@ -11,61 +11,61 @@ from skills import Question
 from .events import QuestionStatus
 
 
-def nobody(_: QuestionStatus) -> None:
-    """Watches nothing."""
+def ignore(_: QuestionStatus) -> None:
+    """Ignore a question."""
 
 
 class Questions:
-    """An operator for programs: what is asked can be looked at and answered from any thread.
+    """An operator for programs. Any thread may list the open questions and answer them.
 
     Args:
-        clock: Whose time.
+        clock: Time source.
 
     Attributes:
-        watch: Told of every question when it is put, and when nobody waits for its answer any more;
-            must be quick, from any thread.
+        changed: Callback for every question that opens or closes. It must be quick, and is called
+            from any thread. Default: `ignore`.
     """
 
     def __init__(self, clock: Clock) -> None:
-        self.watch: Callable[[QuestionStatus], None] = nobody
+        self.changed: Callable[[QuestionStatus], None] = ignore
         self._clock, self._lock = clock, threading.Lock()
         self._open: dict[str, Question] = {}
 
     def ask(self, question: Question) -> None:
-        """Put a question."""
+        """Open a question."""
         identity = uuid.uuid4().hex[:8]
         with self._lock:
             self._open[identity] = question
-        self.watch(self._asked(identity, question))
+        self.changed(self._status(identity, question))
 
     def withdraw(self, question: Question) -> None:
-        """Nobody waits for its answer any more."""
+        """Close a question, because its task does not wait for the answer."""
         with self._lock:
-            ended = [name for name, each in self._open.items() if each is question]
-            for identity in ended:
+            closed = [name for name, each in self._open.items() if each is question]
+            for identity in closed:
                 del self._open[identity]
-        for identity in ended:
-            self.watch(self._asked(identity, question, False))
+        for identity in closed:
+            self.changed(self._status(identity, question, is_open=False))
 
     def open(self) -> tuple[QuestionStatus, ...]:
-        """The questions that wait for an answer, the oldest first."""
+        """The open questions, the oldest first."""
         with self._lock:
             waiting = [item for item in self._open.items() if item[1].answered is None]
-        return tuple(self._asked(*item) for item in waiting)
+        return tuple(self._status(*item) for item in waiting)
 
     def answer(self, identity: str, words: str) -> str:
         """Answer a question; the first answer counts.
 
         Args:
-            identity: Which.
-            words: One of its choices, which may be abbreviated where it stays clear.
+            identity: Identity of the question, 8 hexadecimal digits.
+            words: One of its choices, or an unambiguous abbreviation.
 
         Returns:
             The answer that counts.
 
         Raises:
-            UnknownQuestion: There is none, or it is answered.
-            BadAnswer: It has other choices.
+            UnknownQuestion: No open question has that identity.
+            BadAnswer: The answer is not one of the choices.
         """
         with self._lock:
             question = self._open.get(identity)
@@ -76,5 +76,6 @@ class Questions:
         assert question.answered is not None
         return question.answered
 
-    def _asked(self, identity: str, question: Question, waits: bool = True) -> QuestionStatus:
-        return QuestionStatus(self._clock.now(), identity, question.text, question.choices, waits)
+    def _status(self, identity: str, question: Question, is_open: bool = True) -> QuestionStatus:
+        now = self._clock.now()
+        return QuestionStatus(now, identity, question.text, question.choices, is_open)

@@ -13,7 +13,7 @@ import uvicorn
 
 from executive.errors import AddressInUse, ServerError
 from executive.executive import Executive
-from executive.goals.questions import Questions, nobody
+from executive.goals.questions import Questions, ignore
 from trees.live_library import LiveLibrary
 
 from . import token_file
@@ -183,7 +183,7 @@ class Server:
     def start(self) -> None:
         """Start to answer."""
         self._unsubscribe = self._executive.subscribe(self._hub.publish)
-        self._questions.watch = self._hub.publish
+        self._questions.changed = self._hub.publish
         self._canceler = canceler = CancelThread(self._executive, self._clock)
         answers = Answers(self._executive, canceler, self._library, self._hub, self._questions)
         bridge = Bridge(self._executive, canceler, self._hub, self._robot, self._clock)
@@ -198,7 +198,7 @@ class Server:
         """End all answers and streams, and remove the token file; also if it never started."""
         if self._thread:
             self._unsubscribe()
-            self._questions.watch = nobody
+            self._questions.changed = ignore
             self._loop.call_soon_threadsafe(self._hub.end)
             self._loop.call_soon_threadsafe(self._server.end)
             self._thread.join()
