@@ -1,4 +1,4 @@
-"""The command line as a person uses it: real pseudo-terminals, real recordings, processes.
+"""The command line as a user runs it: real pseudo-terminals, real recordings, processes.
 
 What needs no process of its own is typed in this one.
 """
@@ -33,7 +33,7 @@ ARMTREE = [sys.executable, "-P", "-m", "executive"]
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Path:
-    """The shipped robot, quick: a second is enough for its board to boot, and it moves faster."""
+    """A quick variant of the shipped robot: its board boots in a second, and it moves faster."""
     text = (ROBOT / "arduinobot.toml").read_text()
     text = text.replace("boot_wait_s = 2.0", "boot_wait_s = 1.05")
     text = text.replace("acceleration = 0.5", "acceleration = 4.0")
@@ -84,7 +84,7 @@ def sent_frames(recording: Path) -> list[str]:
 
 
 class Listener:
-    """Somebody else's board: a program on a pseudo-terminal that only listens."""
+    """A foreign board: a program on a pseudo-terminal that only listens."""
 
     def __init__(self) -> None:
         self.master, slave = pty.openpty()
@@ -105,7 +105,7 @@ class Listener:
         os.close(self.master)
 
     def frames(self) -> list[str]:
-        """All that was heard, cut into frames; ends the listening."""
+        """Stop listening; return the received frames."""
         if self._thread.is_alive():
             os.write(self._slave, b"END")
             self._thread.join()
@@ -193,7 +193,7 @@ def test_a_signal_in_a_move_sends_the_hold_frame_and_no_other(
 def test_the_end_of_the_shell_changes_nothing_where_nohup_says_so(
     tmp_path: Path, robot: Path
 ) -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup leaves it to its program
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup sets it for its program
     try:
         process = start(tmp_path, "run", "0", "--robot", str(robot), "--json")
     finally:
@@ -303,7 +303,7 @@ def test_a_goal_in_collision_fails_in_planning(tmp_path: Path, robot: Path) -> N
 
 def test_a_busy_port_is_9(tmp_path: Path, robot: Path, listener: Listener) -> None:
     arguments = ["--robot", str(robot), "--json", "--port", listener.port]
-    with start(tmp_path, "run", "1", "0", *arguments) as first:  # long, on a busy machine too
+    with start(tmp_path, "run", "1", "0", *arguments) as first:  # two tasks take long enough
         assert first.stdout
         for line in first.stdout:
             if json.loads(line)["event"] == "sent":

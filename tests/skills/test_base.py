@@ -1,4 +1,4 @@
-"""The contract of every skill: started once, looked at again, halted only while it runs."""
+"""The contract of every skill: started once, ticked until it ends, halted only while it runs."""
 
 from collections.abc import Mapping
 from typing import Any, cast
@@ -15,7 +15,7 @@ S, F, R, INVALID = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALI
 
 
 class Noted(Skill, register=False):
-    """Answers as it is told, and notes what is done to it."""
+    """Returns scripted answers, and notes the calls."""
 
     INPUT_PORTS = {}
     OUTPUT_PORTS = {}
@@ -43,7 +43,7 @@ class Noted(Skill, register=False):
 
 
 class Hopeless(Noted, register=False):
-    """Cannot even halt."""
+    """Raises an exception when it is halted."""
 
     def on_halt(self) -> None:
         raise SystemExit(3)
@@ -72,7 +72,7 @@ def test_halted_once_while_it_runs(bench: Bench) -> None:
 
 @pytest.mark.parametrize("end", [S, F, SkillError("x")])
 def test_not_halted_when_it_has_ended(bench: Bench, end: Status | Exception) -> None:
-    """py_trees terminates leaves that have ended a second time."""
+    """py_trees calls terminate again for leaves that have ended."""
     skill = bench.skill(Noted).script(R, end)
     tick(skill, 2)
     skill.stop(INVALID)
@@ -137,7 +137,7 @@ def test_what_a_skill_is_not_asked_to_do(bench: Bench) -> None:
 
 
 class _Validated(Skill, register=False):
-    """Accepts no inputs at all."""
+    """Rejects all inputs."""
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""What may be commanded: every joint that is out is named, with its value and limits."""
+"""Checks of targets: an error names every joint outside its limits, with value and limits."""
 
 import math
 
@@ -183,7 +183,7 @@ def test_a_target_out_of_bounds_fails_the_skill(bench: Bench) -> None:
 
 @pytest.mark.parametrize("turns", [3.2, -3.2])
 def test_a_joint_without_an_end_is_moved_half_a_turn_at_the_most(turns: float) -> None:
-    """It would go the short way, which is the other."""
+    """A continuous joint would take the shorter, opposite direction."""
     Shift.validate(foreign("endless"), {"by": {"turn": math.copysign(3.1, turns)}})
     with pytest.raises(OutOfBounds, match="further than half a turn"):
         Shift.validate(foreign("endless"), {"by": {"turn": turns}})
@@ -200,7 +200,7 @@ def test_everything_that_is_wrong_is_told_each_with_its_value(robot: Robot) -> N
         ("arm", "joint_7"),
         ("gripper", "joint_5"),
     ]
-    assert told[1][1].endswith("did you mean joint_2?")  # so that it is not called missing, too
+    assert told[1][1].endswith("did you mean joint_2?")  # so it is not reported as missing too
 
 
 def test_at_run_time_all_of_it_is_one_cause(bench: Bench) -> None:

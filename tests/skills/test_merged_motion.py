@@ -1,4 +1,4 @@
-"""Plans of two groups as one motion of the whole arm."""
+"""Plans of two groups, merged into one motion of the whole arm."""
 
 import numpy as np
 import pytest

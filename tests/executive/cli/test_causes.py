@@ -1,4 +1,4 @@
-"""What a failure is called: the same in the terminal, in JSON, in the log and on the network."""
+"""A failure has the same cause in the terminal, in JSON, in the log and on the network."""
 
 import json
 import logging

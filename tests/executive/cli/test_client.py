@@ -29,7 +29,7 @@ EVERYTHING_HEAVY = ("numpy", "pinocchio", "matplotlib", "starlette", "uvicorn", 
 
 
 class Shell:
-    """A folder in which commands are typed, and the server that runs there."""
+    """A working directory for commands, and the server that runs there."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -49,7 +49,7 @@ class Shell:
         self.log: list[str] = []
 
     def serve(self, *options: str) -> None:
-        """Start a server, and wait until its arm is as it shall be."""
+        """Start a server, and wait for the state of its arm."""
         command = [*ARMTREE, "serve", "--port", "virtual", "--tcp-port", "0", "--trees", "tasks"]
         command += ["--robot", str(self.robot), *options]
         self.server = self.begin(command)
@@ -71,7 +71,7 @@ class Shell:
         )
 
     def read(self, words: str) -> str:
-        """Read the server's log until a line says this."""
+        """Read the server's log until a line contains a text."""
         assert self.server.stderr
         for line in self.server.stderr:
             self.log.append(line)
@@ -80,7 +80,7 @@ class Shell:
         raise AssertionError(f"{words!r} is not in {self.log}")
 
     def type(self, *words: str) -> subprocess.CompletedProcess[str]:
-        """Type a command."""
+        """Run a command."""
         return subprocess.run(
             [*ARMTREE, *words],
             cwd=self.folder,
@@ -92,7 +92,7 @@ class Shell:
         )
 
     def end(self, number: signal.Signals) -> int:
-        """Send the server a signal; its exit status."""
+        """Send the server a signal; return its exit status."""
         self.server.send_signal(number)
         _, rest = self.server.communicate(timeout=30)
         self.log += rest.splitlines(keepends=True)
@@ -253,7 +253,7 @@ def test_a_signal_ends_a_motion_and_the_server(
     shell.serve("--activate", "--policy", "queue", "--rosbridge")
     for name, value in shell.environment.items():
         monkeypatch.setenv(name, value)
-    with Client() as arm:  # a command that sends would start for longer than the motion lasts
+    with Client() as arm:  # a command would take longer to start than the motion lasts
         waiting = shell.begin([*ARMTREE, "send", "1", "--wait", "--json"])
         assert waiting.stdout
         assert any('"event": "sent"' in line for line in waiting.stdout)
@@ -264,7 +264,7 @@ def test_a_signal_ends_a_motion_and_the_server(
     holds = [event for event in told if event["event"] == "sent" and event["hold"]]
     assert len(holds) == 1
     log = "".join(shell.log)
-    assert log.count("ended CANCELED") == 1  # the other one had not begun
+    assert log.count("ended CANCELED") == 1  # the other one had not started
     goal = re.findall(r"Received a goal for task 1 \((\w+)\)", log)[0]
     for said in (
         f"Received a goal for task 1 ({goal})",
@@ -308,7 +308,7 @@ def test_a_watcher_sees_what_others_do(shell: Shell) -> None:
     shell.serve("--activate")
     watching = shell.begin([*ARMTREE, "watch", "--json"])
     assert watching.stdout
-    assert '"lifecycle"' in watching.stdout.readline()  # what holds comes first
+    assert '"lifecycle"' in watching.stdout.readline()  # the present state comes first
     shell.type("send", "11")
     assert any('"event": "result"' in line for line in watching.stdout)
     watching.send_signal(signal.SIGINT)

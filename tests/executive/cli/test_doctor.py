@@ -30,7 +30,7 @@ def doctor(folder: Path, *arguments: str) -> Result:
 
 
 def lines(result: Result) -> dict[str, str]:
-    """What was said, by what it is about."""
+    """The details of the checks, by name."""
     return {line[4:16].strip(): line[16:] for line in result.output.splitlines()}
 
 
@@ -121,7 +121,7 @@ def test_a_port_that_will_not_do(
 
 
 def test_a_board_that_opening_does_not_reset(tmp_path: Path, robot: Path) -> None:
-    """Only a person can say where its arm stands."""
+    """Only a person knows the pose of its arm."""
     line = Pty()
     text = robot.read_text().replace("boot_wait_s = 2.0", "boot_wait_s = 1.0")
     robot.write_text(
@@ -145,14 +145,14 @@ def test_a_port_of_another_armtree(tmp_path: Path) -> None:
     link.close()
     line.vanish()
     os.close(line.slave)
-    assert result.exit_code == 9  # as a run would end
+    assert result.exit_code == 9  # as for a run
     assert f"NO  ours alone  the armtree with process id {os.getpid()} has it" in result.output
 
 
 def test_a_wrong_robot_file(tmp_path: Path, robot: Path) -> None:
     robot.write_text(robot.read_text().replace('letter = "s"', 'letter = "ss"'))
     result = doctor(tmp_path, "--robot", str(robot))
-    assert result.exit_code == 3  # as a run would end
+    assert result.exit_code == 3  # as for a run
     assert f"NO  robot       {robot}:" in result.output
     assert "Serial ports:" in result.output
 
@@ -166,7 +166,7 @@ def test_recordings_that_cannot_be_written(tmp_path: Path) -> None:
 def test_a_board_that_does_not_start_is_told_with_the_way_out_once(
     tmp_path: Path, robot: Path
 ) -> None:
-    line = Pty()  # nobody is at the other end
+    line = Pty()  # no program at the other end
     text = robot.read_text().replace('firmware = "stock"', 'firmware = "armtree"')
     robot.write_text(text.replace("boot_wait_s = 2.0", "boot_wait_s = 1.0"))
     result = doctor(tmp_path, "--open", "--port", line.port, "--robot", str(robot))

@@ -1,4 +1,4 @@
-"""Goals that are under way when the arm leaves *active* because somebody asked for that."""
+"""Running goals when a caller takes the arm out of *active*."""
 
 import pytest
 
@@ -18,7 +18,7 @@ def test_leaving_active_ends_a_goal_for_that_reason(
 
     def slowly(connection: Connection) -> None:
         stop(connection)
-        arm.rest(0.2)  # the board's answer takes its time
+        arm.rest(0.2)  # the board answers late
 
     monkeypatch.setattr(Connection, "stop_and_settle", slowly)
     at_frame(arm, 10, lambda: arm.executive.arm_to(transition))

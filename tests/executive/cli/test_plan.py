@@ -1,4 +1,4 @@
-"""`armtree plan`: what it says, what it draws, and what it refuses."""
+"""`armtree plan`: its output, its drawing and its errors."""
 
 import json
 import re
@@ -35,7 +35,7 @@ def test_a_straight_move(tmp_path: Path) -> None:
 
 
 def test_a_motion_of_days_is_drawn_too(tmp_path: Path) -> None:
-    """In as many points as a motion of a minute and a half, not in millions."""
+    """The curves have as many points as those of a short motion, not millions."""
     shipped = load_robot()
     text = shipped.path.read_text().replace(f'"{shipped.urdf.name}"', json.dumps(str(shipped.urdf)))
     robot = tmp_path / "slow.toml"

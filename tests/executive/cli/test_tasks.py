@@ -1,4 +1,4 @@
-"""The commands around task files, as a person types them."""
+"""The commands for task files, as a user types them."""
 
 import json
 import re
@@ -36,7 +36,7 @@ def test_the_shipped_schema_is_current(folder: Path, options: list[str]) -> None
 
 
 def _forms(schema: dict[str, dict[str, dict[str, list[dict[str, object]]]]]) -> dict[str, str]:
-    """Every way to write a node, by what it begins with."""
+    """Every form of a node in the schema, by its first key."""
     forms = schema["definitions"]["node"]["anyOf"][1:]
     return {
         json.dumps(form.get("required")): json.dumps(form) for form in forms if "required" in form

@@ -1,4 +1,4 @@
-"""`armtree log plot` of a run among bodies: they are drawn, and the arm among them."""
+"""`armtree log plot` draws the bodies around the arm, and the arm among them."""
 
 import dataclasses
 from pathlib import Path
@@ -49,7 +49,7 @@ tree:
 
 
 def recorded(rig: RigMaker, folder: Path, text: str) -> Path:
-    """The recording of a task."""
+    """Return the recording of a task."""
     name = text.split("name: ")[1].split("\n")[0]
     (folder / f"7_{name}.yaml").write_text(text.replace("BEAM", str(BEAM)))
     (outcome,) = rig(tasks=folder).run(7)
@@ -58,7 +58,7 @@ def recorded(rig: RigMaker, folder: Path, text: str) -> Path:
 
 
 def middles(shapes: Any) -> list[list[float]]:
-    """Of the boxes around shapes [m]."""
+    """Return the centres of the bounding boxes of shapes [m]."""
     ends = [(np.min(shape, axis=0), np.max(shape, axis=0)) for shape in shapes]
     return [np.round((low + high) / 2, 3).tolist() for low, high in ends]
 
@@ -70,7 +70,7 @@ def height(picture: Path) -> int:
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures of fewer dots take less time."""
+    """Use drawings with a low resolution, which take less time."""
     monkeypatch.setattr("logs.views.run_figure._DPI", 50)
 
 

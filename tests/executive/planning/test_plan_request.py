@@ -1,4 +1,4 @@
-"""What `armtree plan` is asked wrongly, or with a wrong robot: told before anything is planned."""
+"""Errors in the arguments of `armtree plan`, which are reported before anything is planned."""
 
 import re
 from pathlib import Path

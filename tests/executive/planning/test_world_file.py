@@ -1,4 +1,4 @@
-"""A file of bodies around the arm: the one in the README, and what is said of wrong ones."""
+"""World files: the example of the README, and the errors of invalid ones."""
 
 import json
 import re
@@ -39,7 +39,7 @@ def test_the_example_of_the_readme(tmp_path: Path) -> None:
 
 
 def test_the_keys_of_the_readme() -> None:
-    """All that a body and its form may have, and nothing else."""
+    """The README lists every key of a body and its shape, and no other."""
     (table,) = re.findall(
         r"\| key \| holds \|\n\|---\|---\|\n(.*?)\n\n", README.read_text(), re.DOTALL
     )

@@ -1,4 +1,4 @@
-"""The frames of a recording sent once more, at their times or not at all."""
+"""The frames of a recording are sent again at their times, or not at all."""
 
 import json
 import shutil
@@ -71,12 +71,12 @@ def test_frames_that_mean_something_else_on_this_arm_are_refused(
 
 
 def shortened(told: dict[str, Any]) -> None:
-    """A schedule of fewer frames."""
+    """A schedule with fewer frames."""
     told.update({name: told[name][:9] for name in ("times", "frames", "delays_s")})
 
 
 def change(name: str, make: Callable[[Any], Any], number: int = 1) -> Change:
-    """Makes another value of a field of a schedule."""
+    """Change the value of a field of a schedule."""
     return retold("/schedule", lambda told: told.update({name: make(told[name])}), number)
 
 

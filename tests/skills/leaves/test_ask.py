@@ -1,4 +1,4 @@
-"""Asking the operator."""
+"""The skill that asks the operator."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,7 +11,7 @@ from tests.conftest import Bench
 
 
 class Desk:
-    """An operator who keeps what is asked."""
+    """An operator that keeps the questions."""
 
     def __init__(self) -> None:
         self.asked: list[Question] = []

@@ -1,4 +1,4 @@
-"""What is written and compared: numbers with a unit are measures, not texts."""
+"""Set and Compare: numbers with a unit are measures, not texts."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Moving: checked first, streamed then, halted at any moment."""
+"""Execute: frames are checked, then streamed, and can be halted at any moment."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def to_the_end(bench: Bench, skill: Execute) -> Status:
 
 
 def moving(bench: Bench, skill: Execute, frames: int = 0) -> None:
-    """Tick until that many frames were sent."""
+    """Tick until so many frames are sent."""
     skill.tick_once()
     bench.desk.jobs[-1].answer(None)
     skill.tick_once()
@@ -47,7 +47,7 @@ def test_nothing_moves_before_the_check(bench: Bench, skill: Execute) -> None:
     (job,) = bench.desk.jobs
     assert isinstance(job.request, Verify)
     rows = np.asarray(job.request.configurations)
-    assert np.abs(rows[0]).max() < 0.01  # what the frame of the boot pose decodes to
+    assert np.abs(rows[0]).max() < 0.01  # the decoded frame of the boot pose
     (told,) = bench.told
     assert isinstance(told, Scheduled)
     assert len(rows) > len(told.schedule.setpoints)
@@ -168,7 +168,7 @@ def test_the_arm_left_the_active_state_meanwhile(bench: Bench, skill: Execute) -
 
 
 class Unplanned(Execute, register=False):
-    """Frames of which no motion is known."""
+    """Frames without a known motion."""
 
     def compile_motion(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
         schedule, _ = super().compile_motion(start)

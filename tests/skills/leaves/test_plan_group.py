@@ -1,4 +1,4 @@
-"""Planning in a worker: asked once, halted at once, late answers reach nobody."""
+"""Planning in a worker: one request, halted at once; late answers are ignored."""
 
 from dataclasses import replace
 
@@ -105,7 +105,7 @@ def test_halted(bench: Bench, skill: PlanArm) -> None:
     bench.desk.jobs[0].answer(NoPath(9))
     assert not skill.busy
     assert (skill.status, skill.failure) == (Status.INVALID, None)
-    (told,) = bench.told  # of a canceled plan, too
+    (told,) = bench.told  # also for a canceled plan
     assert isinstance(told, Planned)
     assert isinstance(told.answer, PlanCanceled)
 
@@ -147,7 +147,7 @@ def planner(robot: Robot) -> Planner:
 
 @pytest.fixture
 def detour(bench: Bench, planner: Planner) -> tuple[PlanArm, Plan]:
-    """A skill that has been answered with a way round something."""
+    """A skill that has received a plan around an obstacle."""
     bench.context.scene.world = World((BOX,))
     skill: PlanArm = bench.skill(PlanArm, **CLOSE)
     skill.tick_once()
@@ -160,7 +160,7 @@ def detour(bench: Bench, planner: Planner) -> tuple[PlanArm, Plan]:
 
 
 def told_of(bench: Bench) -> tuple[float, object]:
-    """How much more was to be kept, by the only plan that was told of, and the answer."""
+    """The extra distance and the answer of the only published plan."""
     (told,) = bench.told
     assert isinstance(told, Planned)
     return told.query.spare, told.answer
@@ -198,7 +198,7 @@ def test_the_first_way_where_there_is_no_wider_one(
     skill.tick_once()
     bench.desk.jobs[2].answer(NoPath(9))
     skill.tick_once()
-    assert (skill.status, bench.output("plan")) == (Status.SUCCESS, first)  # Execute refuses it
+    assert (skill.status, bench.output("plan")) == (Status.SUCCESS, first)  # Execute rejects it
     assert told_of(bench) == (0.0, first)
 
 

@@ -1,4 +1,4 @@
-"""Tasks with things in the room, grasped things, via points, relative targets and points."""
+"""Tasks with obstacles, attached bodies, via points, relative targets and points."""
 
 from pathlib import Path
 
@@ -91,7 +91,7 @@ def test_a_goal_inside_a_body_names_it(rig: RigMaker, tmp_path: Path) -> None:
 
 
 def test_what_is_grasped_moves_along_and_is_checked(rig: RigMaker, tmp_path: Path) -> None:
-    """A long rod in the gripper meets the table where the gripper alone would not."""
+    """A long rod in the gripper hits the table; the gripper alone would not."""
     rod = """    - AddCylinder:
         {body: rod, radius: 0.005, length: 0.15, position: [-0.015, 0.15, 0.09],
          touches: [gripper_left, gripper_right, claw_support, horizontal_arm]}
@@ -140,7 +140,7 @@ def test_mistakes(rig: RigMaker, tmp_path: Path, step: str, code: str) -> None:
 
 
 def test_a_detached_body_stays_where_it_was_put(bench: Bench, robot: Robot) -> None:
-    """The pool of this bench is answered by a planner right here."""
+    """A planner in this process answers the requests of the bench."""
     planner = Planner(robot)
 
     def do(kind: type[Skill], **inputs: object) -> None:

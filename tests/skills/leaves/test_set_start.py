@@ -1,4 +1,4 @@
-"""A motion begins where the arm was last commanded to."""
+"""A motion starts at the last commanded position."""
 
 from py_trees.common import Status
 
