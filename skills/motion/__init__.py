@@ -1,6 +1,14 @@
-"""Motion planning: a Query in, a Plan out, by worker processes that can be ended at any time.
+"""Motion planning: a Query in, a Plan out, by worker processes that can be killed at any time.
 
-Importing this loads no planning library; only the worker processes do.
+planner.py    the stages of a plan, from the straight line to the final check
+query.py      requests and answers; plan.py the motion that was found; world.py the bodies
+workers/      a pool of planner processes
+kinematics/   robot model, joint groups, inverse kinematics
+collision/    planning scene and collision checks
+path/         motion validator, bends, RRT-Connect, shortcutting, parabolic blends
+timing/       trapezoidal profiles and TOPP-RA
+
+Importing this package loads no planning library. Only the worker processes do.
 """
 
 from .errors import (

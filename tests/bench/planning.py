@@ -58,7 +58,7 @@ def table(problems: Sequence[Problem], peers: dict[str, Path], folder: Path) -> 
 
 def _shown(score: Score) -> Score:
     figures = (f"{x:.3f}" for x in (score.p(50), score.p(95)))
-    solved = f"{len(score.spent)}/{score.asked}"
+    solved = f"{len(score.spent)}/{score.queries}"
     rest = (len(score.detours), f"{score.ratio():.4f}", score.colliding, f"{score.worst():.4f}")
     sys.stdout.write(_LINE.format(score.problem, score.stack, solved, *figures, *rest))
     sys.stdout.flush()
@@ -94,13 +94,13 @@ def rows(
     ):
         yield Row(name, "ms", [run[problem].detour(share) for run in runs])
     yield Row("obstacle_duration_ratio", "1", [last["post"].ratio()])
-    yield Row("solved", "1", [sum(len(s.spent) for s in own) / sum(s.asked for s in own)])
+    yield Row("solved", "1", [sum(len(s.spent) for s in own) / sum(s.queries for s in own)])
     yield Row("colliding", "", [sum(score.colliding for score in own)])
     yield Row("limit_excess", "1", [max(score.worst() for score in own)])
     continued = score_continued(random(10 if quick else 100))
     yield Row("onward_colliding", "", [continued.colliding])
     yield Row("onward_excess", "1", [max(continued.over)])
-    yield Row("seven_axis_success", "1", [len(last["seven"].spent) / last["seven"].asked])
+    yield Row("seven_axis_success", "1", [len(last["seven"].spent) / last["seven"].queries])
     yield overhead
     late, canceled, again = deadlines(robot, 10 if quick else 50, folder)
     yield Row("past_deadline_ms", "ms", late)

@@ -43,7 +43,7 @@ class Score:
     Attributes:
         stack: The planner, with its version.
         problem: The problem's name.
-        asked: Number of queries.
+        queries: Number of queries.
         spent: Time for each solved query [ms].
         ratios: Duration of each, divided by that of the straight line.
         colliding: Number of motions in collision.
@@ -53,7 +53,7 @@ class Score:
 
     stack: str
     problem: str
-    asked: int
+    queries: int
     spent: Sequence[float]
     ratios: Sequence[float]
     colliding: int

@@ -21,12 +21,12 @@ class ContinuedScore:
     """Quality of these motions.
 
     Attributes:
-        asked: Number of motions.
+        count: Number of motions.
         colliding: Number of motions in collision.
         over: Largest excess over a limit of each, as a share of the limit.
     """
 
-    asked: int = 0
+    count: int = 0
     colliding: int = 0
     over: list[float] = dataclasses.field(default_factory=list)
 
@@ -38,7 +38,7 @@ def score_continued(problems: Iterable[Problem]) -> ContinuedScore:
         reference = ReferenceChecker(padded(problem.robot, problem.world, 0.0))
         for plan in _plans(problem):
             rows = ticks(plan)
-            score.asked += 1
+            score.count += 1
             score.colliding += reference.collides(rows)
             score.over.append(excess(rows, plan.velocity, plan.acceleration))
     return score
@@ -49,9 +49,9 @@ def _plans(problem: Problem) -> Iterator[Plan]:
     for query, following in pairwise(problem.queries()):
         there = _arm(problem, following.start)
         cut = 10.0 ** random.uniform(-3.0, 0.0)
-        for asked in (_by_way(query, there), _equal(problem, query, there, cut)):
+        for changed in (_by_way(query, there), _equal(problem, query, there, cut)):
             try:
-                plan = planner.plan(asked)
+                plan = planner.plan(changed)
             except EndInCollision:
                 continue  # the end of a shortened leg may be in collision
             yield plan

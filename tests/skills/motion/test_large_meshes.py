@@ -125,17 +125,17 @@ def test_no_distance_of_touching_meshes_is_computed(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A distance takes a hundred times as long as a collision check."""
-    checker, asked = CollisionChecker(PlanningScene(robot)), list[object]()
+    checker, checked = CollisionChecker(PlanningScene(robot)), list[object]()
     draws = np.random.default_rng(2).uniform(-np.pi, np.pi, (200, len(robot.actuated)))
     touching = [row for row in draws if checker.first_collision([row], 0.0) == 0]
     every, of_two = pin.computeDistances, coal.distance
 
     def all_of(*given: Any) -> Any:
-        asked.extend(shape.geometry for shape in given[2].geometryObjects)
+        checked.extend(shape.geometry for shape in given[2].geometryObjects)
         return every(*given)
 
     def one(*given: Any) -> Any:
-        asked.extend((given[0], given[2]))
+        checked.extend((given[0], given[2]))
         return of_two(*given)
 
     monkeypatch.setattr(pin, "computeDistances", all_of)
@@ -145,4 +145,4 @@ def test_no_distance_of_touching_meshes_is_computed(
         assert nearest
         assert nearest.distance < 0.0
     assert len(touching) > 10
-    assert not any(isinstance(shape, coal.BVHModelBase) for shape in asked)
+    assert not any(isinstance(shape, coal.BVHModelBase) for shape in checked)

@@ -98,8 +98,8 @@ def test_inverse_kinematics(robot: Robot, planner: Planner) -> None:
     assert turned == pytest.approx(axis, abs=2e-4)
     assert planner.reach(query) == found
     for length in (1e-200, 1e200):
-        asked = dataclasses.replace(query, direction=tuple(length * axis))
-        assert planner.reach(asked).positions == pytest.approx(found.positions, abs=1e-3)
+        scaled = dataclasses.replace(query, direction=tuple(length * axis))
+        assert planner.reach(scaled).positions == pytest.approx(found.positions, abs=1e-3)
     with pytest.raises(Unreachable) as caught:
         planner.reach(ToolQuery("arm", tuple(start), (9.0, 0.0, 0.0)))
     assert 7.0 < caught.value.distance < 9.0
@@ -140,7 +140,7 @@ def test_a_slide_passes_near_its_via_point() -> None:
 
 
 @pytest.mark.parametrize(
-    ("begins", "asked", "ends"),
+    ("begins", "goal", "ends"),
     [
         (0.0, 7.0, 7.0 - TURN),
         (3.1, -3.1, TURN - 3.1),
@@ -149,12 +149,12 @@ def test_a_slide_passes_near_its_via_point() -> None:
     ],
 )
 def test_a_continuous_joint_takes_the_shorter_direction(
-    begins: float, asked: float, ends: float
+    begins: float, goal: float, ends: float
 ) -> None:
     robot = foreign("endless")
     planner = planners.setdefault(robot.name, Planner(robot))
     rest = (0.5, 0.5, 0.0, 1.0, 0.0)
-    plan = planner.plan(Query("arm", (begins, *rest), (asked, *rest)))
+    plan = planner.plan(Query("arm", (begins, *rest), (goal, *rest)))
     assert plan.goal.tolist() == pytest.approx([ends, *rest], abs=1e-12)
     assert plan.sample([plan.duration])[0].tolist() == plan.goal.tolist()
 

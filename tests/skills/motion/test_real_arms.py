@@ -191,12 +191,12 @@ def test_the_tool_reaches_a_reachable_point(robot: Robot, planner: Planner) -> N
     point, _ = ToolChain(robot, RobotModel(robot), JointGroup(robot, "arm"), nowhere).tool_pose(
         there
     )
-    asked = dataclasses.replace(nowhere, point=tuple(point.tolist()))
-    reached = planner.reach(asked).positions
-    again, _ = ToolChain(robot, RobotModel(robot), JointGroup(robot, "arm"), asked).tool_pose(
+    query = dataclasses.replace(nowhere, point=tuple(point.tolist()))
+    reached = planner.reach(query).positions
+    again, _ = ToolChain(robot, RobotModel(robot), JointGroup(robot, "arm"), query).tool_pose(
         np.array((*reached, *start[size:]))
     )
     assert again == pytest.approx(point, abs=2e-6)
-    block = World((Body("block", Box((0.1, 0.1, 0.1)), asked.point),))
+    block = World((Body("block", Box((0.1, 0.1, 0.1)), query.point),))
     with pytest.raises(GoalInCollision, match="block"):
-        planner.reach(dataclasses.replace(asked, world=block))
+        planner.reach(dataclasses.replace(query, world=block))

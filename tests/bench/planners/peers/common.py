@@ -1,4 +1,4 @@
-"""What every peer's script does, with nothing but the standard library: python PEER.py IN OUT."""
+"""Main program of each planner's script, with the standard library only: PEER.py IN OUT."""
 
 import array
 import importlib.metadata
@@ -7,28 +7,29 @@ import sys
 import time
 from pathlib import Path
 
-TICK = 0.001  # the judge looks every millisecond [s]
+TICK = 0.001  # between checks of the reference checker [s]
 
 
 def serve(package, make):
-    """Answer all queries of the problem in the file IN, and write what came out to OUT.
+    """Answer all queries of the problem in the file IN, and write the results to OUT.
 
     Args:
-        package: Distribution whose version is told.
-        make: From the problem, `solve(start, goal, seed)`, which is timed and gives a trajectory
-            or None, and `sample(trajectory)`, which is not and gives its positions at every tick.
+        package: Distribution with the version to report.
+        make: Takes the problem. Returns `solve(start, goal, seed)`, which is timed and returns a
+            trajectory or None, and `sample(trajectory)`, which is not timed and returns the
+            positions at every tick.
     """
     problem, out = json.loads(Path(sys.argv[1]).read_text()), Path(sys.argv[2])
     solve, sample = make(problem)
     for start, goal in problem["pairs"][:3]:
-        solve(start, goal, 1)  # what is loaded or built at first need is not timed
+        solve(start, goal, 1)  # warm up: not timed
     rows = []
     with out.with_suffix(".bin").open("wb") as binary:
         for seed, (start, goal) in enumerate(problem["pairs"], 1):
             begun = time.perf_counter()
             try:
                 found = solve(start, goal, seed)
-            except Exception as error:  # whatever it is, it costs the peer this query alone
+            except Exception as error:  # only this query counts as not solved
                 sys.stderr.write(f"{package}: {error}\n")
                 found = None
             spent = 1e3 * (time.perf_counter() - begun)

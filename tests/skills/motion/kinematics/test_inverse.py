@@ -129,8 +129,8 @@ def test_a_point_slightly_out_of_reach_is_shown_with_enough_digits(planner: Plan
     x, y, z = (np.array(far.nearest) + 2e-5 * out).tolist()
     error = refusal(planner, ToolQuery("arm", HOME, (x, y, z)))
     assert error.distance == pytest.approx(2e-5, abs=3e-6)
-    asked, told = re.findall(r"\(.*?\) m", str(error))
-    assert asked != told
+    requested, nearest = re.findall(r"\(.*?\) m", str(error))
+    assert requested != nearest
     assert re.search(r", 0\.0[12]\d* mm away \(tolerance: 0\.001 mm\); ", str(error))
 
 

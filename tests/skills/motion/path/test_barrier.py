@@ -104,13 +104,13 @@ def test_a_continuous_leader_is_never_barred(tmp_path: Path) -> None:
 
 def test_no_search_finds_a_barred_path(rolling: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compares the proof with the result of a search."""
-    planner, random, told = Planner(rolling), np.random.default_rng(1), list[tuple[bool, bool]]()
+    planner, random, results = Planner(rolling), np.random.default_rng(1), list[tuple[bool, bool]]()
     lower, upper = [-2.9, -6.28, -2.5, -2.9, -2.0, -2.9], [2.9, 6.28, 2.5, 2.9, 2.0, 2.9]
     check, barred = barrier.check_passable, list[bool]()
 
-    def noted(*asked: object) -> None:
+    def noted(*arguments: object) -> None:
         try:
-            check(*asked)  # type: ignore[arg-type]
+            check(*arguments)  # type: ignore[arg-type]
         except Barred:
             barred.append(True)
 
@@ -122,6 +122,6 @@ def test_no_search_finds_a_barred_path(rolling: Robot, monkeypatch: pytest.Monke
             found = bool(planner.plan(Query("arm", tuple(start), tuple(goal))))
         except MotionError:
             found = False
-        told.append((bool(barred), found))
-    assert (True, True) not in told
-    assert told.count((True, False)) > 5
+        results.append((bool(barred), found))
+    assert (True, True) not in results
+    assert results.count((True, False)) > 5

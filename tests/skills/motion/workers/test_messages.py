@@ -60,9 +60,9 @@ def test_invalid_messages_are_rejected_in_time(length: int, comes: int, closes: 
         there.sendall((length.to_bytes(4) + b"x" * 12)[:comes])
         if closes:
             there.shutdown(socket.SHUT_WR)
-        told, whole = comes >= 4, comes >= 4 + length
+        announced, whole = comes >= 4, comes >= 4 + length
         expected: type[Exception] = EOFError if closes else TimeoutError
-        if told and (whole or length > 2**30):
+        if announced and (whole or length > 2**30):
             expected = InvalidMessage
         with pytest.raises(expected):
             receive(here, time.monotonic() + 0.001)
