@@ -1,7 +1,4 @@
-"""The task executive: goals in, outcomes out. Its public face is the command line.
-
-Other programs talk to its server: `from executive import Client`.
-"""
+"""The task executive: goals in, outcomes out. `armtree` exports its Python interface."""
 
 import typing
 
@@ -32,7 +29,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> typing.Any:
-    """Load the client for whoever asks for it; the command line starts faster without."""
+    """Import the client at its first use; the command line starts faster without it."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from . import client

@@ -1,10 +1,10 @@
-"""`armtree`, and `python -m executive`."""
+"""Entry point of `armtree`, `python -m armtree` and `python -m executive`."""
 
 import sys
 
 
 def main() -> None:
-    """Begin; Ctrl-C while the command line is being loaded ends as quietly as later."""
+    """Run the command line. Ctrl-C while it is loading also exits without a traceback."""
     try:
         from .cli import main as cli
 

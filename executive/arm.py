@@ -26,7 +26,7 @@ from .goals.outcome import CANCELED_CAUSE, GoalState, Outcome
 from .session import open_executive
 from .setup import Setup
 
-_SLICE = 0.5  # [s]
+_SLICE = 0.5  # of the wait for an outcome [s]
 
 
 class Arm:
@@ -39,12 +39,14 @@ class Arm:
         skills: Folder with Python files of skills of your own.
         recordings: Folder for recordings.
         seed: Seed of planning.
+        pose: Confirmed position of the arm, `boot` or `last`; needed if opening the port does not
+            reset the board.
 
     Attributes:
         executive: Runs the tasks; it can also pause, resume and report.
 
     Raises:
-        HardwareError: The robot file is wrong, or names no driver.
+        HardwareError: The robot file is wrong or names no driver, or the pose is not confirmed.
         TreeError: The folder of tasks cannot be read.
         ValueError: A skill is broken.
     """
@@ -57,6 +59,7 @@ class Arm:
         skills: str | Path | None = None,
         recordings: str | Path = "recordings",
         seed: int = 1,
+        pose: str | None = None,
     ) -> None:
         setup = Setup(
             port=port,
@@ -65,6 +68,7 @@ class Arm:
             skills=_path(skills),
             recordings=Path(recordings),
             seed=seed,
+            pose=pose,
             single_user=True,
         )
         resources = ExitStack()
@@ -105,8 +109,8 @@ class Arm:
             arguments: Values of its parameters, such as `swing="30 deg"`.
 
         Raises:
-            UnknownTask: There is no such task.
-            GoalFailed: It did not succeed; `cause` says why.
+            UnknownTask: No task has that name.
+            GoalFailed: The task failed, was canceled or was rejected; `cause` says why.
             KeyboardInterrupt: Ctrl-C was pressed. The goal has ended, and the arm has stopped.
         """
         outcome = self.attempt(task, **arguments)
