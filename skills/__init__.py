@@ -28,7 +28,7 @@ from .leaves.check_bounds import CheckBounds
 from .leaves.check_hardware import CheckHardware
 from .leaves.execute import Execute
 from .leaves.plan_group import PlanArm, PlanGripper
-from .leaves.reach_point import TOOL_PORTS, ReachPoint, check_tool
+from .leaves.reach_point import TOOL_PORTS, ReachPoint, check_tool, tool_query
 from .leaves.result import Fail, Succeed
 from .leaves.say import Say
 from .leaves.scene import AddBox, AddCylinder, AddMesh, AddSphere, Attach, Detach, RemoveBody
@@ -98,5 +98,6 @@ __all__ = [
     "known_errors",
     "refuse",
     "skill",
+    "tool_query",
     "xyz",
 ]

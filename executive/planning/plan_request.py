@@ -15,7 +15,7 @@ from skills import (
     check_distances,
     check_targets,
     check_tool,
-    xyz,
+    tool_query,
 )
 from skills.motion import MotionError, Query, Reached, ToolQuery, World
 from skills.motion.planner import Planner
@@ -224,19 +224,9 @@ class _Reader:
                 check_tool(self.robot, {port: value})
             except BadTarget as error:
                 raise BadTarget(f"--{port}: {error}") from error
-        point = _read("point", f"[{', '.join(words)}]", _PORTS["point"])
-        query = ToolQuery(
-            group=self.group,
-            start=tuple(start.values()),
-            point=xyz("point", point),
-            direction=given.get("direction"),
-            link=given.get("tool", ""),
-            offset=given.get("offset", (0.0, 0.0, 0.0)),
-            axis=given.get("axis"),
-            relative=given.get("relative", False),
-            seed=self.seed,
-            world=self.world,
-        )
+        given["point"] = _read("point", f"[{', '.join(words)}]", _PORTS["point"])
+        query = tool_query(self.robot, {**given, "start": start, "group": self.group})
+        query = replace(query, seed=self.seed, world=self.world)
         names = (joint.name for joint in self.robot.actuated_in(self.group))
         return dict(zip(names, self.planner.reach(query).positions, strict=True))
 

@@ -132,6 +132,19 @@ def check_tool(robot: Robot, inputs: Mapping[str, Any]) -> None:
     ReachPoint.validate(robot, inputs)
 
 
+def tool_query(robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery:
+    """Return the query for a point of the tool, in an empty world.
+
+    Args:
+        robot: Description of the robot.
+        inputs: Values of `TOOL_PORTS`. Ports with a default may be missing.
+    """
+    defaults = {name: port.default_value for name, port in TOOL_PORTS.items()}
+    query = ReachPoint.tool_query(robot, {**defaults, **inputs})
+    assert query
+    return query
+
+
 def _joints(robot: Robot, group: str) -> list[str]:
     """Return the names of the actuated joints of a group."""
     refuse(_group_errors(robot, group))
