@@ -1,7 +1,7 @@
 """The only reader of URDF files: links, joints, and the collision shapes of links.
 
-It rejects everything that pinocchio would reject without naming it or silently leave out, and names
-the link or joint, the key and the value.
+It rejects what pinocchio would leave out silently, or reject without naming it. Its errors name the
+link or joint, the key and the value.
 """
 
 import math
