@@ -39,7 +39,7 @@ def test_the_task_continues_after_an_answer(serve: Serve) -> None:
         assert client.answer(question, "Y") == "yes"
         assert client.result(goal).success
         assert client.questions() == ()
-        with pytest.raises(Refused, match="not known, or answered already"):
+        with pytest.raises(Refused, match="is unknown or already answered"):
             client.answer(question, "yes")
 
 
@@ -103,7 +103,7 @@ def test_the_command_answers(serve: Serve) -> None:
         assert armtree(served, "answer").stdout == f"{question}  Free? [yes/no]\n"
         wrong = armtree(served, "answer", "01234567", "yes")  # not the answer to the other question
         assert wrong.returncode == 4
-        assert "01234567 is not known" in wrong.stderr
+        assert "01234567 is unknown" in wrong.stderr
         listed = {"question_id": question, "text": "Free?", "choices": ["yes", "no"]}
         assert json.loads(armtree(served, "answer", "--json").stdout) == {"questions": [listed]}
         counts = json.loads(armtree(served, "answer", "y", "--json").stdout)
