@@ -1,5 +1,6 @@
 """One of each thing that people add, in as many places as ARCHITECTURE.md says."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ import pytest
 
 from executive.client import Client
 from executive.codes import look_up
+from executive.goals.outcome import Cause, GoalState, Outcome
 from executive.server.http import schemas
 from executive.server.http.answers import Answers
 from executive.server.http.operations import OPERATIONS, Access, Operation
@@ -126,3 +128,13 @@ def test_a_server_operation_is_a_row_and_an_answer(
 
     with Caller(served.server.url) as client:
         assert client.echo("ha", 3) == "hahaha"
+
+
+def test_a_field_of_an_outcome_is_one_of_its_class_and_one_of_its_record() -> None:
+    cause = Cause("goal.busy", "Busy", "t/A", "joint_1", 2.0, 1.5, "wait")
+    outcome = Outcome.of(3, GoalState.ABORTED, cause, 12, 0.25, "3.mcap")
+    assert Outcome.from_record(outcome.to_record("0" * 32, 1.0), "3.mcap") == outcome
+    plain = json.loads(json.dumps(outcome.to_json()))
+    assert Outcome.from_json(plain) == outcome
+    assert set(schemas.RESULT.schema["properties"]) == {"goal_id", *plain}
+    assert set(schemas.ERROR.schema["properties"]) == set(plain["cause"])

@@ -1,10 +1,11 @@
 """JSON Schemas of what the server accepts and answers."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
-from executive.goals.outcome import CancelCode, GoalState
+from executive.goals.events import UNITS
+from executive.goals.outcome import CancelCode, Cause, GoalState, Outcome
 from executive.goals.queue import Policy
 from hardware import State
 
@@ -55,10 +56,25 @@ def _or_null(schema: Any) -> dict[str, Any]:
     return {"anyOf": [schema, {"type": "null"}]}
 
 
+def _plain_fields(kind: Any) -> dict[str, Any]:
+    """The schemas of a dataclass's texts and numbers, by their names in JSON."""
+    return {
+        UNITS.get(field.name, field.name): _TYPES[field.type]
+        for field in fields(kind)
+        if field.type in _TYPES
+    }
+
+
 TEXT = {"type": "string"}
 NUMBER = {"type": "number"}
 COUNT = {"type": "integer", "minimum": 0}
 BOOLEAN = {"type": "boolean"}
+_TYPES: dict[Any, Any] = {
+    str: TEXT,
+    int: COUNT,
+    float: NUMBER,
+    float | None: _or_null(NUMBER),
+}
 
 GOAL_ID = {
     "title": "32 lower-case hexadecimal digits",
@@ -104,13 +120,13 @@ def words(description: str) -> Schema:
 
 ERROR = answer(
     "Error",
-    code={**TEXT, "description": "Stable name; executive/README.md lists all."},
-    message=TEXT,
-    node={**TEXT, "description": "Path in the tree; empty if the cause is outside the tree."},
-    joint=TEXT,
-    value={**_or_null(NUMBER), "description": "The wrong value [rad], [m] or [s]."},
-    limit={**_or_null(NUMBER), "description": "The limit of the value, in the same unit."},
-    hint=TEXT,
+    **_plain_fields(Cause)
+    | {
+        "code": {**TEXT, "description": "Stable name; executive/README.md lists all."},
+        "node": {**TEXT, "description": "Path in the tree; empty if the cause is outside it."},
+        "value": {**_or_null(NUMBER), "description": "The wrong value [rad], [m] or [s]."},
+        "limit": {**_or_null(NUMBER), "description": "The limit of the value, in the same unit."},
+    },
 )
 _ANY_TASK = {
     "type": "integer",
@@ -121,15 +137,10 @@ _ANY_TASK = {
 RESULT = answer(
     "Result",
     goal_id=GOAL_ID,
-    task=_ANY_TASK,
     state={"type": "string", "enum": ["SUCCEEDED", "CANCELED", "ABORTED"]},
     success=BOOLEAN,
-    frames=COUNT,
-    duration_s=NUMBER,
-    recording=TEXT,
-    code=TEXT,
-    message=TEXT,
     cause=_or_null(ERROR),
+    **_plain_fields(Outcome) | {"task": _ANY_TASK},
 )
 GOAL = answer(
     "Goal",
