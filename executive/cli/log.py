@@ -35,7 +35,10 @@ def log() -> None:
 @log.command()
 @_FOLDER
 def ls(folder: Path) -> None:
-    """List the recordings of FOLDER, with task, outcome, duration and size."""
+    """List the recordings of FOLDER, with task, outcome, duration and size.
+
+    The default of FOLDER is ARMTREE_RECORDINGS, then ./recordings.
+    """
     from logs import LogError
     from logs.views.narrative import overview
     from logs.writing.retention import pinned
@@ -131,7 +134,11 @@ def show(recording: Path, everything: bool) -> None:
 @log.command()
 @_FILE
 @click.option(
-    "-o", "--output", type=PATH, default=Path(), help="Folder for the CSV files.", show_default="."
+    "-o",
+    "--output",
+    type=PATH,
+    default=Path(),
+    help="Folder for the CSV files. Default: the working directory.",
 )
 def export(recording: Path, output: Path) -> None:
     """Write the commanded joint positions and the frames to CSV files."""
@@ -245,7 +252,14 @@ def pin(recordings: tuple[Path, ...], off: bool) -> None:
 @click.option("--days", type=AT_LEAST_0, help="Delete recordings older than this [days].")
 @click.option("--mb", type=AT_LEAST_0, help="Delete the oldest beyond this total size [MB].")
 def prune(folder: Path, days: float | None, mb: float | None) -> None:
-    """Delete old recordings of FOLDER, but never a pinned or an unfinished one."""
+    """Delete old recordings of FOLDER, but never a pinned or an unfinished one.
+
+    The default of FOLDER is ARMTREE_RECORDINGS, then ./recordings.
+
+    \b
+    Example:
+      armtree log prune --days 30 --mb 500
+    """  # noqa: D301
     from hardware import RealClock
     from logs.writing.retention import Rule
     from logs.writing.retention import prune as delete_old
