@@ -4,7 +4,6 @@ with armtree.Arm() as arm:
     result = arm.run("pick")
 """
 
-import dataclasses
 import json
 import uuid
 import weakref
@@ -16,14 +15,13 @@ from types import MappingProxyType
 from typing import Any, Self
 
 from hardware import State
-from logs import LogError
 from trees import Located
 
 from .codes import OK
 from .errors import GoalFailed, ResultTimeout, UnknownGoal
 from .executive import Executive
 from .goals.outcome import CANCELED_CAUSE, GoalState, Outcome
-from .session import open_executive
+from .session import finish_recording, open_executive
 from .setup import Setup
 
 _SLICE = 0.5  # of the wait for an outcome [s]
@@ -126,11 +124,11 @@ class Arm:
             self._canceled = False
             goal = uuid.uuid4().hex
             try:
-                return self._finished(self._wait(number, texts, goal))
+                return finish_recording(self.executive, self._wait(number, texts, goal))
             except KeyboardInterrupt:
                 self.executive.cancel()
                 with suppress(UnknownGoal):
-                    self._finished(self.executive.result(goal))
+                    finish_recording(self.executive, self.executive.result(goal))
                 raise
 
     def run_all(
@@ -161,7 +159,7 @@ class Arm:
                 active = self.executive.status().arm is not State.UNCONFIGURED
                 if active and not (remaining and outcome.success):
                     self.executive.arm_to("shutdown")
-                outcomes.append(self._finished(outcome))
+                outcomes.append(finish_recording(self.executive, outcome))
                 report(outcomes[-1])
         finally:
             self.executive.close()
@@ -191,25 +189,6 @@ class Arm:
             with suppress(ResultTimeout):
                 return self.executive.result(goal, _SLICE)
 
-    def _finished(self, outcome: Outcome) -> Outcome:
-        """The outcome, with what is wrong with its recording."""
-        try:
-            self.executive.finish_recording()
-        except LogError as error:
-            if outcome.success:
-                return dataclasses.replace(outcome, code=error.code, message=str(error))
-            return _with(outcome, str(error))
-        return outcome
-
 
 def _path(path: str | Path | None) -> Path | None:
     return None if path is None else Path(path)
-
-
-def _with(outcome: Outcome, words: str) -> Outcome:
-    """An outcome whose message and cause also say this."""
-    cause = outcome.cause
-    if cause and words not in cause.message:
-        cause = dataclasses.replace(cause, message=f"{cause.message}; {words}")
-    message = outcome.message if words in outcome.message else f"{outcome.message}; {words}"
-    return dataclasses.replace(outcome, message=message, cause=cause)

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import logs
@@ -16,6 +17,7 @@ from trees.live_library import LiveLibrary
 
 from .executive import Executive
 from .goals.events import Event
+from .goals.outcome import Outcome
 from .goals.start_pose import find_start_pose
 from .setup import Setup
 
@@ -73,6 +75,21 @@ def open_executive(
             executive.record(line)
         with closing(executive):
             yield executive
+
+
+def finish_recording(executive: Executive, outcome: Outcome) -> Outcome:
+    """Finish the recording of a goal; return its outcome, with what is wrong with the recording."""
+    try:
+        executive.finish_recording()
+    except logs.LogError as error:
+        if outcome.success:
+            return replace(outcome, code=error.code, message=str(error))
+        cause, words = outcome.cause, str(error)
+        if cause and words not in cause.message:
+            cause = replace(cause, message=f"{cause.message}; {words}")
+        message = outcome.message if words in outcome.message else f"{outcome.message}; {words}"
+        return replace(outcome, message=message, cause=cause)
+    return outcome
 
 
 def load_own_skills(folder: Path | None) -> None:
