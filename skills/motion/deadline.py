@@ -24,7 +24,7 @@ class Deadline:
 
     def __init__(self, clock: Clock, timeout: float) -> None:
         if not is_number(timeout, -math.inf, math.inf):
-            raise BadQuery(f"The time-out is {shown(timeout)} s; give a number")
+            raise BadQuery(f"The timeout is {shown(timeout)} s; give a number")
         self._clock, self._timeout = clock, min(max(timeout, -1.0), sys.float_info.max)
         self._end = clock.now() + self._timeout
 

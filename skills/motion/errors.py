@@ -68,7 +68,7 @@ class BadQuery(MotionError, ValueError):
     @classmethod
     def group(cls, group: str, groups: Iterable[str]) -> "BadQuery":
         """Return the error for an unknown group."""
-        return cls(f"There is no group {shown(group)}; there are {', '.join(groups)}")
+        return cls(f"There is no group {shown(group)}; the groups are {', '.join(groups)}")
 
     @classmethod
     def count(cls, what: str, given: int, wanted: Iterable[str]) -> "BadQuery":
@@ -91,8 +91,8 @@ class NotFinite(BadQuery):
 
     def __init__(self, what: str, joint: str, value: float) -> None:
         self.what, self.joint, self.value = what, joint, value
-        whose = f" of {joint}" if joint else ""
-        super().__init__(f"{_the(what)}{whose} is {value}; give a finite number")
+        owner = f" of {joint}" if joint else ""
+        super().__init__(f"{_the(what)}{owner} is {value}; give a finite number")
 
 
 class BadWorld(BadQuery):

@@ -95,13 +95,13 @@ class Body:
             raise BadWorld(f"The shape {what} {shown(self.shape)}; give {', '.join(_SHAPES)}")
         self._check_sizes(what)
         if not _reals(self.position, 3):
-            form = f"x, y, z in m, up to {MAX_MAGNITUDE:g} either way"
+            form = f"x, y, z in m, from {-MAX_MAGNITUDE:g} to {MAX_MAGNITUDE:g}"
             raise BadWorld(f"The position {what} {_shown(self.position)}; give {form}")
         if not _is_unit(self.rotation, _UNIT):
             turn = _shown(self.rotation)
             if _reals(self.rotation, 4):
                 turn += f", of length {math.hypot(*self.rotation):g}"
-            form = "x, y, z, w of a unit quaternion, whose length is 1"
+            form = "x, y, z, w of a unit quaternion (length 1)"
             raise BadWorld(f"The rotation {what} {turn}; give {form}")
         if not isinstance(self.link, str):
             raise BadWorld(f"The link {what} {_shown(self.link)}; give a name, or none")
@@ -261,11 +261,11 @@ def _form(name: str, kind: str, plain: Any) -> Shape:
     return shape(**{key: _tupled(value) for key, value in plain.items()})
 
 
-def _check_keys(whose: str, plain: Mapping[str, Any], known: Sequence[str]) -> None:
+def _check_keys(owner: str, plain: Mapping[str, Any], known: Sequence[str]) -> None:
     for key in plain:
         if key not in known:
             there = ", ".join(known) + suggestion(str(key), known, plain)
-            raise BadWorld(f"{_shown(key)} is not a key of {whose}; there are {there}")
+            raise BadWorld(f"{_shown(key)} is not a key of {owner}; the keys are {there}")
 
 
 def _tupled(value: Any) -> Any:

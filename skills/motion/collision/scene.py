@@ -167,7 +167,7 @@ class PlanningScene:
             for other in sorted(body.touches - links - self._bodies.keys()):
                 what = f"{name} may touch {other}, but there is no such link or body"
                 there = links | self._bodies.keys() - {name}
-                raise BadWorld(f"{what}; there are {', '.join(sorted(there))}")
+                raise BadWorld(f"{what}; choose from {', '.join(sorted(there))}")
 
     def _add_floor(self, geometry: pin.GeometryModel, rules: CollisionRules) -> None:
         if rules.floor is not None:

@@ -91,7 +91,7 @@ class RobotModel:
         frames = self.kinematics.frames
         links = [frame.name for frame in frames if frame.type == pin.FrameType.BODY]
         if link not in links:
-            raise BadWorld(f"There is no link {link}; there are {', '.join(links)}")
+            raise BadWorld(f"There is no link {link}; the links are {', '.join(links)}")
         return int(self.kinematics.getFrameId(link, pin.FrameType.BODY))
 
     def lever_arms_of(self, shape: pin.GeometryObject) -> LeverArms:

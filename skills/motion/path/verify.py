@@ -122,5 +122,6 @@ def _check_request(request: Verify, joints: Sequence[str]) -> tuple[Array, Array
         raise NotFinite(f"row {row}", joints[column], float(rows[row, column]))
     for row, column in np.argwhere(abs(rows) > MAX_MAGNITUDE):
         what = f"Row {row} has {joints[column]} at {rows[row, column]:g}"
-        raise BadQuery(f"{what}; give at most {MAX_MAGNITUDE:g} rad or m either way")
+        limits = f"from {-MAX_MAGNITUDE:g} to {MAX_MAGNITUDE:g} rad or m"
+        raise BadQuery(f"{what}; give a position {limits}")
     return rows, None if times is None else np.asarray(times)

@@ -229,7 +229,7 @@ def _check(request: Request) -> BadQuery | None:
     timeout = request.timeout
     if isinstance(timeout, (int, float)) and abs(timeout) <= _MAX_TIMEOUT:  # False for NaN
         return None
-    return BadQuery(f"The time-out is {shown(timeout)} s; give a number up to {_MAX_TIMEOUT:g}")
+    return BadQuery(f"The timeout is {shown(timeout)} s; give a number up to {_MAX_TIMEOUT:g}")
 
 
 def _environment() -> dict[str, str]:

@@ -83,7 +83,10 @@ def test_a_file_that_is_not_there_is_one_that_is_wrong(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "why"),
     [
-        ({"link": "claw"}, "post is attached to claw: There is no link claw; there are world, "),
+        (
+            {"link": "claw"},
+            "post is attached to claw: There is no link claw; the links are world, ",
+        ),
         ({"touches": ["flor"]}, "post may touch flor, but there is no such link or body"),
         ({"name": "base_link"}, "The robot already has a base_link"),
     ],

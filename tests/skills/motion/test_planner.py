@@ -187,7 +187,7 @@ REFUSED = [
     (via((0, math.nan, 0)), NotFinite, "^Via point 1 of joint_2 is nan"),
     (via(PICK[:2]), BadQuery, "^Via point 1 has 2 values"),
     (arm(HOME, PICK[:2]), BadQuery, "goal has 2 values; give one for each of joint_1"),
-    (Query("legs", (0, 0, 0, 0), (0,)), BadQuery, "no group 'legs'; there are arm, gripper"),
+    (Query("legs", (0, 0, 0, 0), (0,)), BadQuery, "no group 'legs'; the groups are arm, gripper"),
     (arm(HOME, PICK, seed=-1), BadQuery, "seed is -1"),
     (Query("arm", None, PICK), BadQuery, "start has 1 values"),  # type: ignore[arg-type]
     (arm(HOME, ((0.0, 0.0, 0.0),)), BadQuery, "goal has 3 values"),  # type: ignore[arg-type]

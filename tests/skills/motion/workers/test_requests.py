@@ -43,7 +43,7 @@ def test_invalid_tool_queries(planner: Planner, odd: dict[str, Any], message: st
 @pytest.mark.parametrize("odd", [math.nan, "a", None, np.zeros(3)])
 def test_invalid_timeouts(planner: Planner, request_: Request, odd: Any) -> None:
     """A timeout of NaN would never pass."""
-    with pytest.raises(BadQuery, match=r"The time-out is .* s; give a number"):
+    with pytest.raises(BadQuery, match=r"The timeout is .* s; give a number"):
         planner.answer(dataclasses.replace(request_, timeout=odd))
 
 
@@ -55,5 +55,7 @@ def test_a_timeout_larger_than_any_float(planner: Planner) -> None:
 
 def test_a_group_name_of_thousands_of_digits(planner: Planner) -> None:
     group: Any = 10**5000
-    with pytest.raises(BadQuery, match="There is no group a int that cannot be shown; there are"):
+    with pytest.raises(
+        BadQuery, match="There is no group a int that cannot be shown; the groups are"
+    ):
         planner.answer(dataclasses.replace(PICK, group=group))
