@@ -53,12 +53,7 @@ class TimeoutKind(ControlNodeKind):
     options = {"after": duration("longest time that the child may take", least=0.001)}
     placeholders = {"after": math.inf}
     may_halt = True
-
-    def make(
-        self, name: str, children: list[Behaviour], options: Options, context: Context
-    ) -> Behaviour:
-        """Return a node."""
-        return Timeout(name, children[0], context, options["after"])
+    node = Timeout
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return how it can end, and report a child that always takes longer."""
@@ -79,6 +74,8 @@ class InverterKind(ControlNodeKind):
 
     name = "inverter"
     description = "fails if its child succeeds, and succeeds if it fails"
+    order = Flow.UNCERTAIN
+    groot_tag = "Inverter"
 
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
@@ -86,18 +83,10 @@ class InverterKind(ControlNodeKind):
         """Return a node."""
         return Inverter(name, children[0])
 
-    def flow(self, options: Options) -> Flow:
-        """Return how its children follow each other."""
-        return Flow.UNCERTAIN
-
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return how it can end."""
         child = node.child(0, node.halted)
         return PossibleOutcomes(child.fails, child.succeeds, 0.0)
-
-    def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP."""
-        return [("Inverter", {})]
 
 
 class ForceSuccessKind(ControlNodeKind):
@@ -105,6 +94,8 @@ class ForceSuccessKind(ControlNodeKind):
 
     name = "force_success"
     description = "succeeds when its child has ended"
+    order = Flow.UNCERTAIN
+    groot_tag = "ForceSuccess"
 
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
@@ -112,15 +103,7 @@ class ForceSuccessKind(ControlNodeKind):
         """Return a node."""
         return FailureIsSuccess(name, children[0])
 
-    def flow(self, options: Options) -> Flow:
-        """Return how its children follow each other."""
-        return Flow.UNCERTAIN
-
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return how it can end."""
         child = node.child(0, node.halted)
         return PossibleOutcomes(True, False, 0.0 if child.fails else child.shortest)
-
-    def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP."""
-        return [("ForceSuccess", {})]

@@ -5,7 +5,7 @@ Reading, compilation, analysis and export take everything from there.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Any, ClassVar, Protocol
@@ -111,6 +111,11 @@ class ControlNodeKind(ABC):
         condition: Key of a second child that must be a condition; empty if there is none.
         only_asks: True if its child must be a condition.
         may_halt: True if it may halt children that still run.
+        lasting: True if it may take several ticks, although its children end at once.
+        order: How its children follow each other.
+        node: Class of its nodes, if these have one child. Its arguments are the name, the child,
+            the context, and the options by name.
+        groot_tag: Name of the node of BehaviorTree.CPP that does the same, if it has no ports.
     """
 
     name: ClassVar[str]
@@ -121,17 +126,21 @@ class ControlNodeKind(ABC):
     condition: ClassVar[str] = ""
     only_asks: ClassVar[bool] = False
     may_halt: ClassVar[bool] = False
+    lasting: ClassVar[bool] = False
+    order: ClassVar[Flow] = Flow.SEQUENCE
+    node: ClassVar[Callable[..., Behaviour]]
+    groot_tag: ClassVar[str] = ""
 
     def __init_subclass__(cls, register: bool = True) -> None:
         """Register the kind."""
         if register:
             KINDS[cls.name] = cls()
 
-    @abstractmethod
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
         """Return a node. A child that must be a condition is the last one."""
+        return type(self).node(name, children[0], context, **options)
 
     def label(self, options: Options) -> str:
         """Return its name in drawings."""
@@ -139,7 +148,7 @@ class ControlNodeKind(ABC):
 
     def flow(self, options: Options) -> Flow:
         """Return how its children follow each other."""
-        return Flow.SEQUENCE
+        return self.order
 
     def rounds(self, options: Options) -> int | None:
         """Return how often its children have succeeded when it succeeds; None for any number."""
@@ -147,7 +156,7 @@ class ControlNodeKind(ABC):
 
     def lasts(self, options: Options) -> bool:
         """Whether it may take several ticks, although its children end at once."""
-        return False
+        return self.lasting
 
     def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
         """Report mistakes that concern its children together.
@@ -163,12 +172,12 @@ class ControlNodeKind(ABC):
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return how a node can end, and report what cannot be intended."""
 
-    @abstractmethod
     def groot(self, options: Options) -> list[Element]:
         """Return the nodes of BehaviorTree.CPP that do the same, each around the next one.
 
         A condition comes before the node that it guards.
         """
+        return [(self.groot_tag, {})]
 
 
 KINDS: dict[str, ControlNodeKind] = {}

@@ -116,16 +116,8 @@ class RetryKind(ControlNodeKind):
         "backoff": duration("pause before the second attempt; it doubles each time", 0.0),
     }
     placeholders = {"attempts": 1}
-
-    def make(
-        self, name: str, children: list[Behaviour], options: Options, context: Context
-    ) -> Behaviour:
-        """Return a node."""
-        return Retry(name, children[0], context, options["attempts"], options["backoff"])
-
-    def lasts(self, options: Options) -> bool:
-        """Whether it may take several ticks."""
-        return True
+    lasting = True
+    node = Retry
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return how it can end, and report a child that never fails."""
@@ -179,21 +171,13 @@ class RepeatKind(ControlNodeKind):
     description = "runs its child until it fails"
     options = {"times": count("number of rounds; no limit without it", optional=True)}
     placeholders = {"times": 1}
-
-    def make(
-        self, name: str, children: list[Behaviour], options: Options, context: Context
-    ) -> Behaviour:
-        """Return a node."""
-        return Repeat(name, children[0], context, options["times"])
+    lasting = True
+    node = Repeat
 
     def rounds(self, options: Options) -> int | None:
         """Return how often its child has succeeded."""
         times: int | None = options["times"]
         return times
-
-    def lasts(self, options: Options) -> bool:
-        """Whether it may take several ticks."""
-        return True
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return how it can end, and report a loop that never starts again or never ends."""
@@ -242,16 +226,8 @@ class WaitForKind(ControlNodeKind):
     description = "checks a condition until it holds"
     options = {"every": duration("period of the checks", 0.1, least=0.01)}
     only_asks = True
-
-    def make(
-        self, name: str, children: list[Behaviour], options: Options, context: Context
-    ) -> Behaviour:
-        """Return a node."""
-        return WaitFor(name, children[0], context, options["every"])
-
-    def lasts(self, options: Options) -> bool:
-        """Whether it may take several ticks."""
-        return True
+    lasting = True
+    node = WaitFor
 
     def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
         """Report a condition that cannot change."""

@@ -114,6 +114,7 @@ class SelectorKind(_InTurn):
 
     name = "selector"
     description = "runs its children one after the other, until one succeeds"
+    order = Flow.ALTERNATIVES
 
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
@@ -122,10 +123,6 @@ class SelectorKind(_InTurn):
         if options["memory"]:
             return composites.Selector(name, memory=True, children=children)
         return ReactiveSelector(name, children, context)
-
-    def flow(self, options: Options) -> Flow:
-        """Return how its children follow each other."""
-        return Flow.ALTERNATIVES
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return how it can end, and report children that are never reached."""

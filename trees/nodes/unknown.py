@@ -5,7 +5,7 @@ from py_trees.composites import Sequence
 
 from skills import Context
 
-from .kind import ControlNodeKind, Element, Flow, Options, Outcomes, PossibleOutcomes
+from .kind import ControlNodeKind, Flow, Options, Outcomes, PossibleOutcomes
 
 
 class UnknownKind(ControlNodeKind, register=False):
@@ -15,6 +15,8 @@ class UnknownKind(ControlNodeKind, register=False):
     description = ""
     many = True
     may_halt = True
+    order = Flow.UNKNOWN
+    groot_tag = "Sequence"
 
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
@@ -22,15 +24,7 @@ class UnknownKind(ControlNodeKind, register=False):
         """Return a node."""
         return Sequence(name, memory=True, children=children)
 
-    def flow(self, options: Options) -> Flow:
-        """Return how its children follow each other."""
-        return Flow.UNKNOWN
-
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return how it can end."""
         node.children(halted=True)
         return PossibleOutcomes()
-
-    def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP."""
-        return [("Sequence", {})]
