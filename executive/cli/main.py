@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from executive.codes import INTERRUPTED_EXIT, look_up
+from executive.server.token_file import PORT
 
 from .client import COMMANDS as CLIENT_COMMANDS
 from .doctor import doctor
@@ -30,8 +31,6 @@ from .options import (
 from .plan import plan
 from .replay import replay
 from .tasks import COMMANDS as TASK_COMMANDS
-
-_TCP_PORT = 8765
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -127,7 +126,7 @@ def run(
     "--tcp-port",
     type=click.IntRange(0, 65535),
     envvar="ARMTREE_TCP_PORT",
-    default=_TCP_PORT,
+    default=PORT,
     show_default=True,
     help="Port to listen on; 0 for any free one.",
 )
