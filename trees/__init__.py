@@ -1,23 +1,15 @@
 """Task files: their grammar, how they are read, compiled and checked, and the shipped tasks."""
 
-from .declarations import ANY, LIST, TYPES, UNITS, Declaration, type_fits, words
-from .errors import DuplicateTask, FileError, Mistake, Mistakes, Place, TreeError, UnknownTask
-from .reading.document import REFUSED, Located, StandIn, nested, read_text
-from .reading.grammar import UNTYPED, VERSION, PosesFile, SubtreeFile, TaskFile, parse_value
-from .reading.library import Library, poses_of
-from .reading.node_parser import MAX_NUMBER
-from .reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
-from .reading.values import fit, measured
+from .declarations import UNITS, Declaration
+from .errors import DuplicateTask, FileError, Mistake, Place, TreeError, UnknownTask
+from .reading.document import Located
+from .reading.grammar import TaskFile, parse_value
+from .reading.library import Library
+from .reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
+from .reading.values import fit
 
 __all__ = [
-    "ANY",
-    "LIST",
-    "MAX_NUMBER",
-    "REFUSED",
-    "TYPES",
     "UNITS",
-    "UNTYPED",
-    "VERSION",
     "ControlNode",
     "Declaration",
     "DuplicateTask",
@@ -26,24 +18,13 @@ __all__ = [
     "Library",
     "Located",
     "Mistake",
-    "Mistakes",
     "Place",
-    "PosesFile",
     "SkillNode",
-    "StandIn",
-    "SubtreeFile",
     "SubtreeNode",
     "TaskFile",
     "TreeError",
     "TreeNode",
     "UnknownTask",
-    "Value",
     "fit",
-    "measured",
-    "nested",
     "parse_value",
-    "poses_of",
-    "read_text",
-    "type_fits",
-    "words",
 ]

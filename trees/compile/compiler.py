@@ -7,7 +7,6 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
-import trees
 from hardware.suggestions import choices, corrections
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
@@ -18,6 +17,7 @@ from trees.reading.document import REFUSED, Located, StandIn
 from trees.reading.grammar import UNTYPED, SubtreeFile, TaskFile
 from trees.reading.library import Library
 from trees.reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
+from trees.reading.values import fit
 
 from .arguments import MISSING
 from .data_flow import Keys
@@ -472,7 +472,7 @@ class TreeCompiler:
         def wrong(place: Place, why: str) -> None:
             self._mistakes.add_last(place, f"{what}: {why}")  # other uses may read it too
 
-        fitted = trees.fit(value, wanted, self._sources.poses, wrong)
+        fitted = fit(value, wanted, self._sources.poses, wrong)
         if wanted.type.endswith("positions") and fitted is not None:
             items = value.value if isinstance(value.value, list) else [value]
             if any(isinstance(item.value, str) for item in items):
