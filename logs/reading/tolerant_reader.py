@@ -5,6 +5,7 @@ checksums of attachments and of the summary, and damage in a journal.
 """
 
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from stat import S_ISREG
@@ -15,7 +16,7 @@ from logs.errors import RecordingError
 from logs.records.file_format import MAGIC, is_journal, valid_size
 
 if TYPE_CHECKING:
-    from mcap.records import Attachment, Footer, McapRecord
+    from mcap.records import Attachment, Footer
 
 _CRC_BYTES = 4
 _ATTACHMENT_HEAD_BYTES = 32  # two times of 8, the lengths of name, type (4 each) and data (8)
@@ -61,17 +62,9 @@ class TolerantReader:
             OSError: The disk failed.
         """
         with self.path.open("rb") as stream:
-            end = valid_size(stream) if is_journal(stream) else None
+            end = valid_size(stream) if is_journal(stream) else sys.maxsize
             try:
-                validator = RecordValidator()
-                for record in self._records(stream):
-                    if end is not None and stream.tell() > end:
-                        return
-                    if not validator.accepts(record, stream):
-                        return
-                    self.messages, self.valid = validator.messages, stream.tell()
-                    yield record
-                self.intact = validator.data_ended and _summary_is_valid(record, stream)
+                yield from self._valid_records(stream, end)
             except OSError:
                 raise
             except Exception:
@@ -79,7 +72,7 @@ class TolerantReader:
                 # McapError, struct.error, ValueError, ZstdError, MemoryError and more.
                 return
             finally:
-                if end is not None and stream.tell() >= end:
+                if stream.tell() >= end:
                     self.valid = end  # includes the checksum of the last piece
 
     @property
@@ -87,56 +80,40 @@ class TolerantReader:
         """After iterating: number of bytes at the end of the file that are not valid."""
         return 0 if self.intact else self.path.stat().st_size - self.valid
 
+    def _valid_records(self, stream: BinaryIO, end: int) -> Iterator[Any]:
+        """Yields records up to the first invalid one, or up to an offset in the file [bytes]."""
+        from mcap.records import Attachment, Channel, DataEnd, Header, Message, Schema
+
+        schemas, channels = {0}, set[int]()
+        started = ended = False
+        for record in self._records(stream):
+            valid = (isinstance(record, Header) is not started) and stream.tell() <= end
+            started = True
+            match record:
+                case Message():
+                    valid &= record.channel_id in channels
+                    self.messages += valid
+                case Schema():
+                    schemas.add(record.id)
+                case Channel():
+                    channels.add(record.id)
+                    valid &= record.schema_id in schemas
+                case Attachment():
+                    valid &= _attachment_is_valid(record, stream)
+                case DataEnd():
+                    ended = True
+            if not valid:
+                return
+            self.valid = stream.tell()
+            yield record
+        self.intact = ended and _summary_is_valid(record, stream)
+
     def _records(self, stream: BinaryIO) -> Iterator[Any]:
         from mcap.stream_reader import StreamReader
 
         # Without a limit, a damaged length makes the reader allocate gigabytes.
         limit = self.path.stat().st_size
         yield from StreamReader(stream, validate_crcs=True, record_size_limit=limit).records
-
-
-class RecordValidator:
-    """Finds records that are invalid at their position in the file.
-
-    Attributes:
-        messages: Number of valid messages.
-        data_ended: True after a valid end of the data section.
-    """
-
-    def __init__(self) -> None:
-        self.messages = 0
-        self.data_ended = False
-        self._started = False
-        self._schemas = {0}
-        self._channels: set[int] = set()
-
-    def accepts(self, record: "McapRecord", stream: BinaryIO) -> bool:
-        """Returns whether a record is valid after the records before it.
-
-        Args:
-            record: The record.
-            stream: The file, at the end of the record.
-        """
-        from mcap.records import Attachment, Channel, DataEnd, Header, Message, Schema
-
-        if isinstance(record, Header) is self._started:
-            return False
-        self._started = True
-        match record:
-            case Message():
-                known = record.channel_id in self._channels
-                self.messages += known
-                return known
-            case Schema():
-                self._schemas.add(record.id)
-            case Channel():
-                self._channels.add(record.id)
-                return record.schema_id in self._schemas
-            case Attachment():
-                return _attachment_is_valid(record, stream)
-            case DataEnd():
-                self.data_ended = True
-        return True
 
 
 def _attachment_is_valid(attachment: "Attachment", stream: BinaryIO) -> bool:

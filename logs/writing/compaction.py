@@ -184,8 +184,29 @@ class Copy:
 
     def all(self, records: Iterable[Any]) -> int:
         """Copies all records but indexes and digests; returns the number of messages so far."""
+        from mcap import records as mcap
+
+        new = self._writer
         for record in records:
-            self._copy(record)
+            match record:
+                case mcap.Message(sequence=sequence, log_time=time, publish_time=published):
+                    number = self._channels[record.channel_id]
+                    new.add_message(number, time, record.data, published, sequence)
+                    self._messages += 1
+                case mcap.Header(profile=profile, library=library):
+                    self._start(profile, library.removesuffix(UNFINISHED))
+                # The summary repeats the schemas and channels.
+                case mcap.Schema() if record.id not in self._schemas:
+                    number = new.register_schema(record.name, record.encoding, record.data)
+                    self._schemas[record.id] = number
+                case mcap.Channel(schema_id=id_, metadata=facts) if record.id not in self._channels:
+                    encoding, schema = record.message_encoding, self._schemas[id_]
+                    number = new.register_channel(record.topic, encoding, schema, facts)
+                    self._channels[record.id] = number
+                case mcap.Attachment(create_time=created, log_time=time, name=name):
+                    new.add_attachment(created, time, name, record.media_type, record.data)
+                case mcap.Metadata(name=name) if name != DIGESTS:  # digests are computed again
+                    new.add_metadata(name, record.metadata)
         if not self._started:
             self._start("ros2", "armtree")
         return self._messages
@@ -193,27 +214,3 @@ class Copy:
     def _start(self, profile: str, library: str) -> None:
         self._writer.start(profile, library)
         self._started = True
-
-    def _copy(self, record: Any) -> None:
-        from mcap import records as mcap
-
-        new = self._writer
-        match record:
-            case mcap.Message(sequence=sequence, log_time=time, publish_time=published):
-                number = self._channels[record.channel_id]
-                new.add_message(number, time, record.data, published, sequence)
-                self._messages += 1
-            case mcap.Header(profile=profile, library=library):
-                self._start(profile, library.removesuffix(UNFINISHED))
-            # The summary repeats the schemas and channels.
-            case mcap.Schema() if record.id not in self._schemas:
-                number = new.register_schema(record.name, record.encoding, record.data)
-                self._schemas[record.id] = number
-            case mcap.Channel(schema_id=schema) if record.id not in self._channels:
-                self._channels[record.id] = new.register_channel(
-                    record.topic, record.message_encoding, self._schemas[schema], record.metadata
-                )
-            case mcap.Attachment(create_time=created, log_time=time, name=name):
-                new.add_attachment(created, time, name, record.media_type, record.data)
-            case mcap.Metadata(name=name) if name != DIGESTS:  # digests are computed again
-                new.add_metadata(name, record.metadata)
