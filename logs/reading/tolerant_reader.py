@@ -82,12 +82,17 @@ class TolerantReader:
 
     def _valid_records(self, stream: BinaryIO, end: int) -> Iterator[Any]:
         """Yields records up to the first invalid one, or up to an offset in the file [bytes]."""
-        from mcap.records import Attachment, Channel, DataEnd, Header, Message, Schema
+        from mcap.records import Attachment, Channel, DataEnd, Footer, Header, Message, Schema
+        from mcap.stream_reader import StreamReader
 
+        # Without a limit, a damaged length makes the reader allocate gigabytes.
+        limit = self.path.stat().st_size
+        reader = StreamReader(stream, validate_crcs=True, record_size_limit=limit)
         schemas, channels = {0}, set[int]()
         started = ended = False
-        for record in self._records(stream):
-            valid = (isinstance(record, Header) is not started) and stream.tell() <= end
+        for record in reader.records:
+            place = stream.tell()
+            valid = isinstance(record, Header) is not started and place <= end
             started = True
             match record:
                 case Message():
@@ -104,16 +109,10 @@ class TolerantReader:
                     ended = True
             if not valid:
                 return
-            self.valid = stream.tell()
+            self.valid = place
             yield record
-        self.intact = ended and _summary_is_valid(record, stream)
-
-    def _records(self, stream: BinaryIO) -> Iterator[Any]:
-        from mcap.stream_reader import StreamReader
-
-        # Without a limit, a damaged length makes the reader allocate gigabytes.
-        limit = self.path.stat().st_size
-        yield from StreamReader(stream, validate_crcs=True, record_size_limit=limit).records
+        if ended and isinstance(record, Footer):
+            self.intact = _summary_is_valid(record, stream)
 
 
 def _attachment_is_valid(attachment: "Attachment", stream: BinaryIO) -> bool:
