@@ -41,7 +41,7 @@ rooms: $(TOOLS)
 # 100,000 damaged frames; the suite sends 10,000.
 damage: $(TOOLS)
 	ARMTREE_CORRUPTIONS=100000 $(VENV)/bin/pytest -k corruptions --durations=2 \
-		tests/hardware/drivers/arduino/firmware/test_avr_armtree.py tests/hardware/drivers/arduino/virtual/test_armtree.py
+		tests/hardware/drivers/arduino/firmware/test_avr_armtree.py tests/hardware/drivers/arduino/virtual/test_armtree_firmware.py
 
 # Takes two to ten minutes. Fails if no test notices a small change to the code that guards the wire.
 mutation: $(TOOLS)

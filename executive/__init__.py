@@ -3,17 +3,12 @@
 import typing
 
 if typing.TYPE_CHECKING:
-    from .client import (
-        AsyncClient,
-        CancelResult,
-        Client,
-        ClientError,
-        GoalFailed,
-        Refused,
-        ServerUnreachable,
-        Status,
-        Task,
-    )
+    from .client.asynchronous import AsyncClient
+    from .client.synchronous import Client
+    from .client.values import Task
+    from .errors import ClientError, GoalFailed, Refused, ServerUnreachable
+    from .goals.events import Status
+    from .goals.outcome import CancelResult
 
 __all__ = [
     "AsyncClient",

@@ -40,9 +40,10 @@ Every error carries a stable `code`, and its message says what to do next.
 from collections.abc import Mapping
 from typing import Any
 
-from executive.goals.outcome import Cause, Outcome
 from hardware import HardwareError, LinkError
 from trees import FileError
+
+from .goals.outcome import Cause, Outcome
 
 _LONGEST = 300  # characters of a refusal: it may quote what the client sent
 

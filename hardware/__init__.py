@@ -28,7 +28,7 @@ if typing.TYPE_CHECKING:
     from .drivers.arduino.virtual.board import Board, BoardState
     from .drivers.arduino.virtual.link import BoardLink
     from .drivers.driver import Frame
-    from .drivers.firmware import Firmware
+    from .drivers.firmware_profile import Firmware
     from .errors import (
         ActivationStopped,
         BadPosition,
@@ -59,8 +59,8 @@ if typing.TYPE_CHECKING:
     )
     from .joints import Joint, Mimic, check_position
     from .link.link import Link
-    from .link.ports import Check, SerialPort, check_port, serial_ports
     from .link.serial_link import SerialLink
+    from .link.serial_ports import Check, SerialPort, check_port, serial_ports
     from .simulation import virtual_board
 
 __all__ = [
@@ -199,7 +199,7 @@ _MODULES = {
     ),
     "drivers.arduino.virtual.link": ("BoardLink",),
     "drivers.driver": ("Frame",),
-    "drivers.firmware": ("Firmware",),
+    "drivers.firmware_profile": ("Firmware",),
     "errors": (
         "ActivationStopped",
         "BadPosition",
@@ -234,7 +234,7 @@ _MODULES = {
         "check_position",
     ),
     "link.link": ("Link",),
-    "link.ports": (
+    "link.serial_ports": (
         "Check",
         "SerialPort",
         "check_port",

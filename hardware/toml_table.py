@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NoReturn
 
-from hardware.errors import DescriptionError
-from hardware.suggestions import choices, closest, suggestion
+from .errors import DescriptionError
+from .suggestions import choices, closest, suggestion
 
 _HEADER = re.compile(r"\s*\[([\w.\-]+)\]\s*(?:#.*)?$")
 _KEY = re.compile(r"\s*([\w.\-]+)\s*=")

@@ -15,7 +15,7 @@ from .analysis.reachability import check_outcomes
 from .compile.arguments import FILE, as_text, wrong
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.leaf import Leaf
-from .compile.paths import paths
+from .compile.node_paths import paths
 from .compile.skill_hooks import Refusal
 from .errors import Mistake
 from .export.resolved import RESOLVED, resolved

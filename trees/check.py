@@ -14,7 +14,7 @@ from .analysis.predicted_motion import Motion, predict_motions
 from .analysis.reachability import check_outcomes
 from .build import mistakes_of, refusals
 from .compile.compiler import CompiledTree, TreeCompiler
-from .compile.paths import paths
+from .compile.node_paths import paths
 from .compile.skill_hooks import Pose
 from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import StandIn

@@ -9,7 +9,7 @@ from typing import Any
 from hardware import Robot
 
 from .check import check_task, compile_task
-from .compile.paths import paths
+from .compile.node_paths import paths
 from .errors import FileError, TreeError, UnknownTask
 from .reading.document import read_text
 from .reading.library import Library

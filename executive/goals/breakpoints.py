@@ -6,7 +6,7 @@ from py_trees.common import Status
 from executive.errors import NoSuchNode
 from hardware.suggestions import suggestion
 from trees.build import Tree
-from trees.compile.paths import paths
+from trees.compile.node_paths import paths
 from trees.live_library import LiveLibrary
 
 from .mailbox import Mailbox

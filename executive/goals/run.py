@@ -11,7 +11,7 @@ from hardware import ActivationStopped, Arm, Clock
 from logs import Feedback, NodeStatus, Record
 from skills import Skill, SkillBroken, TaskFailed
 from trees.build import Tree
-from trees.compile.paths import paths
+from trees.compile.node_paths import paths
 from trees.nodes.loops import Loop
 
 from .goal import Goal

@@ -13,7 +13,7 @@ from py_trees.behaviour import Behaviour
 from executive.errors import ExecutorBlocked
 from executive.recording.recordings import Recordings
 from hardware import Arm, CancelTimeout, Clock
-from trees.compile.paths import paths
+from trees.compile.node_paths import paths
 
 from .goal import Goal
 from .outcome import CancelResult, Cause, GoalState, Outcome, cause_of

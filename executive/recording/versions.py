@@ -13,7 +13,7 @@ import skills.motion
 _PLANNING = ("numpy", "ompl", "pin", "coal", "toppra")
 _SCHEDULING = (
     "arm/schedule.py",
-    "drivers/firmware.py",
+    "drivers/firmware_profile.py",
     "drivers/pacing.py",
     "drivers/arduino/frames.py",
     "drivers/arduino/serial_servo.py",

@@ -8,7 +8,7 @@ import os
 import threading
 
 from hardware.clock import Clock
-from hardware.link.ports import persistent_name
+from hardware.link.serial_ports import persistent_name
 
 from .events import BoardReturned, Observer
 

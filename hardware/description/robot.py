@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 
 from hardware.drivers.driver import Driver, WireFormat
-from hardware.drivers.firmware import Firmware
+from hardware.drivers.firmware_profile import Firmware
 from hardware.drivers.null_driver import NullDriver
 from hardware.joints import Joint
 from hardware.link.link import Link

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from hardware.drivers.driver import Driver, load_driver
-from hardware.drivers.firmware import Firmware
+from hardware.drivers.firmware_profile import Firmware
 from hardware.drivers.null_driver import NO_FIRMWARE, NullDriver
 from hardware.errors import DescriptionError
 from hardware.joints import Joint

@@ -17,7 +17,7 @@ from hardware.joints import Joint
 from hardware.link.link import Link
 from hardware.toml_table import TomlTable
 
-from .firmware import Firmware
+from .firmware_profile import Firmware
 
 GROUP = "armtree.hardware"
 

@@ -9,7 +9,7 @@ from hardware.errors import NoDriver
 from hardware.joints import Joint
 from hardware.toml_table import TomlTable
 
-from .firmware import Firmware
+from .firmware_profile import Firmware
 
 NO_FIRMWARE = Firmware("none", 10.0, 0.0, 0, 0, 0.0, b"")
 

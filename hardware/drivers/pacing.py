@@ -5,7 +5,7 @@ import math
 from hardware.link.link import BITS_PER_BYTE
 
 from .driver import Frame
-from .firmware import Firmware
+from .firmware_profile import Firmware
 
 
 class PacingModel:

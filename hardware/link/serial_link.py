@@ -12,7 +12,7 @@ import serial
 from hardware.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing, PortStalled
 
 from .port_lock import PortLock
-from .ports import group_of, serial_ports
+from .serial_ports import group_of, serial_ports
 
 # A 20-byte frame takes 2 ms on the wire. A board that accepts nothing for this long is stuck [s].
 WRITE_TIMEOUT = 0.2

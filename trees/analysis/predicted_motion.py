@@ -13,7 +13,7 @@ from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
 from trees.compile.skill_hooks import Pose, SkillHooks
 from trees.errors import Place
-from trees.nodes import Flow
+from trees.nodes.kind import Flow
 
 _UNNAMED = "bodies named at run time"
 _UNKNOWN = "its start or target is known only during a run"

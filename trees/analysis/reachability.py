@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from py_trees.behaviour import Behaviour
 
 from trees.compile.compiler import CompiledTree
-from trees.nodes import Control, PossibleOutcomes
+from trees.nodes.kind import Control, PossibleOutcomes
 
 
 def check_outcomes(tree: CompiledTree) -> None:

@@ -11,7 +11,7 @@ from hardware.suggestions import choices, corrections
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
 from trees.errors import Mistake, Mistakes, Place
-from trees.nodes import KINDS, Child, Control, ControlNodeKind, Flow
+from trees.nodes.kind import KINDS, Child, Control, ControlNodeKind, Flow
 from trees.nodes.unknown import UnknownKind
 from trees.reading.document import REFUSED, Located, StandIn
 from trees.reading.grammar import UNTYPED, SubtreeFile, TaskFile

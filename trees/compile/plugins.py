@@ -14,7 +14,7 @@ from typing import NoReturn
 from py_trees.ports import get_ports_registry, register_ports_class
 
 import skills  # noqa: F401  registers the shipped skills
-from trees.nodes import KINDS
+from trees.nodes.kind import KINDS
 
 GROUP = "armtree.skills"
 

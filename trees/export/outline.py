@@ -8,7 +8,7 @@ from py_trees.behaviour import Behaviour
 from skills import Skill
 from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
-from trees.nodes import Control
+from trees.nodes.kind import Control
 
 
 @dataclass(frozen=True)

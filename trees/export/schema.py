@@ -8,7 +8,7 @@ from typing import Any
 from trees.compile.port_types import declarations, known_skills
 from trees.declarations import ANY, LIST, TYPES, UNITS, Declaration
 from trees.errors import Place
-from trees.nodes import KINDS
+from trees.nodes.kind import KINDS
 from trees.reading.library import Library
 from trees.reading.node_parser import MAX_NUMBER
 

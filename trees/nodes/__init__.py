@@ -5,7 +5,7 @@ from importlib import import_module
 from .kind import KINDS, Child, Control, ControlNodeKind, Flow, Outcomes, PossibleOutcomes
 
 # Messages list the kinds in this order.
-for _family in ("sequences", "parallel", "loops", "decorators", "guard"):
+for _family in ("composites", "parallel", "loops", "decorators", "guard"):
     import_module(f".{_family}", __name__)
 
 __all__ = [

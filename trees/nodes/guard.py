@@ -9,15 +9,7 @@ from py_trees.composites import Composite
 from skills import Context
 from trees.declarations import Declaration
 
-from .kind import (
-    Child,
-    ControlNodeKind,
-    Element,
-    Options,
-    Outcomes,
-    PossibleOutcomes,
-    duration,
-)
+from .kind import Child, ControlNodeKind, Element, Options, Outcomes, PossibleOutcomes, duration
 from .loops import busy
 
 

@@ -11,7 +11,7 @@ from .document import Located, names_within, nested
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
 if TYPE_CHECKING:
-    from trees.nodes import ControlNodeKind
+    from trees.nodes.kind import ControlNodeKind
 
 MAX_NUMBER = 2**31 - 1
 
@@ -204,7 +204,7 @@ class NodeParser:
 
 
 def _kinds() -> "Mapping[str, ControlNodeKind]":
-    from trees.nodes import KINDS  # takes 0.3 s, which a list of tasks does not need
+    from trees.nodes.kind import KINDS  # takes 0.3 s, which a list of tasks does not need
 
     return KINDS
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from hardware.drivers.firmware import Firmware
+from hardware.drivers.firmware_profile import Firmware
 from hardware.drivers.pacing import unread_bytes
 from hardware.joints import Joint
 from hardware.link.link import Link

@@ -9,7 +9,7 @@ from hardware import Clock, Robot
 from skills.motion.errors import PlanCanceled
 from skills.motion.query import Request, Result
 
-from .process import WorkerProcess
+from .worker_process import WorkerProcess
 
 
 class Job:

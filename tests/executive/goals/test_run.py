@@ -10,7 +10,7 @@ from py_trees.composites import Sequence
 from executive.goals.mailbox import Mailbox
 from executive.goals.stop import STOP_TIMEOUT
 from hardware import RealClock, SimulatedClock
-from trees.compile.paths import paths
+from trees.compile.node_paths import paths
 
 
 @pytest.fixture

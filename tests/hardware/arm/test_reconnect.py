@@ -23,7 +23,7 @@ from hardware import (
     load_robot,
 )
 from hardware.arm.reconnect import ReconnectWatcher
-from hardware.link import ports as ports_module
+from hardware.link import serial_ports as ports_module
 from tests.support.hardware_rigs import settled_for
 
 ROBOT = load_robot()

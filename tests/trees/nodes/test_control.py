@@ -7,11 +7,11 @@ from py_trees.common import Status
 from hardware import Robot, SimulatedClock
 from skills import Context
 from tests.conftest import Bench
+from trees.nodes.composites import ReactiveSelector, ReactiveSequence
 from trees.nodes.decorators import Timeout
 from trees.nodes.guard import Guard
 from trees.nodes.loops import LEAST_ROUND, Repeat, Retry, WaitFor
 from trees.nodes.parallel import Race
-from trees.nodes.sequences import ReactiveSelector, ReactiveSequence
 
 S, F, R, INVALID = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALID
 

@@ -10,7 +10,7 @@ import tty
 from dataclasses import asdict
 from typing import Any
 
-from hardware.drivers.firmware import Firmware
+from hardware.drivers.firmware_profile import Firmware
 from hardware.errors import LinkError, PortLost
 from hardware.link.serial_link import SerialLink
 

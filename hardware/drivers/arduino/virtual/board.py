@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from hardware.drivers.firmware import Firmware
+from hardware.drivers.firmware_profile import Firmware
 from hardware.link.link import BITS_PER_BYTE
 
-from .armtree import ArmtreeFirmware
-from .stock import StockSketch
+from .armtree_firmware import ArmtreeFirmware
+from .stock_firmware import StockSketch
 from .transmitter import Transmitter
 
 

@@ -13,7 +13,7 @@ import sys
 from dataclasses import asdict
 
 from hardware.clock import RealClock
-from hardware.drivers.firmware import Firmware
+from hardware.drivers.firmware_profile import Firmware
 
 from .board import Board
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hardware import Check, SerialLink, SerialPort, check_port
-from hardware.link import ports as module
+from hardware.link import serial_ports as module
 from tests.support.hardware_rigs import Pty
 
 NOBODY = 65534

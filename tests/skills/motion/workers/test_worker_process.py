@@ -15,7 +15,7 @@ import pytest
 from hardware import Robot, load_robot
 from skills.motion import Plan, PlanTimeout, Query, Reached, Verify, WorkerDied
 from skills.motion.planner import Planner
-from skills.motion.workers.process import WorkerProcess
+from skills.motion.workers.worker_process import WorkerProcess
 from tests.support.paths import ROOT
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
@@ -61,7 +61,7 @@ LOADS = """
 import sys, skills.motion.planner
 wanted = {"scipy.interpolate", "scipy.sparse", "matplotlib", "toppra"}
 print(sorted(wanted & set(sys.modules)))
-import skills.motion.workers.worker
+import skills.motion.workers.worker_main
 print(sorted(wanted & set(sys.modules)))
 from scipy.interpolate import CubicSpline
 print(CubicSpline([0, 1, 2], [0, 1, 4])(1.0))

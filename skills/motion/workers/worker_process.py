@@ -27,6 +27,7 @@ _ANSWERS: dict[type, type[Any]] = {
     Carry: Body,
     Verify: NoneType,
 }
+_PROGRAM = "skills.motion.workers.worker_main"
 _MAX_TIMEOUT = 86_400.0  # of a request [s]
 _GRACE = 0.008  # after a request's timeout, before the worker counts as hanging [s]
 _EXIT = 0.2  # longest wait for the exit status, once the worker closed its socket [s]
@@ -57,7 +58,13 @@ class WorkerProcess:
         self._output = tempfile.TemporaryFile()  # noqa: SIM115, closed by `close`
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "skills.motion.workers.worker", str(theirs.fileno())],
+                [
+                    sys.executable,
+                    "-P",
+                    "-m",
+                    "skills.motion.workers.worker_main",
+                    str(theirs.fileno()),
+                ],
                 pass_fds=(theirs.fileno(),),
                 stdin=subprocess.DEVNULL,
                 stdout=self._output,

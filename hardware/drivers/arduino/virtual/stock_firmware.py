@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hardware.drivers.firmware import Firmware
+from hardware.drivers.firmware_profile import Firmware
 
 
 @dataclass(frozen=True, slots=True)

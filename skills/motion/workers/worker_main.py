@@ -1,4 +1,4 @@
-"""The worker process: `python -P -m skills.motion.workers.worker FD`, FD being its socket.
+"""The worker process: `python -P -m skills.motion.workers.worker_main FD`, FD being its socket.
 
 It receives a Robot and answers None when it has loaded it. Then it answers requests, one after the
 other, until the other end closes. Request and answer have the same number. A MotionError is an
