@@ -1,4 +1,4 @@
-"""Whole runs on the in-process board, in simulated time: what is sent, told and recorded."""
+"""Whole runs on the in-process board, in simulated time: frames, events and recordings."""
 
 import dataclasses
 from collections.abc import Callable
@@ -27,7 +27,7 @@ tree:
 
 
 def reach(folder: Path, number: int, arm: tuple[float, ...], gripper: float = 0.0) -> Path:
-    """Write a task of one's own and say where."""
+    """Write a task file; returns its folder."""
     text = REACH.format(number=number, name=f"reach{number}", arm=arm, gripper=gripper)
     (folder / f"{number}_reach{number}.yaml").write_text(text)
     return folder
@@ -72,7 +72,7 @@ def test_the_four_tasks(rig: RigMaker) -> None:
     assert arm.told(logs.Transition)[-1].goal == "finalized"
 
 
-def test_success_is_told_when_the_board_is_done(rig: RigMaker) -> None:
+def test_success_is_reported_when_the_board_has_finished(rig: RigMaker) -> None:
     arm = rig()
     ended: list[tuple[float, ...]] = []
     arm.on_record = lambda record: (
@@ -134,7 +134,7 @@ def test_the_same_goal_twice_gives_the_same_bytes(rig: RigMaker) -> None:
     ]
 
 
-def test_a_goal_where_the_arm_stands_sends_nothing(rig: RigMaker, tasks: Path) -> None:
+def test_a_goal_at_the_current_pose_sends_nothing(rig: RigMaker, tasks: Path) -> None:
     arm = rig(reach(tasks, 10, (0.0, 0.0, 0.0), 0.0))
     (outcome,) = arm.run(10)
     assert outcome.success
@@ -201,7 +201,7 @@ def test_an_unknown_task(rig: RigMaker) -> None:
     assert Path(outcome.recording).exists()
 
 
-def test_all_tasks_are_judged_before_the_first_moves(rig: RigMaker) -> None:
+def test_all_tasks_are_validated_before_the_first_moves(rig: RigMaker) -> None:
     arm = rig()
     outcomes = arm.run(1, 7)
     assert [(outcome.task, outcome.code) for outcome in outcomes] == [(7, "goal.unknown_task")]
@@ -340,13 +340,13 @@ def test_a_folder_for_recordings_that_cannot_be_made(rig: RigMaker, tmp_path: Pa
     assert arm.opened == 0
 
 
-def test_a_task_that_fails_ends_the_row(rig: RigMaker, tasks: Path) -> None:
+def test_a_failed_task_ends_the_sequence(rig: RigMaker, tasks: Path) -> None:
     arm = rig(reach(tasks, 10, (0.0, -1.5, 0.0)))
     outcomes = arm.run(10, 1)
     assert [outcome.task for outcome in outcomes] == [10]
 
 
-def test_our_firmware_is_asked_to_acknowledge_and_that_is_no_frame(
+def test_the_request_to_acknowledge_is_not_a_frame(
     robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool, tmp_path: Path
 ) -> None:
     ours = dataclasses.replace(robot, firmware=FIRMWARES["armtree"])

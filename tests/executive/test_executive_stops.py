@@ -22,7 +22,7 @@ def percentages(rig: Rig) -> list[int | None]:
 
 
 def busy(rig: Rig) -> list[str]:
-    """Nodes that were told running and never told to have ended."""
+    """Paths of nodes that were reported as running and never as ended."""
     last = {node.path: node.status for node in rig.told(logs.NodeStatus)}
     return [path for path, status in last.items() if status == "RUNNING"]
 
@@ -196,7 +196,7 @@ def test_a_motion_that_cannot_begin_for_a_fault_ends_with_that_fault(server: Rig
     arm, failed = server(), threading.Event()
 
     class Telling(logging.Handler):
-        """The arm has failed, and nobody is told of it before the goal has ended."""
+        """Delays the report of the arm's failure until the goal has ended."""
 
         def emit(self, _: logging.LogRecord) -> None:
             failed.set()

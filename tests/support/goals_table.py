@@ -1,4 +1,4 @@
-"""Goals, and somebody who executes them when a test says so."""
+"""A queue of goals, and an executor that a test controls."""
 
 from executive.goals.goal import Goal
 from executive.goals.outcome import Acceptance, CancelCode, GoalState, GoalStatus, Outcome
@@ -7,7 +7,7 @@ from hardware import SimulatedClock
 
 
 class Table:
-    """Goals, and somebody who executes them when the test says so."""
+    """A queue of goals, and an executor that the test controls."""
 
     def __init__(self, policy: Policy = Policy.QUEUE, keep: float = 900.0) -> None:
         self.clock = SimulatedClock()
@@ -15,7 +15,7 @@ class Table:
         self.goals = GoalQueue(self.clock, policy, keep, self._changed)
 
     def _changed(self, status: GoalStatus) -> None:
-        if status.state is GoalState.ACCEPTED:  # a name that is forgotten may be used again
+        if status.state is GoalState.ACCEPTED:  # a forgotten identity may be used again
             self.history[status.identity] = []
         self.history[status.identity].append(status.state.value)
 

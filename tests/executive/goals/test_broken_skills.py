@@ -1,4 +1,4 @@
-"""What the code of a skill raises: an end of its goal with a cause, and never one of the server."""
+"""An exception from the code of a skill ends its goal with a cause, and never the server."""
 
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ _NAMES = (
 
 @skill
 def leaves() -> None:
-    """Call what a library calls that thinks it is a program."""
+    """Exit the process, as a library for programs may do."""
     raise SystemExit(3)
 
 
@@ -37,7 +37,7 @@ class Leaves(Skill):
 
 
 class Doubts(Skill):
-    """Cannot judge."""
+    """Its validation fails."""
 
     INPUT_PORTS: dict[str, Any] = {}
     OUTPUT_PORTS: dict[str, Any] = {}
@@ -84,7 +84,7 @@ class Lost(Skill):
 
 
 class Restless(Skill):
-    """Cannot stand still."""
+    """Its pause fails."""
 
     def on_start(self) -> Status:
         return Status.RUNNING
@@ -115,7 +115,7 @@ class Timeless(Skill):
 
 
 class Ponders(Skill):
-    """Judges for an hour."""
+    """Its validation takes an hour."""
 
     clock: Clock = RealClock()
 
@@ -164,7 +164,7 @@ def test_the_goal_ends_with_its_cause_and_the_next_one_is_done(
     assert run(arm, 1).success
 
 
-def test_what_breaks_in_a_pause_ends_its_goal(server: RigMaker, tasks: Path) -> None:
+def test_an_exception_in_a_pause_ends_the_goal(server: RigMaker, tasks: Path) -> None:
     arm = server(tasks=tasks)
     goal = arm.executive.send(46).identity
     arm.rest(1.0)
@@ -176,7 +176,7 @@ def test_what_breaks_in_a_pause_ends_its_goal(server: RigMaker, tasks: Path) -> 
     assert run(arm, 1).success
 
 
-def test_what_cannot_be_judged_stops_nothing(server: RigMaker, tasks: Path) -> None:
+def test_a_goal_whose_validation_fails_preempts_nothing(server: RigMaker, tasks: Path) -> None:
     arm = server(tasks=tasks, policy=Policy.PREEMPT)
     refused = []
     at_frame(arm, 10, lambda: refused.append(arm.executive.send(42)))
@@ -185,7 +185,7 @@ def test_what_cannot_be_judged_stops_nothing(server: RigMaker, tasks: Path) -> N
     assert not any(frame.hold for frame in arm.told(logs.Sent))
 
 
-def test_what_never_returns_does_not_outlive_a_cancel(server: RigMaker, tasks: Path) -> None:
+def test_a_cancel_ends_a_goal_whose_skill_does_not_return(server: RigMaker, tasks: Path) -> None:
     arm = server(tasks=tasks)
     goal = arm.executive.send(43).identity
     arm.rest(1.0)
@@ -212,7 +212,7 @@ def test_what_never_returns_does_not_outlive_a_cancel(server: RigMaker, tasks: P
 
 
 @pytest.mark.parametrize("policy", [Policy.QUEUE, Policy.PREEMPT])
-def test_what_waits_for_what_never_returns_is_told_so(
+def test_goals_behind_a_skill_that_does_not_return_are_aborted(
     server: RigMaker, tasks: Path, policy: Policy
 ) -> None:
     arm = server(tasks=tasks, policy=policy)
@@ -238,7 +238,7 @@ def test_a_server_ends_though_something_never_returns(server: RigMaker, tasks: P
     arm.rest(3600.0)
 
 
-def test_what_judges_for_ever_does_not_outlive_a_cancel(
+def test_a_cancel_ends_a_goal_whose_validation_does_not_return(
     server: RigMaker, tasks: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arm = server(tasks=tasks)
@@ -256,7 +256,7 @@ def test_what_judges_for_ever_does_not_outlive_a_cancel(
 
 
 @pytest.mark.parametrize("policy", Policy)
-def test_what_is_asked_for_wrongly_is_refused_and_what_breaks_is_not(
+def test_wrong_requests_are_refused_and_broken_skills_are_not(
     server: RigMaker, tasks: Path, policy: Policy
 ) -> None:
     arm = server(tasks=tasks, policy=policy)

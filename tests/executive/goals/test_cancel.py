@@ -1,4 +1,4 @@
-"""Cancels from everywhere, at any moment: one end per goal, nothing left alive, nothing sent."""
+"""Cancels at any moment: every goal ends once, nothing keeps running, nothing more is sent."""
 
 import random
 from functools import partial
@@ -154,7 +154,7 @@ def test_a_cancel_by_name_leaves_the_others(server: RigMaker) -> None:
     assert not [frame for frame in arm.frames if frame.startswith("(")]
 
 
-def test_what_does_not_stop_takes_the_arm_down(
+def test_a_skill_that_misses_the_deadline_deactivates_the_arm(
     server: RigMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arm = server()

@@ -1,4 +1,4 @@
-"""A server that was killed and started again, and where the arm stands then."""
+"""Goals of a killed server, and the start pose of the next one."""
 
 import dataclasses
 import shutil
@@ -65,9 +65,7 @@ def test_goals_that_were_cut_off_are_known(rig: RigMaker, killed: tuple[Path, st
         arm.executive.close()
 
 
-def test_what_is_being_written_is_left_alone(
-    server: RigMaker, rig: RigMaker, tmp_path: Path
-) -> None:
+def test_open_recordings_are_not_read(server: RigMaker, rig: RigMaker, tmp_path: Path) -> None:
     arm = server()
     seen: list[int] = []
 
@@ -127,7 +125,7 @@ def test_goals_that_waited_or_had_ended_are_known_too(
         after.executive.close()
 
 
-# Where the arm stands
+# The start pose
 
 
 def unreset(robot: Robot) -> Robot:
@@ -146,7 +144,7 @@ def test_a_pose_is_offered_and_confirmed(robot: Robot, rig: RigMaker, tmp_path: 
     assert str(outcome.recording)
 
 
-def test_a_run_goes_on_from_a_confirmed_pose(robot: Robot, rig: RigMaker) -> None:
+def test_a_run_starts_from_a_confirmed_pose(robot: Robot, rig: RigMaker) -> None:
     first = rig()
     first.run(1)
     second = rig(robot=unreset(robot), pose="last")
@@ -155,7 +153,7 @@ def test_a_run_goes_on_from_a_confirmed_pose(robot: Robot, rig: RigMaker) -> Non
     assert second.frames == []  # it is there already
 
 
-def test_a_later_activation_goes_on_from_where_the_arm_was_left(
+def test_a_later_activation_starts_from_the_last_commanded_pose(
     robot: Robot, server: RigMaker
 ) -> None:
     arm = server(robot=unreset(robot), pose="boot")
@@ -185,7 +183,7 @@ def test_there_is_nothing_to_confirm(robot: Robot, tmp_path: Path) -> None:
         find_start_pose(unreset(robot), "/dev/ttyX", "last", tmp_path)
 
 
-def test_a_board_that_is_reset_stands_in_its_boot_pose(robot: Robot, tmp_path: Path) -> None:
+def test_a_board_that_resets_starts_in_its_boot_pose(robot: Robot, tmp_path: Path) -> None:
     assert find_start_pose(robot, "/dev/ttyX", None, tmp_path) == robot.boot_pose
     assert find_start_pose(unreset(robot), "virtual", None, tmp_path) == robot.boot_pose
     with pytest.raises(PoseUnconfirmed, match="resets the board"):

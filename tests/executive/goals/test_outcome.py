@@ -1,4 +1,4 @@
-"""What is said of how a goal ended."""
+"""The final state of a goal and its cause."""
 
 import math
 
@@ -18,7 +18,7 @@ from trees.build import Tree
 
 
 class Failed(Behaviour):
-    """As much of a skill as is judged."""
+    """The part of a skill that decides an outcome."""
 
     def __init__(self, name: str, failure: Exception | None) -> None:
         super().__init__(name)
@@ -83,7 +83,7 @@ ERRORS: list[tuple[Exception, str, str]] = [
 
 
 @pytest.mark.parametrize(("error", "code", "words"), ERRORS)
-def test_what_failed_outside_the_tree(error: Exception, code: str, words: str) -> None:
+def test_errors_outside_the_tree(error: Exception, code: str, words: str) -> None:
     state, name, message = said(None, error, False)
     assert (state, name) == (GoalState.ABORTED, code)
     assert message.startswith(words)
@@ -125,14 +125,14 @@ def test_a_failure_that_no_skill_explains() -> None:
     )
 
 
-def test_what_was_made_good_is_not_the_cause() -> None:
+def test_a_handled_failure_is_not_the_cause() -> None:
     forgiven = FailureIsSuccess("forgiven", Failed("A", OUT))
     forgiven.status = Status.SUCCESS
     failed = tree(Status.FAILURE, forgiven, Failed("B", PlanTimeout(5.0)))
     assert said(failed, None, False)[1] == "plan.timeout"
 
 
-def test_what_is_known_of_it_is_told() -> None:
+def test_a_cause_keeps_node_joint_value_and_limit() -> None:
     _, cause = decide_outcome(tree(Status.FAILURE, Failed("CheckBounds", OUT)), None, False)
     assert cause
     assert (cause.node, cause.joint) == ("task/CheckBounds", "joint_1")

@@ -109,7 +109,7 @@ def test_a_pause_at_a_frame(rig: RigMaker, number: int) -> None:
     assert verification.holds, verification.text()
 
 
-def test_a_pause_is_told_and_drawn(rig: RigMaker) -> None:
+def test_a_pause_is_recorded_and_drawn(rig: RigMaker) -> None:
     arm = rig()
     at_frame(arm, 9, pause_for(arm, 4.0))
     (outcome,) = arm.run(1)
@@ -175,7 +175,7 @@ def test_a_pause_with_a_brake(
     assert verification.holds, verification.text()
 
 
-def test_what_is_left_starts_from_standstill(rig: RigMaker) -> None:
+def test_the_rest_of_a_motion_starts_from_standstill(rig: RigMaker) -> None:
     arm = rig()
     at_frame(arm, 15, pause_for(arm, 1.0))
     arm.run(1)
@@ -236,7 +236,7 @@ def test_a_pause_before_it_moves(rig: RigMaker, node: str) -> None:
     assert arm.frames == straight.frames
 
 
-def test_time_outs_stand_still(rig: RigMaker, tasks: Path) -> None:
+def test_timeouts_are_paused(rig: RigMaker, tasks: Path) -> None:
     (tasks / "13_waiting.yaml").write_text(WAITING)
     arm = rig(tasks)
 
@@ -256,7 +256,7 @@ def test_steps(rig: RigMaker) -> None:
     begun: list[list[str]] = []
 
     def begins() -> list[str]:
-        """What has begun, and what waits to."""
+        """Started nodes, and those at a breakpoint."""
         last = {node.name: node for node in arm.told(logs.NodeStatus)}
         return [n for n, node in last.items() if node.message == "waits to begin"]
 
@@ -297,7 +297,7 @@ def test_a_breakpoint(rig: RigMaker) -> None:
     assert held == [0]
 
 
-def test_so_many_breakpoints_and_no_more(rig: RigMaker) -> None:
+def test_breakpoints_are_limited(rig: RigMaker) -> None:
     arm = rig()
     paths = [f"pick/{number}" for number in range(BREAKPOINTS)]
     for path in (*paths, *paths):
@@ -308,7 +308,7 @@ def test_so_many_breakpoints_and_no_more(rig: RigMaker) -> None:
     arm.executive.break_at("pick/Execute")
 
 
-def test_what_makes_no_sense_is_refused(rig: RigMaker) -> None:
+def test_invalid_requests_are_refused(rig: RigMaker) -> None:
     arm = rig()
     refused: list[type[Exception]] = []
 
@@ -369,7 +369,7 @@ def test_a_step_in_the_middle_of_a_motion_ends_before_the_next_skill(rig: RigMak
     assert waited == ["Succeed"]
 
 
-def test_a_step_under_way_can_be_gone_on_with_past_its_end(rig: RigMaker) -> None:
+def test_a_running_step_can_be_resumed(rig: RigMaker) -> None:
     arm = rig()
 
     def act() -> None:

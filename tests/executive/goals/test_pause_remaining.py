@@ -1,4 +1,4 @@
-"""What is left of a motion after a pause: refused where it may not go on, and of a replay."""
+"""The rest of a motion after a pause, also of a replay, and when it is refused."""
 
 import json
 import math
@@ -50,7 +50,7 @@ def tasks(tmp_path: Path, picked: Path) -> Path:
 
 
 def push(arm: Rig) -> None:
-    """Turn the base by 2 degrees, behind the back of whoever moves the arm."""
+    """Turn the base by 2 degrees without the knowledge of the goal."""
     hardware, degrees = arm.executive._arm, math.radians(2.0)
     first, *others = start = hardware.commanded
     schedule = compile_schedule(
@@ -80,7 +80,7 @@ def refused(arm: Rig, task: int, meanwhile: Callable[[], None]) -> str:
     return outcome.code
 
 
-def test_what_is_left_is_refused_where_something_stands_now(rig: RigMaker, tasks: Path) -> None:
+def test_the_rest_is_refused_if_an_obstacle_appeared(rig: RigMaker, tasks: Path) -> None:
     arm = rig(tasks)
     assert refused(arm, 14, lambda: None) == "plan.motion_collides"
     verification = verify(Path(arm.outcomes[0].recording))
@@ -88,15 +88,13 @@ def test_what_is_left_is_refused_where_something_stands_now(rig: RigMaker, tasks
 
 
 @pytest.mark.parametrize("task", [1, 15])
-def test_what_is_left_is_refused_where_the_arm_was_moved(
-    rig: RigMaker, tasks: Path, task: int
-) -> None:
+def test_the_rest_is_refused_if_the_arm_was_moved(rig: RigMaker, tasks: Path, task: int) -> None:
     arm = rig(tasks)
     assert refused(arm, task, lambda: push(arm)) == "plan.start_moved"
 
 
 @pytest.mark.parametrize("number", [1, 10, 30, 31])
-def test_a_replay_goes_on_from_standstill(rig: RigMaker, tasks: Path, number: int) -> None:
+def test_a_replay_resumes_from_standstill(rig: RigMaker, tasks: Path, number: int) -> None:
     straight, arm = rig(tasks), rig(tasks)
     straight.run(15)
     at_frame(arm, number, pause_for(arm, 60.0))

@@ -1,4 +1,4 @@
-"""How far a goal is told to be: null, growing within an attempt, and 100 with success alone."""
+"""Progress of a goal: null at first, growing within an attempt, and 100 only with success."""
 
 import dataclasses
 from itertools import groupby, pairwise
@@ -64,7 +64,7 @@ def tasks(tmp_path: Path) -> Path:
 
 
 def check(rig: Rig) -> list[logs.Feedback]:
-    """What is so of every run; returns what was told."""
+    """Check what holds for every run; returns the recorded progress."""
     told = rig.told(logs.Feedback)
     attempts = [feedback.attempt for feedback in told]
     assert attempts == sorted(attempts)
@@ -116,7 +116,7 @@ def test_a_retry_is_another_attempt(rig: RigMaker, tasks: Path) -> None:
     assert 100 not in {feedback.percentage for feedback in told}
 
 
-def test_what_the_board_acknowledged_counts(rig: RigMaker, robot: Robot) -> None:
+def test_acknowledged_frames_count(rig: RigMaker, robot: Robot) -> None:
     arm = rig(robot=dataclasses.replace(robot, firmware=FIRMWARES["armtree"]))
     seen: list[tuple[int, int | None]] = []
 
@@ -133,7 +133,7 @@ def test_what_the_board_acknowledged_counts(rig: RigMaker, robot: Robot) -> None
     assert all((share or 0) <= 100 * sent // total for sent, share in seen)
 
 
-def test_what_is_canceled_stays_where_it_was(rig: RigMaker) -> None:
+def test_a_canceled_goal_keeps_its_progress(rig: RigMaker) -> None:
     arm = rig()
 
     def watch(record: logs.Record) -> None:

@@ -1,4 +1,4 @@
-"""The goals that are known: against the answers of a real action server, and against a model."""
+"""The queue of goals, compared with the answers of a real action server."""
 
 import math
 import threading
@@ -42,7 +42,7 @@ def refused_as_duplicate(answer: Acceptance) -> bool:
     return (answer.accepted, answer.stamp_ns, answer.code) == (False, 0, "goal.duplicate")
 
 
-def test_a_result_of_nobody() -> None:
+def test_the_result_of_an_unknown_goal() -> None:
     with pytest.raises(UnknownGoal):
         Table().goals.result(UNKNOWN, None)
 
@@ -113,7 +113,7 @@ def test_a_goal_that_is_being_canceled_may_end_in_any_way(end: GoalState) -> Non
     assert table.history[goal] == [1, 2, 3, end.value]
 
 
-def test_two_askers_before_the_end_and_one_after() -> None:
+def test_results_for_waiting_threads_and_later_ones() -> None:
     table = Table()
     goal = table.send().identity
     told: list[Outcome] = []
@@ -123,11 +123,11 @@ def test_two_askers_before_the_end_and_one_after() -> None:
         told.append(table.goals.result(goal, None))
 
     with table.clock.working():
-        askers = [table.clock.spawn(ask, "asker") for _ in range(2)]
+        clients = [table.clock.spawn(ask, "client") for _ in range(2)]
         assert told == []
         table.end(S.SUCCEEDED)
-        for asker in askers:
-            asker.join()
+        for client in clients:
+            client.join()
     ask()
     assert [one.state.value for one in told] == [4] * 3
 
@@ -169,16 +169,16 @@ def test_results_can_be_kept_for_ever_or_not_at_all(keep: float, known: int) -> 
     table.begin()
     told: list[Outcome] = []
     with table.clock.working():
-        asker = table.clock.spawn(lambda: told.append(table.goals.result(goal, None)), "asker")
-        table.pass_time(1.0)  # the asker waits by now
+        client = table.clock.spawn(lambda: told.append(table.goals.result(goal, None)), "client")
+        table.pass_time(1.0)  # the thread waits by now
         table.end(S.SUCCEEDED)
-        asker.join()
+        client.join()
     table.pass_time(1e6)
-    assert len(told) == 1  # who has asked before is told in any case
+    assert len(told) == 1  # threads that wait already get the result
     assert len(table.goals.all()) == known
 
 
-def test_so_many_wait_and_one_more_is_told_so() -> None:
+def test_the_queue_is_limited() -> None:
     table = Table()
     table.send()
     table.begin()
@@ -191,7 +191,7 @@ def test_so_many_wait_and_one_more_is_told_so() -> None:
     assert not table.send().accepted
 
 
-def test_so_many_results_are_kept_and_then_the_newest() -> None:
+def test_only_the_newest_results_are_kept() -> None:
     table = Table(keep=math.inf)
     ended = []
     for _ in range(KEPT + 10):
@@ -216,7 +216,7 @@ def test_the_newest_results_are_those_of_the_goals_that_ended_last() -> None:
     assert table.goals.result(long, None).success
 
 
-def test_where_no_result_is_kept_a_goal_that_waits_can_be_canceled() -> None:
+def test_a_waiting_goal_can_be_canceled_if_no_results_are_kept() -> None:
     table = Table(keep=0.0)
     goal = table.send().identity
     _, canceled, _ = table.goals.cancel("", 0)
@@ -251,7 +251,7 @@ def test_a_second_goal_is_refused() -> None:
     table.begin()
     assert table.send().code == "goal.busy"
     table.cancel()
-    assert table.send().code == "goal.busy"  # not before the arm stands
+    assert table.send().code == "goal.busy"  # not before the arm has stopped
     table.end(S.CANCELED)
     assert table.send().accepted
 
@@ -269,7 +269,7 @@ def test_a_second_goal_takes_the_place_of_those_before() -> None:
     assert table.history[first] == [1, 2, 6]
 
 
-def test_what_is_preempted_first_stays_so() -> None:
+def test_the_first_preemption_counts() -> None:
     table = Table(Policy.PREEMPT)
     table.send()
     running = table.begin()

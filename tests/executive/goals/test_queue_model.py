@@ -1,4 +1,4 @@
-"""The table of goals against a model: anything in any order, and what a few lines say of it."""
+"""The queue of goals, compared with a simple model for random sequences of calls."""
 
 from dataclasses import dataclass
 
@@ -32,7 +32,7 @@ KEEP = 30.0
 
 
 class Model(RuleBasedStateMachine):
-    """Anything in any order: what the table says is what a few lines say."""
+    """Random calls: the queue answers as the model does."""
 
     policy = Policy.QUEUE
 

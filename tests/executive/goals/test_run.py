@@ -1,4 +1,4 @@
-"""The mailbox of the owner thread, and the names of nodes."""
+"""The mailbox of a run, and the paths of nodes."""
 
 import threading
 
@@ -18,7 +18,7 @@ def clock() -> SimulatedClock:
     return SimulatedClock()
 
 
-def test_what_was_posted_before_is_not_waited_for(clock: SimulatedClock) -> None:
+def test_an_earlier_post_needs_no_wait(clock: SimulatedClock) -> None:
     mailbox = Mailbox(clock)
     mailbox.wake()
     mailbox.wake()
