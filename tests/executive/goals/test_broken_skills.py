@@ -12,6 +12,7 @@ from executive.goals.queue import Policy
 from hardware import Clock, RealClock, State
 from skills import Skill, skill
 from tests.conftest import RigMaker
+from tests.support.recordings_finished import finished
 from tests.support.server_acts import at_frame, run
 
 _NAMES = (
@@ -203,6 +204,7 @@ def test_a_cancel_ends_a_goal_whose_skill_does_not_return(server: RigMaker, task
     words = f"the code of t43/Hangs of goal {goal} for task 43 does not return"
     assert refused.message.startswith(words)
     arm.rest(3600.0)
+    finished(Path(outcome.recording).parent)  # by threads in real time
     (result,) = logs.Recording(Path(outcome.recording)).records(logs.Result)
     assert isinstance(result, logs.Result)
     assert result.state == "ABORTED"
