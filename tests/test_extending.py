@@ -1,6 +1,8 @@
 """One of each thing that people add, in as many places as ARCHITECTURE.md says."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from executive.server.http.answers import Answers
 from executive.server.http.operations import OPERATIONS, Access, Operation
 from executive.testing import SimulatedArm
 from hardware import load_robot
-from tests.support.paths import ROBOT_FILE
+from tests.support.paths import ROBOT_FILE, ROOT
 from tests.support.serving import Serve
 
 pytest_plugins = ["tests.support.server_fixtures"]
@@ -84,6 +86,39 @@ def test_a_failure_is_one_exception_class(tmp_path: Path) -> None:
     assert (cause.code, cause.hint) == ("task.test_too_hot", "let it cool down")
     assert cause.message == "The task failed: 71 degrees"
     assert look_up(cause.code).exit_status == 40
+
+
+TOPIC = """
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+from logs.records import conversions, topics
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    when: ClassVar = "the battery was measured"
+    time: float
+    volts: float
+
+row = topics.Topic(
+    Battery, "/battery", "std_msgs/msg/String", conversions.every_field, "voltage", "to see it fall"
+)
+topics.TOPICS += (row,)
+
+import logs
+
+path = Path(sys.argv[1])
+with logs.Recorder(path, 0, print) as recorder:
+    recorder.put(Battery(1.0, 7.4))
+print(logs.table(path, "/battery")["volts"], *logs.Recording(path).records(Battery))
+"""
+
+
+def test_a_topic_is_a_record_and_a_row(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", TOPIC, str(tmp_path / "run.mcap")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == ["[7.4] Battery(time=1.0, volts=7.4)"], done.stderr
 
 
 def test_an_arm_is_one_robot_file_with_its_urdf(tmp_path: Path) -> None:

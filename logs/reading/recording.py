@@ -10,13 +10,9 @@ from typing import Any, get_args, get_origin, get_type_hints
 from logs.errors import RecordingError
 from logs.records.file_format import RECOVERED
 from logs.records.records import (
-    Feedback,
-    Goal,
     LogLine,
-    NodeStatus,
     Plan,
     Received,
-    Result,
     RunRecord,
     Schedule,
     Sent,
@@ -26,14 +22,6 @@ from logs.records.records import (
 from .reader import Message, content
 from .tolerant_reader import TolerantReader
 
-# Records that are one JSON message each.
-_JSON: dict[str, type[Any]] = {
-    "/goal": Goal,
-    "/result": Result,
-    "/progress": Feedback,
-    "/tree": NodeStatus,
-    "/schedule": Schedule,
-}
 _PLAN = "/plan/"
 
 # Messages of one sent frame, in file order. A setting of the board has no joint states.
@@ -41,7 +29,6 @@ _SENT = ("/serial/tx", "/serial/timing", "/joint_states")
 _TIMING = ("time", "scheduled", "hold")
 
 _TOPICS: dict[type, tuple[str, ...]] = {
-    **{kind: (topic,) for topic, kind in _JSON.items()},
     Received: ("/serial/rx",),
     LogLine: ("/rosout",),
     Transition: ("/lifecycle",),
@@ -167,7 +154,7 @@ class Recording:
         topic = message.topic
         if topic in _SENT:
             return _sent(messages)
-        kind = Plan if topic.startswith(_PLAN) else _JSON.get(topic)
+        kind = Plan if topic.startswith(_PLAN) else _json_topics().get(topic)
         if kind:
             return _from_json(kind, message)
         time, data = (message.time_ns - self.epoch_ns) / 1e9, message.data
@@ -219,9 +206,18 @@ def _epoch_ns(path: Path) -> int:
     raise RecordingError(path, "was not recorded by armtree, or lacks its head")
 
 
+@cache
+def _json_topics() -> dict[str, type[Any]]:
+    """Record types that are one JSON message each, by topic."""
+    from logs.records.topics import TOPICS
+
+    return {topic.name: topic.record for topic in TOPICS if topic.every_field}
+
+
 def _filter(kinds: tuple[type, ...]) -> Callable[[Message], bool]:
     """Accepts the messages that records of these types are made from."""
-    names = {topic for kind in kinds or _TOPICS for topic in _TOPICS[kind]}
+    topics = _TOPICS | {kind: (topic,) for topic, kind in _json_topics().items()}
+    names = {topic for kind in kinds or topics for topic in topics[kind]}
     plans = not kinds or Plan in kinds
     return lambda message: message.topic in names or (plans and _is_plan(message.topic))
 

@@ -41,7 +41,7 @@ class Topic:
         latched: True if late subscribers get the last message (transient local).
     """
 
-    record: type
+    record: type[Record]
     name: str
     type: str
     convert: Convert
@@ -52,7 +52,12 @@ class Topic:
     @property
     def when(self) -> str:
         """When a message is written."""
-        return WHEN[self.record]
+        return self.record.when
+
+    @property
+    def every_field(self) -> bool:
+        """True if a message holds its record's fields as JSON, so that a reader can restore it."""
+        return self.fixed and self.convert is as_.every_field
 
     @property
     def fixed(self) -> bool:
@@ -63,20 +68,6 @@ class Topic:
         """Returns the topic's name for one record."""
         return self.name if self.fixed else self.name.format(record=record)
 
-
-WHEN: dict[type, str] = {
-    Sent: "bytes are written to the port",
-    Received: "bytes come from the board",
-    Goal: "a goal is accepted",
-    Result: "a goal has ended",
-    Feedback: "a goal makes progress",
-    NodeStatus: "a node changes its status",
-    Plan: "a planner answers",
-    Schedule: "a motion is compiled",
-    Transition: "the file begins; the hardware changes its state",
-    LogLine: "a line is logged",
-    Description: "the file begins",
-}
 
 TOPICS = (
     Topic(
