@@ -386,4 +386,4 @@ class Executive:
 
 
 def _no_run(*_: float) -> None:
-    """Wakes no run; every run has its own context."""
+    """Wake no run; every run has its own context."""

@@ -153,7 +153,7 @@ class SimulatedClock:
             self._stop_working()
 
     def _counts(self) -> bool:
-        """Whether the calling thread counts as working."""
+        """Return whether the calling thread counts as working."""
         return getattr(self._thread_local, "counts", False)
 
     def _stop_working(self) -> None:

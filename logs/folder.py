@@ -11,7 +11,7 @@ LEAST_FREE = 100_000_000  # [bytes]
 
 
 def check_space(folder: Path) -> int:
-    """Returns the free space for recordings [bytes].
+    """Return the free space for recordings [bytes].
 
     Args:
         folder: Folder for recordings; it need not exist.
@@ -27,7 +27,7 @@ def check_space(folder: Path) -> int:
 
 
 def recording_path(folder: Path, utc_ns: int, task: int | str) -> Path:
-    """Returns the path of a new recording; creates the folder if necessary.
+    """Return the path of a new recording; creates the folder if necessary.
 
     Args:
         folder: Folder for recordings.

@@ -79,7 +79,7 @@ def words(kind: str) -> str:
 
 
 def type_fits(given: str, wanted: str) -> bool:
-    """Whether a value of one type is accepted if another type is required.
+    """Return whether a value of one type is accepted if another type is required.
 
     A plain number is accepted as any quantity with a unit, and such a quantity as a number.
     """

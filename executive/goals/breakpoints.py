@@ -71,7 +71,7 @@ class Breakpoints:
         return True
 
     def _is_marked(self, skill: Behaviour) -> bool:
-        """True if the skill, or an inner node that starts with it, has a breakpoint."""
+        """Return True if the skill, or an inner node that starts with it, has a breakpoint."""
         node: Behaviour | None = skill
         while node is not None and node.status is not Status.RUNNING:
             if self._paths.get(node) in self._marked:

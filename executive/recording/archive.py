@@ -22,7 +22,7 @@ _NOTE = "robot"
 
 
 def robot_note(robot: Robot) -> dict[str, str]:
-    """Returns which attachments describe the robot, and the firmware's values."""
+    """Return which attachments describe the robot, and the firmware's values."""
     figures = {name: _plain(value) for name, value in asdict(robot.firmware).items()}
     return {
         "file": robot.path.name,
@@ -33,7 +33,7 @@ def robot_note(robot: Robot) -> dict[str, str]:
 
 
 def configuration_note(port: str, setup: Setup) -> dict[str, str]:
-    """Returns the values of a set-up that affect a run.
+    """Return the values of a set-up that affect a run.
 
     Args:
         port: Port of the board.
@@ -49,7 +49,7 @@ def configuration_note(port: str, setup: Setup) -> dict[str, str]:
 
 
 def restore_robot(recording: Recording) -> Robot:
-    """Returns the robot as it was recorded.
+    """Return the robot as it was recorded.
 
     Raises:
         RecordingError: The recording does not hold it.
@@ -68,14 +68,14 @@ def restore_robot(recording: Recording) -> Robot:
 
 
 def robot_files_changed(recording: Recording) -> bool:
-    """Returns whether the attached robot files differ from those the run used."""
+    """Return whether the attached robot files differ from those the run used."""
     note = recording.notes[_NOTE]
     return note["sha256"] != _digest(*(recording.files[note[key]] for key in ("file", "urdf")))
 
 
 @lru_cache(maxsize=8)
 def archive_world(world: World) -> tuple[tuple[dict[str, Any], ...], Mapping[str, bytes]]:
-    """Returns a world as plain values, and its mesh files.
+    """Return a world as plain values, and its mesh files.
 
     Returns:
         The bodies, each mesh named by its content, and the content of each mesh by that name.
@@ -91,7 +91,7 @@ def archive_world(world: World) -> tuple[tuple[dict[str, Any], ...], Mapping[str
 
 
 def restore_world(bodies: Iterable[Mapping[str, Any]], files: Mapping[str, bytes]) -> World:
-    """Returns a world as it was recorded.
+    """Return a world as it was recorded.
 
     Args:
         bodies: The recorded bodies.
@@ -123,7 +123,7 @@ def _load(files: tuple[tuple[str, bytes], ...], firmware: str) -> Robot:
 
 
 def _firmware_values(robot: Robot, recorded: str) -> dict[str, Any]:
-    """Returns the recorded values of the firmware; values of a newer armtree are ignored.
+    """Return the recorded values of the firmware; values of a newer armtree are ignored.
 
     Raises:
         ValueError: A value has the wrong type.

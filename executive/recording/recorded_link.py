@@ -31,11 +31,11 @@ class RecordedLink:
         return self._link.port
 
     def open(self) -> None:
-        """Opens the link."""
+        """Open the link."""
         self._link.open()
 
     def write(self, data: bytes) -> None:
-        """Sends bytes.
+        """Send bytes.
 
         Raises:
             RecordingBehind: The frames before are not recorded.
@@ -49,11 +49,11 @@ class RecordedLink:
         self._last = data
 
     def read(self) -> bytes:
-        """Waits for bytes."""
+        """Wait for bytes."""
         return self._link.read()
 
     def close(self, discard: bool = False) -> None:
-        """Closes the link.
+        """Close the link.
 
         Args:
             discard: True to discard bytes that are not sent yet.
@@ -61,7 +61,7 @@ class RecordedLink:
         self._link.close(discard)
 
     def _recorded(self) -> bool:
-        """Waits for the recording of all frames before; returns False if it takes too long."""
+        """Wait for the recording of all frames before; returns False if it takes too long."""
         until = self._clock.now() + MOST_BEHIND
         while not self._recordings.caught_up(max(0.0, until - self._clock.now())):
             if self._clock.now() >= until:

@@ -32,7 +32,7 @@ _EARLY = 1000  # most log lines kept until a recording is opened
 
 
 def is_server_recording(recording: Path) -> bool:
-    """Returns whether a recording is a server's own, by its name."""
+    """Return whether a recording is a server's own, by its name."""
     return recording.stem.endswith(f"-{_SERVER}")
 
 
@@ -80,7 +80,7 @@ class Recordings:
         self.frames = 0
 
     def open_server_recording(self) -> None:
-        """Opens the server's own recording.
+        """Open the server's own recording.
 
         Raises:
             LogError: It cannot be created.
@@ -90,7 +90,7 @@ class Recordings:
         recorder.put(*self._setup(None), *self._early_lines(), self._arm_state(self._clock.now()))
 
     def open(self, goal: Goal, name: str, seed: int, tree: Tree | None) -> None:
-        """Opens the recording of a goal, and records the goal.
+        """Open the recording of a goal, and record the goal.
 
         Args:
             goal: The goal.
@@ -109,7 +109,7 @@ class Recordings:
         self._watch(record)
 
     def goal_changed(self, status: GoalStatus) -> None:
-        """Records the acceptance and the end of a goal in the server's own recording."""
+        """Record the acceptance and the end of a goal in the server's own recording."""
         if self._server is None:
             return
         if status.state is GoalState.ACCEPTED:
@@ -120,12 +120,12 @@ class Recordings:
             self._server.put(status.outcome.to_record(status.identity, now))
 
     def wait(self) -> None:
-        """Waits until the server's own recording was handed to the operating system."""
+        """Wait until the server's own recording was handed to the operating system."""
         if self._server:
             self._server.wait()
 
     def check_space(self) -> None:
-        """Checks that the disk has space for the recording of a run.
+        """Check that the disk has space for the recording of a run.
 
         Raises:
             LogError: It has not.
@@ -133,7 +133,7 @@ class Recordings:
         logs.check_space(self._folder)
 
     def flush(self) -> None:
-        """Waits until everything in the open recording was handed to the operating system.
+        """Wait until everything in the open recording was handed to the operating system.
 
         Raises:
             LogError: It cannot be recorded.
@@ -142,7 +142,7 @@ class Recordings:
             self._recorder.flush()
 
     def goal_ended(self) -> None:
-        """Finishes the recording of a goal in the background; reopens the server's own."""
+        """Finish the recording of a goal in the background; reopens the server's own."""
         recorder, self._recorder, self.path = self._recorder, self._server, ""
         self.frames = 0
         if recorder and recorder is not self._server:
@@ -153,7 +153,7 @@ class Recordings:
             wait([self._unfinished.popleft()])
 
     def close(self) -> None:
-        """Finishes the open recordings.
+        """Finish the open recordings.
 
         Raises:
             LogError: Something is missing from one of them.
@@ -176,7 +176,7 @@ class Recordings:
             logger.exception("a bug in armtree")
 
     def record(self, record: logs.Record) -> None:
-        """Writes a record to the open recording, and passes it to the subscriber."""
+        """Write a record to the open recording, and passes it to the subscriber."""
         if isinstance(record, logs.Sent) and record.joints:
             self.frames += 1
         if self._recorder:
@@ -186,7 +186,7 @@ class Recordings:
         self._watch(record)
 
     def caught_up(self, timeout: float) -> bool:
-        """Returns whether every recorded frame was handed to the operating system.
+        """Return whether every recorded frame was handed to the operating system.
 
         Args:
             timeout: Longest time to wait for it [s].
@@ -195,20 +195,20 @@ class Recordings:
         return recorder is None or recorder.caught_up(timeout)
 
     def on_arm_event(self, event: ArmEvent) -> None:
-        """Records an event of the arm."""
+        """Record an event of the arm."""
         record = arm_record(event, self._robot)
         if isinstance(record, logs.Transition):
             self._state = record.goal
         self.record(record)
 
     def on_skill_event(self, event: SkillEvent) -> None:
-        """Records an event of a skill."""
+        """Record an event of a skill."""
         if isinstance(event, Planned):
             self._attach_meshes(archive_world(event.query.world)[1])
         self.record(skill_record(event, self._robot, self._clock.now()))
 
     def _arm_state(self, time: float) -> logs.Transition:
-        """Returns the state of the arm's lifecycle in which a recording begins."""
+        """Return the state of the arm's lifecycle in which a recording begins."""
         return logs.Transition(time, "", self._state, self._state)
 
     def _early_lines(self) -> Iterator[logs.LogLine]:
@@ -216,7 +216,7 @@ class Recordings:
             yield self._early.popleft()
 
     def _setup(self, tree: Tree | None) -> list[logs.Item]:
-        """Returns everything that a recording needs to be viewed and verified by itself."""
+        """Return everything that a recording needs to be viewed and verified by itself."""
         urdf, files, notes = self._robot_items
         task = tree.files if tree else {}
         return [

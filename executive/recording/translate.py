@@ -22,7 +22,7 @@ _GRID = 0.02  # sampling interval of a recorded motion [s]
 
 
 def arm_record(event: ArmEvent, robot: Robot) -> logs.Record:
-    """Returns the record of an event of the arm."""
+    """Return the record of an event of the arm."""
     match event:
         case FrameSent():
             names = tuple(joint.name for joint in robot.actuated)
@@ -41,7 +41,7 @@ def arm_record(event: ArmEvent, robot: Robot) -> logs.Record:
 
 
 def skill_record(event: SkillEvent, robot: Robot, now: float) -> logs.Record:
-    """Returns the record of an event of a skill.
+    """Return the record of an event of a skill.
 
     Args:
         event: The event.

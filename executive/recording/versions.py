@@ -22,7 +22,7 @@ _SCHEDULING = (
 
 @cache
 def versions() -> dict[str, str]:
-    """Returns versions by name; for our own code, digests of the files that affect the result.
+    """Return versions by name; for our own code, digests of the files that affect the result.
 
     Two installations with equal entries give equal plans and frames for equal queries.
     """

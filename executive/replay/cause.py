@@ -20,7 +20,7 @@ PLANNING = ("planner", "numpy", "ompl", "pin", "coal", "toppra", "python", "mach
 def source(
     recording: Recording, robot: Robot, records: Sequence[Record], entries: Collection[str]
 ) -> str:
-    """Returns the source of a difference in words.
+    """Return the source of a difference in words.
 
     Args:
         recording: The recording.
@@ -38,14 +38,14 @@ def source(
 
 
 def changes(recording: Recording, entries: Collection[str]) -> str:
-    """Returns the versions that differ from those of the recording, in words."""
+    """Return the versions that differ from those of the recording, in words."""
     then, now = recording.notes.get("versions", {}), versions()
     new = ((name, then.get(name, "unknown"), now[name]) for name in entries)
     return ", ".join(f"{name} {b} instead of {a}" for name, a, b in new if a != b)
 
 
 def contradiction(recording: Recording, robot: Robot, records: Sequence[Record]) -> str:
-    """Returns the first contradiction within a recording, in words; empty if there is none."""
+    """Return the first contradiction within a recording, in words; empty if there is none."""
     if robot_files_changed(recording):
         return "description: the robot's files differ from those of the run"
     goals = [record for record in records if isinstance(record, Goal)]
@@ -86,7 +86,7 @@ def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
 
 
 def _targets(recording: Recording) -> dict[str, set[float]]:
-    """Returns the values that the task gives each joint; empty if it computes a goal."""
+    """Return the values that the task gives each joint; empty if it computes a goal."""
     leaves, kinds = list(_leaves(_tree(recording))), known_skills()
     planners = {name for name, kind in kinds.items() if kind.plans_goal}
     copiers = {name for name, kind in kinds.items() if kind.copies_targets}
@@ -105,7 +105,7 @@ def _targets(recording: Recording) -> dict[str, set[float]]:
 
 
 def _tree(recording: Recording) -> Any:
-    """Returns the resolved task; empty if it cannot be read."""
+    """Return the resolved task; empty if it cannot be read."""
     try:
         return json.loads(recording.files.get(RESOLVED, b"{}"))
     except ValueError:
@@ -113,7 +113,7 @@ def _tree(recording: Recording) -> Any:
 
 
 def _leaves(node: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yields all skills of a resolved tree, each with its ports."""
+    """Yield all skills of a resolved tree, each with its ports."""
     conditions = {kind.condition for kind in KINDS.values()} - {""}
     for name, below in node.items() if isinstance(node, dict) else ():
         if name in KINDS or name in conditions:

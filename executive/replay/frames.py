@@ -19,7 +19,7 @@ _SUCCESS = "SUCCESS"
 
 
 def frames_difference(robot: Robot, records: Sequence[Record], whole: bool = True) -> str:
-    """Compiles every motion of a run again and compares frames, positions and times.
+    """Compile every motion of a run again and compare frames, positions and times.
 
     A motion that was stopped is correct if the frames sent are the beginning of its schedule,
     followed by a hold.
@@ -51,7 +51,7 @@ def frames_difference(robot: Robot, records: Sequence[Record], whole: bool = Tru
 
 
 def _stopped(parts: Sequence[Sequence[Record]], whole: bool) -> Iterator[bool]:
-    """Yields for each part whether the recording shows that its motion was stopped early.
+    """Yield for each part whether the recording shows that its motion was stopped early.
 
     A motion was stopped if there is a hold, or if the node that sent its schedule failed or did not
     end. That node is a leaf. It runs when the schedule is compiled, or starts to run in the same
@@ -104,7 +104,7 @@ def _holds_difference(sent: Iterable[Sent], last: bytes | None) -> str:
 
 
 def _compiled(robot: Robot, recorded: Schedule) -> tuple[Compiled | None, str]:
-    """Compiles a schedule again; returns it and the first difference.
+    """Compile a schedule again; returns it and the first difference.
 
     The schedule is None if it differs, or if its frames were not planned.
     """
@@ -208,7 +208,7 @@ def _commanded_difference(compiled: Compiled | None, sent: Iterable[Sent]) -> st
 
 
 def result_difference(records: Sequence[Record]) -> str:
-    """Checks each result against itself, its goal, the frames sent and the tree.
+    """Check each result against itself, its goal, the frames sent and the tree.
 
     Args:
         records: The records, in file order.

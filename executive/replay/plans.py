@@ -22,7 +22,7 @@ _BY_CHANCE = ("plan.canceled", "plan.timeout", "plan.worker_died")
 
 
 def joints_difference(robot: Robot, records: Iterable[Record]) -> str:
-    """Checks that every plan and schedule is for the joints of the robot.
+    """Check that every plan and schedule is for the joints of the robot.
 
     Args:
         robot: The robot as it was recorded.
@@ -47,7 +47,7 @@ def joints_difference(robot: Robot, records: Iterable[Record]) -> str:
 def plans_difference(
     planner: Planner, robot: Robot, records: Sequence[Record], files: Mapping[str, bytes]
 ) -> str:
-    """Plans every recorded query again, and merges the plans of each schedule again.
+    """Plan every recorded query again, and merges the plans of each schedule again.
 
     Args:
         planner: Planner for the robot.
@@ -81,7 +81,7 @@ def plans_difference(
 def _plan(
     planner: Planner, robot: Robot, recorded: Plan, files: Mapping[str, bytes]
 ) -> Planned | MotionError | None:
-    """Returns the answer to a recorded query; None if the recorded answer came by chance."""
+    """Return the answer to a recorded query; None if the recorded answer came by chance."""
     if recorded.code in _BY_CHANCE:
         return None
     start = tuple(recorded.start[joint.name] for joint in robot.actuated)
@@ -120,7 +120,7 @@ def _plan_difference(
 def _remaining(
     planner: Planner, robot: Robot, recorded: Schedule, before: MergedMotion, time: float
 ) -> dict[str, Planned]:
-    """Returns the rest of a motion that was paused at a time [s], by group."""
+    """Return the rest of a motion that was paused at a time [s], by group."""
     start = tuple(recorded.start[joint.name] for joint in robot.actuated)
     rest = before.rest(time, start)
     plans = [planner.rest(part) if isinstance(part, Rest) else part for part in rest]

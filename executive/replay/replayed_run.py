@@ -32,7 +32,7 @@ class _Node:
     below: "dict[str, _Node]" = field(default_factory=dict)
 
     def change(self, status: str, message: str, time: float) -> None:
-        """Applies a change of status."""
+        """Apply a change of status."""
         if status == "INVALID" and self.state == "INVALID":
             return
         if self.first is None:
@@ -45,7 +45,7 @@ class _Node:
         self.message = message or self.message
 
     def entry(self, zero: float) -> Entry:
-        """Returns the node as it is drawn.
+        """Return the node as it is drawn.
 
         Args:
             zero: Time of the goal [s].
@@ -61,7 +61,7 @@ class _Node:
 
 
 def tree_of(path: Path) -> Entry:
-    """Returns the tree of a run.
+    """Return the tree of a run.
 
     Args:
         path: The recording; it may be cut off.

@@ -86,7 +86,7 @@ class Verification:
         return not self.error and all(check.holds for check in self.checks)
 
     def text(self) -> str:
-        """Returns the result in lines for people."""
+        """Return the result in lines for people."""
         lines = [str(self.path)]
         for check in self.checks:
             lines.append(f"  {check.question:<16}{'holds' if check.holds else 'DIFFERS':<9}")
@@ -98,7 +98,7 @@ class Verification:
         return "\n".join(lines)
 
     def json(self) -> str:
-        """Returns the result as one JSON object."""
+        """Return the result as one JSON object."""
         facts = {
             "path": str(self.path),
             "verdicts": [asdict(check) for check in self.checks],
@@ -111,7 +111,7 @@ class Verification:
 
 
 def verify(path: Path) -> Verification:
-    """Verifies one recording; plans in this process."""
+    """Verify one recording; plans in this process."""
     try:
         recording = Recording(path)
         records = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
@@ -132,7 +132,7 @@ def verify(path: Path) -> Verification:
 
 
 def verify_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
-    """Verifies recordings in several processes; yields the results in the order of the paths.
+    """Verify recordings in several processes; yields the results in the order of the paths.
 
     Args:
         paths: The recordings.
@@ -148,7 +148,7 @@ def verify_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
 
 
 def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterator[Verification]:
-    """Starts processes that ignore Ctrl-C: a child inherits the signals that are blocked here."""
+    """Start processes that ignore Ctrl-C: a child inherits the signals that are blocked here."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         return pool.map(verify, paths)
@@ -169,7 +169,7 @@ def _checks(recording: Recording, records: Sequence[Record]) -> tuple[Check, ...
 
 
 def _whole(recording: Recording) -> bool:
-    """Returns whether the recording holds everything that was recorded."""
+    """Return whether the recording holds everything that was recorded."""
     return recording.complete and RECOVERED not in recording.notes
 
 
@@ -185,7 +185,7 @@ def _frames(recording: Recording, robot: Robot, records: Sequence[Record], wrong
 
 
 def _goal_difference(recording: Recording, records: Sequence[Record]) -> str:
-    """Finds a missing goal; only a server's own recording has none, and nothing of a run."""
+    """Find a missing goal; only a server's own recording has none, and nothing of a run."""
     if not _whole(recording):
         return ""
     if not recording.messages:
@@ -212,7 +212,7 @@ _planners: dict[str, Planner] = {}
 
 
 def _planner(robot: Robot) -> Planner:
-    """Returns the planner for a robot, made once; the folder of its files is named by content."""
+    """Return the planner for a robot, made once; the folder of its files is named by content."""
     key = str(robot.path)
     if key not in _planners:
         _planners[key] = Planner(robot)

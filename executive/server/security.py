@@ -68,7 +68,7 @@ class AccessRules:
             )
 
     def has_token(self, headers: Headers) -> bool:
-        """True if the headers contain the right token."""
+        """Return True if the headers contain the right token."""
         scheme, _, given = headers.get("authorization", "").partition(" ")
         right = hmac.compare_digest(given.strip().encode(), self.token.encode())
         return scheme.lower() == "bearer" and right
@@ -94,7 +94,7 @@ def mark_authenticated(scope: Scope) -> None:
 
 
 def is_authenticated(scope: Mapping[str, Any]) -> bool:
-    """True if a request contains the token."""
+    """Return True if a request contains the token."""
     return _HAS_TOKEN in scope["state"]
 
 
@@ -113,7 +113,7 @@ def host_names(addresses: Iterable[str], port: int) -> frozenset[str]:
 
 
 def is_loopback(address: str) -> bool:
-    """True if only this machine can connect to an IP address.
+    """Return True if only this machine can connect to an IP address.
 
     Raises:
         ValueError: It is not an IP address.

@@ -115,7 +115,7 @@ class Acknowledgements:
         raise FrameLost(f"{count}, and then nothing for {ANSWER_TIMEOUT:g} s")
 
     def all_acknowledged(self) -> bool:
-        """Whether the board has received every frame that was sent."""
+        """Return whether the board has received every frame that was sent."""
         return self.acknowledged == self.sent
 
     def _check_other_banners(self, line: bytes) -> None:

@@ -152,7 +152,7 @@ def _steps(
 
 
 def _fits(codec: WireFormat, before: Frame, rows: Sequence[Sequence[float]], max_step: int) -> bool:
-    """Whether each row is at most one frame's step from the row before it."""
+    """Return whether each row is at most one frame's step from the row before it."""
     servos = before.servos
     for row in rows:
         after = codec.encode(row).servos

@@ -96,7 +96,7 @@ def _check_exists(port: str) -> Check:
 
 
 def _is_terminal(status: os.stat_result) -> bool:
-    """Whether a file is a terminal, as serial ports are."""
+    """Return whether a file is a terminal, as serial ports are."""
     if not stat.S_ISCHR(status.st_mode):
         return False
     major, minor = os.major(status.st_rdev), os.minor(status.st_rdev)

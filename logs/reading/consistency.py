@@ -43,7 +43,7 @@ _TOLERANCE = 1e-12
 
 
 def inconsistency(recording: Recording) -> tuple[str, str]:
-    """Returns the first message that differs from its record: its topic, and the difference.
+    """Return the first message that differs from its record: its topic, and the difference.
 
     A message that cannot be decoded differs, too.
 
@@ -64,7 +64,7 @@ def inconsistency(recording: Recording) -> tuple[str, str]:
 
 
 def _groups(recording: Recording) -> Iterator[list[Message]]:
-    """Yields the messages of each record; not of a last record that was cut."""
+    """Yield the messages of each record; not of a last record that was cut."""
     group: list[Message] = []
     before: tuple[type | None, int] = None, 0
     for message in _valid(recording):
@@ -87,7 +87,7 @@ def _valid(recording: Recording) -> Iterator[Message]:
 
 
 def _place(name: str) -> tuple[type, int] | None:
-    """Returns a topic's record type and row in the table; None if it is not checked."""
+    """Return a topic's record type and row in the table; None if it is not checked."""
     if name.startswith(_PLAN):
         return Plan, _PLANS[name.count("/") > 2]
     return None if name == _UNCHECKED else _ROWS.get(name)
@@ -107,7 +107,7 @@ class _Checker:
         self._counts = Counter[str]()
 
     def difference(self, group: list[Message]) -> str:
-        """Returns the first difference in the messages of one record; empty if there is none."""
+        """Return the first difference in the messages of one record; empty if there is none."""
         first = group[0]
         record = self._record(group)
         if words := self._time_difference(record, first.time_ns):
@@ -137,7 +137,7 @@ class _Checker:
         return f"message {self._counts[message.topic] + 1} on {message.topic}"
 
     def _record(self, group: list[Message]) -> Record | None:
-        """Returns the record of messages; None if only derived messages are there."""
+        """Return the record of messages; None if only derived messages are there."""
         messages = [message for message in group if not _derived(message.topic)]
         if messages and messages[0].topic == _URDF:
             return self._description(messages[0].data.data)
@@ -151,7 +151,7 @@ class _Checker:
         return Description(0.0, urdf)
 
     def _converted(self, record: Record, time_ns: int) -> Iterator[tuple[str, Any]]:
-        """Yields topics and messages; skips topics that the writer of the file did not know."""
+        """Yield topics and messages; skips topics that the writer of the file did not know."""
         for topic in topics_of(type(record)):
             name = topic.name_for(record)
             stamp = Stamp(time_ns, self._counts[name], self._kinematics)
@@ -161,7 +161,7 @@ class _Checker:
 
 
 def _difference(place: str, found: Any, expected: Any) -> str:
-    """Returns the first part of a message that differs, with its place; empty if none does."""
+    """Return the first part of a message that differs, with its place; empty if none does."""
     parts: Iterable[tuple[str, Any, Any]]
     if found is not None and is_dataclass(expected):
         names = [field.name for field in fields(expected) if field.default is MISSING]

@@ -36,13 +36,13 @@ class Digests:
         self._channels: dict[int, tuple[str, bytes]] = {}
 
     def watch(self, records: Iterable[Any]) -> Iterator[Any]:
-        """Yields the records unchanged and digests them; indexes and statistics do not count."""
+        """Yield the records unchanged and digests them; indexes and statistics do not count."""
         for record in records:
             self._add_record(record)
             yield record
 
     def made(self) -> dict[str, str]:
-        """Returns the digests by name: a topic, `file NAME` or `note NAME`."""
+        """Return the digests by name: a topic, `file NAME` or `note NAME`."""
         return {name: digest.hexdigest() for name, digest in self._digests.items()}
 
     def _add_record(self, record: Any) -> None:
@@ -72,7 +72,7 @@ class Digests:
 
 
 def changed_part(path: Path) -> str:
-    """Returns the first topic, attachment or note that changed after the recording was finished.
+    """Return the first topic, attachment or note that changed after the recording was finished.
 
     Returns:
         Its name; empty if nothing changed, or if the file holds no digests.

@@ -43,7 +43,7 @@ def locked(recording: Path) -> Iterator[None]:
 
 
 def being_written(path: Path) -> bool:
-    """Returns whether a recording is being written now.
+    """Return whether a recording is being written now.
 
     Raises:
         RecordingError: The file does not exist.
@@ -56,7 +56,7 @@ def being_written(path: Path) -> bool:
 
 
 def is_ours(path: Path) -> bool:
-    """Returns whether armtree created a file: by its head or, if it is empty, by its name.
+    """Return whether armtree created a file: by its head or, if it is empty, by its name.
 
     Raises:
         OSError: The file cannot be read.
@@ -69,7 +69,7 @@ def is_ours(path: Path) -> bool:
 
 
 def is_complete(path: Path, every_byte: bool) -> bool:
-    """Returns whether a file is a finished recording.
+    """Return whether a file is a finished recording.
 
     Args:
         path: The file.
@@ -97,7 +97,7 @@ def is_complete(path: Path, every_byte: bool) -> bool:
 
 
 def why_incomplete(recording: Recording) -> str:
-    """Returns why a recording lacks its end, with its path; empty if it is complete."""
+    """Return why a recording lacks its end, with its path; empty if it is complete."""
     if recording.complete:
         return ""
     if being_written(recording.path):
@@ -106,7 +106,7 @@ def why_incomplete(recording: Recording) -> str:
 
 
 def closed_recordings(folder: Path, since: float) -> Iterator[Recording]:
-    """Yields the recordings of a folder that are not being written, ordered by name.
+    """Yield the recordings of a folder that are not being written, ordered by name.
 
     Args:
         folder: Folder with recordings.

@@ -50,7 +50,7 @@ class Message:
             raise RecordingError(self.path, what) from cause
 
     def fields(self) -> dict[str, Any]:
-        """Returns the fields of a JSON message, such as those on `/tree` and `/plan/arm`.
+        """Return the fields of a JSON message, such as those on `/tree` and `/plan/arm`.
 
         Raises:
             TypeError: The topic does not carry JSON.
@@ -70,7 +70,7 @@ class Message:
 
 
 def read(path: Path | str, topics: Collection[str] | None = None) -> Iterator[Message]:
-    """Yields the messages of a recording in file order.
+    """Yield the messages of a recording in file order.
 
     A file that was cut off or is still being written can be read, too: all valid messages come
     first, then `RecordingTruncated` is raised.
@@ -95,7 +95,7 @@ def _messages(records: TolerantReader, topics: Collection[str] | None) -> Iterat
 
 
 def content(records: TolerantReader) -> Iterator["Message | Attachment | Metadata | Channel"]:
-    """Yields messages, attachments, metadata and channels, in file order."""
+    """Yield messages, attachments, metadata and channels, in file order."""
     from mcap import records as mcap
 
     types = {0: ""}  # channels without a schema

@@ -36,7 +36,7 @@ class TolerantReader:
     """
 
     def __init__(self, path: Path) -> None:
-        """Reads the first bytes only.
+        """Read the first bytes only.
 
         Raises:
             RecordingError: The file does not exist, or is not an MCAP file.
@@ -56,7 +56,7 @@ class TolerantReader:
             raise RecordingError(path, "is not an MCAP file; give a recording, such as *.mcap")
 
     def __iter__(self) -> Iterator[Any]:
-        """Yields MCAP records in file order; ends at the first damage.
+        """Yield MCAP records in file order; ends at the first damage.
 
         Raises:
             OSError: The disk failed.
@@ -81,7 +81,7 @@ class TolerantReader:
         return 0 if self.intact else self.path.stat().st_size - self.valid
 
     def _valid_records(self, stream: BinaryIO, end: int) -> Iterator[Any]:
-        """Yields records up to the first invalid one, or up to an offset in the file [bytes]."""
+        """Yield records up to the first invalid one, or up to an offset in the file [bytes]."""
         from mcap.records import Attachment, Channel, DataEnd, Footer, Header, Message, Schema
         from mcap.stream_reader import StreamReader
 
@@ -116,7 +116,7 @@ class TolerantReader:
 
 
 def _attachment_is_valid(attachment: "Attachment", stream: BinaryIO) -> bool:
-    """Returns whether the checksum of the attachment just read is right; mcap does not check it."""
+    """Return whether the checksum of the attachment just read is right; mcap does not check it."""
     names = len(attachment.name.encode()) + len(attachment.media_type.encode())
     size = _ATTACHMENT_HEAD_BYTES + names + len(attachment.data)
     stream.seek(-size - _CRC_BYTES, os.SEEK_CUR)
@@ -125,7 +125,7 @@ def _attachment_is_valid(attachment: "Attachment", stream: BinaryIO) -> bool:
 
 
 def _summary_is_valid(footer: "Footer", stream: BinaryIO) -> bool:
-    """Returns whether the checksum of the summary is right; mcap's stream reader skips it."""
+    """Return whether the checksum of the summary is right; mcap's stream reader skips it."""
     left = stream.seek(0, os.SEEK_END) - len(MAGIC) - _CRC_BYTES - footer.summary_start
     if left < 0 or not footer.summary_crc:
         return left >= 0

@@ -83,23 +83,23 @@ class Timing(NamedTuple):
 
 
 def sent_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns the bytes written, as SerialFrame."""
+    """Return the bytes written, as SerialFrame."""
     return _serial_frame(sent.data, _TX, stamp, ros)
 
 
 def received_bytes(received: Received, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns the bytes read, as SerialFrame."""
+    """Return the bytes read, as SerialFrame."""
     return _serial_frame(received.data, _RX, stamp, ros)
 
 
 def sent_timing(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns when a frame was due, and if it is a hold or a setting, as JSON in a String."""
+    """Return when a frame was due, and if it is a hold or a setting, as JSON in a String."""
     timing = Timing(stamp.sequence, sent.time, sent.scheduled, sent.hold, not sent.joints)
     return _string(timing._asdict(), ros)
 
 
 def joint_state(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns the commanded positions [rad] as JointState; None for a setting of the board."""
+    """Return the commanded positions [rad] as JointState; None for a setting of the board."""
     if not sent.joints:
         return None
     return ros.make(
@@ -113,12 +113,12 @@ def joint_state(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def urdf(description: Description, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns the robot's URDF, as String."""
+    """Return the robot's URDF, as String."""
     return ros.make("std_msgs/msg/String", data=description.urdf)
 
 
 def transforms(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns the pose of every link as TFMessage; None for a setting, or without a URDF."""
+    """Return the pose of every link as TFMessage; None for a setting, or without a URDF."""
     if stamp.kinematics is None or not sent.joints:
         return None
     links = stamp.kinematics.transforms(dict(zip(sent.joints, sent.positions, strict=True)))
@@ -128,7 +128,7 @@ def transforms(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def late_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns a frame that was sent late as DiagnosticArray; None for all others."""
+    """Return a frame that was sent late as DiagnosticArray; None for all others."""
     late = sent.time - sent.scheduled if sent.scheduled is not None else 0.0
     if late <= LATE:
         return None
@@ -146,12 +146,12 @@ def late_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def every_field(record: Record, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns all fields of a record, as JSON in a String."""
+    """Return all fields of a record, as JSON in a String."""
     return _string(asdict(record), ros)
 
 
 def trajectory(plan: Plan, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns the sampled motion as JointTrajectory; None if no motion was found."""
+    """Return the sampled motion as JointTrajectory; None if no motion was found."""
     if not plan.times:
         return None
     return ros.make(
@@ -163,7 +163,7 @@ def trajectory(plan: Plan, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def percentage(feedback: Feedback, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns the feedback of the ROS 2 action, as TaskFeedback."""
+    """Return the feedback of the ROS 2 action, as TaskFeedback."""
     goal_id = np.frombuffer(UUID(feedback.goal_id).bytes, np.uint8)
     return ros.make(
         "arduinobot_msgs/msg/TaskFeedback",
@@ -173,7 +173,7 @@ def percentage(feedback: Feedback, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def transition_event(change: Transition, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns a transition with ROS 2's numbers as TransitionEvent; number 0 if nothing changed."""
+    """Return a transition with ROS 2's numbers as TransitionEvent; number 0 if nothing changed."""
     return ros.make(
         "lifecycle_msgs/msg/TransitionEvent",
         timestamp=stamp.time_ns,
@@ -186,7 +186,7 @@ def transition_event(change: Transition, stamp: Stamp, ros: RosTypes) -> Any:
 
 
 def log_message(line: LogLine, stamp: Stamp, ros: RosTypes) -> Any:
-    """Returns a log line as Log; its level is rounded down to one of ROS 2."""
+    """Return a log line as Log; its level is rounded down to one of ROS 2."""
     level = min(max(line.level // 10 * 10, _LOWEST_LEVEL), _HIGHEST_LEVEL)
     return ros.make(
         "rcl_interfaces/msg/Log",
@@ -215,7 +215,7 @@ def _string(facts: dict[str, Any], ros: RosTypes) -> Any:
 
 
 def _text(value: str) -> str:
-    """Returns text that every ROS reader accepts: no lone surrogates, no NUL."""
+    """Return text that every ROS reader accepts: no lone surrogates, no NUL."""
     clean = value.encode("utf-8", "backslashreplace").decode("utf-8")
     return clean.replace("\0", "\\x00")
 

@@ -36,12 +36,12 @@ END = _RECORD.pack(_DATA_END, 4) + bytes(4) + _RECORD.pack(_FOOTER, 20) + bytes(
 
 
 def checked(piece: bytes) -> bytes:
-    """Returns a piece of a journal, followed by its checksum."""
+    """Return a piece of a journal, followed by its checksum."""
     return piece + _RECORD.pack(_CHECK, _CRC.size) + _CRC.pack(crc32(piece))
 
 
 def is_journal(stream: BinaryIO) -> bool:
-    """Returns whether a file is a journal.
+    """Return whether a file is a journal.
 
     Args:
         stream: The file, at its beginning; it is left there.
@@ -52,7 +52,7 @@ def is_journal(stream: BinaryIO) -> bool:
 
 
 def valid_size(stream: BinaryIO) -> int:
-    """Returns the size of the valid part of a journal [bytes].
+    """Return the size of the valid part of a journal [bytes].
 
     The valid part ends with the last piece before the first piece whose checksum is wrong.
 

@@ -172,7 +172,7 @@ class Result:
     hint: str = ""
 
     def queued(self, goal: Goal) -> float:
-        """Returns how long the goal waited in the queue [s]; 0 if it started at once."""
+        """Return how long the goal waited in the queue [s]; 0 if it started at once."""
         waited = self.duration - (self.time - goal.time)
         return waited if waited > _AT_ONCE else 0.0
 

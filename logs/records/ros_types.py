@@ -17,7 +17,7 @@ class RosTypes:
     """Message types by name: the standard types of ROS 2 Jazzy, and two of our own."""
 
     def __init__(self) -> None:
-        """Reads the standard types; takes 0.1 s."""
+        """Read the standard types; takes 0.1 s."""
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self._schemas: dict[str, str] = {}  # every journal needs them
         self._hashes: dict[str, str] = {}
@@ -25,20 +25,20 @@ class RosTypes:
             self.learn(name, _text(name))
 
     def warm_up(self, names: Iterable[str]) -> None:
-        """Generates the code of types in advance; takes 2 to 7 ms each."""
+        """Generate the code of types in advance; takes 2 to 7 ms each."""
         for name in names:
             self._store.get_msgdef(name)
 
     def make(self, name: str, /, **fields: Any) -> Any:
-        """Returns a message of a type; arrays of numbers are NumPy arrays."""
+        """Return a message of a type; arrays of numbers are NumPy arrays."""
         return self._store.types[name](**fields)
 
     def encode(self, message: Any) -> bytes:
-        """Returns the CDR bytes of a message."""
+        """Return the CDR bytes of a message."""
         return bytes(self._store.serialize_cdr(message, message.__msgtype__))
 
     def decode(self, name: str, data: bytes) -> Any:
-        """Returns the message of a type from its CDR bytes.
+        """Return the message of a type from its CDR bytes.
 
         Raises:
             SerdeError: The bytes do not fit the type.
@@ -46,7 +46,7 @@ class RosTypes:
         return self._store.deserialize_cdr(data, name)
 
     def schema(self, name: str) -> str:
-        """Returns a type's definition in `ros2msg` form with nested types; ours with comments."""
+        """Return a type's definition in `ros2msg` form with nested types; ours with comments."""
         if name not in self._schemas:
             made: str = self._store.generate_msgdef(name, ros_version=2)[0]
             if name in _OURS:
@@ -55,13 +55,13 @@ class RosTypes:
         return self._schemas[name]
 
     def hash(self, name: str) -> str:
-        """Returns a type's hash: `RIHS01_` and 64 hexadecimal digits."""
+        """Return a type's hash: `RIHS01_` and 64 hexadecimal digits."""
         if name not in self._hashes:
             self._hashes[name] = self._store.hash_rihs01(name)
         return self._hashes[name]
 
     def learn(self, name: str, text: str) -> None:
-        """Adds a type and its nested types from a definition; known types stay.
+        """Add a type and its nested types from a definition; known types stay.
 
         Raises:
             TypesysError: The text is no definition, or contradicts a known type.
@@ -70,11 +70,11 @@ class RosTypes:
 
 
 def _text(name: str) -> str:
-    """Returns the definition of one of our types."""
+    """Return the definition of one of our types."""
     return resources.files(__package__).joinpath(f"{name.rpartition('/')[2]}.msg").read_text()
 
 
 @cache
 def ros_types() -> RosTypes:
-    """Returns the set of types that this process shares; the first call takes 0.1 to 0.3 s."""
+    """Return the set of types that this process shares; the first call takes 0.1 to 0.3 s."""
     return RosTypes()

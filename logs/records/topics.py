@@ -65,7 +65,7 @@ class Topic:
         return "{" not in self.name
 
     def name_for(self, record: Record) -> str:
-        """Returns the topic's name for one record."""
+        """Return the topic's name for one record."""
         return self.name if self.fixed else self.name.format(record=record)
 
 
@@ -216,12 +216,12 @@ TOPICS = (
 
 
 def topics_of(record_type: type) -> tuple[Topic, ...]:
-    """Returns the rows for one record type, in the order of the table."""
+    """Return the rows for one record type, in the order of the table."""
     return tuple(topic for topic in TOPICS if topic.record is record_type)
 
 
 def offered_qos(topic: Topic) -> str:
-    """Returns the quality of service that a player of the file offers, as rosbag2's YAML text.
+    """Return the quality of service that a player of the file offers, as rosbag2's YAML text.
 
     Keep-last and reliable; latched topics are transient local with depth 1, others volatile
     with depth 10.

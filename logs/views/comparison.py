@@ -28,7 +28,7 @@ class Run:
     frames: tuple[str, ...]
 
     def at(self, joint: str, time: float) -> float:
-        """Returns a joint's position at a time [rad], interpolated linearly between frames."""
+        """Return a joint's position at a time [rad], interpolated linearly between frames."""
         column, place = self.joints.index(joint), bisect_right(self.times, time)
         if place in (0, len(self.times)):
             return self.positions[max(0, place - 1)][column]
@@ -54,7 +54,7 @@ class Comparison:
 
 
 def compare(one: Path, other: Path) -> Comparison:
-    """Compares two runs, aligned at the first frame of each.
+    """Compare two runs, aligned at the first frame of each.
 
     Raises:
         RecordingError: One of them cannot be read.
@@ -72,7 +72,7 @@ def compare(one: Path, other: Path) -> Comparison:
 
 
 def run_of(path: Path) -> Run:
-    """Reads the commands of a run.
+    """Read the commands of a run.
 
     Raises:
         RecordingError: The recording cannot be read.

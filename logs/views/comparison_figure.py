@@ -12,7 +12,7 @@ _STYLES = (("#0072B2", "-", 2.2), ("#D55E00", "--", 1.1))
 
 
 def draw_comparison(both: Comparison, output: Path) -> None:
-    """Draws every joint of two runs to a file.
+    """Draw every joint of two runs to a file.
 
     Args:
         both: The comparison of the runs.

@@ -14,7 +14,7 @@ _LEAST_RANGE = 10.0  # [deg]
 
 
 def save(figure: Figure, output: Path) -> None:
-    """Writes a figure to a file, or to a pipe.
+    """Write a figure to a file, or to a pipe.
 
     Args:
         figure: The figure.
@@ -35,7 +35,7 @@ def save(figure: Figure, output: Path) -> None:
 
 
 def widen(panel: Axes) -> None:
-    """Widens the y axis to at least 10 degrees, so small noise does not fill the panel."""
+    """Widen the y axis to at least 10 degrees, so small noise does not fill the panel."""
     low, high = panel.get_ylim()
     room = max(0.0, _LEAST_RANGE - (high - low)) / 2
     panel.set_ylim(low - room, high + room)

@@ -31,7 +31,7 @@ class MotionDrawing:
 
 
 def draw_motion(sides: Sequence[Axes], motion: MotionDrawing) -> None:
-    """Draws all poses into one view: the first grey, the last blue, the others faint.
+    """Draw all poses into one view: the first grey, the last blue, the others faint.
 
     Bodies are red.
 

@@ -74,7 +74,7 @@ class Overview:
 
 
 def overview(path: Path) -> Overview:
-    """Summarises a recording.
+    """Summarise a recording.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -115,7 +115,7 @@ def overview(path: Path) -> Overview:
 
 
 def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
-    """Yields what happened, line by line, each with the time since the goal [s].
+    """Yield what happened, line by line, each with the time since the goal [s].
 
     Args:
         path: The recording.
@@ -148,7 +148,7 @@ def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
 
 
 def line(record: RunRecord) -> str:  # noqa: C901, a table of words
-    """Returns one record as a line."""
+    """Return one record as a line."""
     match record:
         case Goal() if record.elsewhere:
             return f"goal: task {record.task}"
@@ -187,7 +187,7 @@ def line(record: RunRecord) -> str:  # noqa: C901, a table of words
 
 
 def bodies_text(world: Sequence[Mapping[str, Any]]) -> str:
-    """Returns the names of bodies, each with the link that it is attached to."""
+    """Return the names of bodies, each with the link that it is attached to."""
     return ", ".join(f"{b['name']} on {b['link']}" if b["link"] else b["name"] for b in world)
 
 

@@ -50,7 +50,7 @@ class PlanDrawing:
 
 
 def draw_plan(plan: PlanDrawing, output: Path) -> None:
-    """Draws a plan to a file.
+    """Draw a plan to a file.
 
     Args:
         plan: The plan.
@@ -85,7 +85,7 @@ def draw_plan(plan: PlanDrawing, output: Path) -> None:
 
 
 def _path(axes: Axes, plan: PlanDrawing) -> None:
-    """Draws the path in joint space: all other joints over the first."""
+    """Draw the path in joint space: all other joints over the first."""
     if len(plan.joints) < 2:
         axes.set_axis_off()
         axes.text(0.5, 0.5, "one joint: its path is a line", ha="center", fontsize=7)

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def plot(recording: Path, output: Path, scenes: "Sequence[Scene]" = ()) -> None:
-    """Draws commanded joints, frames, tree and lifecycle over the time since the goal.
+    """Draw commanded joints, frames, tree and lifecycle over the time since the goal.
 
     Runs without a frame, canceled runs and cut recordings can be drawn, too.
 

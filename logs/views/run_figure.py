@@ -56,7 +56,7 @@ class Scene:
 
 
 def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = ()) -> None:
-    """Draws a run to a file.
+    """Draw a run to a file.
 
     Args:
         run: The run.
@@ -125,7 +125,7 @@ def _by_group(traces: Iterable[Trace]) -> dict[str, list[Trace]]:
 
 
 def _panels(figure: Figure, heights: Sequence[float], top: float, run: Timeline) -> list[Axes]:
-    """Returns axes of these heights [in], one below the other, over one time axis."""
+    """Return axes of these heights [in], one below the other, over one time axis."""
     left, right = _margins(run)
     tall = figure.get_figheight()
     panels: list[Axes] = []
@@ -144,7 +144,7 @@ def _panels(figure: Figure, heights: Sequence[float], top: float, run: Timeline)
 
 
 def _margins(run: Timeline) -> tuple[float, float]:
-    """Returns the widths of the names of nodes, left, and of joints, right [in]."""
+    """Return the widths of the names of nodes, left, and of joints, right [in]."""
     left = max((_INDENT * row.depth + _LETTER * len(row.name) for row in run.rows), default=0.0)
     right = max((_LETTER * len(trace.joint) for trace in run.traces), default=0.0)
     return max(_LEFT, left + 2 * _EDGE), max(_RIGHT, right + 2 * _EDGE)
@@ -175,7 +175,7 @@ def _draw_joints(panel: Axes, group: str, traces: Sequence[Trace], colours: dict
 
 
 def _name_curves(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) -> None:
-    """Writes each joint's name at the end of its curve; moves names apart if they overlap."""
+    """Write each joint's name at the end of its curve; moves names apart if they overlap."""
     low, high = panel.get_ylim()
     pitch = _LINE / (_CURVES + _CURVE * len(traces)) * (high - low)
     heights = _apart([degrees(trace.positions[-1]) for trace in traces], pitch)
@@ -184,7 +184,7 @@ def _name_curves(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) 
 
 
 def _apart(wanted: Sequence[float], pitch: float) -> list[float]:
-    """Returns heights close to those wanted, in the same order, at least `pitch` apart."""
+    """Return heights close to those wanted, in the same order, at least `pitch` apart."""
     order = sorted(range(len(wanted)), key=lambda i: (wanted[i], -i))
     placed = list(wanted)
     for below, above in pairwise(order):
@@ -237,7 +237,7 @@ def _draw_node(panel: Axes, row: Row, place: int) -> None:
 
 
 def _explain_states(panel: Axes) -> None:
-    """Draws the legend of the states, in the right margin."""
+    """Draw the legend of the states, in the right margin."""
     rows = panel.get_ylim()[0] + 0.5
     for number, (state, colour) in enumerate(_STATES.items()):
         y = (rows - 1) / 2 + (number - 1.5) * 0.85
@@ -292,7 +292,7 @@ def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
 
 
 def _draw_scene(figure: Figure, scene: Scene, floor: float) -> None:
-    """Draws a scene from two sides, `floor` above the bottom of the figure [in]."""
+    """Draw a scene from two sides, `floor` above the bottom of the figure [in]."""
     tall = figure.get_figheight()
     left, across = 0.5, _WIDTH / 2 - 0.6
     up = _SCENE - _SCENE_TITLE - 0.55
@@ -349,7 +349,7 @@ def _beside(panel: Axes, text: str, y: float, colour: str = _INK) -> None:
 def _write(
     panel: Axes, text: str, at: tuple[float, float], right: float, size: float, colour: str
 ) -> None:
-    """Writes text beside a panel, `right` [in] of the point `at`."""
+    """Write text beside a panel, `right` [in] of the point `at`."""
     panel.annotate(
         text,
         at,

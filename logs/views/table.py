@@ -21,7 +21,7 @@ _PLAIN = (bool, int, float, str)
 
 
 def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
-    """Returns the messages of a topic, one column per field, for `pandas.DataFrame`.
+    """Return the messages of a topic, one column per field, for `pandas.DataFrame`.
 
     Joint states have one column per joint [rad]. Nested fields have one column each, such as
     `transition.label`. Arrays are left out. Unknown numbers are NaN. If the recording is not
@@ -58,7 +58,7 @@ def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
 
 
 def _column(values: list[Any]) -> list[Any]:
-    """Replaces None by NaN in a column of numbers."""
+    """Replace None by NaN in a column of numbers."""
     if any(isinstance(value, str) for value in values):
         return values
     return [nan if value is None else value for value in values]
@@ -75,7 +75,7 @@ def _row(message: Message) -> dict[str, Any]:
 
 
 def _flat(data: Any, above: str) -> Iterator[tuple[str, Any]]:
-    """Yields the plain fields of a message and of nested messages."""
+    """Yield the plain fields of a message and of nested messages."""
     for field in fields(data):
         value = getattr(data, field.name)
         if field.default is not MISSING:
@@ -87,7 +87,7 @@ def _flat(data: Any, above: str) -> Iterator[tuple[str, Any]]:
 
 
 def export(path: Path, folder: Path) -> tuple[Path, Path]:
-    """Writes joints and frames to CSV; times are since the first frame [s].
+    """Write joints and frames to CSV; times are since the first frame [s].
 
     Args:
         path: The recording.

@@ -87,7 +87,7 @@ class Timeline:
 
 
 def timeline(path: Path) -> Timeline:
-    """Reads a run; if a file holds several goals, the last one.
+    """Read a run; if a file holds several goals, the last one.
 
     Raises:
         RecordingError: The file cannot be read. A cut file can: see `Timeline.complete`.

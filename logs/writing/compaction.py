@@ -41,7 +41,7 @@ class Summary:
     damaged: Path | None = None
 
     def text(self) -> str:
-        """Returns what was recovered, for people."""
+        """Return what was recovered, for people."""
         if not self.bytes:
             return f"{self.path}: was empty and is removed: its run had recorded nothing"
         if self.whole:
@@ -56,7 +56,7 @@ class Summary:
 
 
 def compact(journal: Path) -> Summary:
-    """Replaces a journal with a finished recording of everything valid in it.
+    """Replace a journal with a finished recording of everything valid in it.
 
     It accepts any state: a closed journal, one that was cut anywhere, and a finished recording,
     which keeps its content. A file without a complete header becomes an empty recording. The
@@ -92,12 +92,12 @@ def rewrite(journal: Path) -> Summary:
 
 
 def part_of(recording: Path) -> Path:
-    """Returns the path at which the recording that replaces a journal is written."""
+    """Return the path at which the recording that replaces a journal is written."""
     return recording.with_name(recording.name + ".part")
 
 
 def _keep(recording: Path) -> Path:
-    """Gives a damaged recording a second name, which stays when the first is replaced."""
+    """Return a damaged recording a second name, which stays when the first is replaced."""
     for number in count(1):
         kept = recording.with_name(f"{recording.name}.damaged{'' if number == 1 else number}")
         with suppress(FileExistsError):
@@ -183,7 +183,7 @@ class Copy:
         self._messages = 0
 
     def all(self, records: Iterable[Any]) -> int:
-        """Copies all records but indexes and digests; returns the number of messages so far."""
+        """Copy all records but indexes and digests; returns the number of messages so far."""
         from mcap import records as mcap
 
         new = self._writer

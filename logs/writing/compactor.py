@@ -55,7 +55,7 @@ class Compactor:
         return self._process.pid
 
     def close(self) -> None:
-        """Ends the process after the compactions it was sent."""
+        """End the process after the compactions it was sent."""
         self._end()
 
     def _send(self, message: bytes, descriptors: list[int]) -> None:
@@ -82,7 +82,7 @@ class Compactor:
 
 @cache
 def compactor() -> Compactor:
-    """Returns the compactor that this process shares."""
+    """Return the compactor that this process shares."""
     return Compactor()
 
 
@@ -92,7 +92,7 @@ def _end(requests: socket.socket, process: "subprocess.Popen[bytes]") -> None:
 
 
 def _serve(requests: socket.socket) -> None:
-    """Answers each request with a summary, or with nothing if compaction failed."""
+    """Answer each request with a summary, or with nothing if compaction failed."""
     while True:
         message, descriptors, *_ = socket.recv_fds(requests, _PATH_BYTES, 2)
         if not message:

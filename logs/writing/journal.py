@@ -46,7 +46,7 @@ class Journal:
     """
 
     def __init__(self, stream: BufferedWriter, epoch_ns: int) -> None:
-        """Writes header, metadata, schemas and channels.
+        """Write header, metadata, schemas and channels.
 
         Args:
             stream: The new file; the journal closes it.
@@ -64,7 +64,7 @@ class Journal:
         self._file.write(checked(_head(epoch_ns)))
 
     def write(self, *items: Item) -> None:
-        """Writes attachments, notes, and the messages of records, as one piece.
+        """Write attachments, notes, and the messages of records, as one piece.
 
         Raises:
             OSError: The disk did not take it.
@@ -73,7 +73,7 @@ class Journal:
         self._file.write(checked(b"".join(map(self._encoded, items))))
 
     def finish(self) -> None:
-        """Writes the end, syncs the file to the disk and closes it.
+        """Write the end, syncs the file to the disk and close it.
 
         Raises:
             OSError: The disk did not take it.
@@ -137,7 +137,7 @@ class PieceWriter:
     """
 
     def __init__(self, stream: BufferedWriter) -> None:
-        """Takes over a new, empty file.
+        """Take over a new, empty file.
 
         Args:
             stream: The file; only its descriptor is used.
@@ -150,7 +150,7 @@ class PieceWriter:
             finalize(self, self._reserve.close)
 
     def write(self, data: bytes) -> None:
-        """Hands a piece to the operating system.
+        """Pass a piece to the operating system.
 
         Raises:
             OSError: The disk did not take it, even without the reserve. The file is closed and
@@ -171,7 +171,7 @@ class PieceWriter:
                 raise
 
     def close(self) -> None:
-        """Syncs the file to the disk and closes it.
+        """Sync the file to the disk and close it.
 
         Raises:
             OSError: The disk failed.
@@ -209,7 +209,7 @@ class PieceWriter:
 
 
 def _reserve(folder: Path) -> IO[bytes] | None:
-    """Allocates disk space in a file without a name, which no crash can leave behind.
+    """Allocate disk space in a file without a name, which no crash can leave behind.
 
     Returns:
         The file; closing it frees the space. None if the disk has too little space.

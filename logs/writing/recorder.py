@@ -49,7 +49,7 @@ class Recorder:
     """
 
     def __init__(self, path: Path, epoch_ns: int, on_failure: Callable[[Exception], None]) -> None:
-        """Creates the file.
+        """Create the file.
 
         Args:
             path: The new file; its folder exists.
@@ -79,7 +79,7 @@ class Recorder:
         self._jobs.put(partial(self._begin, stream))
 
     def put(self, *items: Item) -> None:
-        """Records items; never blocks and never raises. Does nothing after `close`.
+        """Record items; never blocks and never raises. Does nothing after `close`.
 
         Args:
             items: Items to write as one piece. A frame (`Sent`) is put alone, and only by the
@@ -90,7 +90,7 @@ class Recorder:
         self._jobs.put(partial(self._take, items))
 
     def caught_up(self, timeout: float) -> bool:
-        """Returns whether every frame that was put was handed to the operating system.
+        """Return whether every frame that was put was handed to the operating system.
 
         Waits for it if necessary. The first call also waits until the file was created.
 
@@ -101,7 +101,7 @@ class Recorder:
         return (begun and self._kept == self._sent) or self.wait(timeout)
 
     def wait(self, timeout: float = _BEGIN_S) -> bool:
-        """Waits until everything put so far was handed to the operating system.
+        """Wait until everything put so far was handed to the operating system.
 
         Args:
             timeout: Longest time to wait [s].
@@ -114,7 +114,7 @@ class Recorder:
         return mark.wait(timeout)
 
     def flush(self) -> None:
-        """Waits until everything put so far was handed to the operating system.
+        """Wait until everything put so far was handed to the operating system.
 
         Raises:
             RecordingIncomplete: It could not be written, or not in time.
@@ -124,7 +124,7 @@ class Recorder:
             raise RecordingIncomplete(self.path, None, cause)
 
     def close(self, compactor: "Compactor | None" = None) -> Summary:
-        """Writes what is queued, and makes the final recording.
+        """Write what is queued, and make the final recording.
 
         Args:
             compactor: Process that makes the final recording; None to make it in this process.
@@ -148,11 +148,11 @@ class Recorder:
         return self._summary
 
     def __enter__(self) -> Self:
-        """Returns the recorder."""
+        """Return the recorder."""
         return self
 
     def __exit__(self, *raised: object) -> None:
-        """Closes the recorder."""
+        """Close the recorder."""
         self.close()
 
     def _begin(self, stream: BufferedWriter) -> None:
@@ -207,7 +207,7 @@ class Recorder:
         self._warn_of(time.monotonic() - due)
 
     def _warn_of(self, late: float) -> None:
-        """Logs once that the disk is slow; it delays no frame."""
+        """Log once that the disk is slow; it delays no frame."""
         if late > FSYNC_S and not self._slow:
             self._slow = True
             _log.warning(
@@ -267,7 +267,7 @@ def _is_at(path: Path, stream: BufferedWriter) -> bool:
 
 @cache
 def _queue(name: str) -> SimpleQueue[Job]:
-    """Returns the queue of a thread that all recorders share; starting one delays a goal."""
+    """Return the queue of a thread that all recorders share; starting one delays a goal."""
     jobs = SimpleQueue[Job]()
 
     def work() -> None:

@@ -11,7 +11,7 @@ from .compaction import Summary, part_of, rewrite
 
 
 def recover(recording: Path) -> Summary | None:
-    """Makes a finished recording from the valid part of a journal or of a damaged recording.
+    """Make a finished recording from the valid part of a journal or of a damaged recording.
 
     An empty file of armtree is removed: its process was killed before it recorded anything.
 
@@ -28,7 +28,7 @@ def recover(recording: Path) -> Summary | None:
 
 
 def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
-    """Recovers all unfinished recordings of a folder, and removes partial copies.
+    """Recover all unfinished recordings of a folder, and remove partial copies.
 
     It reads only the ends of each file, so it is fast if there is nothing to do. It leaves files
     that are being written, and files of other programs, which take no lock.
@@ -58,7 +58,7 @@ def _finished(recording: Path) -> Summary:
 
 
 def _remove_part(part: Path) -> None:
-    """Removes the partial copy that a compaction left, unless one is running."""
+    """Remove the partial copy that a compaction left, unless one is running."""
     recording = part.with_suffix("")
     if part.exists() and recording.exists():
         with locked(recording):

@@ -31,7 +31,7 @@ class Rule:
 
 
 def prune(folder: Path, rule: Rule, utc: float) -> Iterator[Path]:
-    """Deletes the recordings that a rule does not keep, the oldest first.
+    """Delete the recordings that a rule does not keep, the oldest first.
 
     It never deletes a recording that is pinned, unfinished, being written, or of another program.
     A copy of a damaged recording counts as a recording.
@@ -55,7 +55,7 @@ def prune(folder: Path, rule: Rule, utc: float) -> Iterator[Path]:
 
 
 def pin(recording: Path, on: bool) -> None:
-    """Protects a recording from deletion: removes its write permission, as `chmod -w` does.
+    """Protect a recording from deletion: removes its write permission, as `chmod -w` does.
 
     Args:
         recording: The file.
@@ -74,7 +74,7 @@ def pin(recording: Path, on: bool) -> None:
 
 
 def pinned(recording: Path) -> bool:
-    """Returns whether a recording is protected from deletion."""
+    """Return whether a recording is protected from deletion."""
     return not recording.stat().st_mode & _WRITE
 
 

@@ -350,7 +350,7 @@ class TreeCompiler:
         return ports
 
     def _typed(self, key: Key, declared: Declaration) -> bool:
-        """Whether a port reads a key that is written, and declares its type."""
+        """Return whether a port reads a key that is written, and declares its type."""
         reads = declared.type != UNTYPED and not declared.output
         return reads and key.name in self._keys.written
 
@@ -525,7 +525,7 @@ class _Child:
         self._place = spec if isinstance(spec, Place) else spec.place
 
     def moves(self) -> bool:
-        """Whether a skill in it moves the arm."""
+        """Return whether a skill in it moves the arm."""
         return any(leaf.skill.moves for leaf in self._leaves())
 
     def action(self) -> str:
@@ -542,7 +542,7 @@ class _Child:
                 yield _Child(self._compiler, below, place, self._scope)
 
     def is_constant(self) -> bool:
-        """Whether its result depends only on values that are known before the run."""
+        """Return whether its result depends only on values that are known before the run."""
         leaves, known = list(self._leaves()), self._scope.stand_ins.keys()
         return bool(leaves) and all(
             leaf.skill.pure and known >= set(leaf.keys.values()) for leaf in leaves

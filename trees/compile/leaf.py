@@ -58,7 +58,7 @@ class Leaf:
 
 
 def _is_partial(value: Any) -> bool:
-    """Whether a value, or a value in it, is not known yet."""
+    """Return whether a value, or a value in it, is not known yet."""
     if isinstance(value, Mapping):
         return any(map(_is_partial, value.values()))
     return any(map(_is_partial, value)) if isinstance(value, list) else isinstance(value, StandIn)

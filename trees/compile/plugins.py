@@ -40,7 +40,7 @@ def load_skills(folder: Path | None) -> list[str]:
 
 
 def is_broken(module: str) -> bool:
-    """Whether a module is a plugin that could not be loaded completely."""
+    """Return whether a module is a plugin that could not be loaded completely."""
     return bool(_loaded.get(module))
 
 

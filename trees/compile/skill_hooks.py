@@ -179,7 +179,7 @@ def _list_of_poses(joints: int) -> _Wanted:
 
 
 def _is_finite(number: Any) -> bool:
-    """Whether it is a finite number that a float can hold."""
+    """Return whether it is a finite number that a float can hold."""
     try:
         return isinstance(number, Real) and isfinite(number)
     except OverflowError:

@@ -106,5 +106,5 @@ class Sources:
 
 
 def _certain(wrong: Iterable[Mistake], key: str) -> bool:
-    """Whether all ports or parameters of a file could be read."""
+    """Return whether all ports or parameters of a file could be read."""
     return not any(mistake.place.location in ("", key) for mistake in wrong)

@@ -80,7 +80,7 @@ class GuardKind(ControlNodeKind):
         return Guard(name, children, context, _pauses(options), options["every"])
 
     def lasts(self, options: Options) -> bool:
-        """Whether it may take several ticks."""
+        """Return whether it may take several ticks."""
         return _pauses(options)
 
     def check(self, children: Sequence[Child], options: Options, node: Child) -> None:

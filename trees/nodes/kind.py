@@ -52,7 +52,7 @@ class Child(Protocol):
     name: str
 
     def moves(self) -> bool:
-        """Whether a skill in it moves the arm."""
+        """Return whether a skill in it moves the arm."""
 
     def action(self) -> str:
         """Return the name of the first skill in it that is not a condition, or an empty text."""
@@ -61,7 +61,7 @@ class Child(Protocol):
         """Return the nodes in it that may take longer than one tick."""
 
     def is_constant(self) -> bool:
-        """Whether its result depends only on values that are known before the run."""
+        """Return whether its result depends only on values that are known before the run."""
 
     def wrong(self, message: str) -> None:
         """Report a mistake at its place in the file."""
@@ -155,7 +155,7 @@ class ControlNodeKind(ABC):
         return 1
 
     def lasts(self, options: Options) -> bool:
-        """Whether it may take several ticks, although its children end at once."""
+        """Return whether it may take several ticks, although its children end at once."""
         return self.lasting
 
     def check(self, children: Sequence[Child], options: Options, node: Child) -> None:

@@ -248,5 +248,5 @@ class WaitForKind(ControlNodeKind):
 
 
 def busy(node: Behaviour) -> bool:
-    """Whether work that a node started still continues, even after the node was halted."""
+    """Return whether work that a node started still continues, even after the node was halted."""
     return any(isinstance(below, Skill) and below.call_hook("busy") for below in node.iterate())

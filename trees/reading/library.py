@@ -135,7 +135,7 @@ class Library:
     def _replaces(
         self, claimed: int | str, path: Path, stem: str, says: Callable[[Path, str], str]
     ) -> bool:
-        """Whether a user's file declares that it replaces a shipped one."""
+        """Return whether a user's file declares that it replaces a shipped one."""
         try:
             return bool(stem) and says(path, self.read(path)) == stem
         except FileError as error:

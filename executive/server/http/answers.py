@@ -212,7 +212,7 @@ class Answers:
         return self._executive.goal(goal_id).to_json()
 
     async def _is_held(self, goal_id: str) -> bool:
-        """True if a client holds a goal. The hold may arrive after the goal."""
+        """Return True if a client holds a goal. The hold may arrive after the goal."""
         held = self._held.setdefault(goal_id, asyncio.Event())
         try:
             await asyncio.wait_for(held.wait(), HOLD_SECONDS)

@@ -81,7 +81,7 @@ class _QueuedProtocol(asyncio.Protocol):
             self.transport.resume_reading()
 
     def has_priority(self, data: bytes) -> bool:
-        """True if data is queued in the line with fewer connections."""
+        """Return True if data is queued in the line with fewer connections."""
         return False
 
     def stop_length(self, data: bytes) -> int:

@@ -53,7 +53,7 @@ class FairQueue:
             self._process_next()
 
     def has(self, connection: Connection) -> bool:
-        """True if data of a connection is queued."""
+        """Return True if data of a connection is queued."""
         return any(connection in line for line in self._lines)
 
     def remove(self, connection: Connection) -> None:

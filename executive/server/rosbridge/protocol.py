@@ -215,7 +215,7 @@ def _slashed(name: object) -> str:
 
 
 def _same_type(given: object, known: str) -> bool:
-    """True if a type's name is `pkg/action/Name` or, as in ROS 1, `pkg/Name`."""
+    """Return True if a type's name is `pkg/action/Name` or, as in ROS 1, `pkg/Name`."""
     package, _, name = known.split("/")
     return given in (known, f"{package}/{name}")
 

@@ -91,7 +91,7 @@ class SerialServo:
 
 
 def _is_servo_angle(field: WireField, limit: float) -> bool:
-    """Whether a position limit [rad] is an angle from 0 to 180 degrees."""
+    """Return whether a position limit [rad] is an angle from 0 to 180 degrees."""
     try:
         return 0 <= servo_angle(field, limit) <= ANGLE_MAX
     except (ArithmeticError, ValueError):  # an infinite limit, or a span near 0

@@ -48,7 +48,7 @@ class ContainmentChecker:
         self._lower, self._upper = np.array(boxes).reshape(-1, 2, 3).swapaxes(0, 1)
 
     def __bool__(self) -> bool:
-        """True if the scene has meshes to check."""
+        """Return True if the scene has meshes to check."""
         return bool(self._pairs.size)
 
     def pairs(self, q: Array) -> list[int]:

@@ -158,7 +158,7 @@ class SignedDistance:
         return far
 
     def _overlaps(self, pair: int, shift: Array) -> bool:
-        """True if the shapes overlap after the second one moves by a shift (3,) [m]."""
+        """Return True if the shapes overlap after the second one moves by a shift (3,) [m]."""
         hit = self._collide(pair, shift, _COLLISION).isCollision()
         return hit or self._containment.contained_after_shift(pair, shift)
 

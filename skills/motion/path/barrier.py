@@ -41,7 +41,7 @@ def check_passable(validator: MotionValidator, start: Array, goal: Array) -> Non
 
 
 def _single_joint_goals(group: JointGroup, joint: int, start: Array, goal: Array) -> list[Array]:
-    """Ends of the motions of one joint of which every path contains one; empty if unknown."""
+    """End of the motions of one joint of which every path contains one; empty if unknown."""
     end = start.copy()
     end[joint] = goal[joint]
     if np.isfinite([group.lower[joint], group.upper[joint]]).any():

@@ -215,7 +215,7 @@ class _Parser:
         return b""
 
     def _fits(self, byte: int) -> bool:
-        """Whether the byte can follow."""
+        """Return whether the byte can follow."""
         fields, place = divmod(len(self._text), 5)
         field = self._text[5 * fields :]
         if place == 0:
