@@ -93,12 +93,12 @@ def _find(code: str) -> Code | None:
 
 
 def all_codes() -> dict[str, Code]:
-    """Every code of armtree, sorted."""
+    """Return every code of armtree, sorted."""
     return dict(sorted((ROWS | {kind.code: _describe(kind) for kind in _own_classes()}).items()))
 
 
 def code_table() -> str:
-    """Every code of armtree as a Markdown table."""
+    """Return every code of armtree as a Markdown table."""
     lines = ["| code | exit | means | what to do |", "|---|---|---|---|"]
     lines += [
         f"| `{code}` | {known.exit_status} | {known.meaning} | {known.hint} |"
@@ -108,7 +108,7 @@ def code_table() -> str:
 
 
 def _own_classes() -> Iterator[Any]:
-    """The exception classes of armtree that have a code of their own."""
+    """Yield the exception classes of armtree that have a code of their own."""
     for name in _MODULES:
         for kind in vars(import_module(name)).values():
             own = isinstance(kind, type) and kind.__module__ == name
@@ -117,7 +117,7 @@ def _own_classes() -> Iterator[Any]:
 
 
 def _classes() -> Iterator[Any]:
-    """The same, then their subclasses in drivers and skills of others."""
+    """Yield the same, then their subclasses in drivers and skills of others."""
     seen = []
     for kind in _own_classes():
         seen.append(kind)

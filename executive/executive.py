@@ -225,7 +225,7 @@ class Executive:
         return self._queue.find(identity).status
 
     def goals(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
-        """All goals that are known, or the newest ones, in order of acceptance."""
+        """Return all goals that are known, or the newest ones, in order of acceptance."""
         return self._queue.all(newest)
 
     def pause(self, identity: str) -> None:
@@ -316,7 +316,7 @@ class Executive:
         return self._subscribers.add(callback)
 
     def status(self) -> Status:
-        """Status of the arm and the goals at this moment."""
+        """Return the status of the arm and the goals at this moment."""
         running, failure, progress = self._queue.running, self._arm.failure, self._progress
         if progress and not (running and progress.goal_id == running.identity):
             progress = None

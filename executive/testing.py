@@ -134,7 +134,7 @@ class SimulatedArm:
             self.records.append(event)
 
     def said(self, name: str) -> list[str]:
-        """The messages of the nodes with that name, one for each time that one ended."""
+        """Return the messages of the nodes with that name, one for each time that one ended."""
         nodes = [record for record in self.records if isinstance(record, logs.NodeStatus)]
         done = ("SUCCESS", "FAILURE")
         ended = [node for node in nodes if node.name == name and node.status in done]

@@ -169,7 +169,7 @@ class TomlTable:
         return f"{self._name}.{key}" if self._name else key
 
     def _line(self, key: str) -> int:
-        """Line of the key, or of the nearest table around it; 0 if unknown."""
+        """Return the line of the key, or of the nearest table around it; 0 if unknown."""
         full = self._full(key)
         while full not in self._lines and "." in full:
             full = full.rpartition(".")[0]
@@ -177,7 +177,7 @@ class TomlTable:
 
 
 def _key_lines(text: str) -> dict[str, int]:
-    """Line numbers of all table headers and keys, by full name."""
+    """Return the line numbers of all table headers and keys, by full name."""
     lines: dict[str, int] = {}
     table = ""
     for number, line in enumerate(text.splitlines(), start=1):

@@ -27,7 +27,7 @@ def check_space(folder: Path) -> int:
 
 
 def recording_path(folder: Path, utc_ns: int, task: int | str) -> Path:
-    """Return the path of a new recording; creates the folder if necessary.
+    """Return the path of a new recording; create the folder if necessary.
 
     Args:
         folder: Folder for recordings.

@@ -27,7 +27,7 @@ class Task:
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Task":
-        """The task from the server's JSON."""
+        """Return the task from the server's JSON."""
         keys = ("task", "name", "description", "source", "parameters", "wrong")
         return cls(*(plain[key] for key in keys))
 
@@ -48,7 +48,7 @@ class OpenQuestion:
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "OpenQuestion":
-        """The question from the server's JSON."""
+        """Return the question from the server's JSON."""
         return cls(plain["question_id"], plain["text"], tuple(plain["choices"]))
 
     def __str__(self) -> str:

@@ -39,7 +39,7 @@ class QuestionStatus:
     open: bool
 
     def text_with_command(self) -> str:
-        """The question, and the command that answers it."""
+        """Return the question, and the command that answers it."""
         choices = f" [{'/'.join(self.choices)}]" if self.choices else ""
         return f"? {self.text}{choices}  (armtree answer {self.question_id} WORDS)"
 
@@ -137,14 +137,14 @@ class Status:
     uptime: float
 
     def to_json(self) -> dict[str, Any]:
-        """The status as a JSON object."""
+        """Return the status as a JSON object."""
         plain = dataclasses.asdict(self) | {"goal": self.goal and self.goal.to_json()}
         plain["uptime_s"] = round(plain.pop("uptime"), 3)
         return plain
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Status":
-        """The status from what `to_json` returned.
+        """Return the status from what `to_json` returned.
 
         Raises:
             KeyError: A key is missing.
@@ -163,12 +163,12 @@ class Status:
 
 
 def kind_of(event: Event) -> str:
-    """The name of an event; empty if the event is recorded but not published."""
+    """Return the name of an event; empty if the event is recorded but not published."""
     return STATUS if isinstance(event, GoalStatus) else EVENTS.get(type(event), "")
 
 
 def event_to_json(event: Event) -> dict[str, Any]:
-    """An event that has a name, as a JSON object."""
+    """Return an event that has a name, as a JSON object."""
     if isinstance(event, GoalStatus):
         return {"event": STATUS, **event.to_json()}
     fields = {UNITS.get(key, key): value for key, value in dataclasses.asdict(event).items()}
@@ -179,7 +179,7 @@ def event_to_json(event: Event) -> dict[str, Any]:
 
 
 def event_from_json(plain: Mapping[str, Any]) -> Event:
-    """An event from what `event_to_json` returned.
+    """Return an event from what `event_to_json` returned.
 
     Raises:
         KeyError: It is no event, or an event of another version.

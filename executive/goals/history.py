@@ -42,7 +42,7 @@ class _RecordedGoal:
 
 
 def load_goal_history(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
-    """The goals of earlier servers, and all goals whose end is missing.
+    """Yield the goals of earlier servers, and all goals whose end is missing.
 
     Args:
         folder: Folder of recordings.

@@ -63,16 +63,16 @@ class Cause:
     hint: str = ""
 
     def __str__(self) -> str:
-        """The message, with the code and the node."""
+        """Return the message, with the code and the node."""
         return f"{self.message} [{self.code}{f' at {self.node}' if self.node else ''}]"
 
     def to_json(self) -> dict[str, Any]:
-        """The cause as a JSON object."""
+        """Return the cause as a JSON object."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Cause":
-        """The cause from what `to_json` returned.
+        """Return the cause from what `to_json` returned.
 
         Raises:
             KeyError: A key is missing.
@@ -114,7 +114,7 @@ class Outcome:
         duration: float = 0.0,
         recording: str = "",
     ) -> "Outcome":
-        """The outcome with the code and message of its cause."""
+        """Return the outcome with the code and message of its cause."""
         code, message = (cause.code, cause.message) if cause else (OK, "Done")
         return cls(task, state, code, message, frames, duration, recording, cause)
 
@@ -124,21 +124,21 @@ class Outcome:
         return self.state is GoalState.SUCCEEDED
 
     def text(self) -> str:
-        """The outcome in words, with its hint and its recording on further lines."""
+        """Return the outcome in words, with its hint and its recording on further lines."""
         spent = f"{self.duration:.2f} s, {self.frames} frames"
         text = f"task {self.task} {self.state.name} ({spent}): {self.cause or self.message}"
         text += f"\n  -> {self.cause.hint}" if self.cause and self.cause.hint else ""
         return f"{text}\n  recording {self.recording}" if self.recording else text
 
     def to_json(self) -> dict[str, Any]:
-        """The outcome as a JSON object."""
+        """Return the outcome as a JSON object."""
         first = {"task": self.task, "state": self.state.name, "success": self.success}
         plain: dict[str, Any] = {**first, **asdict(self), **first}
         return plain | {"duration_s": round(plain.pop("duration"), 6)}
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Outcome":
-        """The outcome from what `to_json` returned.
+        """Return the outcome from what `to_json` returned.
 
         Raises:
             KeyError: A key is missing.
@@ -152,7 +152,7 @@ class Outcome:
         return from_fields(cls, values)
 
     def to_record(self, identity: str, time: float) -> logs.Result:
-        """The record of the end of a goal.
+        """Return the record of the end of a goal.
 
         Args:
             identity: Identity of the goal.
@@ -165,7 +165,7 @@ class Outcome:
 
     @classmethod
     def from_record(cls, record: logs.Result, recording: str) -> "Outcome":
-        """The outcome that was recorded.
+        """Return the outcome that was recorded.
 
         Args:
             record: Record of the end of the goal.
@@ -195,7 +195,7 @@ class GoalStatus:
     outcome: Outcome | None
 
     def to_json(self) -> dict[str, Any]:
-        """The status as a JSON object."""
+        """Return the status as a JSON object."""
         return {
             "goal_id": self.identity,
             "task": self.task,
@@ -206,7 +206,7 @@ class GoalStatus:
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "GoalStatus":
-        """The status from what `to_json` returned.
+        """Return the status from what `to_json` returned.
 
         Raises:
             KeyError: A key is missing.
@@ -263,12 +263,12 @@ class CancelResult:
     goals: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """The answer as a JSON object."""
+        """Return the answer as a JSON object."""
         return {"return_code": self.code.value, "goals": list(self.goals)}
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "CancelResult":
-        """The answer from what `to_json` returned.
+        """Return the answer from what `to_json` returned.
 
         Raises:
             KeyError: A key is missing.
@@ -277,7 +277,7 @@ class CancelResult:
 
 
 def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
-    """The cause that describes an error.
+    """Return the cause that describes an error.
 
     Args:
         error: What failed; its joint, value and limit are kept.
@@ -299,7 +299,7 @@ def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
 
 
 def cause_for(code: str, message: str = "") -> Cause:
-    """The cause with a code that no exception carries.
+    """Return the cause with a code that no exception carries.
 
     Args:
         code: One of `executive.codes`.
@@ -313,7 +313,7 @@ CANCELED_CAUSE = cause_for(CANCELED)
 
 
 def from_fields(kind: type[T], values: Mapping[str, Any]) -> T:
-    """A dataclass from the values of its fields; other values are ignored.
+    """Return a dataclass from the values of its fields; other values are ignored.
 
     Raises:
         KeyError: The value of a field is missing.
@@ -322,14 +322,14 @@ def from_fields(kind: type[T], values: Mapping[str, Any]) -> T:
 
 
 def _number(error: Exception, names: tuple[str, ...]) -> float | None:
-    """The first of these attributes that the error has, if it is a finite number."""
+    """Return the first of these attributes that the error has, if it is a finite number."""
     value = next((getattr(error, name) for name in names if hasattr(error, name)), None)
     fits = isinstance(value, (int, float)) and abs(value) <= sys.float_info.max
     return float(value) if fits and value is not None else None
 
 
 def _limit(error: Exception) -> float | None:
-    """The limit that the value exceeds; of two limits the nearer one."""
+    """Return the limit that the value exceeds; of two limits the nearer one."""
     value = _number(error, _VALUES)
     lower, upper = _number(error, ("lower",)), _number(error, ("upper",))
     if value is None or lower is None or upper is None:

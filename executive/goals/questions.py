@@ -48,7 +48,7 @@ class Questions:
             self.changed(self._status(identity, question, is_open=False))
 
     def open(self) -> tuple[QuestionStatus, ...]:
-        """The open questions, the oldest first."""
+        """Return the open questions, the oldest first."""
         with self._lock:
             waiting = [item for item in self._open.items() if item[1].answered is None]
         return tuple(self._status(*item) for item in waiting)

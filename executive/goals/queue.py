@@ -217,7 +217,7 @@ class GoalQueue:
         return goal.outcome
 
     def find(self, identity: str) -> Goal:
-        """The goal with an identity.
+        """Return the goal with an identity.
 
         Raises:
             UnknownGoal: No goal has that identity, or it is forgotten.
@@ -246,7 +246,7 @@ class GoalQueue:
             return tuple(goal.identity for goal in self._waiting)
 
     def all(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
-        """All goals that are known, or the newest ones, in order of acceptance."""
+        """Return all goals that are known, or the newest ones, in order of acceptance."""
         with self.signal:
             self._forget()
             goals = [*islice(reversed(self._goals.values()), newest)]
@@ -285,7 +285,7 @@ class GoalQueue:
         return None
 
     def _preempt(self, identity: str) -> Goal | None:
-        """Make room for a goal; returns the goal under way, if there is one."""
+        """Make room for a goal; return the goal under way, if there is one."""
         error = GoalPreempted(identity)
         self._abort_waiting(error)
         if running := self._running:
@@ -331,7 +331,7 @@ class GoalQueue:
         self._changed(goal.status)
 
     def _stamp(self, now: float) -> int:
-        """The time of acceptance, different for every goal [ns since 1970]."""
+        """Return the time of acceptance, different for every goal [ns since 1970]."""
         self._last_ns = max(self._clock.epoch_ns() + round(now * 1e9), self._last_ns + 1)
         return self._last_ns
 

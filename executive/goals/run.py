@@ -140,7 +140,7 @@ class Run:
         self._mailbox.wait_for_resume()
 
     def _busy(self) -> str:
-        """Names of the skills that have not ended; empty for none."""
+        """Return the names of the skills that have not ended; empty for none."""
         return ", ".join(skill.name for skill in self._tree.skills if self._is_busy(skill))
 
     def _is_busy(self, skill: Skill) -> bool:
@@ -187,7 +187,7 @@ def decide_outcome(
 
 
 def _of_tree(root: Behaviour) -> Cause:
-    """The cause of the first failed skill, with the messages of all of them."""
+    """Return the cause of the first failed skill, with the messages of all of them."""
     failed = list(_failed(root))
     if not failed:
         return cause_of(TaskFailed(f"{root.name} failed, as its tree has it"))
@@ -198,7 +198,7 @@ def _of_tree(root: Behaviour) -> Cause:
 
 
 def _failed(node: Behaviour) -> Iterator[tuple[Behaviour, Exception]]:
-    """The failed skills. A failure that a fallback handled is not one of them."""
+    """Yield the failed skills. A failure that a fallback handled is not one of them."""
     if node.status is not Status.FAILURE:
         return
     failure: Exception | None = getattr(node, "failure", None)
@@ -260,7 +260,10 @@ class Progress:
         return ProgressPoint(100, "succeeded", self._tree.root.name, self._last.attempt)
 
     def _attempt(self) -> int:
-        """Number of the attempt; it only grows, also if an outer loop restarts the retries."""
+        """Return the number of the attempt.
+
+        It only grows, also if an outer loop restarts the retries.
+        """
         more = 0
         for loop, failed in self._failed.items():
             more += max(0, loop.failed_attempts - failed)
@@ -277,7 +280,7 @@ class Progress:
 
 
 def _share(skill: Skill) -> float | None:
-    """Finished share of the work of a skill, with all rounds of loops; None if unknown."""
+    """Return the finished share of a skill's work, with all rounds of loops; None if unknown."""
     share = None if skill.status is Status.INVALID else skill.call_hook("progress")
     node: Behaviour | None = skill.parent
     while node is not None:

@@ -30,7 +30,7 @@ def find_start_pose(
     recordings: Path,
     last: LastCommand | None = None,
 ) -> tuple[float, ...]:
-    """The pose of the arm when its port opens, one value per actuated joint [rad].
+    """Return the pose of the arm when its port opens, one value per actuated joint [rad].
 
     Args:
         robot: Description of the robot.
@@ -100,7 +100,7 @@ class StartPose:
 
 
 def last_command(robot: Robot, recordings: Path) -> LastCommand | None:
-    """The last pose that a recording of this arm holds; None if there is none."""
+    """Return the last pose that a recording of this arm holds; None if there is none."""
     names = tuple(joint.name for joint in robot.actuated)
     files = sorted(recordings.glob("*.mcap"), key=lambda path: path.name, reverse=True)
     for path in files[:_SEARCHED]:

@@ -61,7 +61,7 @@ class RecordedLink:
         self._link.close(discard)
 
     def _recorded(self) -> bool:
-        """Wait for the recording of all frames before; returns False if it takes too long."""
+        """Wait for the recording of all frames before; return False if it takes too long."""
         until = self._clock.now() + MOST_BEHIND
         while not self._recordings.caught_up(max(0.0, until - self._clock.now())):
             if self._clock.now() >= until:

@@ -142,7 +142,7 @@ class Recordings:
             self._recorder.flush()
 
     def goal_ended(self) -> None:
-        """Finish the recording of a goal in the background; reopens the server's own."""
+        """Finish the recording of a goal in the background; reopen the server's own."""
         recorder, self._recorder, self.path = self._recorder, self._server, ""
         self.frames = 0
         if recorder and recorder is not self._server:
@@ -176,7 +176,7 @@ class Recordings:
             logger.exception("a bug in armtree")
 
     def record(self, record: logs.Record) -> None:
-        """Write a record to the open recording, and passes it to the subscriber."""
+        """Write a record to the open recording, and pass it to the subscriber."""
         if isinstance(record, logs.Sent) and record.joints:
             self.frames += 1
         if self._recorder:

@@ -104,7 +104,7 @@ def _holds_difference(sent: Iterable[Sent], last: bytes | None) -> str:
 
 
 def _compiled(robot: Robot, recorded: Schedule) -> tuple[Compiled | None, str]:
-    """Compile a schedule again; returns it and the first difference.
+    """Compile a schedule again; return it and the first difference.
 
     The schedule is None if it differs, or if its frames were not planned.
     """

@@ -47,7 +47,7 @@ def joints_difference(robot: Robot, records: Iterable[Record]) -> str:
 def plans_difference(
     planner: Planner, robot: Robot, records: Sequence[Record], files: Mapping[str, bytes]
 ) -> str:
-    """Plan every recorded query again, and merges the plans of each schedule again.
+    """Plan every recorded query again, and merge the plans of each schedule again.
 
     Args:
         planner: Planner for the robot.

@@ -111,7 +111,7 @@ class Verification:
 
 
 def verify(path: Path) -> Verification:
-    """Verify one recording; plans in this process."""
+    """Verify one recording; plan in this process."""
     try:
         recording = Recording(path)
         records = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
@@ -132,7 +132,7 @@ def verify(path: Path) -> Verification:
 
 
 def verify_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
-    """Verify recordings in several processes; yields the results in the order of the paths.
+    """Verify recordings in several processes; yield the results in the order of the paths.
 
     Args:
         paths: The recordings.

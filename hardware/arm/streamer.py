@@ -290,7 +290,7 @@ class Streamer:
         raise StaleGeneration("stopped")
 
     def _due(self, planned: float) -> float:
-        """Time at which a frame with this planned time is due; inf if braking ends before it [s].
+        """Return the time at which a frame is due [s]; inf if braking ends before it.
 
         Braking lowers the speed of playback from 1 to 0 within a duration T. After a time t of
         braking, s = t - t^2 / 2T of the schedule has been played, at most T / 2. The frame is due

@@ -65,7 +65,7 @@ def _urdf(root: TomlTable, path: Path) -> Urdf:
 
 
 def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmware]:
-    """The serial line and the firmware of the board."""
+    """Return the serial line and the firmware of the board."""
     if isinstance(driver, NullDriver):
         return Serial(port="", baud=0, boot_wait=0.0), NO_FIRMWARE
     table = root.table("serial")
@@ -94,7 +94,7 @@ def _check_serial(table: TomlTable, robot: Robot) -> None:
 
 
 def _joints(root: TomlTable, urdf: Urdf, driver: Driver) -> tuple[Joint, ...]:
-    """The joints of the robot file in its order, then the mimic joints of the URDF."""
+    """Return the joints of the robot file in its order, then the mimic joints of the URDF."""
     table, moving = root.table("joints"), urdf.moving
     for name in table:
         if name not in moving:
@@ -158,7 +158,7 @@ def _mimic_joint(name: str, table: TomlTable, urdf: UrdfJoint, leader: Joint) ->
 
 
 def _groups(root: TomlTable, joints: tuple[Joint, ...]) -> dict[str, tuple[str, ...]]:
-    """The groups `arm` and `gripper`. The gripper may be absent."""
+    """Return the groups `arm` and `gripper`. The gripper may be absent."""
     table, names = root.table("groups"), [joint.name for joint in joints]
     groups = {
         "arm": table.names("arm", names),

@@ -236,7 +236,7 @@ def _joint(element: Element) -> UrdfJoint:
 
 
 def _origin(joint: Element) -> tuple[Vector, Vector]:
-    """Position [m] and rotation [rad] of a joint in its parent."""
+    """Return the position [m] and rotation [rad] of a joint in its parent."""
     found: tuple[Vector, Vector] | None = None
     for origin in joint.findall("origin"):
         xyz, rpy = (
@@ -352,7 +352,7 @@ def _check_shape(link: str, shape: Element, largest: float) -> None:
 
 
 def _numbers(text: str) -> list[float]:
-    """The finite numbers of a text, separated by spaces; empty if one of them is invalid."""
+    """Return the finite numbers of a text, separated by spaces; empty if one of them is invalid."""
     words = [word for word in text.split(" ") if word]
     numbers = [float(word) for word in words if _NUMBER.fullmatch(word)]
     return numbers if len(numbers) == len(words) and all(map(math.isfinite, numbers)) else []

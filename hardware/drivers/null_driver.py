@@ -38,9 +38,9 @@ class NullDriver:
         """Accept any joints."""
 
     def wire_format(self, joints: Sequence[Joint]) -> NoReturn:
-        """Refuse."""
+        """Raise NoDriver."""
         raise NoDriver(self.path)
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> NoReturn:
-        """Refuse."""
+        """Raise NoDriver."""
         raise NoDriver(self.path)

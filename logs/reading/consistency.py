@@ -151,7 +151,7 @@ class _Checker:
         return Description(0.0, urdf)
 
     def _converted(self, record: Record, time_ns: int) -> Iterator[tuple[str, Any]]:
-        """Yield topics and messages; skips topics that the writer of the file did not know."""
+        """Yield topics and messages; skip topics that the writer of the file did not know."""
         for topic in topics_of(type(record)):
             name = topic.name_for(record)
             stamp = Stamp(time_ns, self._counts[name], self._kinematics)

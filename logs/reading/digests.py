@@ -36,7 +36,7 @@ class Digests:
         self._channels: dict[int, tuple[str, bytes]] = {}
 
     def watch(self, records: Iterable[Any]) -> Iterator[Any]:
-        """Yield the records unchanged and digests them; indexes and statistics do not count."""
+        """Yield the records unchanged and digest them; indexes and statistics do not count."""
         for record in records:
             self._add_record(record)
             yield record

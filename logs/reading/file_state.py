@@ -22,7 +22,7 @@ _FOOTER = struct.Struct(f"<BQ{_FOOTER_CONTENT}s8s")  # with the magic after it
 
 @contextmanager
 def locked(recording: Path) -> Iterator[None]:
-    """Holds the lock that the writer of a recording holds.
+    """Hold the lock that the writer of a recording holds.
 
     Raises:
         RecordingInUse: Another process or thread holds it.

@@ -56,7 +56,7 @@ class TolerantReader:
             raise RecordingError(path, "is not an MCAP file; give a recording, such as *.mcap")
 
     def __iter__(self) -> Iterator[Any]:
-        """Yield MCAP records in file order; ends at the first damage.
+        """Yield MCAP records in file order; end at the first damage.
 
         Raises:
             OSError: The disk failed.

@@ -80,7 +80,7 @@ def _side(axes: Axes, motion: MotionDrawing, across: int, up: int) -> None:
 
 
 def _hull(points: Sequence[Point]) -> list[Point]:
-    """Corners of the convex hull, in turn (A. M. Andrew's monotone chain, 1979)."""
+    """Return the corners of the convex hull, in turn (A. M. Andrew's monotone chain, 1979)."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
         return ordered

@@ -109,7 +109,7 @@ def _figure(run: Timeline, scenes: Sequence[Scene]) -> Figure:
 
 
 def _fewer(scenes: Sequence[Scene]) -> Sequence[Scene]:
-    """Limits the number of scenes, and so the height of the figure."""
+    """Limit the number of scenes, and so the height of the figure."""
     if len(scenes) <= _MOST_SCENES:
         return scenes
     *before, last = scenes[:_MOST_SCENES]
@@ -175,7 +175,7 @@ def _draw_joints(panel: Axes, group: str, traces: Sequence[Trace], colours: dict
 
 
 def _name_curves(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) -> None:
-    """Write each joint's name at the end of its curve; moves names apart if they overlap."""
+    """Write each joint's name at the end of its curve; move names apart if they overlap."""
     low, high = panel.get_ylim()
     pitch = _LINE / (_CURVES + _CURVE * len(traces)) * (high - low)
     heights = _apart([degrees(trace.positions[-1]) for trace in traces], pitch)

@@ -247,7 +247,7 @@ class _Events:
 
 
 def _begun(changes: list[_Change]) -> list[_Change]:
-    """A node's changes from its first tick on; before that a node is INVALID, but did not fail."""
+    """Return a node's changes from its first tick on. Before that, a node is INVALID."""
     return list(dropwhile(lambda change: change[1] == _INVALID, changes))
 
 

@@ -74,7 +74,7 @@ def compact(journal: Path) -> Summary:
 
 
 def rewrite(journal: Path) -> Summary:
-    """Does what `compact` does; the caller holds the lock."""
+    """Do what `compact` does; the caller holds the lock."""
     records = TolerantReader(journal)
     new = part_of(journal)
     try:
@@ -97,7 +97,7 @@ def part_of(recording: Path) -> Path:
 
 
 def _keep(recording: Path) -> Path:
-    """Return a damaged recording a second name, which stays when the first is replaced."""
+    """Give a damaged recording a second name, which stays when the first is replaced."""
     for number in count(1):
         kept = recording.with_name(f"{recording.name}.damaged{'' if number == 1 else number}")
         with suppress(FileExistsError):
@@ -183,7 +183,7 @@ class Copy:
         self._messages = 0
 
     def all(self, records: Iterable[Any]) -> int:
-        """Copy all records but indexes and digests; returns the number of messages so far."""
+        """Copy all records but indexes and digests; return the number of messages so far."""
         from mcap import records as mcap
 
         new = self._writer

@@ -30,7 +30,7 @@ class Compactor:
         self._start()
 
     def rewrite(self, journal: Path, lock: int) -> Summary:
-        """Does what `compaction.rewrite` does; in this process if the other one fails.
+        """Do what `compaction.rewrite` does; in this process if the other one fails.
 
         Args:
             journal: The journal.

@@ -73,7 +73,7 @@ class Journal:
         self._file.write(checked(b"".join(map(self._encoded, items))))
 
     def finish(self) -> None:
-        """Write the end, syncs the file to the disk and close it.
+        """Write the end, sync the file to the disk and close it.
 
         Raises:
             OSError: The disk did not take it.
@@ -236,7 +236,7 @@ def _described(topic: Topic, name: str, number: int) -> mcap.Channel:
 
 @lru_cache(maxsize=1)
 def _head(epoch_ns: int) -> bytes:
-    """The first piece of every journal of this process; also generates the code of all types."""
+    """Return the first piece of every journal, and generate the code of all message types."""
     ros = ros_types()
     ros.warm_up(_SCHEMAS)
     schemas = (

@@ -135,7 +135,7 @@ class PlanArm(_PlanGroup):
 
     @classmethod
     def waypoints(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """The points of the input `via`."""
+        """Return the points of the input `via`."""
         names = [joint.name for joint in robot.actuated_in(cls.group)]
         return [tuple(point[name] for name in names) for point in inputs.get("via", [])]
 

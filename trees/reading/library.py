@@ -158,11 +158,11 @@ class Library:
         return sorted(self._tasks)
 
     def names(self) -> dict[str, int]:
-        """The numbers of the tasks by their names, in the order of the numbers."""
+        """Return the numbers of the tasks by their names, in the order of the numbers."""
         return {self._tasks[n].stem.partition("_")[2]: n for n in self.numbers()}
 
     def number(self, task: int | str) -> int:
-        """The number of a task that is given by its number or name.
+        """Return the number of a task that is given by its number or name.
 
         Raises:
             UnknownTask: No task has that name. A number is not checked.

@@ -28,7 +28,7 @@ class Component:
 
 
 def body(*required: str, **properties: Any) -> Schema:
-    """The schema of a request's body: an object without any other keys.
+    """Return the schema of a request's body: an object without any other keys.
 
     Args:
         required: Keys that must be present.
@@ -39,12 +39,12 @@ def body(*required: str, **properties: Any) -> Schema:
 
 
 def answer(name: str, /, **properties: Any) -> Component:
-    """The schema of an answer: an object that has all of these keys."""
+    """Return the schema of an answer: an object that has all of these keys."""
     return Component(name, _object(properties))
 
 
 def array(items: Any) -> dict[str, Any]:
-    """The schema of a list."""
+    """Return the schema of a list."""
     return {"type": "array", "items": items}
 
 
@@ -57,7 +57,7 @@ def _or_null(schema: Any) -> dict[str, Any]:
 
 
 def _plain_fields(kind: Any) -> dict[str, Any]:
-    """The schemas of a dataclass's texts and numbers, by their names in JSON."""
+    """Return the schemas of a dataclass's texts and numbers, by their names in JSON."""
     return {
         UNITS.get(field.name, field.name): _TYPES[field.type]
         for field in fields(kind)
@@ -112,7 +112,7 @@ START_POSE = {
 
 
 def words(description: str) -> Schema:
-    """The schema of a text of 1 to 1024 characters."""
+    """Return the schema of a text of 1 to 1024 characters."""
     return {"type": "string", "maxLength": 1024, "minLength": 1, "description": description}
 
 

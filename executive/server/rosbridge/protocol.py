@@ -221,41 +221,41 @@ def _same_type(given: object, known: str) -> bool:
 
 
 def result(identity: str, status: int, success: bool) -> str:
-    """The result of an accepted goal; status is 4 SUCCEEDED, 5 CANCELED or 6 ABORTED."""
+    """Return the result of an accepted goal; status is 4 SUCCEEDED, 5 CANCELED or 6 ABORTED."""
     return _action("action_result", identity, values={"success": success}, status=status, done=True)
 
 
 def refusal(identity: str, why: str) -> str:
-    """The answer to a refused goal. Clients treat it as an error."""
+    """Return the answer to a refused goal. Clients treat it as an error."""
     return _action("action_result", identity, values=why, status=0, done=False)
 
 
 def feedback(identity: str, percentage: int) -> str:
-    """The progress of a goal [%]. It must not be sent after the result."""
+    """Return the progress of a goal [%]. It must not be sent after the result."""
     return _dump(
         op="action_feedback", id=identity, action=ACTION, values={"percentage": percentage}
     )
 
 
 def published(topic: str, message: Mapping[str, Any]) -> str:
-    """A message on a topic."""
+    """Return a message on a topic."""
     return _dump(op="publish", topic=topic, msg=message)
 
 
 def service_response(call: CallService, values: object, done: bool) -> str:
-    """The answer to a service call."""
+    """Return the answer to a service call."""
     named = {} if call.identity is None else {"id": call.identity}
     return _dump(op="service_response", service=call.service, values=values, result=done, **named)
 
 
 def error_status(error: BadMessage) -> str:
-    """The answer to a message that cannot be understood."""
+    """Return the answer to a message that cannot be understood."""
     named = {} if error.identity is None else {"id": error.identity}
     return _dump(op="status", level="error", msg=str(error), **named)
 
 
 def joint_state(utc_ns: int, positions: Mapping[str, float]) -> dict[str, Any]:
-    """A sensor_msgs/JointState of commanded positions by joint [rad]."""
+    """Return a sensor_msgs/JointState of commanded positions by joint [rad]."""
     return {
         "header": {"stamp": stamp(utc_ns), "frame_id": ""},
         "name": list(positions),
@@ -266,12 +266,12 @@ def joint_state(utc_ns: int, positions: Mapping[str, float]) -> dict[str, Any]:
 
 
 def goal_status(identity: str, stamp_ns: int, status: int) -> str:
-    """An action_msgs/GoalStatus of a goal; `stamp_ns` is its time of acceptance [ns]."""
+    """Return an action_msgs/GoalStatus of a goal; `stamp_ns` is its time of acceptance [ns]."""
     return _dump(goal_info=_goal_info(identity, stamp_ns), status=status)
 
 
 def status_array(goals: Iterable[str]) -> str:
-    """A published action_msgs/GoalStatusArray.
+    """Return a published action_msgs/GoalStatusArray.
 
     Args:
         goals: JSON of each status, by `goal_status`. There may be a thousand, and only one of them
@@ -304,7 +304,7 @@ def cancel_request(call: CallService) -> tuple[str, int]:
 
 
 def cancel_response(code: int, goals: Sequence[tuple[str, int]]) -> dict[str, Any]:
-    """A CancelGoal response.
+    """Return a CancelGoal response.
 
     Args:
         code: Return code.
@@ -314,7 +314,7 @@ def cancel_response(code: int, goals: Sequence[tuple[str, int]]) -> dict[str, An
 
 
 def stamp(time_ns: int) -> dict[str, int]:
-    """A builtin_interfaces/Time."""
+    """Return a builtin_interfaces/Time."""
     return {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}
 
 

@@ -236,7 +236,9 @@ class CollisionChecker:
         return broad.collisions(self._coordinates(configurations), stop=False)
 
     def _first_collision(self, q: Array, margin: float, pairs: frozenset[int]) -> int | None:
-        """First row in collision. One call if all are free, few if the first doubt is a collision.
+        """Return the first row in collision.
+
+        It takes one call if all rows are free, and few if the first doubt is a collision.
 
         A doubt is a row with hulls closer than the margin.
         """
@@ -257,7 +259,7 @@ class CollisionChecker:
         return hit
 
     def _first_doubt(self, q: Array, margin: float, pairs: frozenset[int]) -> tuple[int, bool]:
-        """First row with hulls closer than the margin, N if none; True if it is a collision."""
+        """Return the first row whose hulls violate the margin (N if none), and if it collides."""
         broad = self._broad_phase(pairs, True)
         broad.set_margin(pairs, margin)
         doubts = broad.collisions(q, stop=True).nonzero()[0]

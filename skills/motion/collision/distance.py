@@ -178,6 +178,6 @@ class SignedDistance:
 
 
 def _linked_pairs(scene: PlanningScene, geometry: pin.GeometryModel) -> list[tuple[str, str]]:
-    """The two links of each pair of a geometry."""
+    """Return the two links of each pair of a geometry."""
     links = [scene.link(geometry, index) for index in range(len(geometry.geometryObjects))]
     return [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]

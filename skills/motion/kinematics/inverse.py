@@ -139,7 +139,7 @@ class _Result:
 
 
 def _nearest(results: list[_Result]) -> list[_Result]:
-    """All results that reach the point; if there are none, the nearest one."""
+    """Return all results that reach the point; if there are none, the nearest one."""
     least = max(_POINT_TOLERANCE, min(each.distance for each in results))
     return [each for each in results if each.distance <= least]
 
@@ -181,7 +181,7 @@ class _Search:
         return found + [self._descend(each.joints, _PATIENT, 0.0) for each in turned]
 
     def _separate(self, results: list[_Result], count: int) -> list[Array]:
-        """The first configurations that are not close to an earlier one.
+        """Return the first configurations that are not close to an earlier one.
 
         Neighbours would mostly descend to the same solution.
         """
@@ -259,7 +259,7 @@ class ToolChain:
         return random.uniform(lower, upper)
 
     def duration(self, start: Array, joints: Array) -> float:
-        """Duration of the straight motion from the start [s]."""
+        """Return the duration of the straight motion from the start [s]."""
         group = self._group
         return line_duration(joints - start[self.columns], group.velocity, group.acceleration)
 

@@ -109,7 +109,7 @@ def travel_bounds(
 
 
 def _axis(model: pin.Model, data: pin.Data, joint: int) -> Array:
-    """Axis of a revolute joint in its own frame (3,), a unit vector; zero for a prismatic one."""
+    """Return a revolute joint's axis in its own frame (3,), a unit vector; zero if prismatic."""
     return _motion(model, data, joint)[3:]
 
 
@@ -120,7 +120,7 @@ def _motion(model: pin.Model, data: pin.Data, joint: int) -> Array:
 
 
 def _slide_range(robot: Robot, model: pin.Model, joint: int) -> float | None:
-    """Largest distance of a prismatic joint from zero [m]; None for a revolute joint."""
+    """Return the largest distance of a prismatic joint from zero [m]; None for a revolute joint."""
     if not model.joints[joint].shortname().startswith("JointModelP"):
         return None
     described = robot.joint(model.names[joint])

@@ -82,14 +82,14 @@ def _low_discrepancy(dimensions: int) -> Array:
 
 
 def _close_pairs(validator: MotionValidator, points: Array) -> frozenset[int]:
-    """Pairs of links with hulls closer than the margin at one of the points (N, J) [rad]."""
+    """Return the pairs of links whose hulls violate the margin at a point (N, J) [rad]."""
     return validator.checker.close_pairs(validator.full(points), validator.margin)
 
 
 def _without_collision(
     validator: MotionValidator, ends: tuple[Array, Array], points: Array, pairs: frozenset[int]
 ) -> Array:
-    """The via points with bends on which the hulls of some pairs keep the margin at all samples."""
+    """Return the via points for which the hulls of these pairs keep the margin at all samples."""
     if not (len(points) and pairs):
         return points
     t = _BEND_SAMPLES

@@ -46,7 +46,7 @@ def _largest_radii(waypoints: Array) -> Array:
 
 
 def _via_radius(validator: MotionValidator, corner: Array) -> float:
-    """Largest radius with a blend that keeps `VIA_TOLERANCE` to the corner [rad].
+    """Return the largest radius with a blend that keeps `VIA_TOLERANCE` to the corner [rad].
 
     The middle of the parabola is closest to the corner, at r (e - d) / 4; see `curve.py`.
     """
@@ -67,7 +67,7 @@ def _free_radius(validator: MotionValidator, corner: Array, radius: float) -> fl
 
 
 def _parabola(corner: Array, radius: float) -> Curve:
-    """The blend of one corner, given by three waypoints (3, J) [rad]."""
+    """Return the blend of one corner, given by three waypoints (3, J) [rad]."""
     before, after = corner[0] - corner[1], corner[2] - corner[1]
     legs = [leg * (radius / np.linalg.norm(leg)) for leg in (before, after)]
     ends = np.array([corner[1] + legs[0], corner[1], corner[1] + legs[1]])

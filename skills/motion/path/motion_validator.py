@@ -182,7 +182,7 @@ def _cached_order(count: int) -> Array:
 
 
 def _bit_reversed(count: int) -> Iterator[Array]:
-    """All numbers below `count`, by their reversed binary digits."""
+    """Yield all numbers below `count`, by their reversed binary digits."""
     digits = max(1, (count - 1).bit_length())
     for begin in range(0, 2**digits, _CHUNK):
         numbers = np.arange(begin, min(begin + _CHUNK, 2**digits))

@@ -69,7 +69,7 @@ def straight_duration(plan: Plan) -> float:
 
 
 def _largest_between_stops(plan: Plan, ratios: Array) -> Array:
-    """Largest ratio between two stops, for each interval between knots (K - 1, 1).
+    """Return the largest ratio between two stops, for each interval between knots (K - 1, 1).
 
     It is 1 unless the motion was slowed as a whole, because accelerations reach their limits at the
     start. It is slightly less if a speed would otherwise exceed its limit between two knots.
@@ -81,7 +81,7 @@ def _largest_between_stops(plan: Plan, ratios: Array) -> Array:
 
 
 def _limits(plan: Plan, kind: str, limits: Array, applies: Mask) -> Iterable[Limit]:
-    """The limits of one kind that apply at some of the times (N, J)."""
+    """Return the limits of one kind that apply at some of the times (N, J)."""
     shares = applies.mean(axis=0)
     for joint, limit, share in zip(plan.joints, limits.tolist(), shares, strict=True):
         if share:

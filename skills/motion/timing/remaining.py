@@ -69,6 +69,6 @@ def remaining_plan(plan: Plan, time: float, start: Array, columns: NDArray[np.in
 
 
 def _waypoints_ahead(waypoints: Array, length: float) -> Array:
-    """The waypoints less than a length before the end, measured along the polyline."""
+    """Return the waypoints less than a length before the end, measured along the polyline."""
     left = np.cumsum(norms(np.diff(waypoints, axis=0))[::-1])[::-1]
     return waypoints[1:][np.append(left[1:], 0.0) < max(length, _SHORT)]

@@ -37,7 +37,7 @@ def time_curve(curve: Curve, velocity: Array, acceleration: Array) -> TimeLaw | 
 def _time_section(
     curve: Curve, begin: float, end: float, velocity: Array, acceleration: Array
 ) -> TimeLaw | None:
-    """Time law between two stops: trapezoidal on a single line, else by TOPP-RA."""
+    """Return the time law between two stops: trapezoidal on a single line, else by TOPP-RA."""
     inside = [place for place in curve.breaks.tolist() if begin < place < end]
     piece = np.searchsorted(curve.breaks, begin, side="right") - 1
     if inside or curve.quadratic[piece].any():

@@ -115,7 +115,7 @@ def _speeds(solver: seidelWrapper, steps: list[float]) -> Array:
 
 
 def _grid(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -> Array:
-    """All breaks, even points between, and where full speed is reached on the first and last line.
+    """Return the grid: all breaks, even points between, and the ends of the first and last ramp.
 
     The latter make the time law exact on the lines at both ends.
     """
@@ -148,7 +148,7 @@ def _time_law(grid: Array, speeds: Array) -> TimeLaw:
 
 
 def _speed_ratio(curve: Curve, law: TimeLaw, velocity: Array) -> float:
-    """Largest joint speed, as a share of its limit.
+    """Return the largest joint speed, as a share of its limit.
 
     Within an interval its square is p(s)^2 x(s), with p and x linear in s. Its maximum is at an
     end, or where 2 p' x + p x' = 0.
@@ -196,7 +196,7 @@ class _Limits(LinearConstraint):  # type: ignore[misc]
         return a, b, np.zeros_like(a), signs, np.concatenate((both, both)), None, bounds
 
     def _max_squares(self, lower: Array, upper: Array) -> Array:
-        """Largest x at each grid point, from the intervals on both sides (K + 1,)."""
+        """Return the largest x at each grid point, from the intervals on both sides (K + 1,)."""
         steepest = np.vstack((abs(lower), np.zeros_like(lower[:1])))
         steepest[1:] = np.maximum(steepest[1:], abs(upper))
         with np.errstate(divide="ignore", over="ignore"):  # a joint at rest limits nothing

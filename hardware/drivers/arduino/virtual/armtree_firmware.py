@@ -153,7 +153,7 @@ class ArmtreeFirmware:
         return min(times, default=None)
 
     def _room(self) -> float:
-        """Time at which there is room for the next line [s]; inf if there is none."""
+        """Return the time at which there is room for the next line [s]; inf if there is none."""
         if self._ack_due:
             return self._out.room_at(len(self._ack()))
         return self._out.room_at(len(self._status())) if self._status_due else float("inf")

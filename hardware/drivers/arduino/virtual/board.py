@@ -158,7 +158,7 @@ class Board:
         self._program.run(now)
 
     def _counts(self) -> tuple[int, int]:
-        """Bytes lost and refused since the board was switched on."""
+        """Return the bytes lost and refused since the board was switched on."""
         return self._lost + self._program.lost, self._refused + self._program.refused
 
     def _angles(self, now: float) -> tuple[float, ...]:

@@ -63,7 +63,7 @@ class _Server:
         return dict(probe.poll(0)).get(self._master, 0)
 
     def _poll_timeout(self) -> float | None:
-        """Longest time that a poll may wait [ms], or None for no limit."""
+        """Return the longest time that a poll may wait [ms], or None for no limit."""
         if not self._opened:
             return _SLEEP_MS
         due = self._board.next_output()
