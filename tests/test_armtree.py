@@ -155,6 +155,7 @@ asyncio.new_event_loop().run_until_complete(cells())
 """
 
 
+@pytest.mark.slow
 def test_a_notebook(tmp_path: Path) -> None:
     (tmp_path / "8_wait.yaml").write_text(WAIT)
     recordings = tmp_path / "recordings"

@@ -37,6 +37,7 @@ def test_check_and_show(trees: Path) -> None:
     assert "PlanArm" in shown.output
 
 
+@pytest.mark.slow
 def test_plan(trees: Path) -> None:
     arguments = ["7", "--trees", str(trees), "--robot", ARM, "-o", str(trees / "plan.png")]
     result = CliRunner().invoke(cli, ["plan", *arguments])

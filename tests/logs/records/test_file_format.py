@@ -21,6 +21,7 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(
     share=st.floats(0.0, 1.0, exclude_max=True),
