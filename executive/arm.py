@@ -75,7 +75,7 @@ class Arm:
 
     @classmethod
     def on(cls, executive: Executive) -> Self:
-        """Return an arm on an executive that was not started. Who opened it closes it."""
+        """Return an arm on an executive that was not started. The caller closes the executive."""
         arm = cls.__new__(cls)
         arm._use(executive, lambda: None)
         return arm

@@ -1,6 +1,6 @@
 """What a code means: the exit status, the words and the hint of every failure.
 
-The exception classes carry them. Only what is not raised has a row here.
+Exception classes carry their own codes. This table has the codes that no exception carries.
 """
 
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ _MODULES = (
 
 @dataclass(frozen=True, slots=True)
 class Code:
-    """What is known of a code.
+    """The meaning of a code.
 
     Attributes:
         exit_status: Status of the process.
@@ -77,7 +77,7 @@ _FOUND = dict(ROWS)  # a walk through all classes takes up to 0.1 ms
 
 
 def look_up(code: str) -> Code:
-    """What is known of a code, or of its family if no class with that code is loaded."""
+    """Return the meaning of a code, or of its family if no class with that code is loaded."""
     family = code.partition(".")[0]
     for name in (code, family, f"{family}.error", _FAMILIES.get(family, "")):
         if found := _find(name):
@@ -86,7 +86,7 @@ def look_up(code: str) -> Code:
 
 
 def _find(code: str) -> Code | None:
-    """What is known of exactly this code. A class of others may be loaded later."""
+    """Return the meaning of exactly this code. A class with this code may be loaded later."""
     if code not in _FOUND:
         _FOUND.update({kind.code: _describe(kind) for kind in _classes() if kind.code == code})
     return _FOUND.get(code)
@@ -117,7 +117,7 @@ def _own_classes() -> Iterator[Any]:
 
 
 def _classes() -> Iterator[Any]:
-    """Yield the same, then their subclasses in drivers and skills of others."""
+    """Yield the classes of `_own_classes`, then their subclasses in users' drivers and skills."""
     seen = []
     for kind in _own_classes():
         seen.append(kind)

@@ -1,4 +1,4 @@
-"""What can go wrong with goals, with a server, and with its clients.
+"""Errors of goals, of a server, and of its clients.
 
 GoalError
 ├── UnknownGoal         no goal has that identity, or its result is forgotten
@@ -192,7 +192,7 @@ class BadAnswer(GoalError):
 
 
 class NotHeld(GoalError):
-    """A goal that needs a hold, and no client holds it."""
+    """The goal needs a hold, but no client holds it."""
 
     code = "goal.not_held"
     meaning = "The goal needs a hold, and no client holds it"

@@ -136,7 +136,7 @@ class Executive:
     def find_invalid(
         self, tasks: Sequence[int], arguments: Mapping[str, str | Located]
     ) -> int | None:
-        """The first task whose goal is invalid, as far as that is known without the arm.
+        """Return the first task with an invalid goal, as far as this is known without the arm.
 
         Call it only before `start`.
         """
@@ -217,7 +217,7 @@ class Executive:
         return self._queue.result(identity, timeout)
 
     def goal(self, identity: str) -> GoalStatus:
-        """State of a goal.
+        """Return the state of a goal.
 
         Raises:
             UnknownGoal: No goal has that identity, or it is forgotten.

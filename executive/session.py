@@ -103,7 +103,7 @@ def load_own_skills(folder: Path | None) -> None:
 
 
 def port_line(executive: Executive) -> str:
-    """Which port is used, in words."""
+    """Return a line that names the port in use."""
     robot, port = executive.robot, executive.port
     if port == VIRTUAL:
         return (
@@ -115,7 +115,7 @@ def port_line(executive: Executive) -> str:
 
 
 def _tidy(setup: Setup, clock: Clock) -> Iterator[logs.LogLine]:
-    """Recover what a crash left among the recordings, and make room."""
+    """Recover the recordings that a crash left incomplete, and delete old ones."""
     for made in logs.recover_all(setup.recordings):
         yield _log_line(clock, _recovered(made))
     utc = clock.epoch_ns() / 1e9 + clock.now()

@@ -1,4 +1,4 @@
-"""What an executive is started with, as one value."""
+"""The set-up of an executive, as one value."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +28,7 @@ class Setup:
         result_timeout: How long the result of an ended goal is kept [s]; see `GoalQueue`.
         single_user: True if only one caller sends goals. A goal then activates the arm, and what
             follows it belongs to its recording until `Executive.finish_recording`.
-        activate: Whether the arm is activated at once, not by the first goal or a client.
+        activate: True to activate the arm at once, False to let a goal or a client activate it.
         pose: Position of the arm, confirmed by a person: `boot`, `last` for the last commanded
             position, or None; needed if opening the port does not reset the board.
     """

@@ -26,7 +26,7 @@ class Signal(Protocol):
 
 
 class Clock(Protocol):
-    """Monotonic time, and what waits on it."""
+    """Monotonic time, and the signals and threads that wait on it."""
 
     def now(self) -> float:
         """Return the monotonic time [s]."""

@@ -120,7 +120,7 @@ class _Condition(_Function, register=False):
     condition = True
 
     def on_start(self) -> Status:
-        """Call it."""
+        """Call the function."""
         answer = _call(self, self._arguments() | dict.fromkeys(self.given, self.context))
         if not isinstance(answer, bool):
             raise _wrong_type(self, answer, "bool")
@@ -144,8 +144,8 @@ class _Action(_Function, register=False):
         """Start the thread."""
         clock, answer = self.context.clock, list[Any]()
         self._cancel, self._answer = Cancel(clock), answer
-        handed = {Context: self.context, Cancel: self._cancel}
-        arguments = self._arguments() | {name: handed[kind] for name, kind in self.given.items()}
+        provided = {Context: self.context, Cancel: self._cancel}
+        arguments = self._arguments() | {name: provided[kind] for name, kind in self.given.items()}
 
         def work() -> None:
             try:

@@ -84,10 +84,10 @@ class _Snapshot:
 
 
 class LiveLibrary:
-    """Hands out a library for each goal, and looks for changed files before.
+    """Returns a library for each goal, after checking for changed files.
 
-    If the files of a task have become invalid, it runs as it last was in a snapshot that is still
-    kept. Snapshots are made at the start, and before a goal if a file has changed.
+    If the changed files of a task are invalid, the task runs from the latest kept snapshot in which
+    it was valid. Snapshots are made at the start, and before a goal if a file has changed.
 
     Args:
         folder: The user's task files; None for only those that ship.

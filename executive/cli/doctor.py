@@ -55,7 +55,7 @@ def doctor(
 
 
 def _given(context: click.Context, *names: str) -> Iterator[str]:
-    """Yield those of the options that were given on the command line, with their values."""
+    """Yield the options that were given on the command line, with their values."""
     for name in names:
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             yield from (f"--{name}", str(context.params[name]))

@@ -52,7 +52,7 @@ class LiveView:
         self._console.print(text, highlight=False, markup=False)
 
     def watch(self, record: logs.Record | QuestionStatus) -> None:
-        """Take in an event. The picture is redrawn periodically."""
+        """Process an event. The picture is redrawn periodically."""
         if isinstance(record, QuestionStatus):
             if record.open:
                 self.say(record.text_with_command())

@@ -33,7 +33,7 @@ class Player:
 
     Attributes:
         speed: 2 for twice as fast.
-        at: Present time within the recording [s since the first record].
+        at: Current time within the recording [s since the first record].
     """
 
     def __init__(self, recording: Recording, view: View, speed: float) -> None:
@@ -51,7 +51,7 @@ class Player:
 
     @property
     def due(self) -> float:
-        """Time until the next record at the present speed [s]."""
+        """Time until the next record at the current speed [s]."""
         assert self._next
         return (self._next.time - self._zero - self.at) / self.speed
 

@@ -1,4 +1,4 @@
-"""What the commands that talk to a server do with it, and how they print it."""
+"""Requests of the client commands to a server, and how their answers are printed."""
 
 import dataclasses
 import json

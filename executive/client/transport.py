@@ -1,4 +1,4 @@
-"""What both clients share below their methods: address, timeouts, errors and the hold of a goal."""
+"""Code that both clients share: address, timeouts, errors and the hold of a goal."""
 
 import asyncio
 import json
@@ -27,7 +27,7 @@ _THIS_MACHINE = ("127.0.0.1", "localhost", "::1")
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where a server is.
+    """The address of a server.
 
     Attributes:
         url: URL of the server.

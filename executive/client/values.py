@@ -1,4 +1,4 @@
-"""What only the clients return; `executive.goals` has the rest."""
+"""Values that only the clients return; the others are in `executive.goals`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,6 +1,6 @@
 """What the executive reports: events as they happen, and its status at one moment.
 
-Both have one form in JSON, for `--json`, the server and its clients.
+`--json`, the server and its clients use the same JSON for both.
 """
 
 import dataclasses
@@ -193,5 +193,5 @@ def event_from_json(plain: Mapping[str, Any]) -> Event:
 
 
 def _frozen(value: Any) -> Any:
-    """JSON's lists as the tuples that records have."""
+    """Return JSON lists as tuples, as records have them."""
     return tuple(_frozen(each) for each in value) if isinstance(value, list) else value

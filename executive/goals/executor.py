@@ -101,7 +101,7 @@ class GoalExecutor:
             self._thread.join()
 
     def validate(self, task: int, arguments: Mapping[str, str | Located]) -> Exception | None:
-        """What is wrong with a goal, as far as that is known without the arm. Any thread may call.
+        """Validate a goal, as far as this is possible without the arm. Any thread may call.
 
         Returns:
             The error, or None.
@@ -114,7 +114,7 @@ class GoalExecutor:
     def validate_request(
         self, task: int, arguments: Mapping[str, str | Located]
     ) -> Exception | None:
-        """What is wrong with the task number or the arguments of a goal. Any thread may call.
+        """Validate the task number and the arguments of a goal. Any thread may call.
 
         Returns:
             The error, or None. Other errors are the outcome of the goal, and are recorded.

@@ -1,7 +1,7 @@
 """What is reported of a goal: its state, the cause of a failure, its outcome, and the answers.
 
-Each of these values has one way to JSON and back, here. An outcome also has one to a record and
-back. The numbers of `GoalState` and `CancelCode` are those of ROS 2.
+Only this file converts these values to JSON and back, and an outcome to a record and back. The
+numbers of `GoalState` and `CancelCode` are those of ROS 2.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""The run loop that ticks one tree, its progress, and the outcome that the tree amounts to."""
+"""The run loop that ticks one tree, its progress, and the outcome of the goal."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -34,7 +34,7 @@ class _Node:
         self.start_count = 0
 
     def update(self) -> bool:
-        """Take the status of the node; True if it is to be recorded."""
+        """Update the status; return True if the change must be recorded."""
         starts, before = self.start_count, self.status
         if isinstance(self.node, Skill) and not self.node.condition:  # it starts at every tick
             self.start_count = self.node.start_count
@@ -118,7 +118,7 @@ class Run:
         self._record_changes()
 
     def _guard(self, step: Callable[[], None]) -> None:
-        """Take a step. If the code of a skill raises an exception, the run ends."""
+        """Run a step. If the code of a skill raises an exception, the run ends."""
         try:
             step()
         except SkillBroken as error:

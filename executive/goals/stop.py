@@ -93,7 +93,7 @@ class GoalStopper:
         """Stop the arm for a goal that the queue has canceled or preempted.
 
         Args:
-            goal: The goal under way; None if it is not to be stopped.
+            goal: The goal under way; None if it must not be stopped.
             canceled: Goals whose cancel is logged.
         """
         try:

@@ -57,7 +57,7 @@ class _Motion:
         self.start = plan.start | self.start | own
 
     def poses(self) -> list[dict[str, float]]:
-        """Return at most POSES of them, from the first to the last."""
+        """Return at most POSES configurations, from the first to the last."""
         every = [self.start, *self.commanded]
         chosen = np.linspace(0, len(every) - 1, min(POSES, len(every))).round().astype(int)
         return [self.start | every[index] for index in chosen]

@@ -51,10 +51,11 @@ class PlanRequest:
         library: Tasks and poses.
         words: The goal. One of: `JOINT=VALUE`, `JOINT+=CHANGE` and names of poses, applied in
             order, each joint at most once; x, y, z of the tool; the number of a task, for all
-            motions that it spells out. Joints that are not named keep their start position.
+            motions that are known before a run. Joints that are not named keep their start position.
         group: Group that moves; None for the group of the named joints, else the arm.
         seed: Seed of the planner.
-        start: Start, as `words` but not a task. Joints that are not named are in the boot pose.
+        start: Start, in the form of `words`, but not a task. Joints that are not named are in the
+            boot pose.
         via: Points on the way, each as `start`. Joints that are not named are as at the start.
         tool: Further inputs for a point of the tool: values of TOOL_PORTS, by port.
     """

@@ -47,7 +47,7 @@ def check_world(file: Path, world: World, robot: Robot, planner: Planner) -> Non
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object. `json` itself would silently take the last of equal keys."""
+    """Return an object; reject duplicate keys, of which `json` would keep the last one."""
     found = dict(pairs)
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]

@@ -1,4 +1,4 @@
-"""What a recording needs to repeat its run: the robot and the world, as notes and files, and back.
+"""The robot and the world of a run: saved in a recording as notes and files, and restored.
 
 The attachments hold the robot's files and the meshes of bodies; notes hold values that are in no
 file. A recording restores both without any file of the machine it was made on.
@@ -143,7 +143,7 @@ def _same_type(value: Any, known: Any) -> bool:
 
 
 def _restored_files() -> Path:
-    """Folder for restored files; it is deleted when this process ends."""
+    """Return the folder for restored files; it is deleted when this process ends."""
     return Path(_temporary_folder().name)
 
 

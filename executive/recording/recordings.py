@@ -120,7 +120,7 @@ class Recordings:
             self._server.put(status.outcome.to_record(status.identity, now))
 
     def wait(self) -> None:
-        """Wait until the server's own recording was handed to the operating system."""
+        """Wait until the server's own recording was written to the operating system."""
         if self._server:
             self._server.wait()
 
@@ -128,12 +128,12 @@ class Recordings:
         """Check that the disk has space for the recording of a run.
 
         Raises:
-            LogError: It has not.
+            LogError: The disk is too full.
         """
         logs.check_space(self._folder)
 
     def flush(self) -> None:
-        """Wait until everything in the open recording was handed to the operating system.
+        """Wait until everything in the open recording was written to the operating system.
 
         Raises:
             LogError: It cannot be recorded.
@@ -186,7 +186,7 @@ class Recordings:
         self._watch(record)
 
     def caught_up(self, timeout: float) -> bool:
-        """Return whether every recorded frame was handed to the operating system.
+        """Return whether every recorded frame was written to the operating system.
 
         Args:
             timeout: Longest time to wait for it [s].
@@ -231,7 +231,7 @@ class Recordings:
 
     @cached_property
     def _robot_items(self) -> tuple[str, list[logs.Attachment], list[logs.Note]]:
-        """The URDF, the robot's files and the notes, read once."""
+        """Return the URDF, the robot's files and the notes, which are read once."""
         robot = self._robot
         files = [
             logs.Attachment(path.name, "text/plain", path.read_bytes())

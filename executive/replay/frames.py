@@ -79,7 +79,7 @@ def _stopped(parts: Sequence[Sequence[Record]], whole: bool) -> Iterator[bool]:
 
 
 def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
-    """Each frame is the encoding of its recorded positions."""
+    """Check that each frame is the encoding of its recorded positions."""
     codec, joints = robot.wire_format, tuple(joint.name for joint in robot.actuated)
     for frame in sent:
         if frame.joints != joints:
@@ -94,7 +94,7 @@ def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
 
 
 def _holds_difference(sent: Iterable[Sent], last: bytes | None) -> str:
-    """Each hold repeats the frame before it."""
+    """Check that each hold repeats the frame before it."""
     for frame in sent:
         if frame.hold and last not in (None, frame.data):
             assert last
@@ -154,7 +154,7 @@ def _at(due: tuple[float, str] | None) -> str:
 
 
 def _sent_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) -> str:
-    """The frames of the schedule were sent, all or up to the stop."""
+    """Check that the frames of the schedule were sent, all or up to the stop."""
     moving = [frame.text for frame in sent if not frame.hold]
     before_hold = len(list(takewhile(lambda frame: not frame.hold, sent)))
     if before_hold < len(moving):
@@ -168,7 +168,7 @@ def _sent_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) ->
 
 
 def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) -> str:
-    """Each frame was due as scheduled, and sent not before."""
+    """Check that each frame was due at its scheduled time, and was not sent earlier."""
     moving = [frame for frame in sent if not frame.hold]
     # How late the frame before was sent, and by how much late frames shifted the schedule [s].
     before, shifted = 0.0, 0.0
@@ -197,7 +197,7 @@ def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) 
 
 
 def _commanded_difference(compiled: Compiled | None, sent: Iterable[Sent]) -> str:
-    """The recorded positions are the compiled ones, also below the resolution of a frame."""
+    """Check that the recorded positions equal the compiled ones exactly."""
     moving = (frame for frame in sent if not frame.hold)
     setpoints = compiled.setpoints if compiled else ()
     for number, (due, frame) in enumerate(zip(setpoints, moving, strict=False), 1):
@@ -237,7 +237,7 @@ def result_difference(records: Sequence[Record]) -> str:
 
 
 def _state_difference(result: Result, root: str) -> str:
-    """The result's state fits its code, and the root's last status (empty if no tree ran)."""
+    """Check a result's state against its code and the root's last status ("" without a tree)."""
     done = result.state == GoalState.SUCCEEDED.name
     canceled = result.state == GoalState.CANCELED.name
     if (result.success, result.code == OK, result.code == CANCELED) != (done, done, canceled):
@@ -249,7 +249,7 @@ def _state_difference(result: Result, root: str) -> str:
 
 
 def _count_difference(result: Result, sent: Sequence[Sent]) -> str:
-    """The result's number of frames is right, and no frame was sent after it."""
+    """Check the result's number of frames, and that no frame was sent after it."""
     if result.frames != len(sent):
         return f"the result counts {result.frames} frames, {len(sent)} are recorded"
     if sent and sent[-1].time > result.time:

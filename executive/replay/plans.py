@@ -81,7 +81,7 @@ def plans_difference(
 def _plan(
     planner: Planner, robot: Robot, recorded: Plan, files: Mapping[str, bytes]
 ) -> Planned | MotionError | None:
-    """Return the answer to a recorded query; None if the recorded answer came by chance."""
+    """Return the answer to a recorded query; None if the recorded answer is not repeatable."""
     if recorded.code in _BY_CHANCE:
         return None
     start = tuple(recorded.start[joint.name] for joint in robot.actuated)

@@ -1,4 +1,4 @@
-"""Verifies from a recording alone that its run would be the same again.
+"""Verifies from a recording alone that its run can be repeated exactly.
 
 Plan to frames: the recorded motion, compiled again, gives the frames that were sent.
 Goal to plan: the recorded queries, planned again, give the recorded plans.
@@ -51,7 +51,7 @@ class Check:
 
     Attributes:
         question: Name of the check.
-        holds: True if the recording and what was made again are the same.
+        holds: True if the recording equals the repeated result.
         words: What was compared, or the first difference.
         source: Where the difference comes from; empty if there is none.
     """

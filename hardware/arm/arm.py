@@ -40,7 +40,7 @@ _arms: "weakref.WeakSet[Arm]" = weakref.WeakSet()  # shut down when the interpre
 
 
 def _ignore(event: ArmEvent) -> None:
-    """Default observer."""
+    """Ignore an event."""
 
 
 class Arm:
@@ -195,7 +195,7 @@ class Arm:
 
     @property
     def generation(self) -> int:
-        """Counts ended motions and stops. A motion must start in the generation of its plan.
+        """Number of ended motions and stops. A motion must start in the generation of its plan.
 
         Raises:
             NotActive: The arm is not active.

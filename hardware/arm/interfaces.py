@@ -37,7 +37,7 @@ class Claims:
         interfaces: Names of all command interfaces.
 
     Attributes:
-        generation: Counts ended claims and stops. A motion must begin in the generation in which
+        generation: Number of ended claims and stops. A motion must begin in the generation in which
             it was planned.
     """
 

@@ -81,7 +81,7 @@ class WriteGuard:
 
     @property
     def generation(self) -> int:
-        """Counts ended motions and stops; see `Claims`."""
+        """Number of ended motions and stops; see `Claims`."""
         return self._claims.generation
 
     def claim(self, owner: str, interfaces: Iterable[str], generation: int) -> Claim:

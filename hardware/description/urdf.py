@@ -256,7 +256,7 @@ def _vector(origin: Element, key: str, wanted: str) -> Vector:
 
 
 def _limits(kind: str, limit: Element | None) -> tuple[float, float, float]:
-    """Lower and upper position, and velocity; infinite if the URDF may omit it and does."""
+    """Return lower and upper position, and velocity; infinite if the URDF omits one."""
     bounded, unit = kind in ("revolute", "prismatic"), _unit(kind)
     if limit is None:
         if bounded:

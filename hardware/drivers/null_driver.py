@@ -26,7 +26,7 @@ class NullDriver:
 
     @property
     def firmwares(self) -> Mapping[str, Firmware]:
-        """The profile of no firmware."""
+        """An empty profile, because no firmware is named."""
         return {NO_FIRMWARE.name: NO_FIRMWARE}
 
     def wire(self, joint: TomlTable, lower: float, upper: float) -> None:

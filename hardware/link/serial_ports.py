@@ -117,7 +117,7 @@ def _check_permission(port: str) -> Check:
 
 
 def _vendor(port: str) -> str:
-    """USB vendor id of a port, such as `2341`; empty if it is not a USB device."""
+    """Return the USB vendor id of a port, such as `2341`; empty if it is not a USB device."""
     device = os.path.realpath(port)
     found = (each.usb for each in serial_ports() if os.path.realpath(each.device) == device)
     return next(found, "").partition(":")[0]

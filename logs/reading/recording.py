@@ -257,7 +257,7 @@ def _from_json(kind: type[Any], message: Message) -> RunRecord:
 
 
 def _frozen(value: Any) -> Any:
-    """JSON has lists only; records have tuples."""
+    """Return lists as tuples: JSON has only lists, records have tuples."""
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 

@@ -237,7 +237,7 @@ class _Events:
         return [*marks, *self.pauses, *((time, "fault") for time in self.faults)]
 
     def _cancel(self) -> float | None:
-        """When the cancel began; without a phase that says so, its first visible effect."""
+        """Return when the cancel began: the phase `canceling`, else its first visible effect."""
         if self.canceled is not None or self.result is None or self.result.state != "CANCELED":
             return self.canceled
         effects = [sent.time for sent in self.sent if sent.hold]
@@ -256,7 +256,7 @@ def _parts(path: str) -> list[str]:
 
 
 def _in_tree_order(paths: Iterable[str]) -> list[str]:
-    """Parents above their children, siblings in the order in which they first changed."""
+    """Return paths, parents before their children, siblings in the order of first change."""
     rank: dict[tuple[str, ...], int] = {}
     for path in paths:
         parts = _parts(path)

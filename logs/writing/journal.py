@@ -67,7 +67,7 @@ class Journal:
         """Write attachments, notes, and the messages of records, as one piece.
 
         Raises:
-            OSError: The disk did not take it.
+            OSError: The disk is full or failed.
             Exception: One of them cannot be converted; nothing was written.
         """
         self._file.write(checked(b"".join(map(self._encoded, items))))
@@ -76,7 +76,7 @@ class Journal:
         """Write the end, sync the file to the disk and close it.
 
         Raises:
-            OSError: The disk did not take it.
+            OSError: The disk is full or failed.
         """
         self._file.write(END)
         self._file.close()
@@ -153,7 +153,7 @@ class PieceWriter:
         """Pass a piece to the operating system.
 
         Raises:
-            OSError: The disk did not take it, even without the reserve. The file is closed and
+            OSError: The disk is full or failed, even without the reserve. The file is closed and
                 ends with the piece before.
         """
         try:
@@ -270,5 +270,5 @@ def _library() -> str:
 
 @lru_cache(maxsize=1)
 def _kinematics(urdf: str) -> ForwardKinematics:
-    """Parsed once, because a server's recordings are all of one robot."""
+    """Return the kinematics of a URDF, cached: a server's recordings are all of one robot."""
     return ForwardKinematics(urdf)

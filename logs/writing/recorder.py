@@ -44,7 +44,7 @@ class Recorder:
     """Records one run into one file; never blocks the run.
 
     All recorders of a process share two threads: one writes, one syncs files to the disk. During
-    the run the file is a locked journal. Each record is handed to the operating system immediately,
+    the run the file is a locked journal. Each record is written to the operating system immediately,
     and synced to the disk within `FSYNC_S`. `close` makes the final recording from the journal.
     """
 
@@ -90,7 +90,7 @@ class Recorder:
         self._jobs.put(partial(self._take, items))
 
     def caught_up(self, timeout: float) -> bool:
-        """Return whether every frame that was put was handed to the operating system.
+        """Return whether every frame that was put was written to the operating system.
 
         Waits for it if necessary. The first call also waits until the file was created.
 
@@ -101,7 +101,7 @@ class Recorder:
         return (begun and self._kept == self._sent) or self.wait(timeout)
 
     def wait(self, timeout: float = _BEGIN_S) -> bool:
-        """Wait until everything put so far was handed to the operating system.
+        """Wait until everything put so far was written to the operating system.
 
         Args:
             timeout: Longest time to wait [s].
@@ -114,7 +114,7 @@ class Recorder:
         return mark.wait(timeout)
 
     def flush(self) -> None:
-        """Wait until everything put so far was handed to the operating system.
+        """Wait until everything put so far was written to the operating system.
 
         Raises:
             RecordingIncomplete: It could not be written, or not in time.

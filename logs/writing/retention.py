@@ -55,7 +55,7 @@ def prune(folder: Path, rule: Rule, utc: float) -> Iterator[Path]:
 
 
 def pin(recording: Path, on: bool) -> None:
-    """Protect a recording from deletion: removes its write permission, as `chmod -w` does.
+    """Protect a recording from deletion by removing its write permission (`chmod -w`).
 
     Args:
         recording: The file.

@@ -54,7 +54,7 @@ class _PlanGroup(PlanningSkill, register=False):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the inputs that the task spells out."""
+        """Check the inputs that are known before the run."""
         ports = [port for port in ("start", "goal") if port in inputs]
         errors = [
             error for port in ports for error in configuration_errors(robot, port, inputs[port])

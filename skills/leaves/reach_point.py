@@ -69,7 +69,7 @@ class ReachPoint(PlanningSkill):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the inputs that the task spells out."""
+        """Check the inputs that are known before the run."""
         errors = missing_joint_errors(robot, "start", inputs["start"]) if "start" in inputs else []
         if "group" in inputs:
             errors += _group_errors(robot, inputs["group"])

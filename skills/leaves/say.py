@@ -23,7 +23,7 @@ class Say(Skill):
     OUTPUT_PORTS: dict[str, PortInformation] = {}
 
     def on_start(self) -> Status:
-        """Print it."""
+        """Print the text."""
         value = self.get_input("value")
         shown = f"{value:g}" if isinstance(value, float) else str(value)
         line = f"{self.get_input('text')} {shown}".rstrip()

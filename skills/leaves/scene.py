@@ -230,7 +230,7 @@ class Attach(_SetParent):
             refuse(link_errors(robot, "link", inputs["link"]))
 
     def on_start(self) -> Status:
-        """Attach it at its present pose."""
+        """Attach the body at its current pose."""
         return self.set_parent(self.get_input("link"))
 
 
@@ -240,5 +240,5 @@ class Detach(_SetParent):
     INPUT_PORTS = {"body": _BODY}
 
     def on_start(self) -> Status:
-        """Detach it."""
+        """Detach the body."""
         return self.set_parent("")

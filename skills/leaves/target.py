@@ -41,7 +41,7 @@ class Target(Skill):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the inputs that the task spells out."""
+        """Check the inputs that are known before the run."""
         errors = missing_joint_errors(robot, "start", inputs["start"]) if "start" in inputs else []
         if "joints" in inputs:
             errors += _target_errors(robot, inputs["joints"], "joints")

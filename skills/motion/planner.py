@@ -95,7 +95,7 @@ class Planner:
         raise BadQuery(f"A planner does not answer a {type(request).__name__}; send a Query")
 
     def plan(self, query: Query) -> Plan:
-        """Return the motion that a query asks for.
+        """Return the motion for a query.
 
         Raises:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
@@ -222,7 +222,7 @@ class Planner:
 
 
 class _PlanningGroup:
-    """What the planner keeps of a group between queries."""
+    """Data of a group that the planner keeps between queries."""
 
     def __init__(self, robot: Robot, name: str) -> None:
         self.joints = JointGroup(robot, name)
@@ -235,8 +235,8 @@ def _paths(
 ) -> Iterator[tuple[Array, Curve]]:
     """Yield waypoints (N, J) [rad] and the free curve along them, the best first.
 
-    The others are for the case that a curve cannot be timed. The last one stops at every waypoint,
-    so it always can.
+    Another curve is used only if the one before it cannot be timed. The last curve stops at every
+    waypoint, so it can always be timed.
 
     Args:
         validator: Checks motions of the group.

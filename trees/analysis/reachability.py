@@ -12,12 +12,12 @@ from trees.nodes.kind import Control, PossibleOutcomes
 
 
 def check_outcomes(tree: CompiledTree) -> None:
-    """Add to the mistakes of a tree what cannot be intended."""
+    """Report nodes of a tree that are never reached, never end, or always time out."""
     _outcomes(tree, tree.root, halted=False)
 
 
 def _outcomes(tree: CompiledTree, node: Behaviour, halted: bool) -> PossibleOutcomes:
-    """Return how a node can end.
+    """Return the possible outcomes of a node.
 
     Args:
         tree: The tree.
@@ -40,18 +40,18 @@ def _outcomes(tree: CompiledTree, node: Behaviour, halted: bool) -> PossibleOutc
 
 
 class _Node:
-    """A node as its kind sees it: `trees.nodes.Outcomes`."""
+    """A node, with the interface `trees.nodes.Outcomes` that its kind uses."""
 
     def __init__(self, tree: CompiledTree, node: Behaviour, control: Control, halted: bool) -> None:
         self._tree, self._node = tree, node
         self.options, self.halted, self.count = control.options, halted, len(node.children)
 
     def child(self, number: int, halted: bool) -> PossibleOutcomes:
-        """Return how a child can end."""
+        """Return the possible outcomes of a child."""
         return _outcomes(self._tree, self._node.children[number], halted)
 
     def children(self, halted: bool) -> list[PossibleOutcomes]:
-        """Return how all children can end."""
+        """Return the possible outcomes of all children."""
         return [self.child(number, halted) for number in range(self.count)]
 
     def check_reached(self, continues: Sequence[bool], how: str) -> None:

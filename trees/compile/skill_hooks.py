@@ -39,7 +39,7 @@ class Refusal:
 
     @property
     def mistake(self) -> Mistake:
-        """The same, as a mistake in a file."""
+        """The refusal, as a mistake in a file."""
         return Mistake(self.place, f"{self.kind}: {self.error}")
 
 

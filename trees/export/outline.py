@@ -41,7 +41,7 @@ class Entry:
 
     @property
     def title(self) -> str:
-        """Its name, followed by its kind if that is different."""
+        """Name of the node, followed by its kind if that is different."""
         return self.name if self.name == self.kind else f"{self.name} ({self.kind})"
 
     def wiring(self) -> list[str]:

@@ -71,7 +71,7 @@ class _InTurn(ControlNodeKind, register=False):
     many = True
 
     def label(self, options: Options) -> str:
-        """Return its name in drawings."""
+        """Return the name of the node in drawings."""
         return self.name if options["memory"] else f"reactive {self.name}"
 
     def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
@@ -93,13 +93,13 @@ class SequenceKind(_InTurn):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
-        """Return a node."""
+        """Return a new node."""
         if options["memory"]:
             return composites.Sequence(name, memory=True, children=children)
         return ReactiveSequence(name, children, context)
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end, and report children that are never reached."""
+        """Return the possible outcomes, and report children that are never reached."""
         children = node.children(node.halted)
         node.check_reached([each.succeeds for each in children], "succeeds")
         return all_of(children, sum(each.shortest for each in children))
@@ -119,13 +119,13 @@ class SelectorKind(_InTurn):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
-        """Return a node."""
+        """Return a new node."""
         if options["memory"]:
             return composites.Selector(name, memory=True, children=children)
         return ReactiveSelector(name, children, context)
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end, and report children that are never reached."""
+        """Return the possible outcomes, and report children that are never reached."""
         children = node.children(node.halted)
         node.check_reached([each.fails for each in children], "fails")
         return any_of(children)

@@ -56,7 +56,7 @@ class TimeoutKind(ControlNodeKind):
     node = Timeout
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end, and report a child that always takes longer."""
+        """Return the possible outcomes, and report a child that always takes longer."""
         child, after = node.child(0, halted=True), node.options["after"]
         if child.shortest >= after:
             least = f"its child takes at least {child.shortest:g} s"
@@ -80,11 +80,11 @@ class InverterKind(ControlNodeKind):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
-        """Return a node."""
+        """Return a new node."""
         return Inverter(name, children[0])
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end."""
+        """Return the possible outcomes of the node."""
         child = node.child(0, node.halted)
         return PossibleOutcomes(child.fails, child.succeeds, 0.0)
 
@@ -100,10 +100,10 @@ class ForceSuccessKind(ControlNodeKind):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
-        """Return a node."""
+        """Return a new node."""
         return FailureIsSuccess(name, children[0])
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end."""
+        """Return the possible outcomes of the node."""
         child = node.child(0, node.halted)
         return PossibleOutcomes(True, False, 0.0 if child.fails else child.shortest)

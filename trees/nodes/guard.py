@@ -76,7 +76,7 @@ class GuardKind(ControlNodeKind):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
-        """Return a node."""
+        """Return a new node."""
         return Guard(name, children, context, _pauses(options), options["every"])
 
     def lasts(self, options: Options) -> bool:
@@ -92,7 +92,7 @@ class GuardKind(ControlNodeKind):
             )
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end."""
+        """Return the possible outcomes of the node."""
         pauses, condition = _pauses(node.options), node.child(1, halted=False)
         child = node.child(0, node.halted or (condition.fails and not pauses))
         return PossibleOutcomes(child.succeeds, child.fails or not pauses, child.shortest)

@@ -81,10 +81,10 @@ class Outcomes(Protocol):
     count: int
 
     def child(self, number: int, halted: bool) -> PossibleOutcomes:
-        """Return how a child can end, if it may or may not be halted before it ends."""
+        """Return the possible outcomes of a child that may be halted, or is never halted."""
 
     def children(self, halted: bool) -> list[PossibleOutcomes]:
-        """Return how all children can end."""
+        """Return the possible outcomes of all children."""
 
     def check_reached(self, continues: Sequence[bool], how: str) -> None:
         """Report children that are never reached.
@@ -143,7 +143,7 @@ class ControlNodeKind(ABC):
         return type(self).node(name, children[0], context, **options)
 
     def label(self, options: Options) -> str:
-        """Return its name in drawings."""
+        """Return the name of the node in drawings."""
         return self.name.replace("_", " ")
 
     def flow(self, options: Options) -> Flow:
@@ -170,7 +170,7 @@ class ControlNodeKind(ABC):
 
     @abstractmethod
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how a node can end, and report what cannot be intended."""
+        """Return the possible outcomes of a node, and report mistakes."""
 
     def groot(self, options: Options) -> list[Element]:
         """Return the nodes of BehaviorTree.CPP that do the same, each around the next one.

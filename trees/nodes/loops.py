@@ -96,7 +96,7 @@ class Retry(Loop):
         return self.rounds
 
     def update(self) -> Status:
-        """Decide after an attempt."""
+        """Decide after an attempt if another one follows."""
         if self.decorated.status is not Status.FAILURE:
             return self.decorated.status
         self.rounds += 1
@@ -120,7 +120,7 @@ class RetryKind(ControlNodeKind):
     node = Retry
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end, and report a child that never fails."""
+        """Return the possible outcomes, and report a child that never fails."""
         child = node.child(0, node.halted)
         if not child.fails:
             node.wrong("has nothing to retry: its child never fails")
@@ -156,7 +156,7 @@ class Repeat(Loop):
         return share
 
     def update(self) -> Status:
-        """Decide after a round."""
+        """Decide after a round if another one follows."""
         if self.decorated.status is not Status.SUCCESS:
             return self.decorated.status
         self.rounds += 1
@@ -180,7 +180,7 @@ class RepeatKind(ControlNodeKind):
         return times
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end, and report a loop that never starts again or never ends."""
+        """Return the possible outcomes, and report a loop that never starts again or never ends."""
         child, times = node.child(0, node.halted), node.options["times"]
         if not child.succeeds:
             node.wrong("has nothing to repeat: its child never succeeds")
@@ -213,7 +213,7 @@ class WaitFor(Loop):
         self.every = every
 
     def update(self) -> Status:
-        """Decide after a check."""
+        """Decide after a check if another one follows."""
         if self.decorated.status is Status.FAILURE:
             return self.again(self.every)
         return self.decorated.status
@@ -235,7 +235,7 @@ class WaitForKind(ControlNodeKind):
             children[0].wrong("wait_for waits for nothing: its condition is known before the run")
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end, and report a condition that never holds."""
+        """Return the possible outcomes, and report a condition that never holds."""
         child = node.child(0, node.halted)
         if not child.succeeds:
             node.wrong("never ends: its condition never holds")

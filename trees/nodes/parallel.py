@@ -89,11 +89,11 @@ class ParallelKind(ControlNodeKind):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
-        """Return a node."""
+        """Return a new node."""
         return Race(name, children) if options["policy"] == "any" else Join(name, children)
 
     def label(self, options: Options) -> str:
-        """Return its name in drawings."""
+        """Return the name of the node in drawings."""
         return "parallel, any" if options["policy"] == "any" else "parallel"
 
     def flow(self, options: Options) -> Flow:
@@ -106,7 +106,7 @@ class ParallelKind(ControlNodeKind):
             node.wrong("only one node of a parallel may move the arm")
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end, and report a race that no child can win."""
+        """Return the possible outcomes, and report a race that no child can win."""
         if node.options["policy"] != "any":
             children = node.children(node.halted)
             return all_of(children, max(each.shortest for each in children))

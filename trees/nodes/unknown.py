@@ -21,10 +21,10 @@ class UnknownKind(ControlNodeKind, register=False):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
-        """Return a node."""
+        """Return a new node."""
         return Sequence(name, memory=True, children=children)
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
-        """Return how it can end."""
+        """Return the possible outcomes of the node."""
         node.children(halted=True)
         return PossibleOutcomes()

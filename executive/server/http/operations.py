@@ -63,7 +63,7 @@ class Operation:
 
     @property
     def ignores_input(self) -> bool:
-        """True if it is carried out whatever parameters and body come with it."""
+        """True if parameters and body are ignored."""
         return self.stops and self.body is None
 
     def in_path(self, parameter: str) -> bool:

@@ -82,7 +82,7 @@ class SignedDistance:
         raise AssertionError("shapes have a finite distance")
 
     def _overlap(self, pair: int, nearest: float) -> float:
-        """Signed distance if it is 0 or less, else infinity [m].
+        """Return the signed distance if it is 0 or less, else infinity [m].
 
         The search ends early if the result cannot be less than `nearest`.
         """
@@ -94,7 +94,7 @@ class SignedDistance:
         return -self._depth(pair, max(0.0, -nearest))
 
     def _gap(self, pair: int, nearest: float) -> float:
-        """Distance [m]; the search ends early if it cannot be less than `nearest`."""
+        """Return the distance [m]; the search ends early if it cannot be less than `nearest`."""
         ends, result = self._scene.exact.collisionPairs[pair], coal.DistanceResult()
         if ends.first in self._scene.volumes and pair not in self._containment.mesh_pairs:
             return self._height(ends.first, ends.second)
@@ -104,14 +104,14 @@ class SignedDistance:
         return float(result.min_distance)
 
     def _height(self, mesh: int, floor: int) -> float:
-        """Height of a mesh above the floor [m]. coal returns the height of a single triangle."""
+        """Return the height of a mesh above the floor [m]; coal measures a single triangle."""
         shapes, pose = self._scene.exact.geometryObjects, self._placed.oMg[mesh]
         half, points = shapes[floor].geometry, np.asarray(shapes[mesh].geometry.vertices())
         heights = points @ (pose.rotation.T @ half.n)
         return float(heights.min() + half.n @ pose.translation - half.d)
 
     def _depth(self, pair: int, enough: float) -> float:
-        """Penetration depth, as far as it is found; the search ends at `enough` or less [m]."""
+        """Return the penetration depth found; the search ends at `enough` or less [m]."""
         hulls = self._placed_hulls.distanceResults[self._hull_pairs[pair]]
         depth: float = max(0.0, -hulls.min_distance)
         directions = () if self._is_fine(pair) else self._exits(pair, np.array(hulls.normal))
@@ -142,9 +142,9 @@ class SignedDistance:
             yield -normal
 
     def _depth_along(self, pair: int, direction: Array, depth: float, enough: float) -> float:
-        """Translation of the second shape that separates the two, or `depth` if none is less [m].
+        """Return the length of a translation that separates the shapes, at most `depth` [m].
 
-        Found by bisection.
+        The second shape is moved. The length is found by bisection.
         """
         if enough > 0.0 and not self._overlaps(pair, enough * direction):
             return enough

@@ -39,7 +39,7 @@ def convex_outlines(scene: PlanningScene, configuration: Array) -> list[tuple[st
 
 
 def _points(shape: pin.GeometryObject) -> Array:
-    """Points of a shape in its joint's frame (P, 3) [m]; round shapes in steps of 15 degrees."""
+    """Return points of a shape in its joint's frame (P, 3) [m]; circles in steps of 15 degrees."""
     geometry = shape.geometry
     if isinstance(geometry, coal.Sphere):
         heights = np.sin(_ANGLES)[:, None, None]

@@ -154,7 +154,7 @@ class _Search:
         self._random = np.random.default_rng(seed)
 
     def rounds(self) -> Iterator[list[_Result]]:
-        """Yield the results of each round; the next one runs only if the caller goes on."""
+        """Yield the results of each round; the next one runs only if the caller continues."""
         seeds = [self._start[self._chain.columns], *self._draw(_FIRST_SEEDS - 1)]
         found = [self._descend(seed) for seed in seeds]
         yield found[:]
@@ -333,7 +333,7 @@ class ToolChain:
     def _linearise(
         self, configuration: Array, joints: Array, point: Array, axis_weight: float
     ) -> tuple[Array, Array, _Result]:
-        """Weighted error, its Jacobian, and the error as a result."""
+        """Return the weighted error, its Jacobian, and the unweighted result."""
         configuration[self.columns] = joints
         position, axis = self.tool_pose(configuration)
         jacobian = pin.getFrameJacobian(

@@ -114,7 +114,7 @@ def _axis(model: pin.Model, data: pin.Data, joint: int) -> Array:
 
 
 def _motion(model: pin.Model, data: pin.Data, joint: int) -> Array:
-    """Velocity of a joint's frame per unit of the joint, in that frame: linear, angular (6,)."""
+    """Return a joint frame's velocity per unit of the joint, in that frame: linear, angular."""
     jacobian = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
     return np.asarray(jacobian[:, model.joints[joint].idx_v], dtype=np.float64)
 

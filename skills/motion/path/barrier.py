@@ -41,7 +41,7 @@ def check_passable(validator: MotionValidator, start: Array, goal: Array) -> Non
 
 
 def _single_joint_goals(group: JointGroup, joint: int, start: Array, goal: Array) -> list[Array]:
-    """End of the motions of one joint of which every path contains one; empty if unknown."""
+    """Return ends of single-joint motions; every path contains one of these. Empty if unknown."""
     end = start.copy()
     end[joint] = goal[joint]
     if np.isfinite([group.lower[joint], group.upper[joint]]).any():
@@ -53,7 +53,7 @@ def _single_joint_goals(group: JointGroup, joint: int, start: Array, goal: Array
 def _barrier(
     validator: MotionValidator, start: Array, goal: Array, pairs: frozenset[int]
 ) -> Barred | None:
-    """Error for the first collision of a pair of links on a line, or None."""
+    """Return the error for the first collision of a pair of links on a line, or None."""
     shares = np.linspace(0.0, 1.0, _SAMPLES)[:, None]
     rows, checker = validator.full(start + shares * (goal - start)), validator.checker
     distance = validator.guaranteed

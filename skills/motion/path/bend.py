@@ -58,7 +58,7 @@ def find_bend(validator: MotionValidator, ends: tuple[Array, Array]) -> tuple[Ar
 
 
 def _via_points(group: JointGroup, ends: tuple[Array, Array]) -> Array:
-    """Candidates, that with the shortest path first (K, J) [rad]."""
+    """Return the candidate via points, the shortest path first (K, J) [rad]."""
     low = np.maximum(group.lower, np.minimum(*ends) - _REACH)
     high = np.minimum(group.upper, np.maximum(*ends) + _REACH)
     points: Array = low + _low_discrepancy(len(low)) * (high - low)
@@ -68,9 +68,9 @@ def _via_points(group: JointGroup, ends: tuple[Array, Array]) -> Array:
 
 @lru_cache(maxsize=8)
 def _low_discrepancy(dimensions: int) -> Array:
-    """Points that cover the unit cube evenly (K, dimensions).
+    """Return points that cover the unit cube evenly (K, dimensions).
 
-    Multiples of the powers of 1 / x with x ** (dimensions + 1) = x + 1, modulo 1: the additive
+    They are multiples of powers of 1 / x with x ** (dimensions + 1) = x + 1, modulo 1: the additive
     recurrence of Martin Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018.
     """
     x, size = 2.0, dimensions

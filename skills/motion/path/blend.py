@@ -26,7 +26,7 @@ def blend(validator: MotionValidator, waypoints: Array, via: Array) -> Curve:
     Args:
         validator: Checks motions of the group.
         waypoints: Waypoints of a path with free edges (N, J) [rad].
-        via: The waypoints that the query asks for (V, J) [rad].
+        via: The via points of the query (V, J) [rad].
     """
     radii = _largest_radii(waypoints)
     for i in range(len(radii)):
@@ -38,7 +38,7 @@ def blend(validator: MotionValidator, waypoints: Array, via: Array) -> Curve:
 
 
 def _largest_radii(waypoints: Array) -> Array:
-    """Radii with which neighbouring corners share the edge between them (N - 2,) [rad]."""
+    """Return radii at which neighbouring corners share the edge between them (N - 2,) [rad]."""
     lengths = norms(np.diff(waypoints, axis=0))
     shares = 0.5 * lengths
     shares[[0, -1]] = lengths[[0, -1]]  # the first and the last edge have one corner only

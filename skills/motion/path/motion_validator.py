@@ -117,7 +117,7 @@ class MotionValidator:
     def _refine(
         self, path: Path, middles: Array, half: float, travels: Array, level: int
     ) -> float | None:
-        """As `first_collision`, for sections that reach `half` to both sides of their middles."""
+        """Do the work of `first_collision` for sections that reach `half` beyond their middles."""
         pairs = self.checker.pairs
         while middles.size:
             near, close = list[Array](), set[int]()
@@ -135,7 +135,7 @@ class MotionValidator:
     def _proximity(
         self, points: Array, travels: Array, pairs: frozenset[int], level: int
     ) -> Proximity:
-        """Find the points that prove too little for a section with these half travels (P,) [m]."""
+        """Find the points too close for a section with these half travels to be free (P,) [m]."""
         self.deadline.check()
         rows = self.full(points)
         if not level:
@@ -166,7 +166,7 @@ def uniform_travel(breaks: Array, travels: Array) -> tuple[Path, Array]:
 
 
 def _coarse_to_fine(count: int) -> Iterable[Array]:
-    """0 ... count - 1 in the order 0, 1/2, 1/4, 3/4 ... of the path, in chunks.
+    """Yield the numbers below `count` in the order 0, 1/2, 1/4, 3/4 ... of the path, in chunks.
 
     A collision is found early in that order (J. G. van der Corput's sequence of 1935). Chunks limit
     the memory for very long paths.

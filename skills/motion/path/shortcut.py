@@ -21,7 +21,7 @@ def shortcut(validator: MotionValidator, waypoints: Array) -> Array:
 
 
 def _skip_waypoints(validator: MotionValidator, path: Array) -> Array:
-    """From every waypoint kept, continue at the furthest one that a free edge reaches."""
+    """Connect each kept waypoint to the furthest one that a free edge reaches."""
     kept, i = [0], 0
     while i < len(path) - 1:
         further = range(len(path) - 1, i + 1, -1)

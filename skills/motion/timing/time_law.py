@@ -110,7 +110,7 @@ class TimeLaw:
 
 
 def _sqrt_of_product(a: float, b: float) -> float:
-    """Square root of a product that may underflow."""
+    """Return the square root of a product that may underflow."""
     product = a * b
     if product < sys.float_info.min:
         return math.sqrt(a) * math.sqrt(b)

@@ -65,7 +65,7 @@ def line_duration(step: Array, velocity: Array, acceleration: Array) -> float:
 
 
 def _limits_along(slope: Array, velocity: Array, acceleration: Array) -> tuple[float, float]:
-    """Limits of ds/dt and d2s/dt2 on a line with this dq/ds (J,)."""
+    """Return the limits of ds/dt and d2s/dt2 on a line with this dq/ds (J,)."""
     moving = [(i, part) for i, part in enumerate(abs(slope).tolist()) if part]
     speed, push = (
         min(limits[i] / part for i, part in moving)

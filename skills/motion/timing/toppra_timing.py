@@ -92,7 +92,7 @@ def time_section(
 
 
 def _speeds(solver: seidelWrapper, steps: list[float]) -> Array:
-    """ds/dt at the grid points, from rest to rest (K + 1,). NaN if the solver fails.
+    """Return ds/dt at the grid points, from rest to rest (K + 1,); NaN if the solver fails.
 
     TOPP-RA's two passes. Backward: the largest x from which a stop at the end can be reached.
     Forward: the largest x that can be reached below these bounds. The smallest x is always 0,

@@ -27,7 +27,7 @@ class Job:
         self.done = done
 
     def cancel(self) -> None:
-        """Cancel it and return at once. Its result is PlanCanceled, unless it has one already.
+        """Cancel the job and return at once. Its result is PlanCanceled, unless it has one already.
 
         The callback of a waiting job runs in this thread. That of a running job runs in the pool's,
         as soon as its process is dead.

@@ -133,14 +133,14 @@ class WorkerProcess:
             self._ahead = until, message[sent:]
 
     def kill(self) -> None:
-        """End it now. May be called from any thread, and again."""
+        """Kill the process now. May be called from any thread, and again."""
         self._killed = True
         self._process.kill()
         with contextlib.suppress(OSError):  # wakes a `call` before the process is cleaned up
             self._socket.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """End it and free its resources."""
+        """End the process and free its resources."""
         self.kill()
         self._process.wait()
         self._socket.close()
@@ -153,7 +153,7 @@ class WorkerProcess:
             self.kill()  # the first `call` returns the error
 
     def _wait_until_ready(self) -> MotionError | None:
-        """Wait until it has loaded the robot; return the error if it cannot."""
+        """Wait until the process has loaded the robot; return the error if it cannot."""
         until = time.monotonic() + _START
         try:
             answer = self._unusable or receive(self._socket, until)
@@ -210,7 +210,7 @@ class WorkerProcess:
 
 
 def _is_small(request: Request) -> bool:
-    """Return True if a request is encoded in no time, so that no other thread waits for it."""
+    """Return True if a request is encoded so fast that no other thread waits."""
     return isinstance(request, Query) and len(request.via) + len(request.world.bodies) < _FEW
 
 

@@ -82,7 +82,7 @@ class ArmtreeFirmware:
             self._cycles = max(self._cycles, int((until - self._began) / _CYCLE) - 1)
 
     def _cycle(self, number: int) -> float:
-        """Start time of a coming cycle, counted from 1 [s]."""
+        """Return the start time of a future cycle, counted from 1 [s]."""
         return self._began + (self._cycles + number) * _CYCLE
 
     @property

@@ -134,7 +134,7 @@ class _Parser:
 
 
 def _atoi(text: bytes | bytearray) -> int:
-    """`atoi` of C: an optional sign, then digits up to the first other byte."""
+    """Return the number that C's `atoi` reads: an optional sign, then digits."""
     body = text.lstrip(b" \t\n\v\f\r")
     sign = -1 if body[:1] == b"-" else 1
     digits = body[1:] if body[:1] in (b"-", b"+") else body
