@@ -51,7 +51,7 @@ class PlanRequest:
         library: Tasks and poses.
         words: The goal. One of: `JOINT=VALUE`, `JOINT+=CHANGE` and names of poses, applied in
             order, each joint at most once; x, y, z of the tool; the number of a task, for all
-            motions that are known before a run. Joints that are not named keep their start position.
+            motions that are known before a run. Joints that are not named stay at the start.
         group: Group that moves; None for the group of the named joints, else the arm.
         seed: Seed of the planner.
         start: Start, in the form of `words`, but not a task. Joints that are not named are in the

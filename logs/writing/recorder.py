@@ -44,7 +44,7 @@ class Recorder:
     """Records one run into one file; never blocks the run.
 
     All recorders of a process share two threads: one writes, one syncs files to the disk. During
-    the run the file is a locked journal. Each record is written to the operating system immediately,
+    the run the file is a locked journal. Each record is passed to the operating system at once,
     and synced to the disk within `FSYNC_S`. `close` makes the final recording from the journal.
     """
 
