@@ -14,8 +14,8 @@ from logs import Goal as RecordedGoal
 from logs import Recording
 from logs import Schedule as RecordedSchedule
 from logs import Sent as RecordedFrame
-from skills import Execute
 from skills.errors import NotReplayable
+from skills.leaves.execute import Execute
 from skills.merged_motion import MergedMotion
 
 _ROUNDING = 1e-6  # [rad]

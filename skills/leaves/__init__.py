@@ -1,1 +1,8 @@
 """The shipped skills, one file each."""
+
+from importlib import import_module
+from pkgutil import iter_modules
+
+# A skill registers itself when its class is defined. Messages list them in this order.
+for _file in iter_modules(__path__, f"{__name__}."):
+    import_module(_file.name)

@@ -14,7 +14,7 @@ from executive.goals.outcome import Acceptance, GoalState, GoalStatus
 from executive.goals.queue import Policy
 from executive.replay.verification import verify
 from hardware import NotActive, PortMissing, State, TransitionRefused
-from skills import PlanGripper
+from skills.leaves.plan_group import PlanGripper
 from tests.conftest import RigMaker
 from tests.support.paths import EXAMPLES
 from tests.support.server_acts import at_frame, history, run

@@ -12,7 +12,9 @@ import pytest
 import logs
 from executive.goals.outcome import GoalState
 from hardware import Robot, SimulatedClock, State
-from skills import Execute, PlanGripper, Skill
+from skills import Skill
+from skills.leaves.execute import Execute
+from skills.leaves.plan_group import PlanGripper
 from skills.motion import Pool
 from tests.conftest import Rig, RigMaker
 

@@ -8,17 +8,16 @@ from py_trees.common import Status
 from hardware import Robot
 from skills import (
     BadTarget,
-    CheckBounds,
     OutOfBounds,
     Positions,
-    Shift,
     SkillError,
-    Target,
     check_targets,
     known_errors,
     refuse,
 )
 from skills.joint_targets import check_complete, link_errors, split_by_group
+from skills.leaves.check_bounds import CheckBounds
+from skills.leaves.target import Shift, Target
 from tests.conftest import Bench
 from tests.support.arms import foreign
 

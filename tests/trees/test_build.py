@@ -11,7 +11,9 @@ from py_trees.blackboard import Blackboard
 from py_trees.composites import Sequence
 
 from hardware import Arm, Robot, SimulatedClock
-from skills import BadTarget, CheckBounds, Context, Execute, OutOfBounds, SkillError
+from skills import BadTarget, Context, OutOfBounds, SkillError
+from skills.leaves.check_bounds import CheckBounds
+from skills.leaves.execute import Execute
 from skills.motion import Pool
 from trees import FileError, Library
 from trees.build import Tree, build

@@ -10,7 +10,8 @@ import logs
 from executive.goals.outcome import CancelCode, GoalState, Outcome
 from executive.goals.queue import Policy
 from hardware import State
-from skills import PlanGripper, Skill
+from skills import Skill
+from skills.leaves.plan_group import PlanGripper
 from tests.conftest import Rig, RigMaker
 from tests.support.server_acts import at_frame, history, run
 

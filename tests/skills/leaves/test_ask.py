@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import pytest
 from py_trees.common import Status
 
-from skills import Ask, BadQuestion, ConditionFails, Operator, Question, Unanswered
+from skills import BadQuestion, ConditionFails, Operator, Question, Unanswered
+from skills.leaves.ask import Ask
 from tests.conftest import Bench
 
 

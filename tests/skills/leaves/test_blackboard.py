@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from skills import Compare, SkillBroken
+from skills import SkillBroken
+from skills.leaves.blackboard import Compare
 from tests.conftest import Bench, RigMaker
 
 HEAD = "task: 10\nname: x\ndescription: y\n"

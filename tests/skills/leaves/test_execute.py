@@ -5,7 +5,8 @@ import pytest
 from py_trees.common import Status
 
 from hardware import FrameSent, Schedule
-from skills import Execute, Interrupted, Scheduled, StartMoved
+from skills import Interrupted, Scheduled, StartMoved
+from skills.leaves.execute import Execute
 from skills.merged_motion import MergedMotion
 from skills.motion import MotionCollides, Plan, PlanCanceled, Rest, Verify
 from tests.conftest import Bench

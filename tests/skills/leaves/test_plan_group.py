@@ -6,7 +6,8 @@ import pytest
 from py_trees.common import Status
 
 from hardware import Robot, compile_schedule
-from skills import BadTarget, PlanArm, PlanGripper, Planned, Positions
+from skills import BadTarget, Planned, Positions
+from skills.leaves.plan_group import PlanArm, PlanGripper
 from skills.merged_motion import MergedMotion, verify_query
 from skills.motion import (
     BadQuery,

@@ -8,7 +8,8 @@ import pytest
 import logs
 from executive.goals.outcome import Outcome
 from hardware import Robot
-from skills import AddBox, Attach, Detach, Skill
+from skills import Skill
+from skills.leaves.scene import AddBox, Attach, Detach
 from skills.motion.planner import Planner
 from tests.conftest import Bench, Rig, RigMaker
 

@@ -2,7 +2,7 @@
 
 from py_trees.common import Status
 
-from skills import SetStart
+from skills.leaves.set_start import SetStart
 from tests.conftest import Bench
 
 
