@@ -10,6 +10,9 @@ from numbers import Real
 
 from .errors import BadPosition
 
+# Units in messages for people: factor and name, by the unit of a joint's position.
+DISPLAY_UNITS = {"rad": (math.degrees(1.0), "deg"), "m": (1e3, "mm")}
+
 
 @dataclass(frozen=True, slots=True)
 class Mimic:
@@ -83,8 +86,14 @@ def check_position(joint: Joint, q: object) -> float:
     if not math.isfinite(value):
         raise BadPosition(f"{joint.name} = {q!r} is not a finite number", joint.name, q)
     if not joint.lower <= value <= joint.upper:
-        limits = f"[{joint.lower!r}, {joint.upper!r}] {joint.unit}"
+        scale, unit = DISPLAY_UNITS[joint.unit]
+        shown, low, high = (f"{scale * x:.8g}" for x in (value, joint.lower, joint.upper))
         limit = min(max(value, joint.lower), joint.upper)
-        words = f"{joint.name} = {q} {joint.unit} is outside its limits {limits}"
-        raise BadPosition(words, joint.name, q, limit)
+        raise BadPosition(
+            f"{joint.name} = {shown} {unit} ({q} {joint.unit}) is outside its limits "
+            f"[{low}, {high}] {unit}",
+            joint.name,
+            q,
+            limit,
+        )
     return value

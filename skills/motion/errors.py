@@ -29,8 +29,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-# Units in messages: factor and name, by the unit of a joint's position.
-_DISPLAY = {"rad": (math.degrees(1.0), "deg"), "m": (1e3, "mm")}
+from hardware.joints import DISPLAY_UNITS
 
 
 class MotionError(Exception):
@@ -146,7 +145,7 @@ class OutOfBounds(MotionError, ValueError):
         self.what = what or self.what
         self.joint, self.value, self.unit = joint, value, unit
         self.lower, self.upper = lower, upper
-        scale, display = _DISPLAY[unit]
+        scale, display = DISPLAY_UNITS[unit]
         position, low, high = (f"{scale * x:.6g}" for x in (value, lower, upper))
         super().__init__(
             f"{_the(self.what)} of {joint}, {position} {display} ({value:.6g} {unit}), "
@@ -284,7 +283,7 @@ class Barred(MotionError):
     def __init__(self, joint: str, value: float, unit: str, first: str, second: str) -> None:
         self.joint, self.value, self.unit = joint, value, unit
         self.first, self.second = first, second
-        scale, display = _DISPLAY[unit]
+        scale, display = DISPLAY_UNITS[unit]
         super().__init__(
             f"There is no path to the goal: {joint} would have to pass {scale * value:.4g} "
             f"{display}, where {first} is too close to {second} for all positions of the other "

@@ -163,7 +163,7 @@ WRONG = [
     (
         "{sequence: [{SetStart: {start: $s}}, {PlanArm: {start: $s, goal: {joint_1: 0, joint_2: 0,"
         " joint_3: 0, joint_4: 0}, via: [{joint_1: 0, joint_2: 0, joint_3: 7}], plan: $p}}]}",
-        "PlanArm: joint_3 = 7.0 rad",
+        "PlanArm: joint_3 = 401.07046 deg (7.0 rad)",
     ),
     ("{subtree: move_joints, with: {joints: {joint_1: 80 dge}}}", "did you mean deg?"),
     ("{subtree: move_joints, with: {joints: upwright}}", "no pose upwright; there are"),
@@ -357,7 +357,7 @@ def test_two_files_of_one_number_are_told_with_a_place(robot: Robot, tmp_path: P
 @pytest.mark.parametrize(
     ("pose", "words"),
     [
-        ("{joint_1: 5}", "joint_1 = 5.0 rad is outside its limits"),
+        ("{joint_1: 5}", "joint_1 = 286.4789 deg (5.0 rad) is outside its limits"),
         ("{jint_1: 1}", "jint_1 is no joint"),
     ],
 )

@@ -50,7 +50,10 @@ def test_a_urdf_that_cannot_be_planned_with_is_a_wrong_file(tmp_path: Path) -> N
             ("1", "2"),
             "'1' is the number of a task, which must be the only word; plan one",
         ),
-        (("right", "--via", "joint_1=9"), "--via: joint_1 = 9.0 rad is outside its limits"),
+        (
+            ("right", "--via", "joint_1=9"),
+            "--via: joint_1 = 515.66202 deg (9.0 rad) is outside its limits",
+        ),
         (("right", "--via", "9 9 9"), "--via: The tool cannot reach (9.0000, 9.0000, 9.0000) m"),
         (("right", "--start", "9 9 9"), "--start: The tool cannot reach (9.0000, 9.0000, 9.0000)"),
         (("right", "--start", "joint_9=1"), "--start: joint_9 is not an actuated joint"),
