@@ -129,7 +129,7 @@ def _log_line(clock: Clock, words: str) -> logs.LogLine:
 
 def _recovered(made: logs.Summary | Exception) -> str:
     if isinstance(made, logs.Summary):
-        shown = f"; `armtree log show {made.path}` tells what is left" if made.bytes else ""
+        shown = f"; `armtree log show {made.path}` shows what is left" if made.bytes else ""
         return made.text() + shown
     if isinstance(made, OSError) and made.filename:
         return f"not recovered: {made.filename}: {made.strerror}"

@@ -153,8 +153,8 @@ class SkillBroken(SkillError):
     hint = "correct the skill; --debug shows the line. If the skill ships with armtree, report it"
 
     def __init__(self, where: str, what: BaseException | str) -> None:
-        did = what if isinstance(what, str) else f"raised {type(what).__name__}: {what}"
-        super().__init__(f"{where} {did}")
+        problem = what if isinstance(what, str) else f"raised {type(what).__name__}: {what}"
+        super().__init__(f"{where} {problem}")
 
 
 class TaskFailed(SkillError):

@@ -73,8 +73,8 @@ def missing_joint_errors(
     """Return the error of `check_complete`, if any. A misspelt joint is not missing."""
     names = [joint.name for joint in robot.actuated]
     written = _written(configuration)
-    meant = corrections(written, [joint.name for joint in robot.joints]).values()
-    missing = [name for name in names if name not in written and name not in meant]
+    corrected = corrections(written, [joint.name for joint in robot.joints]).values()
+    missing = [name for name in names if name not in written and name not in corrected]
     why = f"the {port} lacks {', '.join(missing)}; it must name {', '.join(names)}"
     return [BadTarget(why).at(port)] if missing else []
 
@@ -147,13 +147,13 @@ def _name_errors(
         return
     joints = {name: robot.joint(name) for name in robot.groups[group]}
     there, written = f"the {group} has {', '.join(joints)}", _written(target)
-    meant = corrections(written, joints).values()
+    corrected = corrections(written, joints).values()
     for name in written:
         if name not in joints:
             near = suggestion(name, joints, written)
             yield name, f"{name} is no joint of the {group}; {there}{near}"
     for name, joint in joints.items():
-        if joint.mimic is None and name not in written and name not in meant:
+        if joint.mimic is None and name not in written and name not in corrected:
             yield name, f"{name} is missing; {there}"
 
 
@@ -186,6 +186,6 @@ def _contradiction(joint: Joint, target: Mapping[str, float]) -> str:
     if math.isclose(given, follows, abs_tol=1e-9):  # up to the rounding of decimal literals
         return ""
     return (
-        f"{joint.name} = {given:g} contradicts {mimic.leader} = {target[mimic.leader]:g}, which it "
-        f"follows to {follows:g}; leave {joint.name} out"
+        f"{joint.name} = {given:g} contradicts {mimic.leader} = {target[mimic.leader]:g}, which "
+        f"moves it to {follows:g}; leave {joint.name} out"
     )

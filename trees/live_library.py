@@ -121,7 +121,8 @@ class LiveLibrary:
                 if now.error(number, self._robot, validated=False) is None:
                     return now.library, ""  # the goal fails with the error of the skill
                 raise error
-            warning = f"Task {number} runs as it was: its files were changed and are wrong now: "
+            warning = f"Task {number} runs in its last valid version, "
+            warning += "because its changed files are wrong: "
             return last.library, f"{warning}{error}"
 
     def number(self, task: int | str) -> int:

@@ -73,7 +73,7 @@ def _verbose() -> bool:
 @click.option(
     "--deadman",
     is_flag=True,
-    help="As --wait; cancel the goal if this command dies or does not respond.",
+    help="Like --wait; cancel the goal if this command dies or does not respond.",
 )
 @set_option
 @_with_client

@@ -24,15 +24,15 @@ class LogHandler(logging.Handler):
     """Passes lines of the log on as records.
 
     Args:
-        tell: Receives the records.
+        record: Receives the records.
         clock: Time source.
     """
 
-    def __init__(self, tell: Callable[[logs.Record], None], clock: Clock) -> None:
+    def __init__(self, record: Callable[[logs.Record], None], clock: Clock) -> None:
         super().__init__(logging.INFO)
-        self._tell, self._clock = tell, clock
+        self._record, self._clock = record, clock
 
     def emit(self, record: logging.LogRecord) -> None:
         """Pass a line on."""
         text = record.getMessage()
-        self._tell(logs.LogLine(self._clock.now(), record.levelno, record.name, text))
+        self._record(logs.LogLine(self._clock.now(), record.levelno, record.name, text))

@@ -12,10 +12,14 @@ from .options import DRAWING, PATH, robot_option, trees_option
 @robot_option
 @trees_option
 @click.option(
-    "--start", multiple=True, help="Start, as GOAL but not a task, in quotes. Default: boot pose."
+    "--start",
+    multiple=True,
+    help="Start, written like GOAL but no task, in quotes. Default: boot pose.",
 )
 @click.option(
-    "--via", multiple=True, help="Point to pass without a stop, as --start. May be repeated."
+    "--via",
+    multiple=True,
+    help="Point to pass without a stop, written like --start. May be repeated.",
 )
 @click.option("--relative", is_flag=True, help="Count x y z from the tool's position at the start.")
 @click.option("--direction", nargs=3, metavar="X Y Z", help="Direction of the tool's axis.")
@@ -61,7 +65,7 @@ def plan(
       JOINT=VALUE, JOINT+=CHANGE   joints; the others do not move
       POSE                         a pose of poses.yaml
       X Y Z                        a point for the tool
-      N                            a task: all motions that it spells out
+      N                            a task: all motions that are known before a run
 
     Numbers without a unit are in rad and m. Joints and poses can be combined.
 
@@ -83,10 +87,10 @@ def plan(
     from trees import Library
 
     vectors = {"direction": direction, "offset": offset, "axis": axis}
-    of_tool = {port: f"[{', '.join(words)}]" for port, words in vectors.items() if words}
-    of_tool |= ({"relative": "true"} if relative else {}) | ({"tool": tool} if tool else {})
+    tool_inputs = {port: f"[{', '.join(words)}]" for port, words in vectors.items() if words}
+    tool_inputs |= ({"relative": "true"} if relative else {}) | ({"tool": tool} if tool else {})
     words = " ".join(start).split()
     library = Library(trees)
-    request = PlanRequest(load_robot(robot), library, goal, group, seed, words, via, of_tool)
+    request = PlanRequest(load_robot(robot), library, goal, group, seed, words, via, tool_inputs)
     for line in explain(request, world, output):
         click.echo(line)

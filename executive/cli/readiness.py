@@ -104,7 +104,7 @@ def _planner(robot: Robot) -> Check:
     if isinstance(answer, MotionError):
         remedy = "correct the robot file or its URDF"
         return Check("planner", False, str(answer), remedy, answer.code)
-    free = "a worker has loaded the robot; its boot pose is free of collisions"
+    free = "a worker has loaded the robot; the boot pose is free of collisions"
     return Check("planner", True, free)
 
 
@@ -131,7 +131,7 @@ def _port(robot: Robot, port: str, opens_port: bool) -> Iterator[Check]:
     if port == VIRTUAL:
         yield Check("port", True, "virtual: nothing real moves")
     elif not isinstance(robot.link(port), SerialLink):
-        yield Check("port", True, f"{port}: its driver checks it when it opens it")
+        yield Check("port", True, f"{port}: the driver checks it on opening")
     else:
         checks = check_port(port)
         yield from checks

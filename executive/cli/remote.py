@@ -137,7 +137,7 @@ def answer_question(client: Client, words: Sequence[str], as_json: bool) -> str:
 
 def _show_goal(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
     """Show the events of one goal until it ends."""
-    ours = False
+    belongs = False
     for event in events:
         if isinstance(event, GoalStatus):
             if event.identity == goal_id and event.outcome:
@@ -145,8 +145,8 @@ def _show_goal(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
                 return event.outcome
             continue
         if isinstance(event, logs.Goal):
-            ours = event.goal_id == goal_id
-        if ours or isinstance(event, logs.Transition):
+            belongs = event.goal_id == goal_id
+        if belongs or isinstance(event, logs.Transition):
             _watch(event, view)
     raise _ended()
 

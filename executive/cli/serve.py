@@ -79,7 +79,7 @@ def prepare(executive: Executive) -> None:
 
 
 def _announce(server: Server, executive: Executive, listen: ListenOptions) -> None:
-    elsewhere = "" if server.port == PORT else f"; its clients want --server {server.url}"
+    elsewhere = "" if server.port == PORT else f"; clients need --server {server.url}"
     logger.info(
         "Listening on %s; a second goal is handled by: %s%s",
         server.url,
@@ -88,8 +88,8 @@ def _announce(server: Server, executive: Executive, listen: ListenOptions) -> No
     )
     if listen.expose:
         logger.warning(
-            "EXPOSED: every machine that reaches %s port %d and knows the token can move this arm, "
-            "and any can stop it; nothing is encrypted",
+            "EXPOSED: a machine that reaches %s port %d can stop this arm, and move it if it knows "
+            "the token; nothing is encrypted",
             listen.address,
             server.port,
         )

@@ -190,7 +190,7 @@ def _of_tree(root: Behaviour) -> Cause:
     """Return the cause of the first failed skill, with the messages of all of them."""
     failed = list(_failed(root))
     if not failed:
-        return cause_of(TaskFailed(f"{root.name} failed, as its tree has it"))
+        return cause_of(TaskFailed(f"{root.name} failed by its own tree"))
     node, error = failed[0]
     planning = getattr(error, "code", "").startswith("plan.")
     words = (f"{node.name}: {error}" if planning else str(error) for node, error in failed)

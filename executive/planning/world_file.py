@@ -51,10 +51,10 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]
-        twice = next(key for key in keys if keys.count(key) > 1)
+        duplicate = next(key for key in keys if keys.count(key) > 1)
         name = found.get("name")
-        where = name if isinstance(name, str) and twice != "name" else "one object"
-        raise BadWorld(f"{json.dumps(twice)} is given twice in {where}; leave one out")
+        where = name if isinstance(name, str) and duplicate != "name" else "one object"
+        raise BadWorld(f"{json.dumps(duplicate)} is given twice in {where}; leave one out")
     return found
 
 

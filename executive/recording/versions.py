@@ -26,12 +26,12 @@ def versions() -> dict[str, str]:
 
     Two installations with equal entries give equal plans and frames for equal queries.
     """
-    ours = {"armtree": _version("armtree"), "planner": _digest(_folder(skills.motion), "**/*.py")}
+    own = {"armtree": _version("armtree"), "planner": _digest(_folder(skills.motion), "**/*.py")}
     folder = _folder(hardware)
-    ours["frames"] = _digest(folder, *_SCHEDULING)
+    own["frames"] = _digest(folder, *_SCHEDULING)
     libraries = {name: _version(name) for name in _PLANNING}
     machine = {"python": platform.python_version(), "machine": platform.machine()}
-    return {**ours, **libraries, **machine, "system": sys.platform}
+    return {**own, **libraries, **machine, "system": sys.platform}
 
 
 def _version(name: str) -> str:

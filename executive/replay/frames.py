@@ -129,7 +129,7 @@ def _compiled(robot: Robot, recorded: Schedule) -> tuple[Compiled | None, str]:
     try:
         compiled = compile_schedule(robot, start, sample, recorded.duration)
     except KeyError as time:
-        return None, f"compiling needs the motion at {time} s, of which no sample is recorded"
+        return None, f"compiling needs the motion at {time} s, but no sample of it is recorded"
     except HardwareError as error:
         return None, f"the recorded motion cannot be compiled: {error}"
     return compiled, _schedules_difference(recorded, compiled)
@@ -186,7 +186,7 @@ def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) 
         if late < -_TOLERANCE or (late > _TOLERANCE and not stopped):  # a stop may brake
             return (
                 f"frame {number}: {frame.text} was due {passed:.6f} s after the first, "
-                f"recorded is {scheduled - first:.6f} s"
+                f"but {scheduled - first:.6f} s is recorded"
             )
         if frame.time < scheduled - _TOLERANCE:
             return f"frame {number}: {frame.text} was sent before it was due"
@@ -228,7 +228,7 @@ def result_difference(records: Sequence[Record]) -> str:
             case Result():
                 goal = goals.get((record.goal_id, record.task))
                 if goal is None:
-                    return f"the result is of task {record.task}, of which no goal is recorded"
+                    return f"the result is of task {record.task}, but no goal of it is recorded"
                 words = _state_difference(record, status)
                 words = words or ("" if goal.elsewhere else _count_difference(record, sent))
                 if words:

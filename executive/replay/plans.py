@@ -36,7 +36,7 @@ def joints_difference(robot: Robot, records: Iterable[Record]) -> str:
         if unknown := [group for group in groups if group not in robot.groups]:
             return f"the group {unknown[0]} is recorded, the robot has {', '.join(robot.groups)}"
         if record.start.keys() != actuated:
-            return f"a start of the joints {', '.join(record.start)} is recorded"
+            return f"the recorded start has the joints {', '.join(record.start)}"
         if isinstance(record, Plan):
             joints = tuple(joint.name for joint in robot.actuated_in(record.group))
             if record.joints != joints:

@@ -90,8 +90,8 @@ def read(port: int) -> ServerInfo | None:
 def _read(file: Path) -> ServerInfo | None:
     try:
         with file.open() as stream:
-            ours = os.fstat(stream.fileno()).st_uid == os.getuid()
-            return ServerInfo(**json.load(stream)) if ours else None
+            is_own = os.fstat(stream.fileno()).st_uid == os.getuid()
+            return ServerInfo(**json.load(stream)) if is_own else None
     except (OSError, ValueError, TypeError):
         return None
 

@@ -141,7 +141,7 @@ def _steps(
             if step < _SHORTEST_STEP:
                 raise TooFast(
                     f"the motion jumps between {before_time:.3f} and {time:.3f} s: it turns the "
-                    f"servos by more than {max_step} degrees in sum within "
+                    f"servos by more than {max_step} degrees in total within "
                     f"{_SHORTEST_STEP * 1000:g} ms. It must begin at the commanded positions and "
                     "be continuous"
                 )

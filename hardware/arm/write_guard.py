@@ -212,7 +212,9 @@ class WriteGuard:
     def _check_pacing(self, frame: Frame) -> None:
         step, most = self._pacing.step(frame), self._robot.firmware.max_step
         if step > most:
-            raise TooFast(f"{frame} turns the servos by {step} degrees in sum; the most is {most}")
+            raise TooFast(
+                f"{frame} turns the servos by {step} degrees in total; the limit is {most}"
+            )
         early = self._pacing.earliest - self._clock.now()
         if early > 0:
             raise TooFast(f"{frame} comes {early * 1000:.1f} ms before the board has room for it")

@@ -141,7 +141,7 @@ def _mimic_joint(name: str, table: TomlTable, urdf: UrdfJoint, leader: Joint) ->
     scale = abs(urdf.mimic.multiplier)
     velocity = leader.velocity * scale
     if velocity > urdf.velocity * _ROUNDING:
-        drives = f"{leader.velocity:g} {leader.unit}/s has {name} follow at {velocity:g}"
+        drives = f"{leader.velocity:g} {leader.unit}/s moves {name} at {velocity:g}"
         most = f"the URDF's limit, {urdf.velocity:g} {urdf.unit}/s"
         table.fail("velocity", f"{drives} {urdf.unit}/s, more than {most}")
     return Joint(

@@ -187,7 +187,9 @@ def _check_tree(joints: list[Element], links: tuple[str, ...]) -> None:
                 there = f"there is no link {link!r}; there are {', '.join(links)}"
                 raise UrdfError(f"joint {name}: {there}")
         if child in above:
-            raise UrdfError(f"joint {name}: its child {child} hangs from {above[child]} already")
+            raise UrdfError(
+                f"joint {name}: its child {child} is the child of {above[child]} already"
+            )
         above[child] = name
     for name, (parent, child) in ends.items():
         path, end = list[str](), parent
@@ -197,13 +199,13 @@ def _check_tree(joints: list[Element], links: tuple[str, ...]) -> None:
         if end == child:
             loop = f"by way of {', '.join(path)}" if path else "as its child is its parent"
             raise UrdfError(
-                f"joint {name} hangs from itself, {loop}; let its child be another link"
+                f"joint {name} is its own ancestor, {loop}; let its child be another link"
             )
     roots = [link for link in links if link not in above]
     if not roots:
-        raise UrdfError("has no links; give it one at least")
+        raise UrdfError("has no links; give it at least one")
     if len(roots) > 1:
-        why = f"links {' and '.join(roots)} hang from no joint, as only one link may"
+        why = f"links {' and '.join(roots)} have no parent joint, which only one link may lack"
         raise UrdfError(f"{why}; let each other one be the child of a joint")
 
 
@@ -322,11 +324,13 @@ def _check_collision(link: str, collision: Element, largest: float) -> None:
         for key in ("xyz", "rpy"):
             numbers = _numbers(origin.get(key, "0 0 0"))
             if len(numbers) != 3 or max(map(abs, numbers)) > largest:
-                wanted = f"three numbers, up to {largest:g} either way"
+                wanted = f"three numbers from {-largest:g} to {largest:g}"
                 _reject(f"an origin of {link}", origin, key, wanted)
     shapes = collision.findall("geometry/*")
     if len(shapes) != 1:
-        raise UrdfError(f"a collision of {link} has {len(shapes)} shapes; give each of them one")
+        raise UrdfError(
+            f"a collision of {link} has {len(shapes)} shapes; give each collision one shape"
+        )
     _check_shape(link, shapes[0], largest)
 
 
@@ -344,7 +348,7 @@ def _check_shape(link: str, shape: Element, largest: float) -> None:
             _reject(where, shape, "filename", "that of a file")
         scale = _numbers(shape.get("scale", "1 1 1"))  # a negative scale mirrors the mesh
         if len(scale) != 3 or not all(0.0 < abs(number) <= largest for number in scale):
-            wanted = f"three numbers other than 0, up to {largest:g} either way"
+            wanted = f"three numbers other than 0, from {-largest:g} to {largest:g}"
             _reject(where, shape, "scale", wanted)
 
 

@@ -13,7 +13,7 @@ class Firmware:
         rate: Rate at which motions are sampled into frames [Hz].
         degree_time: Time for which one degree of one servo blocks the board [s]; 0 if it does not
             block.
-        max_step: Largest change of one frame, in sum over the servos [deg].
+        max_step: Largest change of one frame, total of all servos [deg].
         ring: Size of the receive buffer for unread bytes [bytes].
         boot_time: Time from a reset until the board reads from its line [s].
         banner: First bytes of the line that the board sends after booting. The line ends with the

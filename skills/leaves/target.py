@@ -188,7 +188,7 @@ def _too_far(joint: Joint, distance: float) -> BadPosition | None:
     span = math.pi if joint.continuous else joint.upper - joint.lower
     if abs(distance) <= span:  # False for NaN
         return None
-    most = "half a turn" if joint.continuous else "its limits are apart"
-    why = f"{joint.name} by {distance:g} {joint.unit} is further than {most}, {span:g} {joint.unit}"
+    most = "half a turn" if joint.continuous else "its range"
+    why = f"{joint.name} by {distance:g} {joint.unit} is more than {most}, {span:g} {joint.unit}"
     limit = math.copysign(span, distance) if math.isfinite(distance) else None
     return BadPosition(why, joint.name, distance, limit)

@@ -99,7 +99,7 @@ class BadWorld(BadQuery):
 
     code = "plan.bad_world"
     meaning = "A body of the world is not valid or not known"
-    heading = "What is around the arm makes no sense"
+    heading = "The world is invalid"
 
 
 class ModelUnusable(MotionError):
@@ -338,9 +338,9 @@ class MotionCollides(MotionError):
     """
 
     code = "plan.motion_collides"
-    meaning = "The motion, as its frames play it, is in collision"
+    meaning = "The frames of the motion would cause a collision"
     hint = "add a via pose further away"
-    heading = "The motion would collide as its frames play it"
+    heading = "The frames of the motion would cause a collision"
 
     def __init__(
         self,

@@ -78,4 +78,4 @@ def test_what_turns_without_end_is_moved_as_the_skill_does(tmp_path: Path) -> No
     result = CliRunner().invoke(cli, ["plan", "turn=-170deg", "--start", "turn=3", *arm])
     assert "Goal      turn 3.316" in result.output
     result = CliRunner().invoke(cli, ["plan", "turn+=200deg", *arm])
-    assert "further than half a turn" in str(result.exception)
+    assert "more than half a turn" in str(result.exception)

@@ -183,7 +183,7 @@ def test_a_target_out_of_bounds_fails_the_skill(bench: Bench) -> None:
 def test_a_joint_without_an_end_is_moved_half_a_turn_at_the_most(turns: float) -> None:
     """A continuous joint would take the shorter, opposite direction."""
     Shift.validate(foreign("endless"), {"by": {"turn": math.copysign(3.1, turns)}})
-    with pytest.raises(OutOfBounds, match="further than half a turn"):
+    with pytest.raises(OutOfBounds, match="more than half a turn"):
         Shift.validate(foreign("endless"), {"by": {"turn": turns}})
 
 

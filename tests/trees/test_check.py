@@ -150,7 +150,7 @@ WRONG = [
     ("{subtree: move_joints, with: {joints: {joint1: 1}}}", "did you mean joint_1?"),
     ("{subtree: move_relative, with: {by: {jiont_2: 1}}}", "did you mean joint_2?"),
     ("{subtree: move_relative, with: {by: {joint_1: .nan}}}", "4:44 Shift: joint_1 by nan rad"),
-    ("{subtree: move_relative, with: {by: {joint_1: -100}}}", "further than its limits are apart"),
+    ("{subtree: move_relative, with: {by: {joint_1: -100}}}", "more than its range"),
     (
         "{subtree: reach, with: {arm: upright, gripper: {joint4: 0}}}",
         "4:55 CheckBounds: joint4 is no joint of the gripper",

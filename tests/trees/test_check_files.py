@@ -83,7 +83,7 @@ OWN_FILES = [
     (
         "poses.yaml",
         "poses: {opne: {joint_4: 0}}\nreplaces: [open]\n",
-        "2:1 replaces: here is no pose open; there are opne; did you mean opne?",
+        "2:1 replaces: this file has no pose open; there are opne; did you mean opne?",
     ),
     ("3_x.YAML", HEAD, "the name of a file of tasks ends in .yaml"),
     ("look.yml", HEAD, "the name of a file of tasks ends in .yaml"),
@@ -103,7 +103,7 @@ OWN_FILES = [
         "look.yaml",
         "subtree: look\ndescription: x\nports: {a: {type: text, output: true, default: b}}\n"
         "tree: {Set: {value: b, key: $a}}\n",
-        "3:39 ports: a is written, and takes no default",
+        "3:39 ports: a is an output, and outputs have no default",
     ),
 ]
 

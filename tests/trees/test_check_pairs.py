@@ -213,8 +213,8 @@ TOGETHER = [
     ),
     (
         "{subtree: move_relative, with: {by: {joint_1: 100, joint_2: 99, jiont_3: 1, joint_4: x}}}",
-        ["4:44 Shift: joint_1 by 100 rad is further than",
-         "4:58 Shift: joint_2 by 99 rad is further than",
+        ["4:44 Shift: joint_1 by 100 rad is more than",
+         "4:58 Shift: joint_2 by 99 rad is more than",
          "4:71 Shift: jiont_3 is no joint that turns; there are joint_1, joint_2, joint_3, joint_4"
          "; did you mean joint_3?",
          "4:92 by: 'x' is not an angle"],

@@ -71,7 +71,7 @@ def test_a_change_by_renaming_too(files: Files, tmp_path: Path) -> None:
 def test_a_wrong_one_is_told_of_and_the_last_good_one_kept(files: Files, wrong: str) -> None:
     files.path.write_text(wrong)
     assert files.says() == "one"
-    assert "Task 7 runs as it was" in files.warning
+    assert "Task 7 runs in its last valid version" in files.warning
     assert "7_say.yaml" in files.warning
     files.path.write_text(TASK % "two")
     assert files.says() == "two"

@@ -68,7 +68,7 @@ class CollisionChecks:
             for world, place in self._first_worlds().items():
                 new = (boot, world) not in configurations and broken.isdisjoint(world.bodies)
                 if new and (hit := self._collision(boot, world)):
-                    why = "in its boot pose the arm collides before it moves here"
+                    why = "in its boot pose, before this motion, the arm is in collision"
                     self.notes.append(Mistake(place, f"{why}: {hit}"))
 
     def _load_error(self, body: Body) -> BadWorld | WorkerDied | None:
@@ -97,7 +97,7 @@ class CollisionChecks:
     def _configurations(self) -> dict[tuple[Pose, World], list[_Use]]:
         """Return all configurations in their worlds, and their uses."""
         found: dict[tuple[Pose, World], list[_Use]] = {}
-        goal, start = "this pose collides", "before it moves here, the arm collides"
+        goal, start = "this pose collides", "before this motion, the arm is in collision"
         for place, pose in self.poses:
             found.setdefault((pose, EMPTY), []).append((place, goal))
         for tree in self.trees:

@@ -28,7 +28,7 @@ def read_arguments(settings: Sequence[str], tasks: Sequence[int]) -> dict[str, L
         name, equals, text = setting.partition("=")
         source = f"--set {setting}"
         if len(tasks) > 1:
-            wrong.append(_wrong(source, "goes with one task; run them one by one"))
+            wrong.append(_wrong(source, "is for one task; run the tasks one by one"))
         if not equals or not name:
             wrong.append(_wrong(source, "is not NAME=VALUE"))
             continue

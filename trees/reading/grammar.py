@@ -320,7 +320,7 @@ class _Parser:
         else:
             self._wrong(value.place, f"{what} needs a type: {', '.join(TYPES)}")
         if "default" in keys and output:
-            self._wrong(keys["default"].label, f"{what} is written, and takes no default")
+            self._wrong(keys["default"].label, f"{what} is an output, and outputs have no default")
         least, most = self._bound(kind, keys.get("min")), self._bound(kind, keys.get("max"))
         if least is not None and most is not None and most < least:
             self._wrong(keys["max"].place, f"{what}: max is less than min")

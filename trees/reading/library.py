@@ -325,7 +325,9 @@ def _replaced_poses(file: PosesFile, shipped: Mapping[str, object]) -> list[Mist
         if name and name not in shipped
     ]
     mistakes += [
-        Mistake(place, f"replaces: here is no pose {name}; there are {choices(name, file.poses)}")
+        Mistake(
+            place, f"replaces: this file has no pose {name}; there are {choices(name, file.poses)}"
+        )
         for name in file.replaces
         if name in shipped and name not in file.poses
     ]

@@ -22,7 +22,7 @@ VIRTUAL = "virtual"
 # delay(5) and Servo.write, which divides. Each turn takes another 0.12 ms (atoi, and Servo.read
 # twice), and reading its five bytes 0.03 ms. The figures here are 0.5 % higher, because the
 # resonator of an Uno may be that slow. 10 Hz leaves 100 ms per frame, enough for 4 servos and 15
-# degrees in sum; larger frames are sent at a lower rate.
+# degrees in total; larger frames are sent at a lower rate.
 STOCK = Firmware("stock", 10.0, 0.0051, 16, 63, 1.0, b"", turn_time=0.00015)
 # It stores a frame, and timers move the servos, so a frame needs only its time on the line. The
 # largest step is the same, because it bounds how far the arm moves after a stop.
@@ -104,6 +104,6 @@ def _check_letters(table: TomlTable, joints: Sequence[Joint]) -> None:
         assert isinstance(joint.wire, WireField)
         letter = joint.wire.letter
         if letter in taken:
-            what = f"its letter {letter} on the wire is that of {taken[letter]} already"
+            what = f"its letter {letter} is the letter of {taken[letter]} already"
             table.fail(joint.name, what)
         taken[letter] = joint.name

@@ -235,7 +235,10 @@ def test_a_changed_task_is_picked_up_and_a_wrong_one_is_not(
     file.write_text("task: 12\nname: [")
     status, said, _ = type_in("send", "12", "--wait", "--set", "often=9")
     assert status == 0
-    assert "\nwarning: Task 12 runs as it was: its files were changed and are wrong now:" in said
+    assert (
+        "\nwarning: Task 12 runs in its last valid version, because its changed files are wrong:"
+        in said
+    )
     assert "12_say.yaml:2:8" in said
     events = map(json.loads, type_in("send", "12", "--wait", "--json")[1].splitlines())
     told = [e["event"] for e in events if e.get("level", logging.WARNING) == logging.WARNING]
@@ -319,9 +322,9 @@ def test_a_watcher_sees_what_others_do(shell: Shell) -> None:
 def test_what_is_open_is_said_loudly(shell: Shell) -> None:
     shell.serve("--expose")
     assert re.search(
-        r" on (http://127.*:\d+); .*reject; its clients want --server \1\n", "".join(shell.log)
+        r" on (http://127.*:\d+); .*reject; clients need --server \1\n", "".join(shell.log)
     )
-    assert "WARNING EXPOSED: every machine" in "".join(shell.log)
+    assert "WARNING EXPOSED: a machine" in "".join(shell.log)
 
 
 def test_what_a_server_says_first_is_recorded_but_for_the_token(shell: Shell) -> None:
@@ -334,7 +337,7 @@ def test_what_a_server_says_first_is_recorded_but_for_the_token(shell: Shell) ->
     (own,) = folder.glob("*-server.mcap")
     lines = [line for line in Recording(own).records(LogLine) if isinstance(line, LogLine)]
     told = "\n".join(line.message for line in lines)
-    for words in (f"{left.name}: recovered", "Port virtual", "Listening on", "EXPOSED: every"):
+    for words in (f"{left.name}: recovered", "Port virtual", "Listening on", "EXPOSED: a machine"):
         assert words in told
         assert words in "".join(shell.log)
     token = re.search(r"Token .*: (\S+)", "".join(shell.log))

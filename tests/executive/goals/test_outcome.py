@@ -114,14 +114,14 @@ def test_the_last_check() -> None:
     collides = MotionCollides(3, None, "gripper_left", "floor", -0.01, 0.002)
     _, code, message = said(tree(Status.FAILURE, Failed("Execute", collides)), None, False)
     assert code == "plan.motion_collides"
-    assert message.startswith("The motion would collide as its frames play it: Execute: ")
+    assert message.startswith("The frames of the motion would cause a collision: Execute: ")
 
 
 def test_a_failure_that_no_skill_explains() -> None:
     assert said(tree(Status.FAILURE), None, False) == (
         GoalState.ABORTED,
         "task.failed",
-        "The task failed: task failed, as its tree has it",
+        "The task failed: task failed by its own tree",
     )
 
 

@@ -129,7 +129,7 @@ def test_a_motion_that_jumps_is_refused(robot: Robot, jump: float, between: str)
         return [PICK if time >= jump else HOME for time in times]
 
     robot = dataclasses.replace(robot, firmware=dataclasses.replace(robot.firmware, rate=50.0))
-    why = f"^the motion jumps between {between}.* by more than 16 degrees in sum within 1 ms"
+    why = f"^the motion jumps between {between}.* by more than 16 degrees in total within 1 ms"
     with pytest.raises(TooFast, match=why) as raised:
         compile_schedule(robot, HOME, sample, 1.0)
     assert raised.value.code == "hw.too_fast"

@@ -166,7 +166,7 @@ def test_a_motion_decided_on_before_another_one_began_or_ended_is_refused() -> N
 
 def test_too_large_a_step_is_refused() -> None:
     rig = Rig()
-    with pytest.raises(TooFast, match="turns the servos by 17 degrees in sum; the most is 16"):
+    with pytest.raises(TooFast, match="turns the servos by 17 degrees in total; the limit is 16"):
         rig.write(degrees(17))
     assert rig.write(degrees(16))
 

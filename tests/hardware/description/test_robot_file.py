@@ -104,7 +104,7 @@ WRONG = {
     "no wire": (WIRE_1, "", "[joints.joint_1]", "joints.joint_1.wire: is missing"),
     "letter is two": ('letter = "b"', 'letter = "bb"', "wire =", "joints.joint_1.wire.letter: 'bb' is not one letter from a to z"),
     "letter is a digit": ('letter = "b"', 'letter = "1"', "wire =", "joints.joint_1.wire.letter: '1' is not one letter"),
-    "letter of another": ('letter = "b"', 'letter = "s"', "[joints.joint_2]", "joints.joint_2: its letter s on the wire is that of joint_1"),
+    "letter of another": ('letter = "b"', 'letter = "s"', "[joints.joint_2]", "joints.joint_2: its letter s is the letter of joint_1 already"),
     "sign is two": ("sign = 1,", "sign = 2,", "wire =", "joints.joint_1.wire.sign: 2 is not one of -1, 1"),
     "span is zero": ("span_deg = 180", "span_deg = 0", "wire =", "joints.joint_1.wire.span_deg: 0 is not allowed"),
     "span is next to nothing": ("span_deg = 180", "span_deg = 1e-323", "wire =", "joints.joint_1.wire: .* no servo angle"),
@@ -148,7 +148,7 @@ ORIGIN = '<origin xyz="0 0 0.0307" rpy="0 0 0"'
 WRONG_URDF = {
     "no xml": ("<robot", "robot", r"arduinobot.urdf:\d+: is not XML"),
     "no urdf": (URDF, "<html/>", "arduinobot.urdf: is no URDF: it is a <html>; give it a <robot>"),
-    "no links": (URDF, "<robot/>", "arduinobot.urdf: has no links; give it one at least"),
+    "no links": (URDF, "<robot/>", "arduinobot.urdf: has no links; give it at least one"),
     "no lower": ('lower="-1.570796326795"', "", r"joint joint_1: the lower of its limit is missing; give a finite number \[rad\]"),
     "no effort": ('effort="30.0"', "", "joint joint_1: the effort of its limit is missing; give a finite number of at least 0"),
     "no limit": (LIMIT, "", "joint joint_1: it has no limit; give one with its lower, upper, velocity and effort"),
@@ -165,7 +165,7 @@ WRONG_URDF = {
     "two links of a name": ('<link name="base_link"', '<link name="world"', "two links are called world; give each a name of its own"),
     "joint without a name": ('<joint name="joint_2"', "<joint", r"joint \d of \d+ has no name; give it one"),
     "link without a name": ("</robot>", "<link/></robot>", r"link (\d+) of \1 has no name; give it one"),
-    "two roots": ("</robot>", '<link name="lost"/></robot>', "links world and lost hang from no joint, as only one link may; let"),
+    "two roots": ("</robot>", '<link name="lost"/></robot>', "links world and lost have no parent joint, which only one link may lack; let"),
     "mimic of nobody": ('<mimic joint="joint_4"', '<mimic joint="joint_8"', "joint_5 follows joint_8; let it follow one of those described: joint_1, joint_2"),
     "mimic of itself": ('<mimic joint="joint_4"', '<mimic joint="joint_5"', "joint joint_5: it mimics itself; let it mimic another joint, or none"),
     "mimic by no number": ('multiplier="-1"', 'multiplier="nan"', "joint joint_5: the multiplier of its mimic is 'nan'; give a finite number"),
@@ -177,9 +177,9 @@ WRONG_URDF = {
     "axis of two numbers": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0"/>', "joint joint_1: its axis is '0 0'"),
     "axis is no number": ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 nan"/>', "joint joint_1: its axis is '0 0 nan'"),
     "axis of texts": ('<axis xyz="0 0 1"/>', '<axis xyz="up"/>', "joint joint_1: its axis is 'up'"),
-    "child above itself": ('<child link="horizontal_arm"/>', '<child link="base_plate"/>', "joint joint_3: its child base_plate hangs from joint_1 already"),
-    "parent below itself": ('<parent link="base_link"/>', '<parent link="horizontal_arm"/>', "joint joint_1 hangs from itself, by way of joint_3, joint_2; let its child be another"),
-    "child is its parent": ('<parent link="base_link"/>', '<parent link="base_plate"/>', "joint joint_1 hangs from itself, as its child is its parent; let"),
+    "child above itself": ('<child link="horizontal_arm"/>', '<child link="base_plate"/>', "joint joint_3: its child base_plate is the child of joint_1 already"),
+    "parent below itself": ('<parent link="base_link"/>', '<parent link="horizontal_arm"/>', "joint joint_1 is its own ancestor, by way of joint_3, joint_2; let its child be another"),
+    "child is its parent": ('<parent link="base_link"/>', '<parent link="base_plate"/>', "joint joint_1 is its own ancestor, as its child is its parent; let"),
     "no such parent": ('<parent link="base_link"/>', '<parent link="base"/>', "joint joint_1: there is no link 'base'; there are world, base_link"),
     "no child": ('<child link="base_plate"/>', "", "joint joint_1: there is no link ''; there are"),
     "no such encoding": ('<?xml version="1.0"?>', '<?xml version="1.0" encoding="foo"?>', "cannot be read: unknown encoding: foo"),
@@ -198,7 +198,7 @@ def test_a_follower_over_its_own_velocity(tmp_path: Path) -> None:
     fast = replaced(URDF, 'multiplier="-1"', 'multiplier="-10.5"')
     said = refusal(written(tmp_path, urdf=fast))
     assert said.endswith(
-        "joints.joint_4.velocity: 1 rad/s has joint_5 follow at 10.5 rad/s, "
+        "joints.joint_4.velocity: 1 rad/s moves joint_5 at 10.5 rad/s, "
         "more than the URDF's limit, 10 rad/s"
     )
     just = replaced(URDF, 'multiplier="-1"', 'multiplier="-10"')

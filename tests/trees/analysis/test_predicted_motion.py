@@ -54,7 +54,7 @@ def written(folder: Path, *steps: str, above: str = "") -> Path:
         ((BALL, LEFT, HOLD, BLOCK, GO), 10, "ball would be .* deep in block"),
         ((BALL, BLOCK, LEFT, HOLD, "{Detach: {body: ball}}", GO), 0, ""),
         ((GO, POST), 0, ""),
-        ((GO, POST, COME), 8, "before it moves here, the arm collides: .* deep in post"),
+        ((GO, POST, COME), 8, "before this motion, the arm is in collision: .* deep in post"),
         ((POST, "{RemoveBody: {body: post}}", GO), 0, ""),
         ((POST, POST.replace("0.12", "-0.22"), GO), 0, ""),
         ((POST, MAYBE.format("post"), GO), 0, ""),
@@ -226,7 +226,7 @@ def test_where_a_reset_puts_the_arm_is_noted_and_no_mistake(
     findings = check(robot, None, [written(tmp_path, *steps)])
     assert findings.mistakes == []
     assert len(findings.notes) == notes
-    assert all("before it moves here" in note.message for note in findings.notes)
+    assert all("before this motion" in note.message for note in findings.notes)
     assert all(note.place.line == 7 for note in findings.notes)
 
 

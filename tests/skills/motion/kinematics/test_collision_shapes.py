@@ -56,7 +56,7 @@ def refusal(robot: Robot) -> str:
         ('<box size="1e-400 1 1"/>', "the size of the box of middle is '1e-400 1 1'"),
         ('<box size="0.1 0.1"/>', "the size of the box of middle is '0.1 0.1'; give three"),
         ('<capsule radius="0.1" length="0.2"/>', "middle has a capsule; give one of box, sphere"),
-        ("", "a collision of middle has 0 shapes; give each of them one"),
+        ("", "a collision of middle has 0 shapes; give each collision one shape"),
         ('<box size="1 1 1"/><sphere radius="1"/>', "a collision of middle has 2 shapes; give"),
         ("<mesh/>", "the filename of the mesh of middle is missing; give that of a file"),
         ('<mesh filename="a.stl" scale="1 0 1"/>', "the scale of the mesh of middle is '1 0 1'"),
@@ -73,7 +73,7 @@ def test_a_shape_that_is_none(tmp_path: Path, shape: str, why: str) -> None:
     [
         ('xyz="nan 0 0"', "the xyz of an origin of middle is 'nan 0 0'; give three numbers"),
         ('xyz="0 0"', "the xyz of an origin of middle is '0 0'"),
-        ('xyz="0 0 1e300"', "up to 1e+06 either way"),
+        ('xyz="0 0 1e300"', "from -1e\\+06 to 1e\\+06"),
         ('rpy="inf 0 0"', "the rpy of an origin of middle is 'inf 0 0'"),
     ],
 )

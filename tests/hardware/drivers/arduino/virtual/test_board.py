@@ -150,7 +150,7 @@ def test_beyond_47_hz_bytes_are_lost(rate: float) -> None:
     assert lost_at(rate) > 0
 
 
-# At f frames per second the board follows a motion of up to 195 - 4.1 f degrees per second in sum.
+# At f frames per second the board follows motions of up to 195 - 4.1 f degrees per second in total.
 @pytest.mark.parametrize(
     ("rate", "degrees", "digested"),
     [(10, 15, True), (10, 16, False), (20, 5, True), (20, 6, False), (25, 3, True), (25, 4, False)],
