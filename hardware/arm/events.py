@@ -94,7 +94,7 @@ class BoardReturned:
     Attributes:
         time: Time at which the board was found [s].
         port: Name under which its port was opened.
-        device: Its present device, such as `/dev/ttyACM1`.
+        device: Its current device, such as `/dev/ttyACM1`.
     """
 
     time: float

@@ -98,7 +98,7 @@ class Lifecycle:
 
     @property
     def state(self) -> State:
-        """The present state."""
+        """The current state."""
         state: State = self._machine.state
         return state
 
@@ -131,7 +131,7 @@ class Lifecycle:
             self._changing.release()
 
     def legal(self) -> list[str]:
-        """Return the requests that the present state allows."""
+        """Return the requests that the current state allows."""
         return [label for label, start, _ in REQUESTS if start is self.state]
 
     def _check(self, label: str) -> None:

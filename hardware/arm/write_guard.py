@@ -36,7 +36,7 @@ class WriteGuard:
         is_active: Returns whether the lifecycle is *active*.
         observe: Callback for every write, in order. No lock is held during the call.
         acknowledgements: Counts the frames that are sent.
-        positions: Present positions, one per actuated joint [rad].
+        positions: Current positions, one per actuated joint [rad].
 
     Attributes:
         interfaces: The command interfaces, in the order of the fields in a frame.

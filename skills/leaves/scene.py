@@ -235,7 +235,7 @@ class Attach(_SetParent):
 
 
 class Detach(_SetParent):
-    """Detach a body from its link. It stays at its present pose."""
+    """Detach a body from its link. It stays at its current pose."""
 
     INPUT_PORTS = {"body": _BODY}
 

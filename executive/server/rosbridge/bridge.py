@@ -300,7 +300,7 @@ def _end_timer(subscription: _Subscription) -> None:
 class _GoalStatuses:
     """The last status of every goal that the executive knows, in the order of acceptance.
 
-    Events arrive later than changes of the executive, so its present state may be ahead of them.
+    Events arrive later than changes of the executive, so its current state may be ahead of them.
 
     Args:
         executive: Runs the goals. Those that it knows already are included.
