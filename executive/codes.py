@@ -18,7 +18,6 @@ BAD_IDENTITY = "goal.bad_id"
 DIFFERS = "replay.differs"
 CLOSING = "server.closing"
 
-USAGE_EXIT = 2  # as click has it
 INTERRUPTED_EXIT = 130  # Ctrl-C before the first goal, or pressed twice
 
 # Cheap ones first: a code is searched in one module after the other.
@@ -95,16 +94,6 @@ def _find(code: str) -> Code | None:
 def all_codes() -> dict[str, Code]:
     """Return every code of armtree, sorted."""
     return dict(sorted((ROWS | {kind.code: _describe(kind) for kind in _own_classes()}).items()))
-
-
-def code_table() -> str:
-    """Return every code of armtree as a Markdown table."""
-    lines = ["| code | exit | means | what to do |", "|---|---|---|---|"]
-    lines += [
-        f"| `{code}` | {known.exit_status} | {known.meaning} | {known.hint} |"
-        for code, known in all_codes().items()
-    ]
-    return "\n".join(lines) + "\n"
 
 
 def _own_classes() -> Iterator[Any]:

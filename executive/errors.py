@@ -248,7 +248,6 @@ class BadRequest(RequestError):
 
     code = "request.malformed"
     meaning = "A request is malformed"
-    hint = "`/openapi.json` describes all requests"
 
 
 class NotFound(RequestError):
@@ -257,7 +256,6 @@ class NotFound(RequestError):
     status = 404
     code = "request.not_found"
     meaning = "The address does not exist"
-    hint = "`/openapi.json` describes all requests"
 
 
 class BadMethod(RequestError):
@@ -266,7 +264,6 @@ class BadMethod(RequestError):
     status = 405
     code = "request.method"
     meaning = "The address has no such method"
-    hint = "`/openapi.json` describes all requests"
 
 
 class Forbidden(RequestError):

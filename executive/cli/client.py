@@ -120,7 +120,7 @@ def cancel(client: "Client", as_json: bool, goal_id: str, stamp_ns: int | None) 
     some = goal_id or stamp_ns
     answer = client.cancel(goal_id, stamp_ns or 0) if some else client.stop()
     if as_json:
-        click.echo(json.dumps({"return_code": answer.code.value, "goals": answer.goals}))
+        click.echo(json.dumps(answer.to_json()))
     else:
         canceled = "\n".join(f"canceling {goal}" for goal in answer.goals)
         click.echo(canceled or CANCEL_MESSAGES[answer.code])

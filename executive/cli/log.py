@@ -12,8 +12,6 @@ from .failures import for_each, print_incomplete
 from .options import AT_LEAST_0, DRAWING, PATH
 
 if TYPE_CHECKING:
-    from collections import Counter
-
     from logs.views.narrative import Overview
     from logs.views.run_figure import Scene
 
@@ -82,6 +80,8 @@ def info(recording: Path) -> None:
 
 
 def _facts(found: "Overview") -> list[tuple[str, str]]:
+    from statistics import median_low
+
     from logs.records.file_format import RECOVERED
 
     end = "complete" if found.complete else "cut off or damaged: armtree log recover"
@@ -99,7 +99,7 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
         facts.append(("duration", f"{result.duration:.3f} s{queued}"))
     facts.append(("frames", f"{found.frames}, {found.holds} of them holds"))
     if late := found.late:
-        middle = _median(late)
+        middle = median_low(late.elements())
         facts.append(("lateness", f"{middle:.2f} ms median, {max(late):.2f} ms at most"))
     for group, spent in found.planning.items():
         facts.append(("planning", f"{group} {spent:.1f} ms"))
@@ -108,15 +108,6 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
         noted = found.notes.get(note, {})
         facts.append((what, ", ".join(f"{name} {is_}" for name, is_ in noted.items()) or "-"))
     return facts
-
-
-def _median(counted: "Counter[float]") -> float:
-    passed = 0
-    for value in sorted(counted):
-        passed += counted[value]
-        if 2 * passed >= counted.total():
-            break
-    return value
 
 
 @log.command()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .options import DRAWING, PATH, robot_option, trees_option
+from .options import DRAWING, PATH, robot_option, seed_option, trees_option
 
 
 @click.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
@@ -30,9 +30,7 @@ from .options import DRAWING, PATH, robot_option, trees_option
 @click.option(
     "--group", help="Group that moves. Default: the group of the named joints, else the arm."
 )
-@click.option(
-    "--seed", type=click.IntRange(1), default=1, show_default=True, help="Seed of the planner."
-)
+@seed_option
 @click.option(
     "-o",
     "--output",

@@ -80,11 +80,7 @@ class Terminal:
         for path in ("", _TERMINAL):
             try:
                 self._read_lines(os.open(path, os.O_RDONLY) if path else sys.stdin.fileno())
-            except (
-                OSError,
-                ValueError,
-                AttributeError,
-            ):  # it is missing, closed or not readable
+            except (OSError, ValueError, AttributeError):  # it is missing, closed or not readable
                 continue
         with self._lock:
             self._ended = True

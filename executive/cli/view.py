@@ -5,7 +5,7 @@ import os
 import sys
 import threading
 from queue import SimpleQueue
-from typing import Protocol, Self, TextIO
+from typing import Protocol, Self
 
 import logs
 from executive.goals.events import QuestionStatus, event_to_json
@@ -34,8 +34,8 @@ class View(Protocol):
 class _Lines:
     """Prints on its own thread, so that a slow or closed pipe cannot block the arm."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+    def __init__(self) -> None:
+        self._stream = sys.stdout
         self._queue: SimpleQueue[_Item | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="view", daemon=True)
 
@@ -81,9 +81,6 @@ class _Lines:
 class JsonView(_Lines):
     """Prints one JSON object per event."""
 
-    def __init__(self) -> None:
-        super().__init__(sys.stdout)
-
     def line(self, item: _Item) -> str:
         """Return an event as JSON. The result is printed when its recording is closed."""
         if isinstance(item, (str, logs.Result)):
@@ -97,9 +94,6 @@ class JsonView(_Lines):
 
 class TextView(_Lines):
     """Prints plain lines, for logs and pipes."""
-
-    def __init__(self) -> None:
-        super().__init__(sys.stdout)
 
     def line(self, item: _Item) -> str:
         """Return the line for a goal, an ended node with a message, a question or an outcome."""

@@ -38,10 +38,10 @@ class AsyncClient:
     def __init__(self, url: str | None = None, token: str | None = None) -> None:
         import httpx  # slow to import, and `--help` does not need it
 
-        address = transport.address(url, token)
-        self.url = address.url
+        options = transport.http_options(url, token)
+        self.url: str = options["base_url"]
         keepalive = httpx.AsyncHTTPTransport(trust_env=False, socket_options=KEEPALIVE)
-        self._http = httpx.AsyncClient(transport=keepalive, **address.options)
+        self._http = httpx.AsyncClient(transport=keepalive, **options)
 
     async def __aenter__(self) -> Self:
         return self

@@ -5,9 +5,8 @@ import json
 import math
 import os
 import threading
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -25,31 +24,8 @@ BEAT_PERIOD = 0.2  # time between two bytes that hold a goal [s]
 _THIS_MACHINE = ("127.0.0.1", "localhost", "::1")
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
-    """The address of a server.
-
-    Attributes:
-        url: URL of the server.
-        headers: Headers of every request.
-    """
-
-    url: str
-    headers: Mapping[str, str]
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """Arguments of an httpx client for this server."""
-        return {
-            "base_url": self.url,
-            "headers": self.headers,
-            "timeout": ANSWER_TIMEOUT,
-            "trust_env": False,
-        }
-
-
-def address(url: str | None, token: str | None) -> Address:
-    """Find a server.
+def http_options(url: str | None, token: str | None) -> dict[str, Any]:
+    """Find a server, and return the arguments of an httpx client for it.
 
     Args:
         url: URL; default ARMTREE_SERVER, then the server on this machine.
@@ -58,7 +34,8 @@ def address(url: str | None, token: str | None) -> Address:
     port = os.environ.get("ARMTREE_TCP_PORT", token_file.PORT)
     url = (url or os.environ.get("ARMTREE_SERVER") or f"http://127.0.0.1:{port}").rstrip("/")
     token = token or os.environ.get("ARMTREE_TOKEN") or _token_in_file(url)
-    return Address(url, {"authorization": f"Bearer {token}"} if token else {})
+    headers = {"authorization": f"Bearer {token}"} if token else {}
+    return {"base_url": url, "headers": headers, "timeout": ANSWER_TIMEOUT, "trust_env": False}
 
 
 def _token_in_file(url: str) -> str:
