@@ -13,15 +13,22 @@ class Mailbox:
 
     Args:
         clock: Time source.
+
+    Attributes:
+        canceled: True after a cancel.
+        paused: True while a pause is requested.
+        stepping: True if the run pauses before the next node starts.
+        fault: First error outside the tree; None for none.
+        paused_time: Total time of the pauses so far [s].
     """
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._signal = clock.signal()
-        self._woken = self._canceled = self._paused = self._stepping = False
-        self._fault: Exception | None = None
+        self._woken = self.canceled = self.paused = self.stepping = False
+        self.fault: Exception | None = None
         self._deadline = math.inf  # in the time of the run [s]
-        self._paused_time = 0.0
+        self.paused_time = 0.0
 
     def wake_at(self, time: float) -> None:
         """Request a tick at a time of the run [s]; only from the executor thread.
@@ -39,13 +46,13 @@ class Mailbox:
     def cancel(self) -> None:
         """Request a cancel."""
         with self._signal:
-            self._canceled = True
+            self.canceled = True
             self._signal.notify()
 
     def pause(self) -> None:
         """Request a pause."""
         with self._signal:
-            self._paused, self._stepping = True, False
+            self.paused, self.stepping = True, False
             self._signal.notify()
 
     def resume(self, step: bool = False) -> bool:
@@ -58,9 +65,9 @@ class Mailbox:
             False if there is nothing to resume.
         """
         with self._signal:
-            if not (self._paused or (self._stepping and not step)):
+            if not (self.paused or (self.stepping and not step)):
                 return False
-            self._paused, self._stepping = False, step
+            self.paused, self.stepping = False, step
             self._woken = True  # a node at a breakpoint needs a tick, also before the pause began
             self._signal.notify()
             return True
@@ -68,44 +75,19 @@ class Mailbox:
     def fail(self, error: Exception) -> None:
         """Report an error outside the tree; the first one counts."""
         with self._signal:
-            self._fault = self._fault or error
+            self.fault = self.fault or error
             self._signal.notify()
-
-    @property
-    def canceled(self) -> bool:
-        """True after a cancel."""
-        return self._canceled
-
-    @property
-    def paused(self) -> bool:
-        """True while a pause is requested."""
-        return self._paused
-
-    @property
-    def stepping(self) -> bool:
-        """True if the run pauses before the next node starts."""
-        return self._stepping
-
-    @property
-    def fault(self) -> Exception | None:
-        """First error outside the tree; None for none."""
-        return self._fault
 
     @property
     def stopping(self) -> bool:
         """True if the run must end before its tree does."""
-        return self._canceled or self._fault is not None
-
-    @property
-    def paused_time(self) -> float:
-        """Total time of the pauses so far [s]."""
-        return self._paused_time
+        return self.canceled or self.fault is not None
 
     def wait(self) -> None:
         """Wait for a post, or for the earliest time that was requested."""
         with self._signal:
-            while not (self._woken or self._paused or self.stopping or self._due):
-                until = None if self._deadline == math.inf else self._deadline + self._paused_time
+            while not (self._woken or self.paused or self.stopping or self._due):
+                until = None if self._deadline == math.inf else self._deadline + self.paused_time
                 self._signal.wait(until)
             self._woken = False
             if self._due:
@@ -115,13 +97,13 @@ class Mailbox:
         """Wait until the run is resumed, or must end."""
         since = self._clock.now()
         with self._signal:
-            while self._paused and not self.stopping:
+            while self.paused and not self.stopping:
                 self._signal.wait(None)
-            self._paused_time += self._clock.now() - since
+            self.paused_time += self._clock.now() - since
 
     @property
     def _due(self) -> bool:
-        return self._clock.now() - self._paused_time >= self._deadline
+        return self._clock.now() - self.paused_time >= self._deadline
 
     def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
         """Wait until a condition is true; False if it is not in time.

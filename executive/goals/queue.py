@@ -58,6 +58,7 @@ class GoalQueue:
     Attributes:
         keep: How long an ended goal is kept [s].
         policy: What happens to a second goal.
+        running: The goal under way; None if there is none.
         signal: Lock of the goals; notified of every change.
     """
 
@@ -70,7 +71,7 @@ class GoalQueue:
         self._goals: dict[str, Goal] = {}
         self._waiting: deque[Goal] = deque()
         self._ended: deque[Goal] = deque()
-        self._running: Goal | None = None
+        self.running: Goal | None = None
         self._last_ns, self._closed = 0, False
 
     def send(
@@ -145,7 +146,7 @@ class GoalQueue:
             for goal in canceled:
                 self._cancel(goal)
             result = CancelResult(CancelCode.NONE, tuple(goal.identity for goal in canceled))
-            return result, canceled, self._running if self._running in canceled else None
+            return result, canceled, self.running if self.running in canceled else None
 
     def stopped(self, goal: Goal) -> None:
         """Note that a stop of the arm for a goal is done."""
@@ -160,7 +161,7 @@ class GoalQueue:
                 self.signal.wait(None)
             if not self._waiting:
                 return None
-            self._running = goal = self._waiting.popleft()
+            self.running = goal = self._waiting.popleft()
             self._enter(goal, GoalState.EXECUTING)
             return goal
 
@@ -173,7 +174,7 @@ class GoalQueue:
         """End the goal under way, so that the next one may begin."""
         with self.signal:
             self._wait_for_stops(goal)  # a late stop would hit the next goal
-            self._running = None
+            self.running = None
             if goal.outcome is None:
                 self._end(goal, outcome)
 
@@ -229,14 +230,9 @@ class GoalQueue:
             return self._goals[identity]
 
     @property
-    def running(self) -> Goal | None:
-        """The goal under way."""
-        return self._running
-
-    @property
     def blocked(self) -> bool:
         """True while a goal that has ended blocks the executor."""
-        running = self._running
+        running = self.running
         return running is not None and running.outcome is not None
 
     @property
@@ -271,7 +267,7 @@ class GoalQueue:
         if identity in self._goals:
             words = f"the goal {identity} exists already; give every goal its own identity"
             return cause_for(DUPLICATE, words)
-        busy = self._running or next(iter(self._waiting), None)
+        busy = self.running or next(iter(self._waiting), None)
         if busy and self.blocked:
             return cause_of(_blocked(busy))
         if invalid:  # first: to wait would not help
@@ -288,7 +284,7 @@ class GoalQueue:
         """Make room for a goal; return the goal under way, if there is one."""
         error = GoalPreempted(identity)
         self._abort_waiting(error)
-        if running := self._running:
+        if running := self.running:
             running.stops += 1
             running.mailbox.fail(error)
         return running
@@ -308,7 +304,7 @@ class GoalQueue:
 
     def _cancel(self, goal: Goal) -> None:
         self._enter(goal, GoalState.CANCELING)
-        if goal is self._running:
+        if goal is self.running:
             goal.stops += 1
             goal.mailbox.cancel()
         else:
