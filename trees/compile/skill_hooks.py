@@ -80,49 +80,41 @@ class SkillHooks:
         """Let a skill validate its inputs."""
         kind = type(leaf.skill)
         inputs = {**leaf.known, **leaf.partial} if kind.validates_partial else leaf.known
-        self._call(leaf, "validate", lambda: kind.validate(robot, inputs), _ANY)
+        self._call(leaf, "validate", _ANY, robot, inputs)
 
     def min_duration(self, leaf: Leaf) -> float:
         """Return the least time that a skill takes [s]."""
-        kind = type(leaf.skill)
-        return (
-            self._call(leaf, "min_duration", lambda: kind.min_duration(leaf.known), _DURATION)
-            or 0.0
-        )
+        return self._call(leaf, "min_duration", _DURATION, leaf.known) or 0.0
 
     def poses(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
         """Return the configurations that inputs send the arm to [rad]; none of a doubtful skill."""
-        if leaf.skill in self.doubtful:
-            return []
-        kind, wanted = type(leaf.skill), _list_of_poses(len(robot.actuated))
-        return self._call(leaf, "poses", lambda: kind.poses(robot, inputs), wanted) or []
+        wanted = _list_of_poses(len(robot.actuated))
+        return self._call_sound(leaf, "poses", wanted, robot, inputs) or []
 
     def waypoints(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
         """Return the points on the way to the goal: values of the arm's own joints [rad]."""
-        if leaf.skill in self.doubtful:
-            return []
-        kind, wanted = type(leaf.skill), _list_of_poses(len(robot.actuated_in("arm")))
-        return self._call(leaf, "waypoints", lambda: kind.waypoints(robot, inputs), wanted) or []
+        wanted = _list_of_poses(len(robot.actuated_in("arm")))
+        return self._call_sound(leaf, "waypoints", wanted, robot, inputs) or []
 
     def tool_query(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
         """Return the point that the tool must reach, or None; None of a doubtful skill."""
-        if leaf.skill in self.doubtful:
-            return None
-        kind = type(leaf.skill)
-        return self._call(leaf, "tool_query", lambda: kind.tool_query(robot, inputs), _TOOL_QUERY)
+        query: ToolQuery | None = self._call_sound(leaf, "tool_query", _TOOL_QUERY, robot, inputs)
+        return query
 
     def body(self, leaf: Leaf) -> Body | None:
         """Return the body that a skill adds to the world, or None; None of a doubtful skill."""
-        if leaf.skill in self.doubtful:
-            return None
-        kind = type(leaf.skill)
-        return self._call(leaf, "body", lambda: kind.body(leaf.known), _BODY)
+        body: Body | None = self._call_sound(leaf, "body", _BODY, leaf.known)
+        return body
 
-    def _call(
-        self, leaf: Leaf, what: str, call: Callable[[], _Answer], wanted: "_Wanted"
-    ) -> _Answer | None:
-        answer, faults = _result(type(leaf.skill), what, call, wanted)
-        self._refuse(leaf.skill, type(leaf.skill), [(each, _place(leaf, each)) for each in faults])
+    def _call_sound(self, leaf: Leaf, hook: str, wanted: "_Wanted", *arguments: object) -> Any:
+        """Return what a hook returns; None if it fails, or if the skill is doubtful."""
+        return None if leaf.skill in self.doubtful else self._call(leaf, hook, wanted, *arguments)
+
+    def _call(self, leaf: Leaf, hook: str, wanted: "_Wanted", *arguments: object) -> Any:
+        """Return what a hook returns; None if it fails."""
+        kind = type(leaf.skill)
+        answer, faults = _result(kind, hook, lambda: getattr(kind, hook)(*arguments), wanted)
+        self._refuse(leaf.skill, kind, [(each, _place(leaf, each)) for each in faults])
         return answer
 
     def _refuse(

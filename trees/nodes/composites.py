@@ -1,6 +1,7 @@
 """Sequence and selector: children that run one after the other."""
 
 from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
 from py_trees import composites
 from py_trees.behaviour import Behaviour
@@ -65,14 +66,33 @@ def _recheck(node: Behaviour, context: Context) -> None:
 
 
 class _InTurn(ControlNodeKind, register=False):
-    """Children that run one after the other, with or without memory."""
+    """Children that run one after the other, with or without memory.
+
+    Attributes:
+        with_memory: Class of a node with memory.
+        reactive: Class of a node without memory.
+    """
 
     options = _MEMORY
     many = True
+    with_memory: ClassVar[type[composites.Sequence | composites.Selector]]
+    reactive: ClassVar[type[ReactiveSequence | ReactiveSelector]]
+
+    def make(
+        self, name: str, children: list[Behaviour], options: Options, context: Context
+    ) -> Behaviour:
+        """Return a new node."""
+        if options["memory"]:
+            return self.with_memory(name, memory=True, children=children)
+        return self.reactive(name, children, context)
 
     def label(self, options: Options) -> str:
         """Return the name of the node in drawings."""
         return self.name if options["memory"] else f"reactive {self.name}"
+
+    def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
+        return [(self.groot_tag if options["memory"] else f"Reactive{self.groot_tag}", {})]
 
     def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
         """Report actions before the last child of a node without memory."""
@@ -89,24 +109,14 @@ class SequenceKind(_InTurn):
 
     name = "sequence"
     description = "runs its children one after the other, until one fails"
-
-    def make(
-        self, name: str, children: list[Behaviour], options: Options, context: Context
-    ) -> Behaviour:
-        """Return a new node."""
-        if options["memory"]:
-            return composites.Sequence(name, memory=True, children=children)
-        return ReactiveSequence(name, children, context)
+    with_memory, reactive = composites.Sequence, ReactiveSequence
+    groot_tag = "Sequence"
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return the possible outcomes, and report children that are never reached."""
         children = node.children(node.halted)
         node.check_reached([each.succeeds for each in children], "succeeds")
         return all_of(children, sum(each.shortest for each in children))
-
-    def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP."""
-        return [("Sequence" if options["memory"] else "ReactiveSequence", {})]
 
 
 class SelectorKind(_InTurn):
@@ -115,21 +125,11 @@ class SelectorKind(_InTurn):
     name = "selector"
     description = "runs its children one after the other, until one succeeds"
     order = Flow.ALTERNATIVES
-
-    def make(
-        self, name: str, children: list[Behaviour], options: Options, context: Context
-    ) -> Behaviour:
-        """Return a new node."""
-        if options["memory"]:
-            return composites.Selector(name, memory=True, children=children)
-        return ReactiveSelector(name, children, context)
+    with_memory, reactive = composites.Selector, ReactiveSelector
+    groot_tag = "Fallback"
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return the possible outcomes, and report children that are never reached."""
         children = node.children(node.halted)
         node.check_reached([each.fails for each in children], "fails")
         return any_of(children)
-
-    def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP."""
-        return [("Fallback" if options["memory"] else "ReactiveFallback", {})]

@@ -117,16 +117,7 @@ def draft_task(path: Path, text: str) -> tuple[TaskFile, list[Mistake]]:
         FileError: The file is not YAML.
     """
     parser = _Parser(path, text, _TASK_KEYS)
-    task = TaskFile(
-        path=path,
-        text=text,
-        number=parser.number("task"),
-        name=parser.name("name"),
-        description=parser.line("description"),
-        parameters=parser.declared("parameters", ()),
-        replaces=parser.name("replaces", needed=False),
-        tree=parser.tree("tree"),
-    )
+    task = replace(_head(parser, path, text), tree=parser.tree("tree"))
     parser.used("parameters", task.tree)
     return task, parser.mistakes.found
 
@@ -142,9 +133,13 @@ def parse_head(path: Path, text: str) -> TaskFile:
     if follows or re.search(r"^\s*\{", head, re.MULTILINE):  # the tree may be inside braces
         return parse_task(path, text)
     parser = _Parser(path, head, _TASK_KEYS)
-    task = TaskFile(
+    return _strict(_head(parser, path, head), parser.mistakes.found)
+
+
+def _head(parser: "_Parser", path: Path, text: str) -> TaskFile:
+    return TaskFile(
         path=path,
-        text=head,
+        text=text,
         number=parser.number("task"),
         name=parser.name("name"),
         description=parser.line("description"),
@@ -152,7 +147,6 @@ def parse_head(path: Path, text: str) -> TaskFile:
         replaces=parser.name("replaces", needed=False),
         tree=SkillNode(parser.root.place, "", {}),
     )
-    return _strict(task, parser.mistakes.found)
 
 
 def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:

@@ -67,12 +67,10 @@ class Library:
         self._tasks: dict[int, Path] = {}
         self._subtrees: dict[str, Path] = {}
         self._poses: list[Path] = []
-        self._claimed: dict[
-            int | str, FileError
-        ] = {}  # the error of a number or name that several files have
-        self._replaced: dict[
-            Path, Path
-        ] = {}  # the shipped file, by the user's file that replaces it
+        # The error of a number or name that several files have.
+        self._claimed: dict[int | str, FileError] = {}
+        # The shipped file, by the user's file that replaces it.
+        self._replaced: dict[Path, Path] = {}
         self.mistakes: list[Mistake] = []
         self.notes: list[Mistake] = []
         for each in filter(None, (*self.shipped, folder)):
@@ -112,7 +110,7 @@ class Library:
         if there is path:
             return
         stem = there.stem.partition("_")[2] if there.parent in self.shipped else ""
-        if not self._replaces(number, path, stem, _task_replaces):
+        if not self._replaces(number, path, stem, draft_task):
             place = _top(path, self._text(path), "task")
             self._claimed[number] = DuplicateTask(number, there, place, stem)
             raise self._claimed[number]
@@ -122,7 +120,7 @@ class Library:
         there = self._subtrees.setdefault(name, path)
         if there is path:
             return
-        if not self._replaces(name, path, name, _subtree_replaces):
+        if not self._replaces(name, path, name, draft_subtree):
             message = (
                 f"subtree {name} is in {there} already; rename this one, or write into it "
                 f"replaces: {name}"
@@ -133,11 +131,15 @@ class Library:
         self._subtrees[name], self._replaced[path] = path, there
 
     def _replaces(
-        self, claimed: int | str, path: Path, stem: str, says: Callable[[Path, str], str]
+        self,
+        claimed: int | str,
+        path: Path,
+        stem: str,
+        draft: Callable[[Path, str], tuple[TaskFile | SubtreeFile, object]],
     ) -> bool:
         """Return whether a user's file declares that it replaces a shipped one."""
         try:
-            return bool(stem) and says(path, self.read(path)) == stem
+            return bool(stem) and draft(path, self.read(path))[0].replaces == stem
         except FileError as error:
             self._claimed[claimed] = error
             raise
@@ -356,14 +358,6 @@ def _top(path: Path, text: str, key: str) -> Place:
     lines = text.splitlines()
     line = next((n for n, each in enumerate(lines, 1) if each.startswith(f"{key}:")), 1)
     return Place(path, line, 1, key, lines)
-
-
-def _task_replaces(path: Path, text: str) -> str:
-    return draft_task(path, text)[0].replaces
-
-
-def _subtree_replaces(path: Path, text: str) -> str:
-    return draft_subtree(path, text)[0].replaces
 
 
 def _files(folder: Path) -> list[str]:
