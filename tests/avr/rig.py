@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hardware import BoardState, RealClock
+from hardware import RealClock
+from hardware.drivers.arduino.virtual.board import BoardState
 from tests.support.paths import FIRMWARE
 
 HERE = Path(__file__).parent
@@ -223,7 +224,7 @@ MakeBoard = Callable[..., AvrBoard]
 
 
 class AvrArduino(_Host):
-    """A board in real time behind a pseudo-terminal, as `hardware.VirtualArduino`.
+    """A board in real time behind a pseudo-terminal, as `VirtualArduino`.
 
     Attributes:
         port: The pseudo-terminal to open.

@@ -26,7 +26,6 @@ from pathlib import Path
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
 from hardware import (
-    FIRMWARES,
     VIRTUAL,
     Arm,
     ArmEvent,
@@ -42,6 +41,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
+from hardware.drivers.arduino.serial_servo import FIRMWARES
 from logs import Recorder, Sent
 from skills.motion import Pool, Query
 from tests.avr import rig

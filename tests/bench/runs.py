@@ -37,7 +37,6 @@ from executive.goals.queue import Policy
 from executive.goals.run import Run
 from executive.setup import Setup
 from hardware import (
-    FIRMWARES,
     VIRTUAL,
     BoardLink,
     Clock,
@@ -48,6 +47,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
+from hardware.drivers.arduino.serial_servo import FIRMWARES
 from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show

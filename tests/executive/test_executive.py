@@ -10,7 +10,8 @@ from mcap.reader import make_reader
 
 import logs
 from executive.goals.outcome import GoalState
-from hardware import FIRMWARES, Robot, SimulatedClock
+from hardware import Robot, SimulatedClock
+from hardware.drivers.arduino.serial_servo import FIRMWARES
 from skills.motion import NoPath, Pool, Query, Result
 from tests.conftest import Rig, RigMaker
 

@@ -13,7 +13,8 @@ from executive.errors import ResultTimeout, UnknownGoal
 from executive.goals.outcome import Acceptance, GoalState, GoalStatus
 from executive.goals.queue import Policy
 from executive.replay.verification import verify
-from hardware import NotActive, PortMissing, State, TransitionRefused
+from hardware import NotActive, State, TransitionRefused
+from hardware.errors import PortMissing
 from skills.leaves.plan_group import PlanGripper
 from tests.conftest import RigMaker
 from tests.support.paths import EXAMPLES

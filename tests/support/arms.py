@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hardware import CollisionRules, Joint, Robot, WireField, load_robot
+from hardware import CollisionRules, Joint, Robot, load_robot
+from hardware.drivers.arduino.frames import WireField
 from skills.motion.collision.checker import CollisionChecker
 from tests.support.paths import DATA
 

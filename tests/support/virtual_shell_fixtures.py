@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from hardware import FIRMWARES, Firmware, SimulatedClock
+from hardware import Firmware, SimulatedClock
+from hardware.drivers.arduino.serial_servo import FIRMWARES
 from tests.avr import rig
 from tests.support.virtual_shells import Avr, InProcess, Port, Process, Shell, quick
 

@@ -4,20 +4,10 @@ import dataclasses
 from collections.abc import Callable
 from threading import Thread
 
-from hardware import (
-    FIRMWARES,
-    Board,
-    BoardLink,
-    BoardState,
-    Clock,
-    Firmware,
-    Link,
-    RealClock,
-    SerialLink,
-    SimulatedClock,
-    VirtualArduino,
-    VirtualLink,
-)
+from hardware import BoardLink, Clock, Firmware, Link, RealClock, SerialLink, SimulatedClock
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.virtual.arduino import VirtualArduino, VirtualLink
+from hardware.drivers.arduino.virtual.board import Board, BoardState
 from tests.avr.rig import AvrArduino, Built
 
 BOOT = (90, 90, 90, 0)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 from hardware import (
     ArmEvent,
-    Board,
     BoardLink,
     Firmware,
     FrameSent,
@@ -18,6 +17,7 @@ from hardware.arm.acknowledgements import Acknowledgements
 from hardware.arm.events import Observer
 from hardware.arm.interfaces import Claim
 from hardware.arm.write_guard import WriteGuard
+from hardware.drivers.arduino.virtual.board import Board
 from hardware.drivers.driver import Driver
 
 ROBOT = load_robot()

@@ -8,7 +8,8 @@ import pytest
 
 import logs
 from executive.goals.outcome import GoalState
-from hardware import FIRMWARES, Robot
+from hardware import Robot
+from hardware.drivers.arduino.serial_servo import FIRMWARES
 from tests.conftest import Rig, RigMaker
 
 REPEAT = """\

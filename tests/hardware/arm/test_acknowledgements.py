@@ -8,8 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware import FIRMWARES, BoardReset, Codec, FrameLost, WrongFirmware, load_robot
+from hardware import load_robot
 from hardware.arm.acknowledgements import ANSWER_TIMEOUT, Acknowledgements
+from hardware.drivers.arduino.frames import Codec
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.errors import BoardReset, FrameLost, WrongFirmware
 
 OURS = FIRMWARES["armtree"]
 OTHER = dataclasses.replace(OURS, name="other", banner=b"other 1 ")

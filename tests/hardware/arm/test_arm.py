@@ -7,21 +7,20 @@ from collections.abc import Iterator
 import pytest
 
 from hardware import (
-    FIRMWARES,
     Arm,
     ArmEvent,
     BoardLink,
     BytesReceived,
-    InterfaceClaimed,
     NotActive,
     PlaybackState,
     PortNotGiven,
     SimulatedClock,
     State,
     StateChanged,
-    TooFast,
     virtual_board,
 )
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.errors import InterfaceClaimed, TooFast
 from tests.support.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 
 

@@ -13,31 +13,27 @@ from contextlib import contextmanager
 import pytest
 
 from hardware import (
-    FIRMWARES,
     Arm,
     ArmEvent,
     BoardLink,
-    BoardReset,
-    BoardSilent,
-    Codec,
     CommandSent,
     Faulted,
     Firmware,
-    FrameLost,
     FrameSent,
     Joint,
     Playback,
     PlaybackState,
-    PoseOutsideLimits,
     Robot,
     SimulatedClock,
     State,
     TransitionRefused,
-    WrongFirmware,
     load_robot,
     virtual_board,
 )
 from hardware.arm.acknowledgements import ANSWER_TIMEOUT
+from hardware.drivers.arduino.frames import Codec
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.errors import BoardReset, BoardSilent, FrameLost, PoseOutsideLimits, WrongFirmware
 from tests.support.hardware_rigs import HOME, PICK, motion
 from tests.support.paths import ROOT
 
@@ -293,7 +289,8 @@ def test_a_board_that_does_not_run_the_firmware_of_the_robot_file_is_refused() -
 
 STALLED = """
 import dataclasses, os, signal, threading
-from hardware import FIRMWARES, Arm, PlaybackState, RealClock, load_robot
+from hardware import Arm, PlaybackState, RealClock, load_robot
+from hardware.drivers.arduino.serial_servo import FIRMWARES
 from tests.support.hardware_rigs import PICK, motion
 
 robot = dataclasses.replace(load_robot(), firmware=FIRMWARES["armtree"])

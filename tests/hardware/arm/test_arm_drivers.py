@@ -11,18 +11,15 @@ from hardware import (
     Arm,
     ArmEvent,
     BoardLink,
-    DriverFailed,
     Faulted,
     NotActive,
     PlaybackState,
-    PortLost,
-    PortStalled,
     RealClock,
-    StaleGeneration,
     State,
     TransitionRefused,
     virtual_board,
 )
+from hardware.errors import DriverFailed, PortLost, PortStalled, StaleGeneration
 from tests.support.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 
 

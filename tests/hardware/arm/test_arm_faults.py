@@ -16,15 +16,13 @@ from hardware import (
     ArmEvent,
     HardwareError,
     PlaybackState,
-    PortBusy,
-    PortLost,
-    PortStalled,
     State,
     StateChanged,
     TransitionRefused,
 )
 from hardware.arm.connection import Connection
 from hardware.arm.write_guard import WriteGuard
+from hardware.errors import PortBusy, PortLost, PortStalled
 from tests.support.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 from tests.support.paths import ROOT
 

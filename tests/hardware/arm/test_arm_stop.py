@@ -15,14 +15,13 @@ from hardware import (
     FrameSent,
     Playback,
     PlaybackState,
-    PortLost,
-    StaleGeneration,
     State,
     StateChanged,
     TransitionRefused,
 )
 from hardware.arm.connection import Connection
 from hardware.arm.streamer import Streamer
+from hardware.errors import PortLost, StaleGeneration
 from tests.support.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing
 
 

@@ -10,18 +10,9 @@ from contextlib import closing
 
 import pytest
 
-from hardware import (
-    Arm,
-    ArmEvent,
-    Faulted,
-    FrameSent,
-    PortLost,
-    RealClock,
-    SerialLink,
-    State,
-    VirtualArduino,
-    load_robot,
-)
+from hardware import Arm, ArmEvent, Faulted, FrameSent, RealClock, SerialLink, State, load_robot
+from hardware.drivers.arduino.virtual.arduino import VirtualArduino
+from hardware.errors import PortLost
 from tests.support.hardware_rigs import motion, nothing, open_files, settled_for
 
 pytestmark = pytest.mark.slow

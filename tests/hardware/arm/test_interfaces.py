@@ -2,8 +2,9 @@
 
 import pytest
 
-from hardware import InterfaceClaimed, InterfaceUnknown, StaleGeneration, load_robot
+from hardware import load_robot
 from hardware.arm.interfaces import Claim, Claims, command_interfaces, state_interfaces
+from hardware.errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration
 
 STALE = "^the arm was stopped or moved since this motion was planned$"
 STOPPED = "^this motion was stopped; nothing more is sent for it$"

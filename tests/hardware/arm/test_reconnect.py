@@ -14,15 +14,15 @@ from hardware import (
     Arm,
     ArmEvent,
     BoardReturned,
-    PortMissing,
     RealClock,
     SerialLink,
     State,
     TransitionRefused,
-    VirtualArduino,
     load_robot,
 )
 from hardware.arm.reconnect import ReconnectWatcher
+from hardware.drivers.arduino.virtual.arduino import VirtualArduino
+from hardware.errors import PortMissing
 from hardware.link import serial_ports as ports_module
 from tests.support.hardware_rigs import settled_for
 

@@ -10,19 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hardware import (
-    FIRMWARES,
-    BadPosition,
-    Board,
-    Codec,
-    Robot,
-    Schedule,
-    TooFast,
-    compile_schedule,
-    load_robot,
-    servo_path,
-)
+from hardware import BadPosition, Robot, Schedule, compile_schedule, load_robot, servo_path
 from hardware.arm.schedule import Sampler
+from hardware.drivers.arduino.frames import Codec
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.virtual.board import Board
+from hardware.errors import TooFast
 
 STOCK = load_robot()
 OURS = dataclasses.replace(STOCK, firmware=FIRMWARES["armtree"])

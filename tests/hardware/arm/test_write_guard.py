@@ -5,22 +5,12 @@ from collections.abc import Sequence
 
 import pytest
 
-from hardware import (
-    FIRMWARES,
-    BadPosition,
-    Codec,
-    CommandSent,
-    FrameSent,
-    InterfaceClaimed,
-    InterfaceUnknown,
-    Joint,
-    NotActive,
-    StaleGeneration,
-    TooFast,
-)
+from hardware import BadPosition, CommandSent, FrameSent, Joint, NotActive
 from hardware.arm.acknowledgements import ANSWER_TIMEOUT
-from hardware.drivers.arduino.serial_servo import SerialServo
+from hardware.drivers.arduino.frames import Codec
+from hardware.drivers.arduino.serial_servo import FIRMWARES, SerialServo
 from hardware.drivers.driver import Frame
+from hardware.errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration, TooFast
 from tests.support.write_guard_rig import HOME, Rig, degrees
 
 

@@ -8,17 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware import (
-    FIRMWARES,
-    ArmEvent,
-    DriverFailed,
-    FrameSent,
-    NotActive,
-    PortLost,
-    PortStalled,
-    StaleGeneration,
-    WriteRefused,
-)
+from hardware import ArmEvent, FrameSent, NotActive
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.errors import DriverFailed, PortLost, PortStalled, StaleGeneration, WriteRefused
 from tests.support.write_guard_rig import HOME, Rig, degrees
 
 

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hardware import Codec, DescriptionError, Mimic, Robot, load_robot
+from hardware import DescriptionError, Mimic, Robot, load_robot
+from hardware.drivers.arduino.frames import Codec
 
 SHIPPED = load_robot()
 TOML, URDF = SHIPPED.path.read_text(), SHIPPED.urdf.read_text()

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware import FIRMWARES, Board
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.virtual.board import Board
 from hardware.drivers.driver import Frame
 from hardware.drivers.pacing import PacingModel, unread_bytes
 

@@ -4,7 +4,8 @@ import re
 
 import pytest
 
-from hardware import Firmware, Link, PortLost
+from hardware import Firmware, Link
+from hardware.errors import PortLost
 from tests.support.virtual_shells import BAUD, BOOT, PATIENCE, Process, Shell
 
 pytestmark = pytest.mark.slow

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from hardware import LinkError, PortBusy
+from hardware import LinkError
+from hardware.errors import PortBusy
 from hardware.link import port_lock as module
 from hardware.link.port_lock import PortLock
 from tests.support.hardware_rigs import open_files

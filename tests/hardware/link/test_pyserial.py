@@ -19,7 +19,8 @@ import pytest
 import serial
 from serial import serialposix
 
-from hardware import LinkError, PortBusy, PortDenied, PortLost, PortMissing, PortStalled, SerialLink
+from hardware import LinkError, SerialLink
+from hardware.errors import PortBusy, PortDenied, PortLost, PortMissing, PortStalled
 from hardware.link.port_lock import PortLock
 from tests.support.hardware_rigs import Pty
 

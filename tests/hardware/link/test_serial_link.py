@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 import serial
 
-from hardware import LinkError, PortBusy, PortDenied, PortLost, PortMissing, PortStalled, SerialLink
+from hardware import LinkError, SerialLink
+from hardware.errors import PortBusy, PortDenied, PortLost, PortMissing, PortStalled
 from hardware.link.port_lock import PortLock
 from tests.support.hardware_rigs import Pty, open_files
 from tests.support.paths import ROOT

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from hardware import Check, SerialLink, SerialPort, check_port
+from hardware import Check, SerialLink, check_port
 from hardware.link import serial_ports as module
+from hardware.link.serial_ports import SerialPort
 from tests.support.hardware_rigs import Pty
 
 NOBODY = 65534

@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware import BadPosition, Codec, Frame, Joint, WireField, check_position, load_robot
+from hardware import BadPosition, Frame, Joint, check_position, load_robot
+from hardware.drivers.arduino.frames import Codec, WireField
 from tests.support.paths import DATA
 
 ROBOT = load_robot()

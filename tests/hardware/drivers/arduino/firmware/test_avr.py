@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from hardware import FIRMWARES, Board, RealClock, SerialLink
+from hardware import RealClock, SerialLink
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.virtual.board import Board
 from tests.avr import rig
 from tests.avr.rig import BAUD, BOOT, TASKS, AvrArduino, AvrBoard, Built, MakeBoard, at, frame
 from tests.support.paths import ROBOT_FILE

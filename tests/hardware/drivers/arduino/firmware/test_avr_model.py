@@ -7,7 +7,10 @@ import random
 
 import pytest
 
-from hardware import FIRMWARES, Board, Codec, load_robot
+from hardware import load_robot
+from hardware.drivers.arduino.frames import Codec
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.virtual.board import Board
 from hardware.drivers.driver import Frame
 from hardware.drivers.pacing import PacingModel
 from tests.avr import rig

@@ -14,21 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from hardware import (
-    FIRMWARES,
-    Arm,
-    ArmEvent,
-    BoardState,
-    Faulted,
-    LinkError,
-    PortMissing,
-    RealClock,
-    SerialLink,
-    State,
-    StateChanged,
-    VirtualArduino,
-    VirtualLink,
-)
+from hardware import Arm, ArmEvent, Faulted, LinkError, RealClock, SerialLink, State, StateChanged
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.virtual.arduino import VirtualArduino, VirtualLink
+from hardware.drivers.arduino.virtual.board import BoardState
+from hardware.errors import PortMissing
 from tests.support.hardware_rigs import ROBOT, open_files
 from tests.support.paths import ROOT
 

@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware import FIRMWARES, Board, BoardLink, SimulatedClock
+from hardware import BoardLink, SimulatedClock
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.virtual.board import Board
 from tests.avr.rig import frame
 from tests.support.frame_damage import CORRUPTIONS, Corruptions, pieces, spelled
 

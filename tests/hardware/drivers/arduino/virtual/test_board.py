@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware import FIRMWARES, Board
+from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.virtual.board import Board
 
 STOCK, OURS = FIRMWARES["stock"], FIRMWARES["armtree"]
 BOOT = (90, 90, 90, 0)

@@ -4,7 +4,8 @@ import random
 
 import pytest
 
-from hardware import Board, Firmware
+from hardware import Firmware
+from hardware.drivers.arduino.virtual.board import Board
 from tests.avr.rig import checksum, frame
 from tests.support.virtual_shells import BAUD, BOOT, BOOT_TIME, Process, Shell
 
