@@ -59,7 +59,6 @@ class Executive:
         pool: The planners.
         clock: Time source.
         operator: Answers the questions of tasks; default: none does.
-        subscriber: First callback for every event, as by `subscribe`.
 
     Attributes:
         setup, robot, library, clock: The same.
@@ -75,13 +74,10 @@ class Executive:
         pool: Pool,
         clock: Clock,
         operator: Operator | None = None,
-        subscriber: Callable[[Event], None] | None = None,
     ) -> None:
         self.setup, self.robot, self.library, self.clock = setup, robot, library, clock
         self.port, self._started = link.port if link else "", clock.now()
         self._subscribers = EventSubscribers()
-        if subscriber:
-            self._subscribers.add(subscriber)
         self._progress: logs.Feedback | None = None
         self._breakpoints = set[str]()
         self._recordings = Recordings(

@@ -70,7 +70,9 @@ def open_executive(
     with ExitStack() as stack:
         if pool is None:
             pool = stack.enter_context(closing(Pool(robot, setup.workers, clock)))
-        executive = Executive(setup, robot, link, library, pool, clock, operator, subscriber)
+        executive = Executive(setup, robot, link, library, pool, clock, operator)
+        if subscriber:
+            executive.subscribe(subscriber)
         for line in early:
             executive.record(line)
         with closing(executive):

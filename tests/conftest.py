@@ -64,9 +64,8 @@ class Rig:
         self.outcomes: list[Outcome] = []
         self.on_record: Callable[[logs.Record], None] = lambda _: None
         setup = Setup(recordings=recordings, single_user=single_user, **settings)
-        self.executive = Executive(
-            setup, robot, self.link, Library(tasks), pool, clock, operator, self._watch
-        )
+        self.executive = Executive(setup, robot, self.link, Library(tasks), pool, clock, operator)
+        self.executive.subscribe(self._watch)
         self._arm = TaskArm.on(self.executive)
 
     def run(self, *numbers: int, settings: Sequence[str] = ()) -> list[Outcome]:

@@ -1,6 +1,7 @@
 """A goal and its state machine, the one of ROS 2 actions, as a table."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from trees import Located
 
@@ -19,39 +20,33 @@ NEXT = {
 }
 
 
+@dataclass(eq=False)
 class Goal:
     """One goal for one task.
 
-    Args:
+    Attributes:
         identity: 32 hexadecimal digits.
         task: Task number.
         arguments: Values of the task's parameters, by name.
         accepted: Time of acceptance [s].
         stamp_ns: The same time, UTC [ns since 1970].
         mailbox: Mailbox of the run.
-
-    Attributes:
         state: State of the goal.
         outcome: How the goal ended; None until then.
         ended: Time of the end [s].
         stops: Number of pending stops of the arm; the goal does not end before they are done.
     """
 
-    def __init__(
-        self,
-        identity: str,
-        task: int,
-        arguments: Mapping[str, str | Located],
-        accepted: float,
-        stamp_ns: int,
-        mailbox: Mailbox,
-    ) -> None:
-        self.identity, self.task, self.arguments = identity, task, arguments
-        self.accepted, self.stamp_ns, self.mailbox = accepted, stamp_ns, mailbox
-        self.state = GoalState.ACCEPTED
-        self.outcome: Outcome | None = None
-        self.ended = 0.0
-        self.stops = 0
+    identity: str
+    task: int
+    arguments: Mapping[str, str | Located]
+    accepted: float
+    stamp_ns: int
+    mailbox: Mailbox
+    state: GoalState = GoalState.ACCEPTED
+    outcome: Outcome | None = None
+    ended: float = 0.0
+    stops: int = 0
 
     @property
     def name(self) -> tuple[int, str]:

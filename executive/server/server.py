@@ -100,11 +100,11 @@ class _Uvicorn(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, queue: FairQueue) -> None:
         super().__init__(config)
         self.server_state = SharedState(queue)
-        self.ready, self._end = threading.Event(), asyncio.Event()
+        self.ready, self.ending = threading.Event(), asyncio.Event()
 
     async def main_loop(self) -> None:
         self.ready.set()
-        await self._end.wait()
+        await self.ending.wait()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         for listener in (*self.servers, *(sockets or ())):
@@ -118,10 +118,6 @@ class _Uvicorn(uvicorn.Server):
         for connection in tuple(self.server_state.connections):
             connection.transport.abort()
         await asyncio.sleep(0)  # runs the callbacks of closed connections
-
-    def end(self) -> None:
-        """Shut down; call it in the event loop."""
-        self._end.set()
 
 
 class Server:
@@ -144,19 +140,13 @@ class Server:
         AddressInUse: Another program listens on the port.
     """
 
-    def __init__(
-        self,
-        executive: Executive,
-        listen: ListenOptions,
-        questions: Questions,
-    ) -> None:
+    def __init__(self, executive: Executive, listen: ListenOptions, questions: Questions) -> None:
         assert isinstance(executive.library, LiveLibrary)
         listen.check()
         self._socket = _listen(listen.address, listen.port)
         self.port: int = self._socket.getsockname()[1]
         self._executive, self._library = executive, executive.library
-        self._robot, self._clock, self._options = executive.robot, executive.clock, listen
-        self._questions = questions
+        self._clock, self._options, self._questions = executive.clock, listen, questions
         host = next(iter(host_names((listen.address,), self.port)))
         self.url, self.token = f"http://{host}", token_file.new_token()
         self._info = token_file.ServerInfo(self.url, self.token, os.getpid())
@@ -184,9 +174,9 @@ class Server:
         """Start to answer."""
         self._unsubscribe = self._executive.subscribe(self._hub.publish)
         self._questions.changed = self._hub.publish
-        self._canceler = canceler = CancelThread(self._executive, self._clock)
+        self._canceler = canceler = CancelThread(self._executive)
         answers = Answers(self._executive, canceler, self._library, self._hub, self._questions)
-        bridge = Bridge(self._executive, canceler, self._hub, self._robot, self._clock)
+        bridge = Bridge(self._executive, canceler, self._hub)
         serve_rosbridge = bridge.serve if self._options.rosbridge else None
         rules = self._options.rules(self.port, self.token)
         app = App(answers, rules, self._clock, serve_rosbridge)
@@ -200,7 +190,7 @@ class Server:
             self._unsubscribe()
             self._questions.changed = ignore
             self._loop.call_soon_threadsafe(self._hub.end)
-            self._loop.call_soon_threadsafe(self._server.end)
+            self._loop.call_soon_threadsafe(self._server.ending.set)
             self._thread.join()
             self._canceler.close()
         self._socket.close()

@@ -51,13 +51,13 @@ def file_of(port: int) -> Path:
     return _folder() / f"server-{port}.json"
 
 
-def write(port: int, info: ServerInfo) -> Path:
+def write(port: int, info: ServerInfo) -> None:
     """Write the file, readable only by this user, and remove the files of servers that ended.
 
     Raises:
         OSError: The file cannot be written, or other users have access to its folder.
     """
-    folder, file = _folder(), file_of(port)
+    folder = _folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = folder.stat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
@@ -68,8 +68,7 @@ def write(port: int, info: ServerInfo) -> Path:
     handle, name = tempfile.mkstemp(dir=folder)  # creates it with mode 0600
     with os.fdopen(handle, "w") as stream:
         json.dump(asdict(info), stream)
-    os.replace(name, file)
-    return file
+    os.replace(name, file_of(port))
 
 
 def remove(port: int, info: ServerInfo) -> None:

@@ -154,7 +154,8 @@ def serving(
     library = LiveLibrary(tasks, robot)
     with closing(Pool(robot, 1, clock)) as pool:
         setup = Setup(recordings=folder, policy=Policy.QUEUE)
-        made = Executive(setup, robot, link, library, pool, clock, subscriber=ears)
+        made = Executive(setup, robot, link, library, pool, clock)
+        made.subscribe(ears)
         made.start()
         made.arm_to("configure")
         made.arm_to("activate")

@@ -29,6 +29,7 @@ from executive.errors import (
     TooMuch,
     TooSlow,
 )
+from executive.goals.outcome import cause_of
 from executive.server.limits.token_bucket import TokenBucket
 from executive.server.security import (
     AccessRules,
@@ -40,7 +41,7 @@ from hardware import Clock
 
 from . import strict_json
 from .answers import Answers
-from .errors import as_json, http_status
+from .errors import http_status
 from .operations import OPERATIONS, Access, Operation
 from .schemas import Schema
 
@@ -155,7 +156,7 @@ class App:
                 return _refusal(error)
             except Exception as error:
                 # The outermost place of a request: a bug costs its answer, not the connection.
-                fields = as_json(error)
+                fields = cause_of(error).to_json()
                 if fields["code"] == INTERNAL:
                     logger.exception("Bug in armtree while answering %s", operation.path)
                 return JSONResponse(fields, http_status(fields["code"]))
@@ -292,13 +293,13 @@ def _refusal(error: RequestError) -> Response:
     headers = {"connection": "close"}
     if error.status == 401:
         headers["www-authenticate"] = "Bearer"
-    return JSONResponse(as_json(error), error.status, headers)
+    return JSONResponse(cause_of(error).to_json(), error.status, headers)
 
 
 async def _not_routed(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     words = f"{request.method} {request.url.path}: {error.detail}"
     kind = {404: NotFound, 405: BadMethod}.get(error.status_code, RequestError)
-    fields = as_json(kind(words, "GET /openapi.json lists all operations", error.status_code))
+    refused = kind(words, "GET /openapi.json lists all operations", error.status_code)
     headers = {**(error.headers or {}), "connection": "close"}
-    return JSONResponse(fields, error.status_code, headers)
+    return JSONResponse(cause_of(refused).to_json(), error.status_code, headers)

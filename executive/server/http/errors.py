@@ -1,8 +1,4 @@
-"""How errors are sent to a client: the HTTP status of each code, and the error as JSON."""
-
-from typing import Any
-
-from executive.goals.outcome import cause_of
+"""The HTTP status of each code."""
 
 # The whole code is looked up first, then its family: the part before the dot.
 HTTP_STATUS = {
@@ -30,8 +26,3 @@ HTTP_STATUS = {
 def http_status(code: str) -> int:
     """Return the HTTP status for a code of the executive."""
     return HTTP_STATUS.get(code) or HTTP_STATUS.get(code.partition(".")[0]) or 500
-
-
-def as_json(error: Exception) -> dict[str, Any]:
-    """Return any error as a JSON object with the fields of a cause."""
-    return cause_of(error).to_json()

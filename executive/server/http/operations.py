@@ -109,6 +109,9 @@ _KINDS = {
 }
 _TRANSITION = {"type": "string", "enum": list(TRANSITIONS)}
 _PAUSE_ERRORS = ("goal.unknown", "goal.not_executing")
+_RESUME_ERRORS = (*_PAUSE_ERRORS, "goal.not_paused")
+
+_change_goal = partial(_change, answer=s.GOAL, parameters=_GOAL, body=s.EMPTY)
 
 _ROWS = (
     _read(
@@ -199,32 +202,20 @@ _ROWS = (
         "Stop the arm and cancel all goals. The body and the query are ignored.",
         s.CANCELED,
     ),
-    _change(
+    _change_goal(
         "/api/goals/{goal_id}/pause",
         "pause",
         "Stop the arm and keep the goal.",
-        s.GOAL,
-        _GOAL,
-        s.EMPTY,
-        _PAUSE_ERRORS,
+        errors=_PAUSE_ERRORS,
     ),
-    _change(
-        "/api/goals/{goal_id}/resume",
-        "resume",
-        "Resume a paused goal.",
-        s.GOAL,
-        _GOAL,
-        s.EMPTY,
-        (*_PAUSE_ERRORS, "goal.not_paused"),
+    _change_goal(
+        "/api/goals/{goal_id}/resume", "resume", "Resume a paused goal.", errors=_RESUME_ERRORS
     ),
-    _change(
+    _change_goal(
         "/api/goals/{goal_id}/step",
         "step",
         "Resume a paused goal until the next node starts.",
-        s.GOAL,
-        _GOAL,
-        s.EMPTY,
-        (*_PAUSE_ERRORS, "goal.not_paused"),
+        errors=_RESUME_ERRORS,
     ),
     _change(
         "/api/breakpoints",

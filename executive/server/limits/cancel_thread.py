@@ -6,7 +6,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 from executive.executive import Executive
 from executive.goals.outcome import CancelResult
-from hardware import Clock
 
 from .token_bucket import TokenBucket
 
@@ -18,12 +17,12 @@ class CancelThread:
 
     Args:
         executive: Runs the goals.
-        clock: Time source.
     """
 
-    def __init__(self, executive: Executive, clock: Clock) -> None:
+    def __init__(self, executive: Executive) -> None:
         self._executive = executive
-        self._log_bucket = TokenBucket(0.1, 3.0, clock.now)  # strangers must not fill the log
+        # Strangers must not fill the log.
+        self._log_bucket = TokenBucket(0.1, 3.0, executive.clock.now)
         self._thread = ThreadPoolExecutor(1, "stop")
 
     async def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelResult:

@@ -17,7 +17,7 @@ from websockets.frames import CloseCode
 from websockets.utils import apply_mask
 
 from executive.errors import BadRequest
-from executive.server.http.errors import as_json
+from executive.goals.outcome import cause_of
 from executive.server.http.operations import OPERATIONS, Operation
 from executive.server.security import is_authenticated
 
@@ -207,7 +207,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
 
     def send_400_response(self, msg: str) -> None:
         """Answer invalid HTTP with the same JSON as other errors."""
-        body = json.dumps(as_json(BadRequest(msg))).encode()
+        body = json.dumps(cause_of(BadRequest(msg)).to_json()).encode()
         headers = [
             (b"content-type", b"application/json"),
             (b"content-length", str(len(body)).encode()),
@@ -230,11 +230,6 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         return self.cycle is not None and is_authenticated(self.cycle.scope)
 
     @property
-    def is_closing(self) -> bool:
-        """True if it is being closed."""
-        return self.transport.is_closing()
-
-    @property
     def _is_answering(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
 
@@ -255,7 +250,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
             each
             for each in self.connections
             if isinstance(each, HttpConnection)
-            and not (each is self or each.awaits_answer or each.is_closing)
+            and not (each is self or each.awaits_answer or each.transport.is_closing())
         ]
         oldest = min(idle, key=lambda each: (each.has_token, each.idle_since), default=self)
         oldest.transport.abort()

@@ -19,7 +19,7 @@ from executive.goals.events import Event
 from executive.goals.outcome import GoalStatus
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
-from hardware import Clock, Robot, state_interfaces
+from hardware import state_interfaces
 
 from . import protocol as ros
 
@@ -38,20 +38,10 @@ class Bridge:
         executive: Runs the goals.
         canceler: Cancels goals.
         hub: Source of events.
-        robot: Description of the robot.
-        clock: Time source.
     """
 
-    def __init__(
-        self,
-        executive: Executive,
-        canceler: CancelThread,
-        hub: EventHub,
-        robot: Robot,
-        clock: Clock,
-    ) -> None:
+    def __init__(self, executive: Executive, canceler: CancelThread, hub: EventHub) -> None:
         self.executive, self.canceler = executive, canceler
-        self.robot, self.clock = robot, clock
         self._clients: set[_Client] = set()
         self._joints: tuple[float, Mapping[str, float]] | None = None
         self._statuses = _GoalStatuses(executive)
@@ -77,7 +67,7 @@ class Bridge:
         if self._joints is None:
             return ""
         time, positions = self._joints
-        utc_ns = self.clock.epoch_ns() + round(time * 1e9)
+        utc_ns = self.executive.clock.epoch_ns() + round(time * 1e9)
         return ros.published(topic, ros.joint_state(utc_ns, positions))
 
     def _handle(self, event: Event) -> None:
@@ -96,8 +86,9 @@ class Bridge:
     def _commanded(self, time: float, commanded: Mapping[str, float] | None) -> None:
         if commanded is None:
             return
-        actuated = [commanded[joint.name] for joint in self.robot.actuated]
-        interfaces = state_interfaces(self.robot, actuated)
+        robot = self.executive.robot
+        actuated = [commanded[joint.name] for joint in robot.actuated]
+        interfaces = state_interfaces(robot, actuated)
         self._joints = time, {name.partition("/")[0]: q for name, q in interfaces.items()}
         self._for_each(lambda client: client.topic_changed(ros.JOINT_STATES))
 
@@ -285,11 +276,8 @@ class _Client:
         try:
             self._unsent.put_nowait(text)
         except asyncio.QueueFull:  # it reads too slowly; the arm continues
-            self._drop("too slow")
-
-    def _drop(self, why: str) -> None:
-        if not self._dropped.done():
-            self._dropped.set_result(why)
+            if not self._dropped.done():
+                self._dropped.set_result("too slow")
 
 
 def _end_timer(subscription: _Subscription) -> None:
