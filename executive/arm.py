@@ -24,7 +24,7 @@ from .goals.outcome import CANCELED_CAUSE, GoalState, Outcome
 from .session import finish_recording, open_executive
 from .setup import Setup
 
-_SLICE = 0.5  # of the wait for an outcome [s]
+_SLICE = 0.5  # longest single wait for an outcome, so that Ctrl-C is noticed [s]
 
 
 class Arm:
@@ -182,7 +182,7 @@ class Arm:
         answer = self.executive.send(task, arguments, goal)
         if not answer.accepted:
             return Outcome.of(task, GoalState.ABORTED, answer.cause)
-        if self._canceled:  # in between
+        if self._canceled:  # canceled before the goal was sent
             self.executive.cancel(goal)
         while True:
             # A Ctrl-C is lost if it comes just before the wait: then the next slice raises it.

@@ -295,7 +295,9 @@ class Executive:
             self._start_pose.activate(self._arm, pose)
             return self._arm.state
         if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
-            self._interrupt(NotActive(_LEAVES))  # first: else the goal reports the stop as cause
+            self._interrupt(
+                NotActive(_LEAVES)
+            )  # first, or the goal would report the stop as its cause
         getattr(self._arm, transition)()
         return self._arm.state
 

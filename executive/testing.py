@@ -50,7 +50,7 @@ class _Script:
             assert question.answer(words), f"{words} is no answer to: {question}"
 
     def withdraw(self, question: Question) -> None:
-        """Nothing to do."""
+        """Do nothing."""
 
 
 class SimulatedArm:
@@ -134,7 +134,7 @@ class SimulatedArm:
             self.records.append(event)
 
     def said(self, name: str) -> list[str]:
-        """Return the messages of the nodes with that name, one for each time that one ended."""
+        """Return the messages of the nodes with that name, one for each end of a node."""
         nodes = [record for record in self.records if isinstance(record, logs.NodeStatus)]
         done = ("SUCCESS", "FAILURE")
         ended = [node for node in nodes if node.name == name and node.status in done]

@@ -73,7 +73,7 @@ class NoDriver(HardwareError):
     code = "hw.no_driver"
     exit_status = 3
     meaning = "The robot file names no driver, so its arm cannot be moved"
-    hint = "write one, or plan only"
+    hint = "add a driver to the robot file, or only plan"
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -385,7 +385,7 @@ class BadPosition(WriteRefused, ValueError):
 
 
 class TooFast(WriteRefused):
-    """The board cannot process the frame: it comes too early or moves too far, or it is a jump."""
+    """The board cannot process a frame: it comes too early, or a servo moves too far."""
 
     code = "hw.too_fast"
     meaning = "The board cannot process the frame"

@@ -84,7 +84,7 @@ def build(
     tree = TreeCompiler(library, context).task(*draft, f"/{namespace}", given)
     refusals(tree, context.robot)
     found = mistakes_of(tree, draft, library, context)
-    refused = tree.hooks.refused  # also by hooks that the analysis has called
+    refused = tree.hooks.refused  # includes refusals of hooks that the analysis has called
     if found:
         raise wrong([*found, *(refusal.mistake for refusal in refused)], given)
     if refused:

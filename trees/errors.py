@@ -162,7 +162,7 @@ class DuplicateTask(FileError):
     def __init__(self, number: int, first: Path, second: Place, replaces: str) -> None:
         what = f"task {number} is in two files, {first} and {second.path}"
         what += (
-            f": rename this one, or write into it replaces: {replaces}"
+            f": rename this one, or add to it replaces: {replaces}"
             if replaces
             else (": rename one of them")
         )

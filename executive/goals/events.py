@@ -90,8 +90,8 @@ class EventSubscribers:
         for subscriber in self._subscribers:
             try:
                 subscriber(event)
-            except Exception:  # code of others; it must not stop the arm's own threads
-                self._remove(subscriber)  # first: the log is an event, too
+            except Exception:  # users' code, which must not stop the arm's threads
+                self._remove(subscriber)  # first, because the log is an event, too
                 logger.exception("a subscriber of events failed, and was removed")
 
     def _remove(self, subscriber: Subscriber) -> None:

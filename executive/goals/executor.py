@@ -140,7 +140,7 @@ class GoalExecutor:
         goal = attempt.goal
         with self._stopper.skill_code(goal):
             self._try(attempt, self._build)
-        if goal.outcome is None:  # else it was aborted because the build took too long
+        if goal.outcome is None:  # otherwise the build took too long, and the goal was aborted
             self._try(attempt, self._open)
             if attempt.error is None:
                 self._try(attempt, self._run)
@@ -210,7 +210,7 @@ class GoalExecutor:
             raise ActivationStopped("canceled before the arm moved")
         if self._single_user:
             self._activate()
-        self._arm.check_active()  # first: a fault that is still being reported is an earlier one
+        self._arm.check_active()  # first, because it finds a fault that is still being reported
         if goal.mailbox.fault:
             raise goal.mailbox.fault
 

@@ -270,7 +270,7 @@ class GoalQueue:
         busy = self.running or next(iter(self._waiting), None)
         if busy and self.blocked:
             return cause_of(_blocked(busy))
-        if invalid:  # first: to wait would not help
+        if invalid:  # checked first, because waiting would not help
             return cause_of(invalid)
         if busy and self.policy is Policy.REJECT:
             words = f"goal {busy.identity} for task {busy.task} is under way; wait, or cancel it"

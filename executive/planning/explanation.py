@@ -15,7 +15,7 @@ from .plan_request import PlanRequest
 from .world_file import check_world, read_world
 
 _STEP = 0.005  # time between two points of the curves [s]
-_MOST_POINTS = 20_000  # of the curves of a motion that takes hours
+_MOST_POINTS = 20_000  # most points of the curves, for a motion that takes hours
 
 
 def explain(request: PlanRequest, world: Path | None, output: Path) -> Iterator[str]:
@@ -39,7 +39,7 @@ def explain(request: PlanRequest, world: Path | None, output: Path) -> Iterator[
     try:
         yield from _explain_motions(request, planner, bodies, output, watch)
     except BadWorld:
-        if world:  # else the task itself adds an invalid body
+        if world:  # otherwise the task adds the invalid body
             check_world(world, bodies, request.robot, planner)
         raise
 

@@ -73,9 +73,9 @@ class Recordings:
         self._finishers = ThreadPoolExecutor(_AT_ONCE, "recording")
         self._unfinished: deque[Future[None]] = deque()
         self._errors: list[logs.LogError] = []
-        self._meshes: set[str] = set()  # names of those in the open recording
+        self._meshes: set[str] = set()  # names of the meshes in the open recording
         self._early = deque[logs.LogLine](maxlen=_EARLY)
-        self._state = State.UNCONFIGURED.value  # of the arm's lifecycle
+        self._state = State.UNCONFIGURED.value  # state of the arm's lifecycle
         self.path = ""
         self.frames = 0
 

@@ -228,7 +228,7 @@ def result_difference(records: Sequence[Record]) -> str:
             case Result():
                 goal = goals.get((record.goal_id, record.task))
                 if goal is None:
-                    return f"the result is of task {record.task}, but no goal of it is recorded"
+                    return f"the result is of task {record.task}, but its goal is not recorded"
                 words = _state_difference(record, status)
                 words = words or ("" if goal.elsewhere else _count_difference(record, sent))
                 if words:

@@ -167,7 +167,7 @@ def _same(robot: Robot, frame: RecordedFrame, path: Path) -> Frame:
     encoded = _encoded(robot, frame.positions, path)
     if encoded.data != frame.data:
         raise NotReplayable(
-            f"{path}: {frame.text} would be another frame on this arm; give its robot file"
+            f"{path}: {frame.text} does not fit this arm; give the robot file of the recording"
         )
     return encoded
 

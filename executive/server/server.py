@@ -223,7 +223,9 @@ def _listen(address: str, port: int) -> socket.socket:
 
 
 def _config(app: Any) -> uvicorn.Config:
-    logging.getLogger("uvicorn.error").setLevel(logging.ERROR)  # strangers must not fill the log
+    logging.getLogger("uvicorn.error").setLevel(
+        logging.ERROR
+    )  # clients without the token must not fill the log
     return uvicorn.Config(
         app,
         loop="asyncio",

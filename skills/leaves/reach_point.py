@@ -42,7 +42,7 @@ class ReachPoint(PlanningSkill):
         "direction": Port(
             list[float],
             default_value=[],
-            description="x, y, z of the direction of the tool's axis; without it any",
+            description="x, y, z of the direction of the tool's axis; default: any direction",
             count=3,
         ),
         "tool": PortInformation(
@@ -60,7 +60,7 @@ class ReachPoint(PlanningSkill):
         "axis": Port(
             list[float],
             default_value=[],
-            description="axis of the tool on its link; without it the axis of the robot file, or z",
+            description="axis of the tool on its link; default: the axis of the robot file, or z",
             count=3,
         ),
         "group": _GROUP,

@@ -198,7 +198,7 @@ class EndInCollision(MotionError):
 
 
 class StartInCollision(EndInCollision):
-    """The arm is too close to something to move by plan."""
+    """At the start the arm is too close to something, so no motion can start."""
 
     code = "plan.start_in_collision"
     meaning = "At the start, the arm is too close to something"

@@ -12,7 +12,7 @@ from .errors import BadWorld, shown
 from .validation import MAX_MAGNITUDE, MIN_SIZE
 
 _ROUNDED = 1e-2  # error of a quaternion's length if it was written with three or more digits
-_UNIT = 1e-6  # the same if it was not rounded
+_UNIT = 1e-6  # error of a quaternion's length if it was not rounded
 _MAX_SHOWN = 60  # characters of a value in a message
 
 Vector = tuple[float, float, float]

@@ -28,7 +28,7 @@ from .skill_hooks import SkillHooks
 from .sources import Source, Sources
 
 MAX_NODES = 10_000
-MAX_SUBTREES = 8  # within each other
+MAX_SUBTREES = 8  # nesting depth
 
 _UNKNOWN = UnknownKind()
 
@@ -454,7 +454,7 @@ class TreeCompiler:
             self._keys.written.setdefault(f"{scope.namespace}/{value.value}", kind)
 
     def _fixed(self, value: Value | None, scope: Scope, what: str) -> bool:
-        """Report whether a value is a key that must not be written."""
+        """Report a value that is a key that must not be written; return True for one."""
         if not isinstance(value, Key) or value.name not in scope.fixed:
             return False
         self._wrong(value.place, f"{what}: ${value.name} is {scope.fixed[value.name]}")
@@ -525,16 +525,16 @@ class _Child:
         self._place = spec if isinstance(spec, Place) else spec.place
 
     def moves(self) -> bool:
-        """Return whether a skill in it moves the arm."""
+        """Return whether a skill below the node moves the arm."""
         return any(leaf.skill.moves for leaf in self._leaves())
 
     def action(self) -> str:
-        """Return the name of the first skill in it that is not a condition, or an empty text."""
+        """Return the name of the first skill below the node that is no condition, or ""."""
         acting = (leaf.skill for leaf in self._leaves() if not leaf.skill.condition)
         return next((skill.name for skill in acting), "")
 
     def lasting(self) -> Iterator[Child]:
-        """Return the nodes in it that may take longer than one tick."""
+        """Return the nodes below the node that may take longer than one tick."""
         for below in self._node.iterate():
             control = self._compiler._controls.get(below)
             if control and control.kind.lasts(control.options):

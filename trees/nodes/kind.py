@@ -52,13 +52,13 @@ class Child(Protocol):
     name: str
 
     def moves(self) -> bool:
-        """Return whether a skill in it moves the arm."""
+        """Return whether a skill below the node moves the arm."""
 
     def action(self) -> str:
-        """Return the name of the first skill in it that is not a condition, or an empty text."""
+        """Return the name of the first skill below the node that is no condition, or ""."""
 
     def lasting(self) -> Iterator["Child"]:
-        """Return the nodes in it that may take longer than one tick."""
+        """Return the nodes below the node that may take longer than one tick."""
 
     def is_constant(self) -> bool:
         """Return whether its result depends only on values that are known before the run."""
@@ -185,7 +185,7 @@ KINDS: dict[str, ControlNodeKind] = {}
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """What a compiled node was made from.
+    """The source of a compiled node.
 
     Attributes:
         kind: Its kind.

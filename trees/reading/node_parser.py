@@ -79,7 +79,7 @@ class NodeParser:
         return SkillNode(value.place, "", keys)
 
     def is_name(self, value: object) -> TypeGuard[str]:
-        """Whether a value is a name."""
+        """Return whether a value is a name."""
         return isinstance(value, str) and _NAME.fullmatch(value) is not None
 
     def name(self, value: Located, what: str) -> str:
@@ -215,7 +215,7 @@ def _heads() -> tuple[str, ...]:
 
 
 def is_number(value: object) -> TypeGuard[int]:
-    """Whether a value is a task number."""
+    """Return whether a value is a task number."""
     return type(value) is int and 0 <= value <= MAX_NUMBER
 
 

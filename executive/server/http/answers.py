@@ -27,7 +27,7 @@ from .openapi import document
 from .operations import OPERATIONS
 from .schemas import MAX_LISTED
 
-MAX_SUBSCRIBERS = 16  # with the token, and as many without
+MAX_SUBSCRIBERS = 16  # limit for clients with the token, and again for those without
 HOLD_SECONDS = 1.0  # a hold ends after this time without data [s]
 
 Json = Mapping[str, Any]

@@ -5,7 +5,7 @@ import math
 from collections import Counter
 from typing import Any
 
-MAX_BYTES = 64 * 1024  # of a body or a message
+MAX_BYTES = 64 * 1024  # largest body or message [bytes]
 
 
 class NotJson(ValueError):

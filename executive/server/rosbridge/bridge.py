@@ -26,7 +26,7 @@ from . import protocol as ros
 logger = logging.getLogger(__name__)
 
 MAX_CLIENTS = 16
-MAX_SUBSCRIBERS = 1000  # of one topic, on one connection
+MAX_SUBSCRIBERS = 1000  # most subscribers of one topic on one connection
 MAX_UNSENT = 1000  # messages that wait for a client that reads slowly
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
 

@@ -76,8 +76,8 @@ class CollisionChecker:
         self.scene = scene
         self._deadline: Deadline | None = None
         self.pairs = frozenset(range(len(scene.hulls.collisionPairs)))
-        # Switching many pairs on and off is slow, so all pairs and chosen pairs have a checker
-        # each; and so has the least distance, because it hardly ever changes.
+        # Switching many pairs on and off is slow, so there is one checker for all pairs and one
+        # for chosen pairs, each with margins and with the least distance.
         self._broad = {
             (every, least): _BroadPhase(scene, self.pairs if every else frozenset(), self._check)
             for every in (True, False)

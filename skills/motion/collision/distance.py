@@ -19,8 +19,8 @@ from .scene import PlanningScene
 
 Array = NDArray[np.float64]
 
-_RESOLUTION = 0.05  # of a penetration depth, as a share of it; but no finer than
-_FINEST = 1e-4  # [m]
+_RESOLUTION = 0.05  # relative error of a penetration depth
+_FINEST = 1e-4  # smallest absolute error of the search [m]
 _MAX_CONTACTS = 50  # enough to find the plane in which two surfaces intersect
 # Triangles of two meshes. With more, one collision check takes milliseconds, so only one is made.
 _MANY_TRIANGLES = 20_000

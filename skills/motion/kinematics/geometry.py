@@ -12,8 +12,10 @@ from skills.motion.validation import MAX_MAGNITUDE
 
 Array = NDArray[np.float64]
 
-_MIN_THICKNESS = 1e-4  # of a hull: coal crashes on a flat one [m]
-_PRISM_SIDES = 8  # of the prism around a cylinder; fewer sides make every check of the hull faster
+_MIN_THICKNESS = 1e-4  # least thickness of a hull: coal crashes on a flat one [m]
+_PRISM_SIDES = (
+    8  # sides of the prism around a cylinder; fewer sides make every check of the hull faster
+)
 
 
 def corners(shape: pin.GeometryObject) -> Array:

@@ -45,14 +45,14 @@ Array = NDArray[np.float64]
 # The budget is counted in descents, not in seconds: equal queries give equal answers.
 _FIRST_SEEDS = 16  # starting points of the first round, the current configuration included
 _RANDOM_SEEDS = 512  # starting points drawn for the second round
-_MOST_PROMISING = 32  # of them that are tried
+_MOST_PROMISING = 32  # starting points of the second round that are tried
 _CONTINUED = 8  # best results that are continued with more steps
-_POINT_FIRST_SEEDS = 16  # random ones, and as many results, for the point-first round
+_POINT_FIRST_SEEDS = 16  # random starting points of the point-first round, and as many results
 _SEPARATION = 0.1  # least RMS distance of two starting points, as a share of the joint ranges
 _POINT_TOLERANCE = 1e-6  # [m]
 _AXIS_TOLERANCE = 1e-4  # [rad]
-_AXIS_WEIGHT = 0.1  # of an error of 1 rad beside an error of 1 m [m/rad]
-_SMALL_AXIS_WEIGHT = 1e-3  # the same in the point-first round [m/rad]
+_AXIS_WEIGHT = 0.1  # weight of 1 rad of axis error against 1 m of position error [m/rad]
+_SMALL_AXIS_WEIGHT = 1e-3  # the weight in the point-first round [m/rad]
 
 
 class _Effort(NamedTuple):

@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 
 _CANDIDATES = 128
 _GROUP_SIZE = 16  # candidates filtered in one call
-_MAX_TRIES = 10  # bends checked along their whole length
-_REACH = 2.0  # of candidates beyond the ends [rad]
+_MAX_TRIES = 10  # most bends that are checked completely
+_REACH = 2.0  # largest distance of candidates beyond the ends [rad]
 _LINE_SAMPLES = np.linspace(0.0, 1.0, 8)[1:-1, None]
 _BEND_SAMPLES = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
 
@@ -40,7 +40,7 @@ def find_bend(validator: MotionValidator, ends: tuple[Array, Array]) -> tuple[Ar
     Raises:
         PlanTimeout: The deadline passed.
     """
-    # Hulls that overlap although nothing collides say nothing.
+    # Hulls that overlap at the free ends cannot show a collision.
     ignored = _close_pairs(validator, np.array(ends))
     pairs = _close_pairs(validator, ends[0] + _LINE_SAMPLES * (ends[1] - ends[0])) - ignored
     candidates, tries = _via_points(validator.group, ends), 0

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 VIA_TOLERANCE = 0.01  # largest distance of any part of the arm from its pose at a via point [m]
 
-_HALVINGS = 5  # of the radius; then the motion stops at the corner
+_HALVINGS = 5  # how often a radius is halved before the motion stops at the corner
 _MIN_RADIUS = 1e-6  # with a smaller radius the motion would almost stop anyway [rad]
 
 

@@ -20,7 +20,7 @@ from .curve import Curve
 Array = NDArray[np.float64]
 
 # Least distance between checked configurations, in metres of travel. If the margin is so small that
-# it proves nothing, contacts less than half of this deep can be missed.
+# it proves nothing, contacts with less than half this depth can be missed.
 MIN_STEP = 0.001
 
 # A path is first checked in sections of up to 16 steps, then of 4, then of one.

@@ -12,7 +12,7 @@ from .motion_validator import MotionValidator
 
 Array = NDArray[np.float64]
 
-_CUTS = (0.7, 0.35)  # shares of a corner's legs that are tried to be cut off
+_CUTS = (0.7, 0.35)  # shares of a corner's legs to cut off, tried in turn
 
 
 def shortcut(validator: MotionValidator, waypoints: Array) -> Array:

@@ -17,7 +17,7 @@ from .motion_validator import MIN_STEP, MotionValidator, uniform_travel
 
 Array = NDArray[np.float64]
 
-_SAMPLES = 200  # of a plan, to bound its travel over time
+_SAMPLES = 200  # number of samples that bound the travel of a plan
 _CHUNK = 500  # configurations between two checks of the deadline
 
 

@@ -61,8 +61,8 @@ with _without(_UNUSED):
 
 Array = NDArray[np.float64]
 
-_INTERVALS = 40  # grid intervals per section, about
-_MIN_INTERVALS = 6  # per piece
+_INTERVALS = 40  # approximate number of grid intervals per section
+_MIN_INTERVALS = 6  # least number of grid intervals per piece
 _TIE_BREAK = 1e-9  # preference for a large u among equal x
 _ROUNDING = 1e-8  # distance of x from its bound, so that rounding does not make the next step fail
 _MAX_SPEED = 1e3  # the solver needs a finite bound on ds/dt [1/s]
@@ -186,10 +186,13 @@ class _Limits(LinearConstraint):  # type: ignore[misc]
     def compute_constraint_params(self, _: _Path, grid: Array) -> tuple[Array | None, ...]:
         """Return toppra's coefficients: a u + b x + c = v, F v <= g, and bounds on u and x."""
         lower, upper, second = self._curve.intervals(grid)
-        # Of u at the upper end, where x is x + 2 step u.
+        # Coefficient of u at the upper end, because x there is x + 2 step u.
         ahead = upper + 2.0 * np.diff(grid)[:, None] * second
         a, b = np.hstack((lower, ahead)), np.hstack((second, second))
-        a, b = np.vstack((a, a[-1:])), np.vstack((b, b[-1:]))  # no interval begins at the last
+        a, b = (
+            np.vstack((a, a[-1:])),
+            np.vstack((b, b[-1:])),
+        )  # the last grid point begins no interval
         both = np.concatenate((self._acceleration, self._acceleration))
         signs = np.vstack((np.eye(len(both)), -np.eye(len(both))))
         bounds = np.column_stack((np.zeros(len(grid)), self._max_squares(lower, upper)))

@@ -8,9 +8,9 @@ import socket
 import time
 from typing import Any
 
-_PREFIX = 4  # of the length, big-endian [bytes]
-_MAX_LENGTH = 2**30  # of a pickle [bytes]
-_CHUNK = 65_536  # read at a time [bytes]
+_PREFIX = 4  # size of the length, big-endian [bytes]
+_MAX_LENGTH = 2**30  # largest size of a pickle [bytes]
+_CHUNK = 65_536  # bytes read at a time
 
 
 class InvalidMessage(Exception):
@@ -80,7 +80,7 @@ def _set_timeout(connection: socket.socket, until: float | None) -> None:
 
 
 def _missing(data: bytearray) -> int:
-    """Return the number of bytes that are missing to the next part of a message.
+    """Return how many bytes of the next part of a message are missing.
 
     Raises:
         InvalidMessage: The message is too long, or something follows it.

@@ -19,7 +19,7 @@ from skills.motion.timing import toppra_timing as toppra_timing  # load it befor
 
 from .messages import encode, receive, send
 
-_MAX_MEMORY = 4 * 2**30  # of address space; a worker needs a tenth of it [bytes]
+_MAX_MEMORY = 4 * 2**30  # limit of the address space; a worker needs a tenth of it [bytes]
 
 
 def main(descriptor: int) -> None:

@@ -66,7 +66,7 @@ def test_frames_that_mean_something_else_on_this_arm_are_refused(
     arguments = ["replay", str(picked), "--on", "virtual", "--robot", str(quick), "--json"]
     status, out, _ = typed(tmp_path, *arguments)
     assert status == 4
-    assert "would be another frame on this arm" in events(out)[-1]["message"]
+    assert "does not fit this arm" in events(out)[-1]["message"]
     assert not [event for event in events(out) if event["event"] == "sent"]
 
 

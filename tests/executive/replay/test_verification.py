@@ -100,7 +100,7 @@ def test_a_run_that_was_refused_or_found_no_plan_holds(rig: RigMaker, tmp_path: 
         ("Attachment", b'"joint_1": -1.4', b'"joint_1": -1.3', [True, False], "task: it sends"),
         ("Message", b'"goal":[-1.4', b'"goal":[-1.3', [True, False], "task: it sends"),
         ("Message", b'"velocity_limits":[1.0', b'"velocity_limits":[1.1', [True, False], "limits"),
-        ("Message", b'"task":1', b'"task":2', [False, True], "but no goal of it is recorded"),
+        ("Message", b'"task":1', b'"task":2', [False, True], "but its goal is not recorded"),
         ("Message", b'"firmware":"stock', b'"firmware":"stuck', [False, True], "schedule of firm"),
         ("Message", b'"rate_hz":10.0', b'"rate_hz":50.0', [False, True], "schedule of rate_hz"),
         ("Message", b'"delays_s":[0.0', b'"delays_s":[0.1', [False, True], "delays_s"),
