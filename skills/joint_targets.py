@@ -7,6 +7,7 @@ from hardware import BadPosition, Joint, Mimic, Robot, check_position
 from hardware.suggestions import corrections, suggestion
 
 from .errors import BadTarget, OutOfBounds, SkillError, combine_errors, refuse
+from .ports import Positions
 
 Location = tuple[str | int, ...]
 
@@ -40,6 +41,12 @@ def target_errors(
         errors += _value_errors(robot, target, at)
         errors += [BadTarget(why).at(*at, name) for name, why in _name_errors(robot, group, target)]
     return errors
+
+
+def joined(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> Positions:
+    """Return the target of every actuated joint, from complete targets of all groups."""
+    positions = {name: q for target in targets.values() for name, q in target.items()}
+    return Positions((joint.name, positions[joint.name]) for joint in robot.actuated)
 
 
 def configuration_errors(

@@ -227,7 +227,7 @@ class _Checker:
             place = file.labels[name].label
             known = Positions((j, q) for j, q in joints.items() if not isinstance(q, StandIn))
             try:
-                check_joints(robot, known, "joints")
+                check_joints(robot, known)
             except (SkillError, ExceptionGroup) as error:
                 wrong += [Mistake(place, f"{name}: {why}") for why in known_errors(error)]
                 continue

@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from py_trees.common import Status
-from py_trees.ports import PortInformation
 
 from skills.base import Skill
 from skills.errors import ConditionFails
@@ -49,7 +48,6 @@ class Compare(Skill):
         "is": Port(str, description="comparison operator", choices=tuple(_RELATIONS)),
         "right": Port(object, description="second value, of the same type", like="left"),
     }
-    OUTPUT_PORTS: dict[str, PortInformation] = {}
 
     @classmethod
     def mistyped(cls, inputs: Mapping[str, Any], types: Mapping[str, str]) -> str:

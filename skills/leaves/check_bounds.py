@@ -9,7 +9,7 @@ from py_trees.ports import PortInformation
 from hardware import Robot
 from skills.base import Skill
 from skills.errors import refuse
-from skills.joint_targets import check_targets, target_errors
+from skills.joint_targets import check_targets, joined, target_errors
 from skills.ports import Positions
 
 
@@ -41,17 +41,11 @@ class CheckBounds(Skill):
         if any(group not in inputs for group in cls.INPUT_PORTS):
             return []
         targets = {group: inputs[group] for group in cls.INPUT_PORTS}
-        return [tuple(_joined(robot, targets).values())]
+        return [tuple(joined(robot, targets).values())]
 
     def on_start(self) -> Status:
         """Check both targets and join them."""
         targets = {group: self.get_input(group) for group in self.INPUT_PORTS}
         check_targets(self.context.robot, targets)
-        self._set_output("goal", _joined(self.context.robot, targets))
+        self._set_output("goal", joined(self.context.robot, targets))
         return Status.SUCCESS
-
-
-def _joined(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> Positions:
-    """Return the target of every actuated joint."""
-    joined = {name: q for target in targets.values() for name, q in target.items()}
-    return Positions((joint.name, joined[joint.name]) for joint in robot.actuated)

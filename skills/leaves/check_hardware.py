@@ -1,7 +1,6 @@
 """A condition on the state of the arm."""
 
 from py_trees.common import Status
-from py_trees.ports import PortInformation
 
 from hardware import State
 from skills.base import Skill
@@ -12,9 +11,6 @@ class CheckHardware(Skill):
     """Succeed if the arm is active, else fail."""
 
     condition = True
-
-    INPUT_PORTS: dict[str, PortInformation] = {}
-    OUTPUT_PORTS: dict[str, PortInformation] = {}
 
     def on_start(self) -> Status:
         """Check the lifecycle state of the arm."""

@@ -31,7 +31,6 @@ class Execute(Skill):
             description="true if the gripper moves with the arm, false if after it",
         ),
     }
-    OUTPUT_PORTS: dict[str, PortInformation] = {}
 
     _job: PlannerJob | None = None
     _playback: Playback | None = None

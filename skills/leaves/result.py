@@ -1,7 +1,6 @@
 """Leaves that end a task or a branch: in success, or in failure with a reason."""
 
 from py_trees.common import Status
-from py_trees.ports import PortInformation
 
 from skills.base import Skill
 from skills.errors import TaskFailed
@@ -12,9 +11,6 @@ class Succeed(Skill):
     """Succeed at once."""
 
     may_fail = False
-
-    INPUT_PORTS: dict[str, PortInformation] = {}
-    OUTPUT_PORTS: dict[str, PortInformation] = {}
 
     def on_start(self) -> Status:
         """Succeed."""
@@ -28,7 +24,6 @@ class Fail(Skill):
     may_succeed = False
 
     INPUT_PORTS = {"reason": Port(str, description="message of the failure")}
-    OUTPUT_PORTS: dict[str, PortInformation] = {}
 
     def on_start(self) -> Status:
         """Fail."""

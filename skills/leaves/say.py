@@ -3,7 +3,6 @@
 import logging
 
 from py_trees.common import Status
-from py_trees.ports import PortInformation
 
 from skills.base import Skill
 from skills.ports import Port
@@ -20,7 +19,6 @@ class Say(Skill):
         "text": Port(str, description="text to print"),
         "value": Port(object, description="value to print after the text", default_value=""),
     }
-    OUTPUT_PORTS: dict[str, PortInformation] = {}
 
     def on_start(self) -> Status:
         """Print the text."""

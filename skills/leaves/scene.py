@@ -55,8 +55,6 @@ class _Add(Skill, register=False):
 
     world_change = WorldChange.ADDS
 
-    OUTPUT_PORTS: Ports = {}
-
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Shape:
         """Return the shape that the inputs describe."""
@@ -89,8 +87,7 @@ class _Add(Skill, register=False):
         scene = self.context.scene
         body = self.body({port: self.get_input(port) for port in self.INPUT_PORTS})
         assert body
-        exists = any(other.name == body.name for other in scene.world.bodies)
-        scene.world = scene.world.replacing(body) if exists else scene.world.adding(body)
+        scene.world = scene.world.adding(body)
         return Status.SUCCESS
 
 
@@ -185,7 +182,6 @@ class RemoveBody(Skill):
     world_change = WorldChange.REMOVES
 
     INPUT_PORTS = {"body": _BODY}
-    OUTPUT_PORTS: Ports = {}
 
     def on_start(self) -> Status:
         """Remove the body."""
@@ -198,8 +194,6 @@ class _SetParent(PlanningSkill, register=False):
     """Make another link the parent of a body."""
 
     world_change = WorldChange.ATTACHES
-
-    OUTPUT_PORTS: Ports = {}
 
     def set_parent(self, link: str) -> Status:
         """Have a worker compute the pose of the body in the frame of a link; "" is the root."""

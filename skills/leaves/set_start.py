@@ -12,7 +12,6 @@ class SetStart(Skill):
 
     pose_output = "start"
 
-    INPUT_PORTS: dict[str, PortInformation] = {}
     OUTPUT_PORTS = {
         "start": PortInformation(
             Positions, description="commanded position of every actuated joint [rad]"

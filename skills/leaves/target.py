@@ -14,6 +14,7 @@ from skills.errors import BadTarget, OutOfBounds, SkillError, refuse
 from skills.joint_targets import (
     check_complete,
     check_targets,
+    joined,
     mimic_errors,
     missing_joint_errors,
     split_by_group,
@@ -100,19 +101,18 @@ def _shifted(start: Positions, by: Positions) -> Positions:
     return Positions((name, start[name] + distance) for name, distance in by.items())
 
 
-def check_joints(robot: Robot, joints: Positions, port: str) -> None:
+def check_joints(robot: Robot, joints: Positions) -> None:
     """Check targets of some joints, for any position of the others.
 
     Args:
         robot: Description of the robot.
         joints: Positions by joint name [rad].
-        port: Name of the port that holds them.
 
     Raises:
         SkillError: A target is invalid.
         ExceptionGroup: Several targets are invalid.
     """
-    refuse(_target_errors(robot, joints, port))
+    refuse(_target_errors(robot, joints, "joints"))
 
 
 def check_distances(robot: Robot, by: Mapping[str, float]) -> None:
@@ -151,9 +151,7 @@ def _checked_goal(robot: Robot, start: Positions, joints: Positions, port: str) 
 
 
 def _goal(robot: Robot, start: Positions, joints: Positions, port: str) -> Positions:
-    targets = _completed(robot, start, joints, port)
-    joined = {name: q for target in targets.values() for name, q in target.items()}
-    return Positions((joint.name, joined[joint.name]) for joint in robot.actuated)
+    return joined(robot, _completed(robot, start, joints, port))
 
 
 def _completed(

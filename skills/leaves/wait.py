@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from py_trees.common import Status
-from py_trees.ports import PortInformation
 
 from skills.base import Skill
 from skills.ports import Port
@@ -19,7 +18,6 @@ class Wait(Skill):
     INPUT_PORTS = {
         "duration": Port(float, description="duration [s]", unit="s", least=0.0, most=86_400.0)
     }
-    OUTPUT_PORTS: dict[str, PortInformation] = {}
 
     _deadline = 0.0
 

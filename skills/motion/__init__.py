@@ -23,7 +23,6 @@ from .errors import (
     MotionError,
     NoPath,
     NotFinite,
-    OutOfBounds,
     PlanCanceled,
     PlanTimeout,
     StartInCollision,
@@ -34,8 +33,8 @@ from .errors import (
 )
 from .plan import Plan
 from .query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
-from .workers.pool import Job, Pool
-from .world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World, quaternion
+from .workers.pool import Pool
+from .world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World
 
 __all__ = [
     "EMPTY",
@@ -49,14 +48,12 @@ __all__ = [
     "EndInCollision",
     "GoalInCollision",
     "GoalOutOfBounds",
-    "Job",
     "Mesh",
     "ModelUnusable",
     "MotionCollides",
     "MotionError",
     "NoPath",
     "NotFinite",
-    "OutOfBounds",
     "Plan",
     "PlanCanceled",
     "PlanTimeout",
@@ -75,6 +72,5 @@ __all__ = [
     "Verify",
     "WorkerDied",
     "World",
-    "quaternion",
     "shown",
 ]

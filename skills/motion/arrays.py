@@ -3,8 +3,11 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
-def readonly(values: ArrayLike) -> NDArray[np.float64]:
+
+def readonly(values: ArrayLike) -> Array:
     """Return a read-only array of floats; a copy, unless the array already owns read-only data."""
     array = np.asarray(values, dtype=np.float64)
     if array.flags.writeable or not (array.flags.owndata or isinstance(array.base, bytes)):
@@ -13,8 +16,8 @@ def readonly(values: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def norms(steps: NDArray[np.float64]) -> NDArray[np.float64]:
+def norms(steps: Array) -> Array:
     """Return the length of every row (N, J) -> (N,), also if its square would underflow."""
     largest = np.max(abs(steps), axis=1, initial=np.finfo(float).tiny)
-    lengths: NDArray[np.float64] = largest * np.linalg.norm(steps / largest[:, None], axis=1)
+    lengths: Array = largest * np.linalg.norm(steps / largest[:, None], axis=1)
     return lengths

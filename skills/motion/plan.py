@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from .arrays import readonly
+from .arrays import Array, readonly
 from .path.curve import Curve
 from .timing.time_law import TimeLaw
-
-Array = NDArray[np.float64]
 
 # Names of the arrays in a plan, its curve and its time law.
 _PLAN = ("start", "origin", "goal", "velocity", "acceleration", "waypoints")

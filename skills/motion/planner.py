@@ -18,11 +18,10 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware import Clock, RealClock, Robot
 
-from .arrays import norms
+from .arrays import Array, norms
 from .collision.checker import CollisionChecker
 from .collision.endpoints import EndpointChecker
 from .collision.scene import PlanningScene
@@ -46,8 +45,6 @@ from .timing.time_law import TimeLaw
 from .timing.time_parameterization import time_curve
 from .validation import joint_positions
 from .world import EMPTY, Body, World
-
-Array = NDArray[np.float64]
 
 _MAX_SCENES = 4  # kept in memory
 _SAME_POINT = 1e-9  # waypoints closer than this are merged [rad]

@@ -160,8 +160,9 @@ class World:
         raise BadWorld(f"There is no body {name}; there are {there}")
 
     def adding(self, body: Body) -> "World":
-        """Return this world with one more body."""
-        return World((*self.bodies, body))
+        """Return this world with a body, which replaces one with the same name."""
+        known = {each.name: each for each in self.bodies} | {body.name: body}
+        return World(tuple(known.values()))
 
     def without(self, name: str) -> "World":
         """Return this world without a body."""

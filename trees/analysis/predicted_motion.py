@@ -101,8 +101,7 @@ class _State:
         """Return the state with a body, which replaces one of its name."""
         unsure = self.unsure - {body.name}
         new = replace(body, touches=body.touches - unsure)
-        known = {each.name: each for each in self.world.bodies} | {body.name: new}
-        return replace(self, world=World(tuple(known.values())), unsure=unsure)
+        return replace(self, world=self.world.adding(new), unsure=unsure)
 
     def without(self, names: Iterable[str]) -> "_State":
         """Return the state without bodies of these names."""

@@ -40,7 +40,7 @@ def _outcomes(tree: CompiledTree, node: Behaviour, halted: bool) -> PossibleOutc
 
 
 class _Node:
-    """A node, with the interface `trees.nodes.Outcomes` that its kind uses."""
+    """A node, with the interface `trees.nodes.kind.Outcomes` that its kind uses."""
 
     def __init__(self, tree: CompiledTree, node: Behaviour, control: Control, halted: bool) -> None:
         self._tree, self._node = tree, node

@@ -508,7 +508,7 @@ def _placeholder_value(kind: ControlNodeKind, option: str) -> Any:
 
 
 class _Child:
-    """A compiled node, with the interface `trees.nodes.Child` that its parent's kind uses.
+    """A compiled node, with the interface `trees.nodes.kind.Child` that its parent's kind uses.
 
     Args:
         compiler: The compiler.

@@ -2,18 +2,10 @@
 
 from importlib import import_module
 
-from .kind import KINDS, Child, Control, ControlNodeKind, Flow, Outcomes, PossibleOutcomes
+from .kind import KINDS
 
 # Messages list the kinds in this order.
 for _family in ("composites", "parallel", "loops", "decorators", "guard"):
     import_module(f".{_family}", __name__)
 
-__all__ = [
-    "KINDS",
-    "Child",
-    "Control",
-    "ControlNodeKind",
-    "Flow",
-    "Outcomes",
-    "PossibleOutcomes",
-]
+__all__ = ["KINDS"]

@@ -119,23 +119,6 @@ def read_text(path: Path) -> str:
         raise FileError([Mistake(place, f"is not UTF-8 text: {error.reason}")]) from error
 
 
-def read_document(path: Path, text: str) -> Located:
-    """Read one YAML document.
-
-    Args:
-        path: File name for errors.
-        text: Text of the document.
-
-    Raises:
-        FileError: The text is not YAML, is too long or nested too deeply, or contains a tag, an
-            alias or a duplicate key.
-    """
-    root, mistakes = draft_document(path, text)
-    if mistakes:
-        raise FileError(mistakes)
-    return root
-
-
 def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
     """Read one YAML document, and continue after mistakes.
 

@@ -13,17 +13,15 @@ from typing import NamedTuple
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skills.motion.arrays import Array, Mask
 from skills.motion.deadline import Deadline
 from skills.motion.errors import NotFinite
 
 from .containment import ContainmentChecker
 from .distance import SignedDistance
 from .scene import PlanningScene
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 BATCH = 500  # configurations per call
 # No call can be interrupted, so one call checks at most a few milliseconds' worth of pairs: of

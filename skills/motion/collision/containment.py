@@ -10,11 +10,10 @@ the surface.
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+
+from skills.motion.arrays import Array
 
 from .scene import PlanningScene
-
-Array = NDArray[np.float64]
 
 
 class ContainmentChecker:

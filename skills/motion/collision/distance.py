@@ -12,12 +12,11 @@ from collections.abc import Iterator
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+
+from skills.motion.arrays import Array
 
 from .containment import ContainmentChecker
 from .scene import PlanningScene
-
-Array = NDArray[np.float64]
 
 _RESOLUTION = 0.05  # relative error of a penetration depth
 _FINEST = 1e-4  # smallest absolute error of the search [m]

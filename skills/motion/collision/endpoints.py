@@ -3,9 +3,9 @@
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware import Robot
+from skills.motion.arrays import Array
 from skills.motion.errors import (
     BadQuery,
     GoalInCollision,
@@ -20,8 +20,6 @@ from skills.motion.query import Query
 from skills.motion.validation import MAX_MAGNITUDE, check_seed, is_number, joint_positions
 
 from .checker import CollisionChecker
-
-Array = NDArray[np.float64]
 
 _MAX_SPARE = 1.0  # largest distance to keep beyond the robot's margin [m]
 

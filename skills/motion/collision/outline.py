@@ -3,13 +3,11 @@
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from skills.motion.arrays import Array
 from skills.motion.kinematics.geometry import corners
 
 from .scene import PlanningScene
-
-Array = NDArray[np.float64]
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 _RING = np.column_stack((np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(len(_ANGLES))))

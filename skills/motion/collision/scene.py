@@ -11,16 +11,14 @@ from itertools import combinations
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hardware import CollisionRules, Robot
+from skills.motion.arrays import Array
 from skills.motion.errors import BadWorld
 from skills.motion.kinematics.geometry import EnclosedVolume, convex_hull
 from skills.motion.kinematics.lever_arms import travel_bounds
 from skills.motion.kinematics.robot_model import RobotModel
 from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World
-
-Array = NDArray[np.float64]
 
 FLOOR = "floor"
 

@@ -8,9 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from skills.motion.arrays import Array
 from skills.motion.validation import MAX_MAGNITUDE
-
-Array = NDArray[np.float64]
 
 _MIN_THICKNESS = 1e-4  # least thickness of a hull: coal crashes on a flat one [m]
 _PRISM_SIDES = (

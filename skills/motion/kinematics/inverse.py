@@ -19,10 +19,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hardware import Robot, Tool
-from skills.motion.arrays import norms
+from skills.motion.arrays import Array, norms
 from skills.motion.deadline import Deadline
 from skills.motion.errors import (
     BadQuery,
@@ -39,8 +38,6 @@ from skills.motion.world import Vector
 
 from .joint_group import JointGroup
 from .robot_model import RobotModel
-
-Array = NDArray[np.float64]
 
 # The budget is counted in descents, not in seconds: equal queries give equal answers.
 _FIRST_SEEDS = 16  # starting points of the first round, the current configuration included

@@ -3,13 +3,10 @@
 from itertools import chain, combinations, islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hardware import Robot
-from skills.motion.arrays import norms, readonly
+from skills.motion.arrays import Array, norms, readonly
 from skills.motion.errors import BadQuery
-
-Array = NDArray[np.float64]
 
 _MAX_GOALS = 64  # equivalent goals of continuous joints: all of up to six joints
 

@@ -29,13 +29,12 @@ from collections.abc import Iterable, Sequence
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hardware import Robot
+from skills.motion.arrays import Array
 
 from .geometry import corners
 
-Array = NDArray[np.float64]
 _LEVEL = 1e-9  # largest vertical motion per unit of a joint that counts as level [m/rad, m/m]
 
 LeverArms = dict[str, float]  # by name of each joint that carries a shape [m/rad]

@@ -9,17 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hardware import Robot
 from hardware.description.urdf import count_collision_shapes
+from skills.motion.arrays import Array
 from skills.motion.errors import BadWorld, ModelUnusable, shown
 from skills.motion.validation import MAX_MAGNITUDE, is_number
 
 from .geometry import EnclosedVolume, convex_hull
 from .lever_arms import LeverArms, floor_lever_arms, lever_arms
-
-Array = NDArray[np.float64]
 
 _LEAST_RATE = 1e-9  # smallest limit of velocity and acceleration of a joint [rad/s, rad/s2]
 

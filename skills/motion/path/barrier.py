@@ -7,14 +7,12 @@ there is no path, which a sampling-based search could never prove.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skills.motion.arrays import Array
 from skills.motion.errors import Barred
 from skills.motion.kinematics.joint_group import JointGroup
 
 from .motion_validator import MotionValidator
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 64
 

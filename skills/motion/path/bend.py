@@ -10,15 +10,12 @@ collide on the straight line, then also those that collide on a bend that was tr
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skills.motion.arrays import norms
+from skills.motion.arrays import Array, norms
 from skills.motion.kinematics.joint_group import JointGroup
 
 from .curve import Curve
 from .motion_validator import MotionValidator
-
-Array = NDArray[np.float64]
 
 _CANDIDATES = 128
 _GROUP_SIZE = 16  # candidates filtered in one call

@@ -5,14 +5,11 @@ of Technology, 2011, has the idea; here the blend is a curve in space and the li
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skills.motion.arrays import norms
+from skills.motion.arrays import Array, norms
 
 from .curve import Curve
 from .motion_validator import MotionValidator
-
-Array = NDArray[np.float64]
 
 VIA_TOLERANCE = 0.01  # largest distance of any part of the arm from its pose at a via point [m]
 

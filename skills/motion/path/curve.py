@@ -14,9 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.motion.arrays import norms, readonly
-
-Array = NDArray[np.float64]
+from skills.motion.arrays import Array, norms, readonly
 
 _SAME = 1e-9  # a break less than this ahead counts as passed: no piece is too short to be timed
 

@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skills.motion.arrays import Array
 from skills.motion.collision.checker import BATCH, CollisionChecker, Proximity
 from skills.motion.deadline import Deadline
 from skills.motion.kinematics.joint_group import JointGroup
 
 from .curve import Curve
-
-Array = NDArray[np.float64]
 
 # Least distance between checked configurations, in metres of travel. If the margin is so small that
 # it proves nothing, contacts with less than half this depth can be missed.

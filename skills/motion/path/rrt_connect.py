@@ -6,17 +6,15 @@ never freed, so all searches of a group share one state space.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
+from skills.motion.arrays import Array
 from skills.motion.errors import NoPath
 from skills.motion.kinematics.joint_group import JointGroup
 
 from .motion_validator import MotionValidator
-
-Array = NDArray[np.float64]
 
 ou.setLogLevel(ou.LogLevel.LOG_NONE)
 

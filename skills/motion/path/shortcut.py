@@ -6,11 +6,10 @@ high-quality paths for motion planning", International Journal of Robotics Resea
 """
 
 import numpy as np
-from numpy.typing import NDArray
+
+from skills.motion.arrays import Array
 
 from .motion_validator import MotionValidator
-
-Array = NDArray[np.float64]
 
 _CUTS = (0.7, 0.35)  # shares of a corner's legs to cut off, tried in turn
 

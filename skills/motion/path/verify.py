@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skills.motion.arrays import Array
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.deadline import Deadline
 from skills.motion.errors import BadQuery, MotionCollides, NotFinite, shown
@@ -14,8 +14,6 @@ from skills.motion.query import Verify
 from skills.motion.validation import MAX_MAGNITUDE, is_number
 
 from .motion_validator import MIN_STEP, MotionValidator, uniform_travel
-
-Array = NDArray[np.float64]
 
 _SAMPLES = 200  # number of samples that bound the travel of a plan
 _CHUNK = 500  # configurations between two checks of the deadline

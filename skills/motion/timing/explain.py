@@ -4,14 +4,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skills.motion.arrays import Array, Mask
 from skills.motion.plan import Plan
 
 from .time_parameterization import line_duration
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _STEP = 0.001  # between samples [s]
 _MAX_SAMPLES = 100_000  # for motions of hours

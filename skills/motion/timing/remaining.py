@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skills.motion.arrays import norms
+from skills.motion.arrays import Array, norms
 from skills.motion.errors import BadQuery, NotFinite, shown
 from skills.motion.path.curve import Curve
 from skills.motion.plan import Plan
@@ -15,8 +15,6 @@ from skills.motion.query import Rest
 from skills.motion.validation import is_number
 
 from .time_parameterization import time_curve
-
-Array = NDArray[np.float64]
 
 _SHORT = 1e-9  # a rest shorter than this becomes a line [rad]
 

@@ -5,12 +5,9 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from skills.motion.arrays import readonly
+from skills.motion.arrays import Array, readonly
 from skills.motion.path.curve import Curve
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

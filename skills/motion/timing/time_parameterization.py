@@ -3,13 +3,11 @@
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skills.motion.arrays import Array
 from skills.motion.path.curve import Curve
 
 from .time_law import TimeLaw
-
-Array = NDArray[np.float64]
 
 
 def time_curve(curve: Curve, velocity: Array, acceleration: Array) -> TimeLaw | None:

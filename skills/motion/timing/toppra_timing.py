@@ -25,8 +25,8 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skills.motion.arrays import Array
 from skills.motion.path.curve import Curve
 
 from .time_law import TimeLaw
@@ -59,7 +59,6 @@ with _without(_UNUSED):
     from toppra.constraint import LinearConstraint
     from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
-Array = NDArray[np.float64]
 
 _INTERVALS = 40  # approximate number of grid intervals per section
 _MIN_INTERVALS = 6  # least number of grid intervals per piece

@@ -58,13 +58,7 @@ class WorkerProcess:
         self._output = tempfile.TemporaryFile()  # noqa: SIM115, closed by `close`
         with theirs:
             self._process = subprocess.Popen(
-                [
-                    sys.executable,
-                    "-P",
-                    "-m",
-                    "skills.motion.workers.worker_main",
-                    str(theirs.fileno()),
-                ],
+                [sys.executable, "-P", "-m", _PROGRAM, str(theirs.fileno())],
                 pass_fds=(theirs.fileno(),),
                 stdin=subprocess.DEVNULL,
                 stdout=self._output,

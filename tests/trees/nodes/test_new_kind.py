@@ -21,8 +21,7 @@ from trees.export.drawings import as_text
 from trees.export.groot import as_groot
 from trees.export.outline import outline
 from trees.export.schema import schema_text
-from trees.nodes import KINDS, ControlNodeKind, PossibleOutcomes
-from trees.nodes.kind import Element, Options, Outcomes
+from trees.nodes.kind import KINDS, ControlNodeKind, Element, Options, Outcomes, PossibleOutcomes
 
 
 class KeepGoing(Decorator):

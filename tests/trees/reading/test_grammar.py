@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trees import ControlNode, FileError, Key, Library, Located, Mistake, SkillNode, SubtreeNode
+from trees import FileError, Library, Located, Mistake
 from trees.reading.grammar import draft_subtree, parse_task
+from trees.reading.specs import ControlNode, Key, SkillNode, SubtreeNode
 
 FILE = Path("3_x.yaml")
 SHIPPED = [Library().task(number).text for number in Library().numbers()]

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from tests.support.paths import TASKS
-from trees import DuplicateTask, FileError, Library, Place, UnknownTask
+from trees import FileError, Library, Place, UnknownTask
+from trees.errors import DuplicateTask
 
 TASK = "task: {number}\nname: x\ndescription: y\ntree: Succeed\n"
 SUBTREE = "subtree: reach\ndescription: y\nports: {}\ntree: Succeed\n"

@@ -18,7 +18,7 @@ from trees.build import build
 from trees.check import check
 from trees.compile.plugins import load_skills
 from trees.export.resolved import RESOLVED
-from trees.reading.document import read_document
+from trees.reading.grammar import parse_value
 
 pytestmark = pytest.mark.slow
 
@@ -69,7 +69,7 @@ def said(path: Path, text: str) -> tuple[Said, dict[str, int]]:
     """What a file says, and the line where it stands."""
     found: Said = {}
     lines: dict[str, int] = {}
-    left = [read_document(path, text)]
+    left = [parse_value(text, str(path))]
     while left:
         value = left.pop()
         inner = value.value
