@@ -53,7 +53,7 @@ class Question:
         self._wake()
 
     def _choice(self, words: str) -> str:
-        """Return the choice that the words stand for, or "" if there is none."""
+        """Return the choice that the words abbreviate, or "" if there is none."""
         if not self.choices or not words:
             return words
         lower = words.lower()

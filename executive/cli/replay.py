@@ -140,7 +140,7 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
 def _sum_up(verified: int, written: int, wrong: Sequence[tuple[Path, str]]) -> None:
     skipped = f", {written} still being written" if written else ""
     held = f"{verified - len(wrong)} of {verified} recordings hold{skipped}"
-    click.echo(f"{held}{'; not:' if wrong else ''}")
+    click.echo(f"{held}{'; different:' if wrong else ''}")
     for path, code in wrong:
         click.echo(f"  {path}  {code}")
 

@@ -51,7 +51,7 @@ class Breakpoints:
         self._held: set[Behaviour] = set()
 
     def use(self, tree: Tree) -> None:
-        """Take the paths of the nodes of a tree."""
+        """Set the paths of the nodes of a tree."""
         self._paths = dict(paths(tree.root))
 
     def hold(self, skill: Behaviour) -> bool:

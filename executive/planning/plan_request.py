@@ -116,8 +116,8 @@ class PlanRequest:
             self.robot, self.library, number, planner.carry, reach, position, world
         )
         if not predicted:
-            why = f"no goal of task {number} is known before it runs; a goal is known if the "
-            why += "inputs of its skill, and of all skills before it, are written down. "
+            why = f"task {number} has no goal that is known before a run; a goal is known if the "
+            why += "inputs of its skill, and of all skills before it, are literal values. "
             why += "".join(f"{message}. " for message in unknown)
             raise BadTarget(why + "Give joints, a pose or a point instead")
         moving, still = list[Motion](), list[Motion]()

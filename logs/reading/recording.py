@@ -76,7 +76,7 @@ class Recording:
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Reads the head of the file.
+        """Read the head of the file.
 
         Raises:
             RecordingError: The file does not exist, or is not a recording of armtree.
@@ -122,7 +122,7 @@ class Recording:
         return changed_part(self.path)
 
     def records(self, *kinds: type) -> Iterator[RunRecord]:
-        """Yields the records in file order, up to the first damage.
+        """Yield the records in file order, up to the first damage.
 
         Args:
             kinds: Types of records to yield; all if none is given.
@@ -142,7 +142,7 @@ class Recording:
                 sent = []
 
     def record(self, messages: Sequence[Message]) -> RunRecord:
-        """Returns the record that messages were made from.
+        """Return the record that messages were made from.
 
         Args:
             messages: Two or three for a sent frame, else one.
@@ -215,7 +215,7 @@ def _json_topics() -> dict[str, type[Any]]:
 
 
 def _filter(kinds: tuple[type, ...]) -> Callable[[Message], bool]:
-    """Accepts the messages that records of these types are made from."""
+    """Accept the messages that records of these types are made from."""
     topics = _TOPICS | {kind: (topic,) for topic, kind in _json_topics().items()}
     names = {topic for kind in kinds or topics for topic in topics[kind]}
     plans = not kinds or Plan in kinds
@@ -227,7 +227,7 @@ def _is_plan(topic: str) -> bool:
 
 
 def _is_setting(message: Message) -> bool:
-    """Returns whether a setting of the board was sent; its messages end with this one."""
+    """Return whether a setting of the board was sent; its messages end with this one."""
     return message.topic == "/serial/timing" and bool(message.fields().get("setting"))
 
 
@@ -262,7 +262,7 @@ def _frozen(value: Any) -> Any:
 
 
 def _checked(kind: type[Any], known: dict[str, Any], message: Message) -> Any:
-    """Makes a record after checking its fields, because any program may have written the file."""
+    """Make a record after checking its fields, because any program may have written the file."""
     needed = {field.name for field in fields(kind) if field.default is MISSING}
     if missing := sorted(needed - known.keys()):
         what = (
@@ -278,7 +278,7 @@ def _checked(kind: type[Any], known: dict[str, Any], message: Message) -> Any:
 
 
 def _invalid_field(kind: type, values: Mapping[str, Any]) -> str:
-    """Returns the first field with an invalid type, length or value; empty if there is none."""
+    """Return the first field with an invalid type, length or value; empty if there is none."""
     for name, type_ in _types(kind).items():
         if name not in values:
             continue

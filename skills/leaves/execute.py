@@ -117,7 +117,7 @@ class Execute(Skill):
             self.context.arm.stop()
 
     def _resume(self) -> Status:
-        """Have the rest of the motion timed from the position at which the pause left the arm."""
+        """Send a request to time the rest of the motion from the position of the paused arm."""
         playback = self._playback
         assert playback
         if playback.state is PlaybackState.PLAYING:  # it still decelerates

@@ -213,7 +213,7 @@ class _SetParent(PlanningSkill, register=False):
 
 
 class Attach(_SetParent):
-    """Attach a body to a link, as after a grasp. It moves with the link and is checked like one."""
+    """Attach a body to a link, as after a grasp. It moves and is checked with the link."""
 
     INPUT_PORTS = {"body": _BODY, "link": PortInformation(str, description="link to attach it to")}
 

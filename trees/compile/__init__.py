@@ -1,1 +1,1 @@
-"""Task files and skills to a py_trees tree."""
+"""Compilation of task files and skills to a py_trees tree."""

@@ -463,7 +463,7 @@ class TreeCompiler:
     # Values
 
     def _resolve(self, value: Value | None, scope: Scope) -> Value | None:
-        """Return what a value means outside its file."""
+        """Return a value with its references replaced by what they refer to."""
         return None if value is None else resolve(value, scope, self._mistakes.add_last)
 
     def _fit(self, value: Located, wanted: Declaration, what: str) -> Any:

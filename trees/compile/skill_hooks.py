@@ -50,7 +50,7 @@ class SkillHooks:
         doubtful: Nodes that are known to be wrong.
 
     Attributes:
-        doubtful: Nodes that are wrong. It is not known what they would do.
+        doubtful: Nodes that are wrong, so their effect is not known.
     """
 
     def __init__(self, doubtful: Iterable[Behaviour] = ()) -> None:

@@ -87,8 +87,8 @@ class GuardKind(ControlNodeKind):
         """Report a condition that may take several ticks."""
         for below in children[1].lasting():
             below.wrong(
-                f"{below.name} may take several ticks, and while needs a result at once; the guard "
-                "repeats it by itself"
+                f"{below.name} may take several ticks, but the condition of while must end in one; "
+                "the guard repeats it anyway"
             )
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:

@@ -1,1 +1,1 @@
-"""YAML files to checked task files; every mistake with its line."""
+"""Reading of YAML files to checked task files; every mistake has its line."""

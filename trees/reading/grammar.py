@@ -86,7 +86,7 @@ class PosesFile:
         path: The file.
         text: Text of the file.
         poses: Joint positions [rad] by joint name, by name of the pose. A wrong position is
-            REFUSED; a pose that is wrong as a whole has none.
+            REFUSED; a pose that is wrong as a whole is missing.
         labels: Names and values of the poses with their places, by name.
         replaces: Names of the poses that replace shipped ones.
     """

@@ -186,7 +186,7 @@ class Library:
 
     @property
     def pose_files(self) -> tuple[Path, ...]:
-        """The files of poses; the user's file is the last one."""
+        """Files of poses; the user's file is the last one."""
         return tuple(self._poses)
 
     def path(self, number: int) -> Path:

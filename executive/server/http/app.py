@@ -82,9 +82,8 @@ class App:
         self._buckets = {
             known: TokenBucket(*rate, clock.now) for known, rate in RATE_LIMITS.items()
         }
-        self._log_bucket = TokenBucket(
-            0.1, 3.0, clock.now
-        )  # clients without the token must not fill the log
+        # Clients without the token must not fill the log.
+        self._log_bucket = TokenBucket(0.1, 3.0, clock.now)
         self._streams = {True: 0, False: 0}
         operations = OPERATIONS.values()
         routes: list[Any] = [

@@ -21,7 +21,7 @@ class CancelThread:
 
     def __init__(self, executive: Executive) -> None:
         self._executive = executive
-        # Strangers must not fill the log.
+        # Clients without the token must not fill the log.
         self._log_bucket = TokenBucket(0.1, 3.0, executive.clock.now)
         self._thread = ThreadPoolExecutor(1, "stop")
 

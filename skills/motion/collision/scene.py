@@ -1,6 +1,6 @@
 """The planning scene: robot and bodies as pinocchio and coal check them for collisions.
 
-MoveIt's PlanningScene: robot model, world, and the pairs of shapes that may touch.
+It is what MoveIt calls a PlanningScene: robot model, world, and pairs of shapes that may touch.
 """
 
 import dataclasses

@@ -37,7 +37,7 @@ def test_it_cannot_be_moved_and_the_error_explains_why() -> None:
 
 FINGER = "velocity = 0.2\nacceleration = 2.0\nboot = "
 WRONG = {
-    "a wire alone": ("boot = 0.0", 'boot = 0\nwire = { letter = "b" }', "wire: goes with a driver"),
+    "a wire alone": ("boot = 0.0", 'boot = 0\nwire = { letter = "b" }', "wire: needs a driver"),
     "a port alone": ("[groups]", '[serial]\nport = "virtual"\n[groups]', "driver: is missing"),
     "a driver alone": ("[groups]", 'driver = "serial_servo"\n[groups]', "wire: is missing"),
     "a misspelt driver": ("[groups]", "drivr = 1\n[groups]", "drivr: .*did you mean driver"),

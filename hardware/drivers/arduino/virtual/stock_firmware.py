@@ -109,7 +109,7 @@ class _Parser:
     """The parser of the sketch. Every field moves its servo as soon as its comma arrives.
 
     A letter selects the servo and the first digit. Any other byte counts as a digit. From the fifth
-    digit on the real sketch overwrites memory; this only counts it.
+    digit on, the real sketch overwrites memory; this model only counts such digits.
     """
 
     def __init__(self, letters: str) -> None:
