@@ -4,6 +4,7 @@ import json
 import os
 import sys
 import threading
+from collections.abc import Callable
 from queue import SimpleQueue
 from typing import Protocol, Self
 
@@ -32,10 +33,14 @@ class View(Protocol):
 
 
 class _Lines:
-    """Prints on its own thread, so that a slow or closed pipe cannot block the arm."""
+    """Prints on its own thread, so that a slow or closed pipe cannot block the arm.
 
-    def __init__(self) -> None:
-        self._stream = sys.stdout
+    Args:
+        line: Returns the line for an item, or "" for none.
+    """
+
+    def __init__(self, line: Callable[[_Item], str]) -> None:
+        self._line, self._stream = line, sys.stdout
         self._queue: SimpleQueue[_Item | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="view", daemon=True)
 
@@ -59,13 +64,9 @@ class _Lines:
         """Show the outcome of a goal."""
         self._queue.put(outcome)
 
-    def line(self, item: _Item) -> str:
-        """Return the line for an item, or "" for none."""
-        raise NotImplementedError
-
     def _run(self) -> None:
         while (item := self._queue.get()) is not None:
-            if line := self.line(item):
+            if line := self._line(item):
                 self._print(line)
 
     def _print(self, line: str) -> None:
@@ -78,37 +79,31 @@ class _Lines:
             os.close(nowhere)
 
 
-class JsonView(_Lines):
-    """Prints one JSON object per event."""
-
-    def line(self, item: _Item) -> str:
-        """Return an event as JSON. The result is printed when its recording is closed."""
-        if isinstance(item, (str, logs.Result)):
-            return ""
-        if isinstance(item, Outcome):
-            event = {"event": "result", **item.to_json()}
-        else:
-            event = event_to_json(item)
-        return json.dumps(event, allow_nan=False)
-
-
-class TextView(_Lines):
-    """Prints plain lines, for logs and pipes."""
-
-    def line(self, item: _Item) -> str:
-        """Return the line for a goal, an ended node with a message, a question or an outcome."""
-        match item:
-            case str():
-                return item
-            case Outcome():
-                return item.text()
-            case QuestionStatus(open=True):
-                return item.text_with_command()
-            case logs.Goal():
-                return f"task {item.task} {item.name}".rstrip()
-            case logs.NodeStatus(status="SUCCESS" | "FAILURE") if item.message:
-                return f"  {item.name:<12} {item.status.lower()}  {item.message}"
+def _json_line(item: _Item) -> str:
+    """Return an event as JSON. The result is printed when its recording is closed."""
+    if isinstance(item, (str, logs.Result)):
         return ""
+    if isinstance(item, Outcome):
+        event = {"event": "result", **item.to_json()}
+    else:
+        event = event_to_json(item)
+    return json.dumps(event, allow_nan=False)
+
+
+def _text_line(item: _Item) -> str:
+    """Return the line for a goal, an ended node with a message, a question or an outcome."""
+    match item:
+        case str():
+            return item
+        case Outcome():
+            return item.text()
+        case QuestionStatus(open=True):
+            return item.text_with_command()
+        case logs.Goal():
+            return f"task {item.task} {item.name}".rstrip()
+        case logs.NodeStatus(status="SUCCESS" | "FAILURE") if item.message:
+            return f"  {item.name:<12} {item.status.lower()}  {item.message}"
+    return ""
 
 
 def view_for(as_json: bool, verbose: bool) -> View:
@@ -119,9 +114,9 @@ def view_for(as_json: bool, verbose: bool) -> View:
         verbose: True if the log is printed, so that lines are printed instead of a live picture.
     """
     if as_json:
-        return JsonView()
+        return _Lines(_json_line)
     if verbose or not sys.stdout.isatty():
-        return TextView()
+        return _Lines(_text_line)
     from .live_view import LiveView  # rich is slow to import
 
     return LiveView()
