@@ -34,8 +34,7 @@ class _RecordedGoal:
         path = str(self.own.path) if self.own else ""
         if self.result:
             return Outcome.from_record(self.result, path)
-        sent = self.own.records(logs.Sent) if self.own else ()
-        frames = [record for record in sent if isinstance(record, logs.Sent) and record.joints]
+        frames = list(self.own.frames()) if self.own else []
         duration = max(0.0, frames[-1].time - self.record.time) if frames else 0.0
         cause, task = cause_of(ServerRestarted()), self.record.task
         return Outcome.of(task, GoalState.ABORTED, cause, len(frames), duration, path)

@@ -105,11 +105,11 @@ def last_command(robot: Robot, recordings: Path) -> LastCommand | None:
     files = sorted(recordings.glob("*.mcap"), key=lambda path: path.name, reverse=True)
     for path in files[:_SEARCHED]:
         try:
-            sent = list(logs.Recording(path).records(logs.Sent))
+            sent = list(logs.Recording(path).frames())
         except logs.LogError:
             continue  # a file of another program
         for record in reversed(sent):
-            if isinstance(record, logs.Sent) and record.joints == names:
+            if record.joints == names:
                 return LastCommand(record.positions, str(path))
     return None
 

@@ -107,14 +107,14 @@ def _with_mesh(body: Mapping[str, Any], files: Mapping[str, bytes]) -> Mapping[s
     mesh = body.get("mesh")
     if not mesh or mesh["path"] not in files:
         return body
-    path = _restored_files() / Path(mesh["path"]).name
+    path = Path(_restored_files().name) / Path(mesh["path"]).name
     path.write_bytes(files[mesh["path"]])
     return {**body, "mesh": {**mesh, "path": str(path)}}
 
 
 @lru_cache(maxsize=8)
 def _load(files: tuple[tuple[str, bytes], ...], firmware: str) -> Robot:
-    folder = _restored_files() / _digest(*(data for _, data in files))
+    folder = Path(_restored_files().name) / _digest(*(data for _, data in files))
     folder.mkdir(exist_ok=True)
     for name, data in files:
         (folder / Path(name).name).write_bytes(data)
@@ -142,13 +142,9 @@ def _same_type(value: Any, known: Any) -> bool:
     return isinstance(value, (int, float) if isinstance(known, float) else type(known))
 
 
-def _restored_files() -> Path:
-    """Return the folder for restored files; it is deleted when this process ends."""
-    return Path(_temporary_folder().name)
-
-
 @cache
-def _temporary_folder() -> "tempfile.TemporaryDirectory[str]":
+def _restored_files() -> "tempfile.TemporaryDirectory[str]":
+    """Folder for restored files; it is deleted when this process ends."""
     return tempfile.TemporaryDirectory(prefix="armtree-")
 
 

@@ -6,6 +6,7 @@ import sys
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from types import ModuleType
 
 import hardware
 import skills.motion
@@ -26,9 +27,11 @@ def versions() -> dict[str, str]:
 
     Two installations with equal entries give equal plans and frames for equal queries.
     """
-    own = {"armtree": _version("armtree"), "planner": _digest(_folder(skills.motion), "**/*.py")}
-    folder = _folder(hardware)
-    own["frames"] = _digest(folder, *_SCHEDULING)
+    own = {
+        "armtree": _version("armtree"),
+        "planner": _digest(skills.motion, "**/*.py"),
+        "frames": _digest(hardware, *_SCHEDULING),
+    }
     libraries = {name: _version(name) for name in _PLANNING}
     machine = {"python": platform.python_version(), "machine": platform.machine()}
     return {**own, **libraries, **machine, "system": sys.platform}
@@ -41,12 +44,8 @@ def _version(name: str) -> str:
         return "none"
 
 
-def _folder(room: object) -> Path:
-    return Path(str(getattr(room, "__file__", ""))).parent
-
-
-def _digest(folder: Path, *patterns: str) -> str:
-    digest = hashlib.sha256()
+def _digest(room: ModuleType, *patterns: str) -> str:
+    folder, digest = Path(str(room.__file__)).parent, hashlib.sha256()
     for path in sorted(path for pattern in patterns for path in folder.glob(pattern)):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()[:12]

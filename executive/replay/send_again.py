@@ -1,7 +1,7 @@
 """Sends the frames of a recording again, as a new run."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -100,11 +100,6 @@ def _start_of(recording: Recording) -> tuple[int, dict[str, float]]:
     raise NotReplayable(f"{recording.path}: no motion was recorded; give a run that moved the arm")
 
 
-def _moves(sent: RecordedFrame) -> bool:
-    """Return True for a frame of a motion, False for a hold or a setting of the board."""
-    return bool(sent.joints) and not sent.hold
-
-
 @lru_cache(maxsize=1)
 def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
     """Return the frames of a recording without holds, encoded for this robot.
@@ -126,10 +121,7 @@ def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
         start = tuple(schedule.start.values())
         if setpoints and _encoded(robot, start, path) != setpoints[-1].frame:
             raise NotReplayable(f"{path}: a motion does not begin where the one before it ended")
-        before, passed = (
-            start,
-            -1 / robot.firmware.rate,
-        )  # one frame per period
+        before, passed = start, -1 / robot.firmware.rate  # one frame per period
         for due, frame in zip(schedule.times, frames, strict=False):
             setpoint = Setpoint(
                 begins + due - zero, 0.0, frame.positions, _same(robot, frame, path)
@@ -146,21 +138,17 @@ def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
     return tuple(setpoints)
 
 
-def _motions(path: Path) -> Iterator[tuple[RecordedSchedule, list[RecordedFrame]]]:
-    """Yield the schedules of a recording that were started, each with its frames."""
-    schedule: RecordedSchedule | None = None
-    frames: list[RecordedFrame] = []
+def _motions(path: Path) -> list[tuple[RecordedSchedule, list[RecordedFrame]]]:
+    """Return the schedules of a recording that were started, each with its frames."""
+    motions: list[tuple[RecordedSchedule, list[RecordedFrame]]] = []
     for record in Recording(path).records(RecordedSchedule, RecordedFrame):
-        if isinstance(record, RecordedFrame) and _moves(record):
-            frames.append(record)
-            if schedule is None:
+        if isinstance(record, RecordedSchedule):
+            motions.append((record, []))
+        elif isinstance(record, RecordedFrame) and record.joints and not record.hold:
+            if not motions:
                 raise NotReplayable(f"{path}: frames were recorded without a schedule")
-        elif isinstance(record, RecordedSchedule):
-            if schedule and frames:
-                yield schedule, frames
-            schedule, frames = record, []
-    if schedule and frames:
-        yield schedule, frames
+            motions[-1][1].append(record)
+    return [(schedule, frames) for schedule, frames in motions if frames]
 
 
 def _same(robot: Robot, frame: RecordedFrame, path: Path) -> Frame:

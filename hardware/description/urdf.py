@@ -9,6 +9,7 @@ import re
 import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree
@@ -107,11 +108,7 @@ def parse_urdf(text: str) -> Urdf:
     Raises:
         UrdfError: It is not XML, or not a tree of links with valid joints.
     """
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise _not_xml(error) from error
-    return _links_and_joints(root)
+    return _links_and_joints(_root(StringIO(text)))
 
 
 def count_collision_shapes(path: Path, largest: float) -> dict[str, int]:
@@ -134,15 +131,11 @@ def count_collision_shapes(path: Path, largest: float) -> dict[str, int]:
     return counts
 
 
-def _root(path: Path) -> Element:
+def _root(source: Path | StringIO) -> Element:
     try:
-        return ElementTree.parse(path).getroot()
+        return ElementTree.parse(source).getroot()
     except ElementTree.ParseError as error:
-        raise _not_xml(error) from error
-
-
-def _not_xml(error: ElementTree.ParseError) -> UrdfError:
-    return UrdfError(f"is not XML: {error}", error.position[0])
+        raise UrdfError(f"is not XML: {error}", error.position[0]) from error
 
 
 # Links and joints --------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ compares all its messages. It finds changes also in files that hold no digests, 
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from itertools import zip_longest
 from json import loads
@@ -80,10 +81,8 @@ def _groups(recording: Recording) -> Iterator[list[Message]]:
 
 
 def _valid(recording: Recording) -> Iterator[Message]:
-    try:
+    with suppress(RecordingTruncated):
         yield from read(recording.path)
-    except RecordingTruncated:
-        return
 
 
 def _place(name: str) -> tuple[type, int] | None:

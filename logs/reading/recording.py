@@ -47,6 +47,7 @@ _COLUMNS: dict[type, tuple[tuple[str, str], ...]] = {
     Schedule: (("start", "samples"),),
 }
 _TIMES, _LONGEST = ("time", "duration"), 1e9  # [s]
+_field_types = cache(get_type_hints)
 _GOAL_ID = re.compile("[0-9a-f]{32}")
 
 
@@ -140,6 +141,16 @@ class Recording:
             if message.topic == _SENT[-1] or _is_setting(message):
                 yield self.record(sent)
                 sent = []
+
+    def frames(self) -> Iterator[Sent]:
+        """Yield the sent frames in file order, holds included, but no setting of the board.
+
+        Raises:
+            RecordingError: A frame cannot be decoded.
+        """
+        for record in self.records(Sent):
+            if isinstance(record, Sent) and record.joints:
+                yield record
 
     def record(self, messages: Sequence[Message]) -> RunRecord:
         """Return the record that messages were made from.
@@ -279,7 +290,7 @@ def _checked(kind: type[Any], known: dict[str, Any], message: Message) -> Any:
 
 def _invalid_field(kind: type, values: Mapping[str, Any]) -> str:
     """Return the first field with an invalid type, length or value; empty if there is none."""
-    for name, type_ in _types(kind).items():
+    for name, type_ in _field_types(kind).items():
         if name not in values:
             continue
         if not (_has_type(values[name], type_) and _in_range(name, values[name])):
@@ -291,11 +302,6 @@ def _invalid_field(kind: type, values: Mapping[str, Any]) -> str:
         if any(len(row) != len(values[columns]) for row in values[table]):
             return table
     return ""
-
-
-@cache
-def _types(kind: type) -> dict[str, Any]:
-    return get_type_hints(kind)
 
 
 def _in_range(name: str, value: Any) -> bool:

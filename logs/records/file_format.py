@@ -59,12 +59,6 @@ def valid_size(stream: BinaryIO) -> int:
     Args:
         stream: The journal, at its beginning; it is left there.
     """
-    size = _valid_size(stream)
-    stream.seek(0)
-    return size
-
-
-def _valid_size(stream: BinaryIO) -> int:
     good, crc = 0, crc32(stream.read(len(MAGIC)))
     while len(head := stream.read(_RECORD.size)) == _RECORD.size:
         opcode, left = _RECORD.unpack(head)
@@ -77,4 +71,6 @@ def _valid_size(stream: BinaryIO) -> int:
         while left and (block := stream.read(min(left, _BLOCK))):
             crc, left = crc32(block, crc), left - len(block)
     stream.seek(good)
-    return good + len(END) if stream.read(len(END) + 1) == END else good
+    size = good + len(END) if stream.read(len(END) + 1) == END else good
+    stream.seek(0)
+    return size

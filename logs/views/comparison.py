@@ -6,7 +6,6 @@ from itertools import zip_longest
 from pathlib import Path
 
 from logs.reading.recording import Recording
-from logs.records.records import Sent
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +76,7 @@ def run_of(path: Path) -> Run:
     Raises:
         RecordingError: The recording cannot be read.
     """
-    sent = [
-        record
-        for record in Recording(path).records(Sent)
-        if isinstance(record, Sent) and record.joints
-    ]
+    sent = list(Recording(path).frames())
     zero = sent[0].time if sent else 0.0
     return Run(
         path,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -52,15 +53,11 @@ def _side(axes: Axes, motion: MotionDrawing, across: int, up: int) -> None:
     axes.set_title("motion from the front" if up == 2 else "motion from above", fontsize=7)
     for shapes, color, alpha in (
         (motion.bodies, _BODY, 0.5),
-        ([shape for pose in motion.poses[1:-1] for shape in pose], _ARM, 0.06),
-        ([shape for pose in motion.poses[:1] for shape in pose], _START, 0.3),
-        ([shape for pose in motion.poses[1:][-1:] for shape in pose], _ARM, 0.3),
-        ([shape for pose in motion.held[1:-1] for shape in pose], _BODY, 0.06),
-        (
-            [shape for pose in (*motion.held[:1], *motion.held[1:][-1:]) for shape in pose],
-            _BODY,
-            0.5,
-        ),
+        (list(chain(*motion.poses[1:-1])), _ARM, 0.06),
+        (list(chain(*motion.poses[:1])), _START, 0.3),
+        (list(chain(*motion.poses[1:][-1:])), _ARM, 0.3),
+        (list(chain(*motion.held[1:-1])), _BODY, 0.06),
+        (list(chain(*motion.held[:1], *motion.held[1:][-1:])), _BODY, 0.5),
     ):
         if not shapes:
             continue

@@ -98,11 +98,7 @@ def export(path: Path, folder: Path) -> tuple[Path, Path]:
         OSError: The files cannot be written.
     """
     joints, frames = (folder / f"{path.stem}.{what}.csv" for what in ("joints", "frames"))
-    sent = (
-        record
-        for record in Recording(path).records(Sent)
-        if isinstance(record, Sent) and record.joints
-    )
+    sent = Recording(path).frames()
     with joints.open("w", newline="") as one, frames.open("w", newline="") as two:
         positions, lines = csv.writer(one), csv.writer(two)
         lines.writerow(["time_s", "scheduled_s", "late_ms", "hold", "frame"])

@@ -124,6 +124,7 @@ def _copy(recording: Path, kept: Path) -> None:
 
 
 def _write(records: TolerantReader, new: Path) -> int:
+    from mcap.records import Metadata
     from mcap.writer import Writer
 
     from logs.reading.digests import Digests
@@ -134,19 +135,13 @@ def _write(records: TolerantReader, new: Path) -> int:
         copy = Copy(writer)
         messages = copy.all(digests.watch(records))
         if not records.intact:
-            copy.all(digests.watch([_recovered(records.torn)]))
+            copy.all(digests.watch([Metadata(RECOVERED, {"torn_bytes": str(records.torn)})]))
         kept = digests.noted if records.intact else {}
         writer.add_metadata(DIGESTS, kept or digests.made())
         writer.finish()  # type: ignore[no-untyped-call]
         stream.flush()
         os.fsync(stream.fileno())
     return messages
-
-
-def _recovered(torn: int) -> Any:
-    from mcap.records import Metadata
-
-    return Metadata(RECOVERED, {"torn_bytes": str(torn)})
 
 
 def _check(new: Path, messages: int) -> None:

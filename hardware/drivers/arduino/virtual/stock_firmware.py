@@ -4,6 +4,7 @@ It reads one byte at a time. It turns one servo after the other, one degree at a
 nothing meanwhile.
 """
 
+import re
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -135,12 +136,5 @@ class _Parser:
 
 def _atoi(text: bytes | bytearray) -> int:
     """Return the number that C's `atoi` reads: an optional sign, then digits."""
-    body = text.lstrip(b" \t\n\v\f\r")
-    sign = -1 if body[:1] == b"-" else 1
-    digits = body[1:] if body[:1] in (b"-", b"+") else body
-    value = 0
-    for byte in digits:
-        if not ord("0") <= byte <= ord("9"):
-            break
-        value = value * 10 + byte - ord("0")
-    return sign * value
+    number = re.match(rb"\s*[+-]?[0-9]+", text)
+    return int(number[0]) if number else 0
