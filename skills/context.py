@@ -62,14 +62,6 @@ class Scene:
     world: World = EMPTY
 
 
-def _not_paused() -> float:
-    return 0.0
-
-
-def _no_breakpoint(skill: Behaviour) -> bool:
-    return False
-
-
 @dataclass(frozen=True, slots=True)
 class Context:
     """What a skill works with.
@@ -102,8 +94,8 @@ class Context:
     wake_at: Callable[[float], None]
     scene: Scene = field(default_factory=Scene)
     operator: Operator = field(default_factory=NoOperator)
-    paused_time: Callable[[], float] = _not_paused
-    at_breakpoint: Callable[[Behaviour], bool] = _no_breakpoint
+    paused_time: Callable[[], float] = field(default=lambda: 0.0)
+    at_breakpoint: Callable[[Behaviour], bool] = field(default=lambda _: False)
 
     def now(self) -> float:
         """Return the time of the run [s]. It stops while the run is paused."""

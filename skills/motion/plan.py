@@ -101,11 +101,6 @@ class Plan:
         positions[given >= self.duration] = self.goal
         return positions
 
-    def state(self, time: float) -> Array:
-        """Return the group's joints at one time [s] -> (J,) [rad]."""
-        joints: Array = self.sample((time,))[0]
-        return joints
-
     def velocities(self, times: ArrayLike) -> Array:
         """Return joint velocities at times (K,) [s] -> (K, J) [rad/s]."""
         s, speed, _ = self.profile.at(self._clamped(times))

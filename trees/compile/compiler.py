@@ -345,14 +345,10 @@ class TreeCompiler:
                 self._unnamed(given, declared.type, f"{what} writes {name}", name, scope)
             else:
                 ports[name] = given
-            if isinstance(given, Key) and self._typed(given, declared):
+            reads = declared.type != UNTYPED and not declared.output
+            if reads and isinstance(given, Key) and given.name in self._keys.written:
                 self._keys.copy().read(given, declared.type, f"{what}: {name}", self._mistakes)
         return ports
-
-    def _typed(self, key: Key, declared: Declaration) -> bool:
-        """Return whether a port reads a key that is written, and declares its type."""
-        reads = declared.type != UNTYPED and not declared.output
-        return reads and key.name in self._keys.written
 
     def _check_written(
         self, spec: SubtreeNode, source: Source, ports: Mapping[str, Value], what: str

@@ -202,13 +202,9 @@ def _literal(wanted: Declaration) -> Schema:
         "boolean": {"type": "boolean"},
         "text": {"enum": list(wanted.choices)} if wanted.choices else {"type": "string"},
         ANY: {"type": ["number", "string", "boolean"]},
-        "": {},
+        "": {"type": ["number", "string", "boolean", "object"]},
     }
-    return (
-        plain.get(wanted.type, {"not": {}})
-        if wanted.type
-        else {"type": ["number", "string", "boolean", "object"]}
-    )
+    return plain.get(wanted.type, {"not": {}})
 
 
 def _quantity(kind: str) -> Schema:

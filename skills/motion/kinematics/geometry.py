@@ -12,9 +12,8 @@ from skills.motion.arrays import Array
 from skills.motion.validation import MAX_MAGNITUDE
 
 _MIN_THICKNESS = 1e-4  # least thickness of a hull: coal crashes on a flat one [m]
-_PRISM_SIDES = (
-    8  # sides of the prism around a cylinder; fewer sides make every check of the hull faster
-)
+# Sides of the prism around a cylinder; fewer sides make every check of the hull faster.
+_PRISM_SIDES = 8
 
 
 def corners(shape: pin.GeometryObject) -> Array:

@@ -56,7 +56,7 @@ def _plans(problem: Problem) -> Iterator[Plan]:
                 continue  # the end of a shortened leg may be in collision
             yield plan
             time = float(random.uniform(0.0, plan.duration))
-            stands = _whole(problem, query.start, plan.state(time))
+            stands = _whole(problem, query.start, plan.sample([time])[0])
             yield planner.rest(Rest(plan, time, stands))
 
 

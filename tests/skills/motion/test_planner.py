@@ -98,8 +98,8 @@ def test_ends_are_exact_and_limits_kept(
     plan = planner.plan(arm(start, goal))
     ends = plan.sample([0.0, plan.duration, -1.0, plan.duration + 1.0])
     assert [tuple(row) for row in ends] == [start, goal, start, goal]
-    for time in times:
-        assert np.array_equal(plan.sample([time])[0], plan.state(time))
+    for time, row in zip(times, plan.sample(times), strict=True):
+        assert np.array_equal(plan.sample([time])[0], row)
     grid = np.arange(0.0, plan.duration, 0.001)
     low, high = np.minimum(start, goal) - 1e-12, np.maximum(start, goal) + 1e-12
     assert np.all((low <= plan.sample(grid)) & (plan.sample(grid) <= high))
@@ -203,7 +203,7 @@ def test_refusals(planner: Planner, query: Query, error: type[MotionError], mess
 
 @pytest.mark.parametrize("far", [5e-324, 1e-300, 1e-160, 1e-12])
 def test_goals_very_close_to_the_start(planner: Planner, far: float) -> None:
-    assert tuple(planner.plan(arm(HOME, (far, 0.0, 0.0))).state(1.0)) == (far, 0.0, 0.0)
+    assert tuple(planner.plan(arm(HOME, (far, 0.0, 0.0))).sample([1.0])[0]) == (far, 0.0, 0.0)
 
 
 def test_a_limit_itself_is_allowed(planner: Planner, robot: Robot) -> None:

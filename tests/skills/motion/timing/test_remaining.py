@@ -28,13 +28,13 @@ GRIPPER = PLANNER.plan(Query("gripper", (0.3, 0.0, 0.0, 0.0), (-0.7,)))
 def left(plan: Plan, time: float) -> Plan:
     start = np.array(plan.start)
     names = [joint.name for joint in ROBOT.actuated]
-    start[[names.index(name) for name in plan.joints]] = plan.state(time)
+    start[[names.index(name) for name in plan.joints]] = plan.sample([time])[0]
     return PLANNER.rest(Rest(plan, time, tuple(start.tolist())))
 
 
 def check(plan: Plan, time: float, rest: Plan) -> None:
-    assert np.array_equal(rest.origin, plan.state(time))
-    assert np.array_equal(rest.state(rest.duration), plan.goal)
+    assert np.array_equal(rest.origin, plan.sample([time])[0])
+    assert np.array_equal(rest.sample([rest.duration])[0], plan.goal)
     times = np.linspace(0.0, rest.duration, 400)
     assert np.all(abs(rest.velocities(times)) <= plan.velocity * (1 + 1e-6))
     assert np.all(abs(rest.accelerations(times)) <= plan.acceleration * (1 + 1e-6))
@@ -79,7 +79,7 @@ def test_a_stop_slightly_before_a_blend_begins_or_ends(short: float) -> None:
 def test_a_stop_slightly_before_the_end(plan: Plan, before: float) -> None:
     rest = left(plan, plan.duration - before)
     check(plan, plan.duration - before, rest)
-    assert np.array_equal(rest.state(0.0), rest.origin)
+    assert np.array_equal(rest.sample([0.0])[0], rest.origin)
 
 
 def test_the_rest_from_the_start_is_the_whole_motion() -> None:
