@@ -32,7 +32,6 @@ def _goal_id(context: click.Context, parameter: click.Parameter, value: str) -> 
 
 
 _goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callback=_goal_id)
-_json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 _server_option = click.option(
     "--server",
     metavar="URL",
@@ -49,7 +48,7 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
     An error is printed as JSON too if `as_json` is true.
     """
 
-    @_json_option
+    @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
     @_server_option
     @functools.wraps(function)
     def command(server: str | None, as_json: bool, **options: Any) -> None:

@@ -1,18 +1,17 @@
 """The log of the program, as records."""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import logs
 from executive.executive import Executive
-from hardware import Clock
 
 
 @contextmanager
 def recorded_log(executive: Executive) -> Iterator[None]:
     """Record every line of the log."""
-    handler = LogHandler(executive.record, executive.clock)
+    handler = LogHandler(executive)
     logging.getLogger().addHandler(handler)
     try:
         yield
@@ -24,15 +23,14 @@ class LogHandler(logging.Handler):
     """Passes lines of the log on as records.
 
     Args:
-        record: Receives the records.
-        clock: Time source.
+        executive: Receives the records.
     """
 
-    def __init__(self, record: Callable[[logs.Record], None], clock: Clock) -> None:
+    def __init__(self, executive: Executive) -> None:
         super().__init__(logging.INFO)
-        self._record, self._clock = record, clock
+        self._executive = executive
 
     def emit(self, record: logging.LogRecord) -> None:
         """Pass a line on."""
-        text = record.getMessage()
-        self._record(logs.LogLine(self._clock.now(), record.levelno, record.name, text))
+        now, text = self._executive.clock.now(), record.getMessage()
+        self._executive.record(logs.LogLine(now, record.levelno, record.name, text))

@@ -198,7 +198,7 @@ def test_a_subscriber_that_fails_or_leaves(server: RigMaker) -> None:
         failed.append(event)
         raise ZeroDivisionError
 
-    handler = LogHandler(arm.executive.record, arm.clock)  # its log is an event as well
+    handler = LogHandler(arm.executive)  # its log is an event as well
     logging.getLogger().addHandler(handler)
     arm.executive.subscribe(fail)
     leave = arm.executive.subscribe(told.append)

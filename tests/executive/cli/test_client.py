@@ -226,7 +226,7 @@ def test_a_changed_task_is_picked_up_and_a_wrong_one_is_not(
 ) -> None:
     served, type_in = typed
     served.executive.arm_to("activate")
-    root, handler = logging.getLogger(), LogHandler(served.executive.record, served.clock)
+    root, handler = logging.getLogger(), LogHandler(served.executive)
     monkeypatch.setattr(root, "handlers", [*root.handlers, handler])
     file = served.tasks / "12_say.yaml"
     assert type_in("send", "12", "--wait", "--set", "often=9")[0] == 4

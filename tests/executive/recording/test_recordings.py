@@ -197,7 +197,7 @@ def test_the_log_line_that_begins_a_goal_is_in_its_recording(
     caplog.set_level(logging.INFO)
     arm = server()
     root = logging.getLogger()
-    handler = LogHandler(arm.executive.record, arm.clock)
+    handler = LogHandler(arm.executive)
     monkeypatch.setattr(root, "handlers", [*root.handlers, handler])
     outcome = run(arm, 1)
     arm.executive.close()
