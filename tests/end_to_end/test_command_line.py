@@ -277,7 +277,13 @@ def test_a_target_out_of_bounds_names_every_joint(tmp_path: Path) -> None:
     message = events(out)[-1]["message"]
     assert status == 4
     assert message.startswith("Target position out of boundaries")
-    for part in ("joint_1 = 2.0", "joint_3 = -9.5", "joint_4 = 0.5", "joint_5 = -0.5", "1.570796"):
+    for part in (
+        "joint_1 = 114.59156 deg (2.0 rad)",
+        "joint_3 = -544.30991 deg (-9.5 rad)",
+        "joint_4 = 28.64789 deg (0.5 rad)",
+        "joint_5 = -28.64789 deg (-0.5 rad)",
+        "[-90, 90] deg",
+    ):
         assert part in message
     assert "joint_2" not in message
 
