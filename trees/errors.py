@@ -161,12 +161,8 @@ class DuplicateTask(FileError):
 
     def __init__(self, number: int, first: Path, second: Place, replaces: str) -> None:
         what = f"task {number} is in two files, {first} and {second.path}"
-        what += (
-            f": rename this one, or add to it replaces: {replaces}"
-            if replaces
-            else (": rename one of them")
-        )
-        super().__init__([Mistake(second, what)])
+        advice = f"rename this one, or add to it replaces: {replaces}" if replaces else self.hint
+        super().__init__([Mistake(second, f"{what}: {advice}")])
 
 
 class BadArguments(FileError):
