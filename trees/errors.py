@@ -161,7 +161,7 @@ class DuplicateTask(FileError):
 
     def __init__(self, number: int, first: Path, second: Place, replaces: str) -> None:
         what = f"task {number} is in two files, {first} and {second.path}"
-        advice = f"rename this one, or add to it replaces: {replaces}" if replaces else self.hint
+        advice = f"rename this one, or add the line replaces: {replaces}" if replaces else self.hint
         super().__init__([Mistake(second, f"{what}: {advice}")])
 
 

@@ -106,7 +106,9 @@ class Body:
         if not isinstance(self.link, str):
             raise BadWorld(f"The link {what} {_shown(self.link)}; give a name, or none")
         if not isinstance(self.touches, frozenset) or not all(map(_word, self.touches)):
-            raise BadWorld(f"The touches {what} {shown(self.touches)}; give names, in a frozenset")
+            raise BadWorld(
+                f"The value touches {what} {shown(self.touches)}; give names, in a frozenset"
+            )
 
     def _check_sizes(self, what: str) -> None:
         for part in fields(self.shape):
@@ -243,7 +245,7 @@ def _parsed(plain: Any) -> Body:
     rest = {key: _tupled(plain[key]) for key in keys if key in plain}
     touches = rest.pop("touches", ())
     if not isinstance(touches, tuple) or not all(map(_word, touches)):
-        raise BadWorld(f"The touches of {name} is {_shown(touches)}; give a list of names")
+        raise BadWorld(f"The key touches of {name} is {_shown(touches)}; give a list of names")
     if "rotation" in rest and _is_unit(rest["rotation"], _ROUNDED):
         rest["rotation"] = _scaled(rest["rotation"])
     return Body(shape=_form(name, forms[0], plain[forms[0]]), touches=frozenset(touches), **rest)

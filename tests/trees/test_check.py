@@ -96,7 +96,7 @@ WRONG = [
     ("{guard: Succeed, while: {Wait: {duration: 1}}}", "Wait acts, and cannot be a condition"),
     (
         "{guard: Succeed, while: {selector: [CheckHardware, {retry: CheckHardware, attempts: 2}]}}",
-        "4:58 retry may take several ticks, and while needs a result at once",
+        "4:58 retry may take several ticks, but the condition of while must end in one",
     ),
     (
         "{guard: Succeed, while: {guard: CheckHardware, while: CheckHardware, otherwise: pause}}",

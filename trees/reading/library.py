@@ -122,7 +122,7 @@ class Library:
             return
         if not self._replaces(name, path, name, draft_subtree):
             message = (
-                f"subtree {name} is in {there} already; rename this one, or add to it "
+                f"subtree {name} is in {there} already; rename this one, or add the line "
                 f"replaces: {name}"
             )
             place = _top(path, self._text(path), "subtree")

@@ -49,7 +49,7 @@ def test_two_files_with_one_number(tmp_path: Path) -> None:
     with pytest.raises(
         DuplicateTask,
         match=r"01_x.yaml:1:1: task 1 is in two files, .*1_pick.yaml and .*01_x.yaml: "
-        "rename this one, or add to it replaces: pick\n    task: 1\n",
+        "rename this one, or add the line replaces: pick\n    task: 1\n",
     ):
         Library(write(tmp_path, "01_x.yaml", TASK.format(number=1))).task(1)
 
