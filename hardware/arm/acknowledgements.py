@@ -26,8 +26,8 @@ _COUNTER_RANGE = 0x10000  # the board counts frames in 16 bits
 class Acknowledgements:
     """Frames sent and acknowledged since the port was opened. Thread-safe.
 
-    A board whose firmware has no banner acknowledges nothing. The only thing understood from it is
-    the banner of another firmware.
+    If the firmware has no banner, the board acknowledges nothing. Its bytes are then only searched
+    for the banner of another firmware.
 
     Args:
         robot: The robot.

@@ -92,7 +92,7 @@ def rewrite(journal: Path) -> Summary:
 
 
 def part_of(recording: Path) -> Path:
-    """Return the path at which the recording that replaces a journal is written."""
+    """Return the temporary path of the recording that will replace a journal."""
     return recording.with_name(recording.name + ".part")
 
 

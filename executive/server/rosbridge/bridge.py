@@ -164,7 +164,7 @@ class _Client:
             await self._websocket.close(_POLICY_VIOLATION, self._dropped.result())
 
     def goal_changed(self, goal: GoalStatus) -> None:
-        """Send the result of a goal that has ended. Its client gets nothing about it later."""
+        """Send the result of a goal that has ended. No more messages about this goal follow."""
         if goal.outcome and (ended := self._goals.pop(goal.identity, None)):
             outcome = goal.outcome
             self._put(ros.result(ended.client_id, outcome.state.value, outcome.success))

@@ -1,7 +1,7 @@
 """Parabolic blends: the corners of a path are rounded as far as the blends are free.
 
 T. Kunz and M. Stilman, "Turning paths into trajectories using parabolic blends", Georgia Institute
-of Technology, 2011, has the idea; here the blend is a curve in space and the limits come later.
+of Technology, 2011. Unlike there, a blend is a curve in space, which is timed later.
 """
 
 import numpy as np

@@ -58,7 +58,7 @@ class MotionValidator:
 
     @property
     def step(self) -> float:
-        """Longest section for which the margin at its middle proves enough [m of travel]."""
+        """Longest section that is proved free by the margin at its middle [m of travel]."""
         return max(2.0 * (self.margin - self.guaranteed), MIN_STEP)
 
     def full(self, points: Array) -> Array:

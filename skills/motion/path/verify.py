@@ -25,8 +25,8 @@ def verify_plan(validator: MotionValidator, plan: Plan) -> None:
     Each bend was checked alone before, so a collision here is an error of the planner. The plan
     must keep the guaranteed distance, as every checked path does.
 
-    A straight plan needs no second check. Its motion passes only through points of its line,
-    up to rounding errors. The guaranteed distance was proved for all these points. Mimic joints move in
+    A straight plan needs no second check. Its motion passes only through points of its line, up to
+    rounding errors. The guaranteed distance was proved for all these points. Mimic joints move in
     proportion, so this holds for them too.
 
     Raises:
