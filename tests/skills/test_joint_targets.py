@@ -1,11 +1,12 @@
 """Checks of targets: an error names every joint outside its limits, with value and limits."""
 
+import dataclasses
 import math
 
 import pytest
 from py_trees.common import Status
 
-from hardware import Robot
+from hardware import Mimic, Robot
 from skills import (
     BadTarget,
     OutOfBounds,
@@ -15,7 +16,14 @@ from skills import (
     known_errors,
     refuse,
 )
-from skills.joint_targets import check_complete, link_errors, split_by_group
+from skills.joint_targets import (
+    check_complete,
+    configuration_errors,
+    link_errors,
+    mimic_errors,
+    split_by_group,
+    unknown_joint_errors,
+)
 from skills.leaves.check_bounds import CheckBounds
 from skills.leaves.target import Shift, Target
 from tests.conftest import Bench
@@ -28,6 +36,15 @@ def target(**joints: float) -> dict[str, dict[str, float]]:
     arm = {name: q for name, q in joints.items() if name in ("joint_1", "joint_2", "joint_3")}
     gripper = {name: q for name, q in joints.items() if name not in arm}
     return {"arm": {**ZERO["arm"], **arm}, "gripper": {**ZERO["gripper"], **gripper}}
+
+
+def with_mimic(robot: Robot, multiplier: float, offset: float) -> Robot:
+    """Return the robot with another law for joint_5, which follows joint_4."""
+    follower = dataclasses.replace(
+        robot.joint("joint_5"), mimic=Mimic("joint_4", multiplier, offset)
+    )
+    joints = tuple(follower if joint.name == follower.name else joint for joint in robot.joints)
+    return dataclasses.replace(robot, joints=joints)
 
 
 def test_the_limits_themselves_are_within(robot: Robot) -> None:
@@ -113,6 +130,21 @@ def test_a_configuration_names_every_joint_that_is_moved(robot: Robot) -> None:
     assert caught.value.location == ("start",)
 
 
+def test_every_error_of_a_configuration_names_its_place(robot: Robot) -> None:
+    whole = {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": 0.0}
+    assert configuration_errors(robot, "goal", whole) == []
+    wrong = {"joint_1": 9.0, "joint_2": 0.0, "joint_4": -0.7, "joint_5": 0.2, "elbow": 0.0}
+    outside, contradiction, missing, unknown = configuration_errors(robot, "goal", wrong)
+    assert isinstance(outside, OutOfBounds)
+    assert outside.location == ("goal", "joint_1")
+    assert str(contradiction).startswith("joint_5 = 0.2 contradicts joint_4 = -0.7")
+    assert contradiction.location == ("goal", "joint_5")
+    assert str(missing).startswith("the goal lacks joint_3; it must name")
+    assert missing.location == ("goal",)
+    assert str(unknown).startswith("elbow is no joint of the robot")
+    assert unknown.location == ("goal", "elbow")
+
+
 def test_a_link_is_one_of_the_robots(robot: Robot) -> None:
     for name in robot.links:
         refuse(link_errors(robot, "to", name))
@@ -127,10 +159,19 @@ def test_joints_are_told_apart_by_their_groups(robot: Robot) -> None:
         "arm": {"joint_1": 0.2},
         "gripper": {"joint_4": 0.1},
     }
-    why = "^joint_8 is no joint of the robot; it has joint_1.*; joint_9 is no joint of the robot"
+    why = (
+        "^joint_8 is no joint of the robot; it has joint_1, joint_2, joint_3, joint_4, joint_5;"
+        ".*; joint_9 is no joint of the robot"
+    )
     with pytest.raises(BadTarget, match=why) as caught:
         split_by_group(robot, {"joint_8": 0.0, "joint_1": 0.0, "joint_9": 0.0}, "to")
     assert caught.value.location == ("to", "joint_8")
+
+
+def test_a_joint_that_is_named_already_is_not_suggested(robot: Robot) -> None:
+    joints = {"joint_5": 0.0, "joint_6": 0.0}
+    (error,) = unknown_joint_errors(robot, joints, "to")
+    assert str(error).endswith("; did you mean joint_4?")
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
@@ -224,8 +265,26 @@ def test_a_mimic_joint_by_itself_is_refused_wherever_its_leader_stands(
         f"joint_5 follows joint_4; name joint_4 instead (joint_4 = {0 - q:g} gives joint_5 = {q:g}"
     )
     assert words in str(skill.failure)
-    with pytest.raises(BadTarget, match="joint_5 follows joint_4"):
+    with pytest.raises(BadTarget, match="joint_5 follows joint_4") as caught:
         Target.validate(bench.robot, {"joints": Positions(joint_5=q)})
+    assert caught.value.location == ("joints", "joint_5")
+
+
+def test_the_position_for_the_leader_is_that_which_gives_the_mimic_joint_its_own(
+    robot: Robot,
+) -> None:
+    halved = with_mimic(robot, 0.5, 0.1)
+    (error,) = mimic_errors(halved, {"joint_5": 0.3}, "to")
+    assert str(error).endswith("(joint_4 = 0.4 gives joint_5 = 0.3)")
+
+
+@pytest.mark.parametrize(("multiplier", "q"), [(-1.0, math.nan), (-1.0, math.inf), (0.0, 0.3)])
+def test_no_position_is_suggested_for_the_leader_if_none_gives_the_wanted_one(
+    robot: Robot, multiplier: float, q: float
+) -> None:
+    arm = with_mimic(robot, multiplier, 0.0)
+    (error,) = mimic_errors(arm, {"joint_5": q}, "to")
+    assert str(error) == "joint_5 follows joint_4; name joint_4 instead"
 
 
 def test_a_mimic_joint_whose_leader_is_named_only_later_or_misspelt_is_not_alone(
