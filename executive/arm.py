@@ -24,6 +24,7 @@ from .goals.outcome import CANCELED_CAUSE, GoalState, Outcome
 from .session import finish_recording, open_executive
 from .setup import Setup
 
+OWN_TREES = Path("trees")  # as on the command line
 _SLICE = 0.5  # longest single wait for an outcome, so that Ctrl-C is noticed [s]
 
 
@@ -33,7 +34,7 @@ class Arm:
     Args:
         port: Serial port such as `/dev/ttyACM0`; default: a virtual Arduino, which moves nothing.
         robot: Robot file; default: the shipped Arduinobot.
-        trees: Folder with task files of your own.
+        trees: Folder with task files of your own; default: `./trees`, if it exists.
         skills: Folder with Python files of skills of your own.
         recordings: Folder for recordings.
         seed: Seed of planning.
@@ -62,7 +63,7 @@ class Arm:
         setup = Setup(
             port=port,
             robot=_path(robot),
-            trees=_path(trees),
+            trees=_path(trees) or (OWN_TREES if OWN_TREES.is_dir() else None),
             skills=_path(skills),
             recordings=Path(recordings),
             seed=seed,
@@ -71,7 +72,7 @@ class Arm:
         )
         resources = ExitStack()
         executive = resources.enter_context(open_executive(setup))
-        self._use(executive, weakref.finalize(self, resources.close))  # at exit at the latest
+        self._use(executive, weakref.finalize(self, resources.close))  # closes at exit, too
 
     @classmethod
     def on(cls, executive: Executive) -> Self:
@@ -107,7 +108,8 @@ class Arm:
             arguments: Values of its parameters, such as `swing="30 deg"`.
 
         Raises:
-            UnknownTask: No task has that name.
+            UnknownTask: No task has that number or name.
+            TypeError: A value is of a type that no parameter has.
             GoalFailed: The task failed, was canceled or was rejected; `cause` says why.
             KeyboardInterrupt: Ctrl-C was pressed. The goal has ended, and the arm has stopped.
         """
@@ -119,7 +121,7 @@ class Arm:
     def attempt(self, task: int | str, /, **arguments: Any) -> Outcome:
         """Run a task as `run` does, but return the outcome of one that fails, too."""
         number = self.executive.library.number(task)
-        texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in arguments.items()}
+        texts = {name: _text(name, value) for name, value in arguments.items()}
         with self._lock:
             self._canceled = False
             goal = uuid.uuid4().hex
@@ -185,9 +187,17 @@ class Arm:
         if self._canceled:  # canceled before the goal was sent
             self.executive.cancel(goal)
         while True:
-            # A Ctrl-C is lost if it comes just before the wait: then the next slice raises it.
+            # A Ctrl-C just before the wait does not end the wait: the next slice raises it.
             with suppress(ResultTimeout):
                 return self.executive.result(goal, _SLICE)
+
+
+def _text(name: str, value: object) -> str:
+    """Return an argument as a task file would have it."""
+    try:
+        return value if isinstance(value, str) else json.dumps(value)
+    except TypeError as error:
+        raise TypeError(f"argument {name} = {value!r}: {error}") from None
 
 
 def _path(path: str | Path | None) -> Path | None:

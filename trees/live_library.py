@@ -129,7 +129,7 @@ class LiveLibrary:
         """Return the number of a task that is given by its number or name.
 
         Raises:
-            UnknownTask: No task has that name. A number is not checked.
+            UnknownTask: No task has that number or name.
             FileError: The folder cannot be read.
         """
         with self._lock:

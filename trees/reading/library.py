@@ -7,6 +7,7 @@ without reading the other files. `poses.yaml` contains poses. Any other `.yaml` 
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -167,9 +168,14 @@ class Library:
         """Return the number of a task that is given by its number or name.
 
         Raises:
-            UnknownTask: No task has that name. A number is not checked.
+            UnknownTask: No task has that number or name.
+            TypeError: It is neither a number nor a name.
         """
+        if isinstance(task, bool) or not isinstance(task, int | str):
+            raise TypeError(f"a task is a number or a name, not {task!r}")
         if isinstance(task, int):
+            with suppress(FileError):  # the goal reports what is wrong with the file
+                self.path(task)
             return task
         names = self.names()
         if task not in names:
