@@ -26,7 +26,7 @@ from .options import DRAWING, PATH, robot_option, seed_option, trees_option
 @click.option("--tool", metavar="LINK", help="Link with the tool. Default: the robot file's tool.")
 @click.option("--offset", nargs=3, metavar="X Y Z", help="Position of the tool on its link [m].")
 @click.option("--axis", nargs=3, metavar="X Y Z", help="Axis of the tool on its link.")
-@click.option("--world", type=PATH, help="JSON file with bodies around the arm; see below.")
+@click.option("--world", type=PATH, help="JSON file with bodies around the arm; see the example.")
 @click.option(
     "--group", help="Group that moves. Default: the group of the named joints, else the arm."
 )
