@@ -114,7 +114,7 @@ def _compiled(robot: Robot, recorded: Schedule) -> tuple[Compiled | None, str]:
         ("rate_hz", recorded.rate_hz, firmware.rate),
     ):
         if then != now:
-            return None, f"a schedule of {name} {then} is recorded, the robot has {now}"
+            return None, f"a schedule of {name} {then} is recorded, but the robot has {now}"
     if not recorded.groups:
         return None, ""
     if recorded.duration * firmware.rate > len(recorded.sample_times):
@@ -140,12 +140,12 @@ def _schedules_difference(recorded: Schedule, compiled: Compiled) -> str:
     now = ((setpoint.time, str(setpoint.frame)) for setpoint in compiled.setpoints)
     for number, (a, b) in enumerate(zip_longest(then, now), 1):
         if a != b:
-            return f"frame {number}: {_at(a)} is recorded as due, {_at(b)} is compiled"
+            return f"frame {number}: {_at(a)} is recorded as due, but {_at(b)} is compiled"
     delays = tuple(setpoint.delay for setpoint in compiled.setpoints)
     if recorded.delays_s != delays:
         return "the recorded delays_s are not those that are compiled"
     if recorded.slowed_s != compiled.slowed:
-        return f"slowed_s of {recorded.slowed_s} s is recorded, {compiled.slowed} s is compiled"
+        return f"slowed_s of {recorded.slowed_s} s is recorded, but {compiled.slowed} s is compiled"
     return ""
 
 
@@ -203,7 +203,9 @@ def _commanded_difference(compiled: Compiled | None, sent: Iterable[Sent]) -> st
     for number, (due, frame) in enumerate(zip(setpoints, moving, strict=False), 1):
         for joint, then, now in zip(frame.joints, frame.positions, due.positions, strict=True):
             if then != now:
-                return f"frame {number}: {joint} at {then!r} rad is recorded, {now!r} is compiled"
+                return (
+                    f"frame {number}: {joint} at {then!r} rad is recorded, but {now!r} is compiled"
+                )
     return ""
 
 

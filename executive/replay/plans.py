@@ -34,7 +34,9 @@ def joints_difference(robot: Robot, records: Iterable[Record]) -> str:
             continue
         groups = (record.group,) if isinstance(record, Plan) else record.groups
         if unknown := [group for group in groups if group not in robot.groups]:
-            return f"the group {unknown[0]} is recorded, the robot has {', '.join(robot.groups)}"
+            return (
+                f"the group {unknown[0]} is recorded, but the robot has {', '.join(robot.groups)}"
+            )
         if record.start.keys() != actuated:
             return f"the recorded start has the joints {', '.join(record.start)}"
         if isinstance(record, Plan):
@@ -110,9 +112,9 @@ def _plan_difference(
     if isinstance(answer, MotionError):
         if answer.code == recorded.code:
             return ""
-        return f"{recorded.code or 'a motion'} is recorded, now {answer.code}: {answer}"
+        return f"{recorded.code or 'a motion'} is recorded, but now {answer.code}: {answer}"
     if recorded.code:
-        return f"{recorded.code} is recorded, now there is a motion of {answer.duration:.3f} s"
+        return f"{recorded.code} is recorded, but now there is a motion of {answer.duration:.3f} s"
     planned[recorded.group] = answer
     return _motions_difference(recorded, answer)
 
@@ -131,10 +133,11 @@ def _merged_difference(
     robot: Robot, recorded: Schedule, merged: MergedMotion, start: tuple[float, ...]
 ) -> str:
     if not merged.begins_at(start):
-        return f"a motion from {start} rad is recorded, the plans start elsewhere"
+        return f"a motion from {start} rad is recorded, but the plans start elsewhere"
     if merged.duration != recorded.duration:
         return (
-            f"a motion of {recorded.duration!r} s is recorded, the plans take {merged.duration!r}"
+            f"a motion of {recorded.duration!r} s is recorded, "
+            f"but the plans take {merged.duration!r} s"
         )
     names = [joint.name for joint in robot.actuated]
     rows = [tuple(row) for row in merged.sample(recorded.sample_times)]
@@ -146,7 +149,7 @@ def _motions_difference(recorded: Plan, planned: Planned) -> str:
     if words := _rows_difference("waypoint", recorded.joints, recorded.waypoints, waypoints):
         return words
     if recorded.duration != planned.duration:
-        return f"duration {recorded.duration!r} s is recorded, now {planned.duration!r} s"
+        return f"duration {recorded.duration!r} s is recorded, but now it is {planned.duration!r} s"
     positions = [tuple(row) for row in planned.sample(recorded.times).tolist()]
     return _rows_difference("sample", recorded.joints, recorded.positions, positions)
 
@@ -159,8 +162,10 @@ def _rows_difference(
 ) -> str:
     for number, (a, b) in enumerate(zip_longest(then, now), 1):
         if a is None or b is None:
-            return f"{len(then)} {what}s are recorded, now {len(now)}"
+            return f"{len(then)} {what}s are recorded, but now there are {len(now)}"
         for joint, old, new in zip(joints, a, b, strict=True):
             if old != new:
-                return f"{what} {number}: {joint} = {old!r} rad is recorded, now {new!r} rad"
+                return (
+                    f"{what} {number}: {joint} = {old!r} rad is recorded, but now it is {new!r} rad"
+                )
     return ""

@@ -229,7 +229,7 @@ class Attach(_SetParent):
 
 
 class Detach(_SetParent):
-    """Detach a body from its link. It stays at its current pose."""
+    """Detach a body from its link. The body stays at its current pose."""
 
     INPUT_PORTS = {"body": _BODY}
 

@@ -35,7 +35,7 @@ _UNKNOWN = UnknownKind()
 
 @dataclass(frozen=True)
 class CompiledTree:
-    """A tree, and all that is known about it before it runs.
+    """A tree, and everything that is known about it before it runs.
 
     Attributes:
         root: Root of the tree.

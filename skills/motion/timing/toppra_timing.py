@@ -35,7 +35,7 @@ _UNUSED = ("scipy.interpolate", "scipy.sparse", "matplotlib", "matplotlib.pyplot
 
 
 class _EmptyModule(ModuleType):
-    """Has an empty class for every imported name, because toppra inherits from some."""
+    """A module with an empty class for every name, because toppra inherits from some names."""
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):

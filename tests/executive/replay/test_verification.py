@@ -285,7 +285,10 @@ def test_new_versions_are_named_as_the_source(rig: RigMaker) -> None:
     verification = verify(other)
     assert checks(verification) == [True, False]
     assert "instead of 1.9.9" in verification.checks[1].source
-    assert "waypoint 1: joint_1 = 0.1 rad is recorded, now 0.0 rad" in verification.checks[1].words
+    assert (
+        "waypoint 1: joint_1 = 0.1 rad is recorded, but now it is 0.0 rad"
+        in verification.checks[1].words
+    )
 
 
 def test_a_cut_file_is_checked_up_to_the_cut_and_does_not_hold(rig: RigMaker) -> None:
@@ -364,7 +367,7 @@ def test_a_plan_that_a_body_forbids(rig: RigMaker, tmp_path: Path) -> None:
     assert verify(path).holds
     verification = verify(altered(path, replace("Message", b'"radius":0.21', b'"radius":0.01')))
     assert checks(verification) == [True, False]
-    assert "plan.start_in_collision is recorded, now there is a motion" in verification.text()
+    assert "plan.start_in_collision is recorded, but now there is a motion" in verification.text()
 
 
 def test_a_canceled_plan_records_its_world(rig: RigMaker, tmp_path: Path) -> None:

@@ -129,7 +129,7 @@ def rename(state: Any) -> None:
         (
             retold("/plan/arm", field("start", to={})),
             [False, False],
-            "a start of the joints  is recorded",
+            "the recorded start has the joints ",
         ),
         (
             retold("/progress", field("percentage", to=2**70)),
