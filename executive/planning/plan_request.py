@@ -139,7 +139,7 @@ class PlanRequest:
     def _target(
         self, group: str, named: Mapping[str, float], start: Mapping[str, float]
     ) -> tuple[float, ...]:
-        """Return the target of every joint of a group, from those of some."""
+        """Return the target of every joint of a group, from targets of some of its joints."""
         for name in named:
             (own,) = (g for g, members in self.robot.groups.items() if name in members)
             if own != group:

@@ -280,7 +280,8 @@ def _leg_paths(
 ) -> Iterator[Array]:
     """Yield the waypoints of each leg (N, J) [rad].
 
-    A searched leg may end whole turns of a continuous joint away; the next leg begins there.
+    At the end of a searched leg, a continuous joint may be off by whole turns. The next leg begins
+    there.
     """
     here, turns = legs[0][0], np.zeros(len(legs[0][0]))
     for (_, end), is_free in zip(legs, straight, strict=True):

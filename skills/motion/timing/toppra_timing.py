@@ -45,7 +45,7 @@ class _EmptyModule(ModuleType):
 
 @contextmanager
 def _without(names: tuple[str, ...]) -> Iterator[None]:
-    """Replace modules that are not loaded by empty ones, inside the `with` block."""
+    """Put empty modules in place of modules that are not loaded, inside the `with` block."""
     absent = {name: _EmptyModule(name) for name in names if name not in sys.modules}
     sys.modules.update(absent)
     try:
