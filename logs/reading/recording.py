@@ -238,7 +238,7 @@ def _is_plan(topic: str) -> bool:
 
 
 def _is_setting(message: Message) -> bool:
-    """Return whether a setting of the board was sent; its messages end with this one."""
+    """Return whether this message is the last one of a sent setting of the board."""
     return message.topic == "/serial/timing" and bool(message.fields().get("setting"))
 
 
