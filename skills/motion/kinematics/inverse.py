@@ -367,7 +367,7 @@ def _check_query(robot: Robot, query: ToolQuery) -> Array:
     if not isinstance(query.link, str):
         raise BadQuery(f"The link is {shown(query.link)}; give a name, or none")
     if not isinstance(query.relative, bool):
-        raise BadQuery(f"The relative is {shown(query.relative)}; give True or False")
+        raise BadQuery(f"The value of relative is {shown(query.relative)}; give True or False")
     for what in ("point", "direction", "offset", "axis"):
         vector = getattr(query, what)
         if vector is None and what not in _LENGTHS:

@@ -30,7 +30,7 @@ def planner() -> Planner:
         ({"direction": (0.0, 1.0)}, r"The direction is \(0.0, 1.0\); give x, y, z"),
         ({"axis": np.array([0.0, 0.0, 1.0])}, "The axis is array"),
         ({"point": None}, "The point is None; give x, y, z"),
-        ({"relative": np.zeros(3)}, "The relative is array.*; give True or False"),
+        ({"relative": np.zeros(3)}, "The value of relative is array.*; give True or False"),
         ({"link": 7}, "The link is 7; give a name, or none"),
     ],
 )
