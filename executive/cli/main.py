@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from executive.codes import INTERRUPTED_EXIT, look_up
-from executive.server.token_file import PORT
+from executive.server import PORT
 
 from .client import COMMANDS as CLIENT_COMMANDS
 from .doctor import doctor

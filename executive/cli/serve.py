@@ -11,8 +11,8 @@ from contextlib import closing, contextmanager
 from executive.errors import PoseUnconfirmed
 from executive.executive import Executive
 from executive.goals.questions import Questions
+from executive.server import PORT
 from executive.server.server import ListenOptions, Server
-from executive.server.token_file import PORT
 from executive.session import open_executive, port_line
 from executive.setup import Setup
 from hardware import HardwareError, RealClock, TransitionRefused

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from executive.errors import Refused, ServerUnreachable
-from executive.server import token_file
+from executive.server import PORT, token_file
 
 if TYPE_CHECKING:
     import httpx
@@ -31,7 +31,7 @@ def http_options(url: str | None, token: str | None) -> dict[str, Any]:
         url: URL; default ARMTREE_SERVER, then the server on this machine.
         token: Token; default ARMTREE_TOKEN, then the token file of the server.
     """
-    port = os.environ.get("ARMTREE_TCP_PORT", token_file.PORT)
+    port = os.environ.get("ARMTREE_TCP_PORT", PORT)
     url = (url or os.environ.get("ARMTREE_SERVER") or f"http://127.0.0.1:{port}").rstrip("/")
     token = token or os.environ.get("ARMTREE_TOKEN") or _token_in_file(url)
     headers = {"authorization": f"Bearer {token}"} if token else {}

@@ -14,6 +14,7 @@ import uvicorn
 from executive.errors import AddressInUse, ServerError
 from executive.executive import Executive
 from executive.goals.questions import Questions, ignore
+from executive.server import PORT
 from trees.live_library import LiveLibrary
 
 from . import token_file
@@ -49,7 +50,7 @@ class ListenOptions:
     """
 
     address: str = "127.0.0.1"
-    port: int = token_file.PORT
+    port: int = PORT
     hosts: tuple[str, ...] = ()
     origins: tuple[str, ...] = ()
     expose: bool = False

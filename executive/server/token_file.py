@@ -9,7 +9,6 @@ import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-PORT = 8765
 HTTP_PORT = 80  # clients leave it out
 
 # For both ends of a connection: a machine that disappeared is noticed within 30 s.
