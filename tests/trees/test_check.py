@@ -291,6 +291,7 @@ def test_a_pose_of_ones_own(robot: Robot, tmp_path: Path) -> None:
 
 
 # A letter, a number or an indent of a shipped file changed: refused, or provably the same task.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["tasks/arduinobot/1_pick.yaml", "tasks/reach.yaml", "examples/3_wave.yaml"]
 )

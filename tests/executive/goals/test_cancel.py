@@ -125,6 +125,7 @@ def storm(arm: Rig, seed: int) -> None:
         arm.rest(rng.uniform(0.0, 0.5))
 
 
+@pytest.mark.slow
 def test_a_storm_of_cancels(server: RigMaker) -> None:
     """Eight threads cancel in every way while goals come: one end per goal, and no deadlock."""
     arm, rng = server(policy=Policy.QUEUE), random.Random(1)

@@ -78,6 +78,7 @@ def plotted(recording: Path) -> Any:
     return CliRunner().invoke(cli, ["log", "plot", str(recording)])
 
 
+@pytest.mark.slow
 def test_motions_are_drawn_world_by_world(rig: RigMaker, tmp_path: Path) -> None:
     recording = recorded(rig, tmp_path, TASK)
     stood, held = scenes_of(recording)
@@ -124,6 +125,7 @@ def test_bodies_that_cannot_be_drawn_are_told(tmp_path: Path) -> None:
     assert height(tmp_path / "run.png") > 100
 
 
+@pytest.mark.slow
 def test_a_picture_of_many_worlds_ends_somewhere(tmp_path: Path) -> None:
     record(tmp_path / "run.mcap", RUNS["ok"])
     shape = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.1], [0.1, 0.1, 0.0]]

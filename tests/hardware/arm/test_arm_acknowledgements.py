@@ -317,6 +317,7 @@ with Arm(robot, link, RealClock()) as arm:
 """
 
 
+@pytest.mark.slow
 def test_a_host_that_stood_still_is_no_lost_frame() -> None:
     """It stops right after it has sent a frame, and the answer waits for it."""
     with subprocess.Popen(

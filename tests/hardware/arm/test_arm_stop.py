@@ -143,6 +143,7 @@ def test_a_refused_activation_takes_no_stop_back(rig: Rig) -> None:
 # Observers ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("told", ["observer", "watcher"])
 @pytest.mark.parametrize("act", [Arm.stop, lambda arm: arm.fault(PortLost("board", "gone"))])
 def test_an_observer_may_wait_for_a_lock_whose_owner_stops_the_arm(

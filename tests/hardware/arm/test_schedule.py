@@ -185,6 +185,7 @@ def replay(robot: Robot, start: Sequence[float], schedule: Schedule, stop: float
     return board
 
 
+@pytest.mark.slow
 @settings(max_examples=120, deadline=None)
 @given(
     st.sampled_from([STOCK, OURS]),

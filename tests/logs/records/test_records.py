@@ -3,6 +3,7 @@
 import tempfile
 from pathlib import Path
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -35,6 +36,7 @@ TEXTS = st.text(st.characters(), max_size=30)
 NODES = st.builds(NodeStatus, TIMES, TEXTS, TEXTS, st.sampled_from(["RUNNING", "INVALID"]), TEXTS)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.lists(sent_frames() | NODES, max_size=8))
 def test_round_trip(records: list[Record]) -> None:

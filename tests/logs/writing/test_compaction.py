@@ -59,6 +59,7 @@ def content(path: Path) -> list[object]:
         return found + list(reader.iter_attachments()) + list(reader.iter_metadata())
 
 
+@pytest.mark.slow
 def test_cut_at_every_byte_the_valid_prefix_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -119,6 +120,7 @@ def test_compacting_a_recording_gives_the_same_bytes(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_recording_has_its_checksums(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["ok"])

@@ -211,6 +211,7 @@ def test_any_text(text: str) -> None:
         read(FILE, text)
 
 
+@pytest.mark.slow
 @settings(max_examples=400, deadline=None)
 @given(
     st.sampled_from([TASK, SUB, *SHIPPED]),

@@ -102,6 +102,7 @@ def test_a_continuous_leader_is_never_barred(tmp_path: Path) -> None:
         planner.plan(query)
 
 
+@pytest.mark.slow
 def test_no_search_finds_a_barred_path(rolling: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compares the proof with the result of a search."""
     planner, random, results = Planner(rolling), np.random.default_rng(1), list[tuple[bool, bool]]()
