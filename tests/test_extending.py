@@ -1,4 +1,4 @@
-"""One of each thing that people add, in as many places as ARCHITECTURE.md says."""
+"""One of each thing that people add. `trees/nodes/test_new_kind.py` adds a kind of control node."""
 
 import json
 import subprocess
