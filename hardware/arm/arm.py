@@ -310,7 +310,8 @@ class Arm:
         return connection.guard
 
     def _not_active(self) -> NotActive:
-        state = "failing" if self.state is State.ACTIVE else self.state.value
+        failing = self.state in (State.ACTIVE, State.ERRORPROCESSING)
+        state = "failing" if failing else self.state.value
         first = {State.INACTIVE: "activate it first", State.FINALIZED: "start armtree again"}
         advice = first.get(self.state, "configure and activate it first")
         why = f"; it failed: {self._failure}" if self._failure else ""

@@ -95,6 +95,7 @@ def test_a_goal_does_not_activate_the_arm_after_a_fault(server: RigMaker) -> Non
     arm = server()
     at_frame(arm, 10, arm.link.unplug)
     assert run(arm, 1).code == "hw.port_lost"
+    arm.rest(0.1)  # the goal ends before the fault is processed
     for _ in range(3):
         refused = run(arm, 1)
         assert refused.code == "hw.not_active"
