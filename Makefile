@@ -16,7 +16,7 @@ INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo test quick lint types rooms damage mutation firmware lock
+.PHONY: demo test quick lint types rooms damage faults mutation firmware lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -42,6 +42,11 @@ rooms: $(TOOLS)
 damage: $(TOOLS)
 	ARMTREE_CORRUPTIONS=100000 $(VENV)/bin/pytest -k corruptions --durations=2 \
 		tests/hardware/drivers/arduino/firmware/test_avr_armtree.py tests/hardware/drivers/arduino/virtual/test_armtree_firmware.py
+
+# Takes up to 20 minutes on 2 cores. Injects every fault of docs/faults.md, and fails if one does not
+# hold. `make faults ARGS="--only unplug --times 50 --seed 7 --keep"` selects.
+faults: $(TOOLS)
+	$(VENV)/bin/python tests/faults/run.py $(ARGS)
 
 # Takes two to ten minutes. Fails if no test notices a small change to the code that guards the wire.
 mutation: $(TOOLS)

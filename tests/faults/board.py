@@ -1,0 +1,301 @@
+"""A board on a pseudo-terminal, in a process of its own. It keeps its own log of bytes.
+
+It shares no code with the virtual Arduino. As a program it reads commands from its standard input,
+one a line, and answers each with a line of JSON:
+
+| command | does |
+|---|---|
+| `state` | nothing |
+| `stall` | read nothing more |
+| `go` | read again |
+| `garbage N` | send N random bytes |
+| `send TEXT` | send this line, as a firmware does |
+| `reset` | boot, as after the reset button |
+| `unplug` | close the pseudo-terminal; the port's name points nowhere |
+| `replug NAME` | a new pseudo-terminal; the port has this name now |
+"""
+
+import binascii
+import contextlib
+import json
+import os
+import random
+import re
+import select
+import subprocess
+import sys
+import time
+import tty
+from collections import deque
+from pathlib import Path
+from typing import Any, NamedTuple
+
+RATE = 11520  # bytes per second at 115200 baud
+RING = 63  # bytes that the core of an Arduino keeps
+STEP_S = 0.005  # the published sketch waits after each degree
+BOOT_FRAME = (90, 90, 90, 0)
+
+
+class Read(NamedTuple):
+    """Bytes that the board read, and when [s, monotonic]."""
+
+    time: float
+    data: bytes
+
+
+class Board:
+    """A board that a command can open, driven from this process.
+
+    Args:
+        folder: Folder of the port's name and the log.
+        firmware: `stock` (the published sketch) or `armtree`.
+        boot_s: How long it boots after it was opened [s].
+    """
+
+    def __init__(self, folder: Path, firmware: str = "stock", boot_s: float = 0.1) -> None:
+        self.port, self._log = folder / "ttyACM0", folder / "board.log"
+        command = [sys.executable, "-I", __file__, str(self.port), str(self._log), firmware]
+        self._process = subprocess.Popen(
+            [*command, str(boot_s)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self.pid = self._process.pid
+        self.ask("state")
+
+    def ask(self, command: str) -> dict[str, Any]:
+        """Send a command; return the state of the board.
+
+        `time` [s, monotonic] is when the command was done. `resets`, `lost` (bytes for which the
+        ring had no room, or that came while it booted), `wrong` (fields that are no angle),
+        `angles` [deg], `frames` and `backlog` (bytes in the ring) describe the firmware.
+        """
+        assert self._process.stdin
+        assert self._process.stdout
+        self._process.stdin.write(command + "\n")
+        self._process.stdin.flush()
+        answer: dict[str, Any] = json.loads(self._process.stdout.readline())
+        return answer
+
+    def at(self, name: str) -> None:
+        """The port has this name from now on."""
+        self.port = self.port.with_name(name)
+
+    def reads(self) -> list[Read]:
+        """Everything that it read until now, on all its pseudo-terminals."""
+        lines = [line.split() for line in self._log.read_text().splitlines(keepends=True)]
+        return [Read(float(line[0]), bytes.fromhex(line[1])) for line in lines if len(line) == 2]
+
+    def data(self) -> bytes:
+        return b"".join(read.data for read in self.reads())
+
+    def frames(self) -> list[Read]:
+        """Its frames, each with the time of its last byte."""
+        found, rest = [], b""
+        for read in self.reads():
+            rest += read.data
+            while match := re.search(rb"b\d{3},s\d{3},e\d{3},g\d{3},", rest):
+                found.append(Read(read.time, match.group()))
+                rest = rest[match.end() :]
+        return found
+
+    def close(self) -> None:
+        assert self._process.stdin
+        assert self._process.stdout
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.close()
+        self._process.wait(5)
+        self._process.stdout.close()
+
+
+class Sketch:
+    """The published sketch: one byte per loop; while a servo turns, nothing is read."""
+
+    def __init__(self) -> None:
+        self.boot()
+
+    def boot(self) -> None:
+        self.angles = list(BOOT_FRAME)
+        self.ring: deque[int] = deque()
+        self.digits, self.joint, self.free_at = "", 0, 0.0
+        self.lost = self.wrong = self.frames = 0
+        self.answer = b""
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Bytes come from the line."""
+        self.work(now)
+        for byte in data:
+            if len(self.ring) < RING:
+                self.ring.append(byte)
+            else:
+                self.lost += 1
+        self.work(now)
+
+    def work(self, now: float) -> None:
+        """Take bytes from the ring, until a servo turns."""
+        while self.ring and self.free_at <= now:
+            char = chr(self.ring.popleft())
+            if char in "bseg":
+                self.joint, self.digits = "bseg".index(char), ""
+            elif char == ",":
+                self.turn(self.digits, now)
+                self.digits = ""
+            else:
+                self.digits += char
+
+    def turn(self, digits: str, now: float) -> None:
+        if not re.fullmatch(r"\d{3}", digits) or int(digits) > 180:
+            self.wrong += 1
+            return
+        delta = abs(int(digits) - self.angles[self.joint])
+        self.free_at = max(self.free_at, now) + STEP_S * (delta + 1)
+        self.angles[self.joint] = int(digits)
+        self.frames += self.joint == 3
+
+
+class OwnFirmware(Sketch):
+    """armtree's firmware, as its README.md describes it: it never blocks, and can acknowledge."""
+
+    def boot(self) -> None:
+        super().boot()
+        self.text, self.acks, self.sum = "", False, 0
+        self.answer = b"\narmtree 1 AVW? boot %s\n" % self.frame()
+
+    def frame(self) -> bytes:
+        return b"b%03d,s%03d,e%03d,g%03d," % tuple(self.angles)
+
+    def work(self, now: float) -> None:
+        while self.ring:
+            self.take(chr(self.ring.popleft()))
+
+    def take(self, char: str) -> None:
+        self.text += char
+        if match := re.fullmatch(r"b(\d{3}),s(\d{3}),e(\d{3}),g(\d{3}),", self.text):
+            self.angles, self.text = [int(angle) for angle in match.groups()], ""
+            self.sum = binascii.crc_hqx(bytes(self.angles), self.sum)
+            self.frames += 1
+            if self.acks:
+                self.answer += b"k%04X,%02X,00,%04X\n" % (self.frames, self.wrong, self.sum)
+        elif match := re.fullmatch(r"bA(\d\d);|bW\d\d;|[bseg]V\d\d;|\?", self.text):
+            self.acks, self.text = match[1] == "01" if match[1] else self.acks, ""
+            state = (self.frames, self.wrong, self.sum, self.acks, self.frame())
+            self.answer += (
+                b"status frames=%04X refused=%02X lost=00 sum=%04X holds=00 acks=%d "
+                b"watchdog_ms=0000 speeds=000,000,000,000 at=%s\n" % state
+            )
+        elif len(self.text) >= 20 or not self.text.startswith(("b", "s", "e", "g")):
+            self.wrong += len(self.text)
+            self.text = ""
+
+
+class Terminal:
+    """The pseudo-terminal, at the pace of the line, and the firmware behind it."""
+
+    def __init__(self, port: Path, log: Path, firmware: str, boot_s: float) -> None:
+        self.port, self.boot_s = port, boot_s
+        self.firmware = OwnFirmware() if firmware == "armtree" else Sketch()
+        self.log = log.open("a", buffering=1)
+        self.stalled, self.open, self.resets, self.unread = False, False, 0, 0
+        self.ready_at = 0.0
+        self.plug()
+
+    def plug(self) -> None:
+        self.master, slave = os.openpty()
+        tty.setraw(slave)
+        name = os.ttyname(slave)
+        os.close(slave)  # so that the master shows POLLHUP until a command opens the port
+        os.set_blocking(self.master, False)
+        self.open = False
+        with contextlib.suppress(FileNotFoundError):
+            self.port.unlink()
+        self.port.symlink_to(name)
+
+    def unplug(self) -> None:
+        self.port.unlink()
+        os.close(self.master)
+        self.master = -1
+
+    def reset(self) -> None:
+        self.resets += 1
+        lost = self.firmware.lost + len(self.firmware.ring)
+        self.firmware.boot()
+        self.firmware.lost = lost
+        self.ready_at = time.monotonic() + self.boot_s
+
+    def tick(self, budget: int) -> int:
+        """Read at most so many bytes, write the firmware's answers; return how many were read."""
+        if self.master < 0:
+            return 0
+        (_, seen), *_ = poll(self.master) or [(0, 0)]
+        if opened := not seen & select.POLLHUP:
+            if not self.open:
+                self.reset()
+            self.answer()
+        self.open, count = opened, 0
+        if seen & select.POLLIN and budget and not self.stalled:
+            data = os.read(self.master, budget)
+            now, count = time.monotonic(), len(data)
+            self.log.write(f"{now:.6f} {data.hex()}\n")
+            if now < self.ready_at:
+                self.firmware.lost += count
+            else:
+                self.firmware.receive(data, now)
+        self.firmware.work(time.monotonic())
+        return count
+
+    def answer(self) -> None:
+        if self.firmware.answer and time.monotonic() >= self.ready_at:
+            self.send(self.firmware.answer)
+            self.firmware.answer = b""
+
+    def send(self, data: bytes) -> None:
+        while data:
+            with contextlib.suppress(BlockingIOError):
+                data = data[os.write(self.master, data[:512]) :]
+            time.sleep(0.0005)  # noqa: TID251, as the line paces it
+
+    def obey(self, command: str) -> str:
+        word, _, rest = command.partition(" ")
+        if word in ("stall", "go"):
+            self.stalled = word == "stall"
+        elif word == "garbage":
+            self.send(random.Random(rest).randbytes(int(rest)))
+        elif word == "send":
+            self.send(rest.encode() + b"\n")
+        elif word == "reset":
+            self.reset()
+        elif word == "unplug":
+            self.unplug()
+        elif word == "replug":
+            if self.master >= 0:
+                self.unplug()
+            self.port = self.port.with_name(rest)
+            self.plug()
+        firmware = self.firmware
+        state = {name: getattr(firmware, name) for name in ("lost", "wrong", "frames", "angles")}
+        state |= {"resets": self.resets, "backlog": len(firmware.ring), "time": time.monotonic()}
+        return json.dumps(state)
+
+
+def poll(handle: int) -> list[tuple[int, int]]:
+    watched = select.poll()
+    watched.register(handle, select.POLLIN)
+    return watched.poll(0)
+
+
+def main(port: str, log: str, firmware: str, boot_s: str) -> None:
+    """Run until standard input ends."""
+    terminal = Terminal(Path(port), Path(log), firmware, float(boot_s))
+    credit, last = 0.0, time.monotonic()
+    while True:
+        ready, _, _ = select.select([sys.stdin], [], [], 0.001)
+        if ready:
+            if not (line := sys.stdin.readline()):
+                return
+            sys.stdout.write(terminal.obey(line.strip()) + "\n")
+            sys.stdout.flush()
+        now = time.monotonic()
+        credit, last = min(credit + (now - last) * RATE, 64.0), now
+        credit -= terminal.tick(int(credit))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

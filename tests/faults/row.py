@@ -1,0 +1,239 @@
+"""What a row is, and what one injection has: a folder, a board, commands, and its findings."""
+
+import contextlib
+import dataclasses
+import difflib
+import random
+import re
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
+
+from tests.faults.board import Board
+from tests.faults.process import Command, Hang, Server
+from tests.support.paths import ROBOT_FILE
+
+C = TypeVar("C", bound=Command)
+TASKS = Path(__file__).with_name("tasks")
+FRAME = re.compile(rb"b\d{3},s\d{3},e\d{3},g\d{3},")
+_TOKENS = re.compile(FRAME.pattern + rb"|[^b]+|b")
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """A fault, what is promised for it, and the function that injects it once.
+
+    Attributes:
+        name: Its name on the command line.
+        fault: What is injected.
+        promise: What holds then.
+        limit: Largest 99th percentile of the figure, in `unit`; None if there is no figure.
+        times: How often it is injected.
+        quick: How often in the quick selection; 0 leaves it out.
+        alone: Whether no other row runs meanwhile.
+    """
+
+    name: str
+    fault: str
+    promise: str
+    inject: "Callable[[Scene], None]"
+    limit: float | None = None
+    unit: str = ""
+    times: int = 5
+    quick: int = 0
+    alone: bool = False
+
+
+def row(
+    name: str,
+    fault: str,
+    promise: str,
+    limit: float | None = None,
+    unit: str = "",
+    times: int = 5,
+    quick: int = 0,
+    alone: bool = False,
+) -> "Callable[[Callable[[Scene], None]], Row]":
+    """Declare a row; the function injects the fault once."""
+    return lambda inject: Row(name, fault, promise, inject, limit, unit, times, quick, alone)
+
+
+class Scene:
+    """One injection: its folder, what runs in it, and what was found.
+
+    Args:
+        folder: An empty folder.
+        seed: Seed of `random`.
+    """
+
+    def __init__(self, folder: Path, seed: str) -> None:
+        self.folder, self.random = folder, random.Random(seed)
+        self.problems: list[str] = []
+        self.figures: list[float] = []
+        self.injections = 1
+        # What the fault may cost: frames that only the board has, that only a recording has.
+        self.unrecorded, self.unreceived = 0, 0
+        self._boards: list[Board] = []
+        self._commands: list[Command] = []
+
+    def check(self, holds: object, problem: str) -> bool:
+        """Note a problem unless something holds; return whether it does."""
+        if not holds:
+            self.problems.append(problem)
+        return bool(holds)
+
+    def figure(self, value: float) -> None:
+        """Add a figure, in the unit of the row."""
+        self.figures.append(value)
+
+    def board(self, firmware: str = "stock", boot_s: float = 0.1) -> Board:
+        """A board; in the end, what it read is compared with what was recorded."""
+        self._boards.append(Board(self.folder, firmware, boot_s))
+        return self._boards[-1]
+
+    def robot(self, text: Mapping[str, str] | None = None) -> Path:
+        """The shipped robot file with the shortest wait for the boot, and these texts replaced."""
+        new = ROBOT_FILE.read_text()
+        urdf = {'"arduinobot.urdf"': f'"{ROBOT_FILE.with_suffix(".urdf")}"'}
+        short = {"boot_wait_s = 2.0": "boot_wait_s = 1.0"}
+        for old, value in {**urdf, **short, **(text or {})}.items():
+            assert old in new, old
+            new = new.replace(old, value)
+        path = self.folder / "robot.toml"
+        path.write_text(new)
+        return path
+
+    def run(self, *arguments: str | Path, board: Board | None = None, **options: object) -> Command:
+        """`armtree run ... --json` with the tasks of this folder; options as of `Command`."""
+        port = board.port if board else "virtual"
+        line = ["run", *arguments, "--json", *self._common(port)]
+        return self._start(Command, line, options)
+
+    def serve(
+        self, *arguments: str | Path, board: Board | None = None, **options: object
+    ) -> Server:
+        """`armtree serve`, listening, with the tasks of this folder; options as of `Command`."""
+        port = board.port if board else "virtual"
+        line = ["serve", "--tcp-port", "0", *arguments, *self._common(port)]
+        return self._start(Server, line, options).listening()
+
+    def armtree(self, *arguments: str | Path, **options: object) -> Command:
+        """Any other command, as it is given."""
+        return self._start(Command, list(arguments), options)
+
+    def _common(self, port: str | Path) -> list[str | Path]:
+        robot = self.folder / "robot.toml"
+        trees = self.folder / "trees"
+        robot = robot if robot.exists() else self.robot()
+        return ["--port", port, "--robot", robot, "--trees", trees if trees.exists() else TASKS]
+
+    def _start(self, kind: type[C], line: list[str | Path], options: Mapping[str, object]) -> C:
+        command = kind(self.folder, line, **options)  # type: ignore[arg-type]
+        self._commands.append(command)
+        return command
+
+    def recordings(self) -> list[Path]:
+        """The recordings in its folder, oldest first."""
+        return sorted(self.folder.glob("recordings/*.mcap"))
+
+    def verified(self) -> None:
+        """Every recording holds, or is what a crash leaves; run it after the commands ended."""
+        command = self.armtree("replay", "recordings", "--verify")
+        self.check(command.wait() == 0, f"replay --verify: {last_line(command)}")
+
+    def no_traceback(self) -> None:
+        for command in self._commands:
+            self.check("Traceback" not in command.text(), f"a traceback in {command.errors.name}")
+
+    def finish(self) -> None:
+        """End all, and compare each board with the recordings."""
+        for command in self._commands:
+            with contextlib.suppress(ProcessLookupError):
+                command.close()
+        self.no_traceback()
+        for board in self._boards:
+            board.close()
+        if self._boards:
+            read = b"".join(board.data() for board in self._boards)
+            unrecorded, unreceived = compare(read, recorded(self.recordings()))
+            self.check(
+                unrecorded <= self.unrecorded, f"{unrecorded} frames reached the board unrecorded"
+            )
+            self.check(
+                unreceived <= self.unreceived, f"{unreceived} recorded frames missed the board"
+            )
+
+
+def last_line(command: Command) -> str:
+    """The last line that a command printed."""
+    lines = command.text().strip().splitlines()
+    return lines[-1][:200] if lines else "(nothing)"
+
+
+class Recorded(NamedTuple):
+    """Bytes that a recording holds, and when they were written [s since 1970]."""
+
+    time: float
+    data: bytes
+
+
+def frames_of(path: Path) -> Iterator[Recorded]:
+    """What a recording, finished or not, says was written to the port. Reads no code of armtree."""
+    channels: dict[int, str] = {}
+    with path.open("rb") as stream, contextlib.suppress(McapError, EOFError):
+        for record in StreamReader(stream, record_size_limit=2**26).records:
+            if isinstance(record, Channel):
+                channels[record.id] = record.topic
+            elif isinstance(record, Message) and channels.get(record.channel_id) == "/serial/tx":
+                # CDR: 4 bytes of header, seq, direction, padding, length of the data, data.
+                length = int.from_bytes(record.data[16:20], "little")
+                yield Recorded(record.log_time / 1e9, record.data[20 : 20 + length])
+
+
+def recorded(paths: Iterable[Path]) -> bytes:
+    """The bytes written to the port in all these recordings, in the order of their times."""
+    found = [each for path in paths for each in frames_of(path)]
+    return b"".join(each.data for each in sorted(found, key=lambda each: each.time))
+
+
+def compare(board: bytes, recording: bytes) -> tuple[int, int]:
+    """Compare what a board read with what was recorded.
+
+    Returns:
+        How many frames (or pieces of one) only the board has, and how many only the recording has.
+        A frame that the board read in part is one that only the recording has.
+    """
+    if board == recording:
+        return 0, 0
+    read, wrote = _TOKENS.findall(board), _TOKENS.findall(recording)
+    only_board = only_recording = 0
+    matcher = difflib.SequenceMatcher(None, read, wrote, autojunk=False)
+    for _, begin, end, first, last in matcher.get_opcodes():
+        here, there = read[begin:end], wrote[first:last]
+        if here != there:
+            torn = bool(here and there and b"".join(there).startswith(b"".join(here)))
+            only_board += 0 if torn else len(here)
+            only_recording += len(there)
+    return only_board, only_recording
+
+
+def inject(one: Row, folder: Path, seed: str, keep: bool) -> Scene:
+    """Inject a row's fault once. What the function raises, and a hang, is a problem of the row."""
+    folder.mkdir(parents=True)
+    scene = Scene(folder, seed)
+    try:
+        one.inject(scene)
+    except Hang as error:
+        scene.problems.append(str(error))
+    except Exception as error:  # the row is wrong, or what it talks to
+        scene.problems.append(f"{type(error).__name__}: {error}")
+    finally:
+        scene.finish()
+    if not (keep and scene.problems):
+        shutil.rmtree(folder, ignore_errors=True)
+    return scene

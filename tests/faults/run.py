@@ -1,0 +1,202 @@
+"""What `make faults` runs: every fault of a table, for real, against the command as a user runs it.
+
+Ends with 1 if a row does not hold. README.md says how to write a row.
+"""
+
+import argparse
+import concurrent.futures
+import dataclasses
+import importlib
+import itertools
+import json
+import os
+import platform
+import random
+import statistics
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+sys.path[0] = str(ROOT)  # in place of this folder
+
+from tests.faults.row import Row, Scene, inject  # noqa: E402
+
+HERE = Path(__file__).parent
+JOBS = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """What came of a row. Figures are in its unit."""
+
+    row: str
+    fault: str
+    times: int
+    held: bool
+    promise: str
+    limit: float | None
+    median: float | None
+    p99: float | None
+    worst: float | None
+    unit: str
+    seconds: float
+    problems: Sequence[str]
+
+
+def rows() -> list[Row]:
+    """All rows, in the order of the files and of the lines."""
+    names = sorted(path.stem for path in (HERE / "rows").glob("*.py"))
+    modules = [importlib.import_module(f"tests.faults.rows.{name}") for name in names]
+    found = [each for one in modules for each in vars(one).values() if isinstance(each, Row)]
+    assert len({each.name for each in found}) == len(found), "two rows have one name"
+    return found
+
+
+def examine(one: Row, times: int, seed: int, folder: Path, keep: bool) -> Finding:
+    """Inject a row's fault so often, at times that follow from the seed, the row and the number."""
+    begin = time.monotonic()
+    scenes = [
+        inject(one, folder / f"{one.name}-{number}", f"{seed} {one.name} {number}", keep)
+        for number in range(times)
+    ]
+    return found(one, scenes, time.monotonic() - begin)
+
+
+def found(one: Row, scenes: Iterable[Scene], seconds: float) -> Finding:
+    """Sum up the injections of a row."""
+    scenes = list(scenes)
+    problems = [f"{scene.folder.name}: {each}" for scene in scenes for each in scene.problems]
+    figures = sorted(itertools.chain.from_iterable(scene.figures for scene in scenes))
+    p99 = figures[-(-99 * len(figures) // 100) - 1] if figures else None
+    if one.limit is not None and p99 is None:
+        problems.append("no figure")
+    held = not problems and (one.limit is None or (p99 is not None and p99 <= one.limit))
+    return Finding(
+        row=one.name,
+        fault=one.fault,
+        times=sum(scene.injections for scene in scenes),
+        held=held,
+        promise=one.promise,
+        limit=one.limit,
+        median=statistics.median(figures) if figures else None,
+        p99=p99,
+        worst=figures[-1] if figures else None,
+        unit=one.unit,
+        seconds=seconds,
+        problems=problems,
+    )
+
+
+def figure(value: float | None, unit: str) -> str:
+    return "" if value is None else f"{value:.3g} {unit}".strip()
+
+
+def cells(each: Finding) -> list[str]:
+    """A line of the table."""
+    seen = f"{figure(each.p99, each.unit)}" if each.p99 is not None else ""
+    verdict = "held" if each.held else "NOT HELD"
+    return [each.row, str(each.times), verdict, figure(each.limit, each.unit), seen]
+
+
+HEADER = ["row", "times", "held", "limit", "p99 seen"]
+
+
+def line(texts: Sequence[str]) -> str:
+    widths = (28, 6, 8, 12, 12)
+    return "  ".join(text.ljust(width) for text, width in zip(texts, widths, strict=True))
+
+
+def page(findings: Sequence[Finding], seed: int, seconds: float) -> str:
+    """The page of the documentation."""
+    lines = (HERE / "page.md").read_text().splitlines()
+    lines += [
+        "",
+        f"{len(findings)} rows, seed {seed}, {seconds / 60:.0f} minutes, {machine()}.",
+        "",
+        "| fault | what must hold | times | held | limit | median | 99th percentile |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for each in findings:
+        limit, median, p99 = (
+            figure(value, each.unit) for value in (each.limit, each.median, each.p99)
+        )
+        texts = [each.fault, each.promise, str(each.times), "yes" if each.held else "**no**"]
+        lines.append("| " + " | ".join([*texts, limit, median, p99]) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def machine() -> str:
+    """The machine in a few words, with its load."""
+    load, cores = os.getloadavg()[1], len(os.sched_getaffinity(0))
+    return f"{cores} cores, {platform.system()} {platform.release()}, load average {load:.1f}"
+
+
+def examined(
+    chosen: Sequence[tuple[Row, int]], seed: int, folder: Path, keep: bool, jobs: int
+) -> list[Finding]:
+    """Examine the rows, some at the same time, and print each when it is done."""
+    printing = threading.Lock()
+
+    def work(one: Row, times: int) -> Finding:
+        finding = examine(one, times, seed, folder, keep)
+        with printing:
+            sys.stdout.write(line(cells(finding)).rstrip() + "\n")
+            for problem in finding.problems[:5]:
+                sys.stdout.write(f"    {problem}\n")
+            sys.stdout.flush()
+        return finding
+
+    done: dict[str, Finding] = {}
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        together = [pool.submit(work, *each) for each in chosen if not each[0].alone]
+        done.update((future.result().row, future.result()) for future in together)
+    done.update((one.name, work(one, times)) for one, times in chosen if one.alone)
+    return [done[one.name] for one, _ in chosen]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Exit status 0 if every row held."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", metavar="ROW", action="append", default=[])
+    parser.add_argument("--times", type=int, metavar="N", help="injections per row")
+    parser.add_argument("--seed", type=int, default=random.randrange(10**6))
+    parser.add_argument("--quick", action="store_true", help="a selection, about a minute")
+    parser.add_argument("--keep", action="store_true", help="keep the folders of what failed")
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--page", type=Path, metavar="FILE")
+    parser.add_argument("--jobs", type=int, default=JOBS, help="rows at the same time")
+    parser.add_argument("--list", action="store_true", help="list the rows and end")
+    given = parser.parse_args(arguments)
+    known = rows()
+    if unknown := set(given.only) - {one.name for one in known}:
+        parser.error(f"no row {', '.join(sorted(unknown))}; --list lists them")
+    if given.list:
+        sys.stdout.writelines(f"{one.name:28}  {one.fault}\n" for one in known)
+        return 0
+    wanted = [one for one in known if not given.only or one.name in given.only]
+    chosen = [(one, given.times or (one.quick if given.quick else one.times)) for one in wanted]
+    chosen = [each for each in chosen if each[1] and (each[0].quick or not given.quick)]
+    begin, folder = time.monotonic(), Path(tempfile.mkdtemp(prefix="armtree-faults-"))
+    sys.stdout.write(f"seed {given.seed}, folder {folder}, {machine()}\n{line(HEADER)}\n")
+    try:
+        findings = examined(chosen, given.seed, folder, given.keep, given.jobs)
+    finally:
+        if not any(folder.iterdir()):
+            folder.rmdir()
+    seconds = time.monotonic() - begin
+    failed = [each.row for each in findings if not each.held]
+    sys.stdout.write(f"{len(findings) - len(failed)} of {len(findings)} rows held, ")
+    sys.stdout.write(f"{seconds:.0f} s, seed {given.seed}\n")
+    if given.json:
+        given.json.write_text(json.dumps([dataclasses.asdict(one) for one in findings], indent=1))
+    if given.page:
+        given.page.write_text(page(findings, given.seed, seconds))
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

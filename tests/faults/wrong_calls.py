@@ -1,0 +1,62 @@
+"""Calls that fail where the kernel would not: small libraries, compiled here, loaded first."""
+
+import contextlib
+import functools
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+
+_SOURCES = Path(__file__).with_name("preload")
+
+
+@functools.cache
+def library(name: str) -> Path:
+    """Compile `preload/NAME.c`; return the library."""
+    folder = Path(tempfile.mkdtemp(prefix="armtree-preload-"))
+    built = folder / f"{name}.so"
+    command = ["gcc", "-O1", "-Wall", "-Werror", "-shared", "-fPIC", "-o", str(built)]
+    subprocess.run([*command, str(_SOURCES / f"{name}.c"), "-ldl"], check=True)
+    return built
+
+
+class WrongCalls:
+    """Spoils calls on one file of a command, from the moment that a test chooses.
+
+    Args:
+        folder: Folder of the switch.
+        path: Text in the name of the file: of the pseudo-terminal, or `.mcap`.
+        calls: `write`, or `sync` for fsync and fdatasync.
+    """
+
+    def __init__(self, folder: Path, path: str | Path, calls: str = "write") -> None:
+        self._switch = folder / "fault.switch"
+        self.environment = {
+            "LD_PRELOAD": str(library("calls")),
+            "FAULT_PATH": os.path.realpath(path) if os.path.islink(path) else str(path),
+            "FAULT_TRIGGER": str(self._switch),
+            "FAULT_CALLS": calls,
+        }
+
+    def start(self, how: str) -> None:
+        """From now on `errno 5`, `delay 4000`, `hang 200`, `zero`, `short 7`, or `errno 5 once`."""
+        new = self._switch.with_suffix(".new")
+        new.write_text(how)
+        new.rename(self._switch)
+
+    def stop(self) -> None:
+        with contextlib.suppress(FileNotFoundError):
+            self._switch.unlink()
+
+
+class WallClock:
+    """A wall clock that this process can turn."""
+
+    def __init__(self, folder: Path) -> None:
+        self._file = folder / "clock.shift"
+        self.environment = {"LD_PRELOAD": str(library("clock")), "FAULT_CLOCK": str(self._file)}
+
+    def turn(self, seconds: int) -> None:
+        new = self._file.with_suffix(".new")
+        new.write_text(str(seconds))
+        new.rename(self._file)
