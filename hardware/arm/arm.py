@@ -33,7 +33,7 @@ from .write_guard import WriteGuard
 logger = logging.getLogger(__name__)
 
 # Longest time that a shutdown waits for a transition of another thread [s]. Closing a port takes
-# less, even if a write of the driver does not return.
+# less, because every call has a deadline.
 _SETTLE_TIMEOUT = 3.0
 
 _arms: "weakref.WeakSet[Arm]" = weakref.WeakSet()  # shut down when the interpreter exits
@@ -218,7 +218,6 @@ class Arm:
             NotActive: The arm is not active.
             InterfaceClaimed: Another motion is being played. Stop it first.
             StaleGeneration: Since then there was a stop, or another motion ended.
-            PortStalled: A write does not return.
         """
         streamer = self._streamer
         if self.state is not State.ACTIVE or streamer is None:

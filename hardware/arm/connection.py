@@ -8,6 +8,7 @@ from hardware.clock import Clock
 from hardware.description.robot import Robot
 from hardware.errors import BoardSilent, FrameLost, HardwareError, NotActive, PoseOutsideLimits
 from hardware.link.link import Link
+from hardware.link.timed_link import TimedLink
 
 from .acknowledgements import Acknowledgements
 from .events import OBSERVER_TIMEOUT, BytesReceived, Observer
@@ -45,7 +46,7 @@ class Connection:
         on_fault: Callable[[BaseException], None],
         on_receive: Callable[[], None],
     ) -> None:
-        self._robot, self._link, self._clock = robot, link, clock
+        self._robot, self._link, self._clock = robot, TimedLink(link), clock
         self._observe, self._is_active = observe, is_active
         self._on_fault, self._on_receive = on_fault, on_receive
         self._closed = False

@@ -1,6 +1,5 @@
 """The streamer: a thread that plays schedules, each frame at its absolute deadline."""
 
-import contextlib
 import logging
 import math
 from collections.abc import Callable
@@ -177,8 +176,10 @@ class Streamer:
         """
         if brake and self._start_braking(brake):
             return
-        with contextlib.suppress(NotActive):  # what took the arm out of *active* stops it too
+        try:
             self._guard.hold()
+        except NotActive:  # what took the arm out of *active* ends the playback, with its cause
+            return
         self._drop(PlaybackState.STOPPED)
 
     def _start_braking(self, brake: float) -> bool:

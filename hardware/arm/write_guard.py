@@ -5,15 +5,14 @@ arm is active, that the motion is the current one, that every position is finite
 limits, and that the board can process the frame now.
 """
 
-import contextlib
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
 from hardware.drivers.driver import Frame
 from hardware.drivers.pacing import PacingModel
-from hardware.errors import BadPosition, DriverFailed, LinkError, NotActive, PortStalled, TooFast
+from hardware.errors import BadPosition, DriverFailed, LinkError, NotActive, TooFast
 from hardware.joints import check_position
 from hardware.link.link import Link
 
@@ -21,17 +20,13 @@ from .acknowledgements import Acknowledgements
 from .events import OBSERVER_TIMEOUT, CommandSent, FrameSent, Observer, Outbox
 from .interfaces import Claim, Claims, command_interfaces
 
-# A write is stuck if it outlasts all these waits. There are several, because a stall of the whole
-# host ends one of them at once and gives the write no time.
-_WAITS, _WAIT = 10, OBSERVER_TIMEOUT / 10  # number, and length of each [s]
-
 
 class WriteGuard:
     """Checks commanded positions and writes them to the board. Thread-safe.
 
     Args:
         robot: The robot, with its limits and firmware.
-        link: Link to the board.
+        link: Link to the board. Its `write` has a deadline, because a stop waits for it.
         clock: Time source.
         is_active: Returns whether the lifecycle is *active*.
         observe: Callback for every write, in order. No lock is held during the call.
@@ -94,18 +89,13 @@ class WriteGuard:
 
         Raises:
             WriteRefused: An interface is unknown or claimed, or there was a stop since then.
-            PortStalled: A write does not return.
         """
-        with self._exclusive():
+        with self._lock:
             return self._claims.acquire(owner, interfaces, generation)
 
     def release(self, claim: Claim) -> None:
-        """End a claim. Does nothing if it has ended.
-
-        Raises:
-            PortStalled: A write does not return.
-        """
-        with self._exclusive():
+        """End a claim. Does nothing if it has ended."""
+        with self._lock:
             self._claims.release(claim)
 
     def enable_acknowledgements(self) -> None:
@@ -115,7 +105,7 @@ class WriteGuard:
             NotActive: The arm is not active.
             LinkError: The port failed.
         """
-        with self._exclusive():
+        with self._lock:
             self._check_active()
             if command := self._acknowledgements.enable_command:
                 self._put(command)
@@ -125,7 +115,7 @@ class WriteGuard:
     def close(self) -> None:
         """Refuse all writes from now on. A write in progress finishes and is reported first."""
         self._closed = True
-        with contextlib.suppress(PortStalled), self._exclusive():  # stuck: nothing follows anyway
+        with self._lock:
             pass
         self.flush_events()
 
@@ -148,10 +138,9 @@ class WriteGuard:
             WriteRefused: The arm is not active, the claim has ended, a position is invalid, or the
                 board cannot process the frame now.
             PortLost: The port disappeared. It is unknown what the board received.
-            PortStalled: The board accepts no more bytes, or a write does not return. It is unknown
-                what the board received.
+            PortStalled: The board accepts no more bytes. It is unknown what the board received.
         """
-        with self._exclusive():
+        with self._lock:
             self._check_active()
             self._claims.check(claim)
             target = self._target(positions, claim)
@@ -174,9 +163,9 @@ class WriteGuard:
             NotActive: The arm is not active.
             StaleGeneration: The claim has ended.
             PortLost: The port disappeared.
-            PortStalled: The board accepts no more bytes, or a write does not return.
+            PortStalled: The board accepts no more bytes.
         """
-        with self._exclusive():
+        with self._lock:
             if claim:
                 self._claims.check(claim)
             self._claims.release_all()
@@ -185,16 +174,6 @@ class WriteGuard:
                 self._check_active()
                 self._send(self._last_frame, self._commanded, None)
         self._outbox.deliver()
-
-    @contextlib.contextmanager
-    def _exclusive(self) -> Iterator[None]:
-        """Hold the lock. Wait for a write in progress, but not forever."""
-        if not any(self._lock.acquire(timeout=_WAIT) for _ in range(_WAITS)):
-            raise PortStalled(self._link.port, "A write to the port does not return")
-        try:
-            yield
-        finally:
-            self._lock.release()
 
     def _check_active(self) -> None:
         if self._closed or not self._is_active():

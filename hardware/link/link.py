@@ -20,10 +20,9 @@ class Link(Protocol):
         """
 
     def write(self, data: bytes) -> None:
-        """Send bytes. Return or raise within 0.3 s.
+        """Send bytes.
 
-        If a write takes longer than 0.5 s, waiting threads assume that the port is stuck and close
-        it. The thread that stops the arm writes the hold frame itself and waits for it.
+        The arm is deactivated with `PortStalled` if this takes longer than 0.3 s.
 
         Raises:
             PortLost: The port disappeared.
@@ -39,6 +38,8 @@ class Link(Protocol):
 
     def close(self, discard: bool = False) -> None:
         """Close the port and release it. `read` and `write` return. Does nothing if closed.
+
+        The arm waits for this for 0.3 s. Bytes that have not been sent by then may be dropped.
 
         Args:
             discard: Whether to drop bytes that were written but have not been sent.

@@ -9,6 +9,7 @@ import threading
 
 import serial
 
+from hardware.clock import RealClock
 from hardware.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing, PortStalled
 
 from .port_lock import PortLock
@@ -88,8 +89,8 @@ class SerialLink:
         """Close the port and release the lock. A waiting `read` returns.
 
         Args:
-            discard: Whether to drop the bytes that the kernel has not sent yet. If not, closing a
-                stuck port may take up to 30 s, because the kernel waits for them to be sent.
+            discard: Whether to drop the bytes that the kernel has not sent yet. If not, they have
+                `WRITE_TIMEOUT` to be sent; the kernel alone would wait for 30 s.
 
         Raises:
             PortLost: Closing failed. The port is released nevertheless.
@@ -99,8 +100,7 @@ class SerialLink:
             if port is not None:
                 port.cancel_read()
                 with self._reading, self._writing:  # pyserial fails if it is closed during a call
-                    if discard:
-                        _discard(port)
+                    _empty(port, discard)
                     port.close()
         except _LOST as error:
             raise PortLost(self.port, "Something went wrong while closing") from error
@@ -110,19 +110,29 @@ class SerialLink:
 
 def _send(handle: int, data: bytes) -> None:
     """Write all bytes. `write` of pyserial would time out on a busy machine after a success."""
-    writable = select.poll()
+    writable, clock = select.poll(), RealClock()
     writable.register(handle, select.POLLOUT)
-    left = memoryview(data)
+    left, until = memoryview(data), clock.now() + WRITE_TIMEOUT
     while left:
-        if not writable.poll(1000 * WRITE_TIMEOUT):
+        patience, sent = until - clock.now(), 0
+        if writable.poll(max(0.0, 1000 * patience)):
+            with contextlib.suppress(BlockingIOError):
+                sent = os.write(handle, left)
+        if patience <= 0 and not sent:
             raise TimeoutError
-        with contextlib.suppress(BlockingIOError):
-            left = left[os.write(handle, left) :]
+        left = left[sent:]
 
 
-def _discard(port: serial.Serial) -> None:
-    with contextlib.suppress(*_LOST):  # a port that disappeared has nothing to drop
-        port.reset_output_buffer()
+def _empty(port: serial.Serial, discard: bool) -> None:
+    """Wait until the kernel has sent all bytes. Drop those that are left, or all if `discard`."""
+    clock = RealClock()
+    until, signal = clock.now() + WRITE_TIMEOUT, clock.signal()
+    with contextlib.suppress(*_LOST), signal:  # a port that disappeared has no bytes
+        while not discard and port.out_waiting:
+            signal.wait(clock.now() + 0.002)
+            discard = clock.now() >= until
+        if discard:
+            port.reset_output_buffer()
 
 
 def _open_error(port: str, error: Exception) -> LinkError:

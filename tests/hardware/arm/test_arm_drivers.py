@@ -133,6 +133,7 @@ class Stuck(BoardLink):
         self.stuck, self.leave = threading.Event(), threading.Event()
 
     def write(self, data: bytes) -> None:
+        self.writer = threading.current_thread()
         self.stuck.set()
         self.leave.wait()
         raise OSError(5, "I/O")
@@ -143,7 +144,7 @@ def test_a_write_that_does_not_return_blocks_no_thread_forever_and_no_later_moti
     monkeypatch: pytest.MonkeyPatch, act: Callable[[Arm], None]
 ) -> None:
     monkeypatch.setattr("hardware.arm.connection.OBSERVER_TIMEOUT", 0.02)
-    monkeypatch.setattr("hardware.arm.write_guard._WAIT", 0.002)
+    monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.002)
     robot = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
     link, events = Stuck(), list[ArmEvent]()
     arm = Arm(robot, link, RealClock(), events.append)
@@ -151,10 +152,12 @@ def test_a_write_that_does_not_return_blocks_no_thread_forever_and_no_later_moti
     arm.activate()
     playback = arm.play(motion(HOME, PICK, 4.0), nothing, "test", arm.generation)
     assert link.stuck.wait(5)
+    (streamer,) = [thread for thread in threading.enumerate() if thread.name == "streamer"]
     with contextlib.suppress(TransitionRefused):  # the fault was first
         act(arm)
+    streamer.join(5)  # it processes the fault
     assert isinstance(playback.error, PortStalled)
-    (stuck,) = [thread for thread in threading.enumerate() if thread.name == "streamer"]
+    stuck = link.writer
     if act is not Arm.shutdown:
         arm.configure()
         arm.activate()

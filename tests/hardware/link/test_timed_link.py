@@ -1,0 +1,119 @@
+"""A link whose driver, or the kernel below it, does not return."""
+
+import os
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from hardware import LinkError, SerialLink
+from hardware.errors import PortLost, PortStalled
+from hardware.link.timed_link import TimedLink
+from tests.support.hardware_rigs import Pty, open_files
+
+FRAME = b"b090,s090,e090,g000,"
+
+
+class Stuck:
+    """A driver. Its calls wait for `leave`."""
+
+    port = "can0"
+
+    def __init__(self) -> None:
+        self.leave = threading.Event()
+        self.written: list[bytes] = []
+        self.closed = 0
+
+    def open(self) -> None: ...
+
+    def write(self, data: bytes) -> None:
+        self.leave.wait(5)
+        self.written.append(data)
+
+    def read(self) -> bytes:
+        return b""
+
+    def close(self, discard: bool = False) -> None:
+        self.leave.wait(5)
+        self.closed += 1
+
+
+def test_a_driver_that_does_not_return_is_a_stalled_port_and_sends_nothing_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.002)
+    driver = Stuck()
+    link = TimedLink(driver)
+    link.open()
+    for data in (b"first", b"second"):
+        with pytest.raises(PortStalled, match="A write to the port does not return: the port can0"):
+            link.write(data)
+    with pytest.raises(LinkError, match="Closing the port can0 does not end") as failed:
+        link.close()
+    assert not isinstance(failed.value, PortLost)
+    driver.leave.set()
+    link.close()
+    assert (driver.written, driver.closed) == ([b"first"], 2)
+
+
+def test_what_the_driver_raises_is_raised_and_no_thread_is_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    driver, before = Stuck(), threading.active_count()
+    driver.leave.set()
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    link = TimedLink(driver)
+    link.open()
+    link.write(b"first")
+    monkeypatch.setattr(driver, "write", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        link.write(b"second")
+    link.close()
+    assert threading.active_count() == before
+    monkeypatch.setattr(driver, "close", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        link.close()
+
+
+@pytest.fixture
+def line() -> Iterator[Pty]:
+    line = Pty()
+    yield line
+    line.vanish()
+    os.close(line.slave)
+
+
+def refuse(*_: object) -> int:
+    raise BlockingIOError
+
+
+@pytest.mark.parametrize("progress", [refuse, lambda *_: 0])
+def test_a_write_without_progress_is_a_stalled_port(
+    line: Pty, progress: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The kernel says that the port accepts bytes, and then takes none."""
+    link, before = SerialLink(line.port, 9600), open_files()
+    link.open()
+    with monkeypatch.context() as patch:
+        patch.setattr("hardware.link.serial_link.os.write", progress)
+        with pytest.raises(PortStalled):
+            link.write(FRAME)
+    link.close()
+    assert open_files() == before
+
+
+def test_bytes_that_the_kernel_does_not_send_do_not_delay_closing(
+    line: Pty, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A real port would keep them for 30 s."""
+    dropped: list[bool] = []
+    link = SerialLink(line.port, 9600)
+    link.open()
+    assert link._serial
+    monkeypatch.setattr(type(link._serial), "out_waiting", 20)
+    monkeypatch.setattr(link._serial, "reset_output_buffer", lambda: dropped.append(True))
+    link.close()
+    assert dropped == [True]
