@@ -1,7 +1,8 @@
-"""Handles SIGINT, SIGTERM and SIGHUP while the main thread waits for a run to end."""
+"""Handles SIGINT, SIGTERM and SIGHUP during a run."""
 
 import os
 import signal
+import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from types import FrameType
@@ -19,40 +20,45 @@ _END = 0  # no signal has this number
 class Interrupts:
     """The first signal cancels the run, the second exits the process at once.
 
-    The main thread waits on a pipe, not on a lock: Python handles a signal that arrives just before
-    a thread sleeps on a lock only when the lock is released.
+    A thread reads the signals from a pipe, and another one cancels. So the second signal counts
+    even if the cancel or the main thread does not return.
     """
 
     def __init__(self) -> None:
         self._cancel: Callable[[], None] | None = None
         self._canceled = False
+        self._lock, self._ended = threading.Lock(), threading.Event()
 
     def __enter__(self) -> Self:
         self._reader, self._writer = os.pipe()
         os.set_blocking(self._writer, False)
         self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
         self._handlers: dict[signal.Signals, Any] = {
-            number: signal.signal(number, self._interrupt)
+            number: signal.signal(number, _do_nothing)
             for number in _SIGNALS
             if not _hangup_ignored(number)
         }
+        self._thread = RealClock().spawn(self._handle_signals, "signals")
         return self
 
     def __exit__(self, *raised: object) -> None:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         signal.set_wakeup_fd(self._wakeup)
+        os.write(self._writer, bytes([_END]))
+        self._thread.join()
         os.close(self._reader)
         os.close(self._writer)
 
     def on_cancel(self, cancel: Callable[[], None]) -> None:
-        """Call a function on the main thread at the first signal, or now if it has arrived."""
-        self._cancel = cancel
-        if self._canceled:
-            cancel()
+        """Call a function, on another thread, at the first signal, or now if it has arrived."""
+        with self._lock:
+            self._cancel = cancel
+            if self._canceled:
+                RealClock().spawn(cancel, "cancel")
 
     def run(self, work: Callable[[], T]) -> T:
-        """Run a function on another thread, and handle signals on this one.
+        """Run a function on another thread.
 
         Returns:
             The result of the function. Its exception is raised.
@@ -64,29 +70,34 @@ class Interrupts:
                 work_done.set_result(work())
             except Exception as error:
                 work_done.set_exception(error)
-            finally:
-                self.end()
 
-        thread = RealClock().spawn(run, "work")
-        self.wait()
-        thread.join()
+        RealClock().spawn(run, "work").join()
         return work_done.result()
 
     def end(self) -> None:
         """Make `wait` return. Any thread may call."""
-        os.write(self._writer, bytes([_END]))
+        self._ended.set()
 
     def wait(self) -> None:
-        """Wait for `end`, and handle signals."""
-        while _END not in os.read(self._reader, 64):
-            pass  # a signal, and its handler has run
+        """Wait for `end`."""
+        self._ended.wait()
 
-    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+    def _handle_signals(self) -> None:
+        while (number := os.read(self._reader, 1)[0]) != _END:
+            if number in self._handlers:
+                self._interrupt()
+
+    def _interrupt(self) -> None:
         if self._canceled:
             os._exit(INTERRUPTED_EXIT)
-        self._canceled = True
-        if self._cancel:
-            self._cancel()
+        with self._lock:
+            self._canceled = True
+            if self._cancel:
+                RealClock().spawn(self._cancel, "cancel")
+
+
+def _do_nothing(number: int, frame: FrameType | None) -> None:
+    """Let Python write the signal to the pipe."""
 
 
 def _hangup_ignored(number: signal.Signals) -> bool:

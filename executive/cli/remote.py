@@ -16,7 +16,6 @@ from executive.codes import CLOSING
 from executive.errors import ClientError, Refused
 from executive.goals.events import Event, QuestionStatus, Status
 from executive.goals.outcome import CancelCode, GoalState, GoalStatus, Outcome, cause_of
-from hardware import RealClock
 from trees import TreeError
 from trees.compile.arguments import read_arguments
 
@@ -59,7 +58,7 @@ def send_and_wait(
                     outcome = Outcome.of(task, GoalState.ABORTED, error.cause)
                     view.report(outcome)
                     return outcome
-                interrupts.on_cancel(lambda: _cancel_on_thread(client, goal_id))
+                interrupts.on_cancel(lambda: _cancel(client, goal_id))
                 return _show_goal(events, goal_id, view)
 
         return interrupts.run(work)
@@ -163,16 +162,11 @@ def _ended() -> Refused:
     )
 
 
-def _cancel_on_thread(client: Client, goal_id: str) -> None:
-    """Cancel a goal on another thread, because a signal handler must not wait."""
-
-    def cancel() -> None:
-        try:
-            client.cancel(goal_id)
-        except ClientError as error:
-            logger.warning("%s", error)
-
-    RealClock().spawn(cancel, "cancel")
+def _cancel(client: Client, goal_id: str) -> None:
+    try:
+        client.cancel(goal_id)
+    except ClientError as error:
+        logger.warning("%s", error)
 
 
 def status_lines(status: Status) -> Iterator[str]:

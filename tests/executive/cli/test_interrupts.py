@@ -1,0 +1,38 @@
+"""Signals to a process whose threads do not return."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from tests.support.paths import ROOT
+
+pytestmark = pytest.mark.slow
+
+PROGRAM = """
+import ctypes, sys
+from executive.cli.interrupts import Interrupts
+
+mutex = ctypes.create_string_buffer(64)
+
+def stick(word):
+    print(word, flush=True)
+    for _ in range(2):
+        ctypes.CDLL(None).pthread_mutex_lock(mutex)
+
+with Interrupts() as interrupts:
+    interrupts.on_cancel(lambda: stick("canceling"))
+    stick("running")
+"""
+
+
+def test_a_second_signal_ends_a_process_that_is_stuck_everywhere() -> None:
+    program = [sys.executable, "-c", PROGRAM]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stdout
+        assert process.stdout.readline() == "running\n"
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.readline() == "canceling\n"
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(60) == 130
