@@ -26,7 +26,8 @@
         ├── InterfaceClaimed      another owner has claimed the joint
         ├── StaleGeneration       the motion was stopped
         ├── BadPosition           a position is missing, not finite or outside the limits
-        └── TooFast               the board cannot process the frame now
+        ├── TooFast               the board cannot process the frame now
+        └── JointTooFast          a joint would exceed its velocity limit
 
 Every error has a stable `code`, and its message says what to do.
 """
@@ -390,3 +391,24 @@ class TooFast(WriteRefused):
     code = "hw.too_fast"
     meaning = "The board cannot process the frame"
     hint = "lower the velocity in the robot file"
+
+
+class JointTooFast(WriteRefused):
+    """A joint would move faster than its velocity limit.
+
+    Attributes:
+        joint: Name of the joint.
+        value: Its velocity [rad/s].
+        limit: Its velocity limit [rad/s].
+    """
+
+    code = "hw.joint_too_fast"
+    meaning = "A joint would move faster than its velocity limit"
+    hint = "report it, with the recording; the planner must keep the limits of the robot file"
+
+    def __init__(self, joint: str, value: float, limit: float, scale: float, unit: str) -> None:
+        self.joint, self.value, self.limit = joint, value, limit
+        super().__init__(
+            f"{joint} would move at {scale * value:.4g} {unit}/s; its limit is "
+            f"{scale * limit:.4g} {unit}/s"
+        )

@@ -2,9 +2,10 @@
 
 Trees, planners and servers may have bugs; the guard must not. Before every write it checks that the
 arm is active, that the motion is the current one, that every position is finite and within its
-limits, and that the board can process the frame now.
+limits, that no joint exceeds its velocity limit, and that the board can process the frame now.
 """
 
+import math
 import threading
 from collections.abc import Callable, Iterable, Sequence
 
@@ -12,13 +13,19 @@ from hardware.clock import Clock
 from hardware.description.robot import Robot
 from hardware.drivers.driver import Frame
 from hardware.drivers.pacing import PacingModel
-from hardware.errors import BadPosition, DriverFailed, LinkError, NotActive, TooFast
-from hardware.joints import check_position
+from hardware.errors import BadPosition, DriverFailed, JointTooFast, LinkError, NotActive, TooFast
+from hardware.joints import DISPLAY_UNITS, check_position
 from hardware.link.link import Link
 
 from .acknowledgements import Acknowledgements
 from .events import OBSERVER_TIMEOUT, CommandSent, FrameSent, Observer, Outbox
 from .interfaces import Claim, Claims, command_interfaces
+
+# A position is commanded one period before a joint must reach it. A busy host may send a frame up
+# to two periods late, and the frames after it on time. So a joint at its velocity limit may be this
+# many periods behind its command.
+_PERIODS_BEHIND = 3
+_VELOCITY_MARGIN = 1.01  # for rounding in planners
 
 
 class WriteGuard:
@@ -54,6 +61,7 @@ class WriteGuard:
         self._lock = threading.RLock()  # a signal handler may hold the arm
         self.interfaces = command_interfaces(robot)
         self._claims = Claims(self.interfaces)
+        self._arrivals = [-math.inf] * len(positions)
         self._closed = self._hold_due = False
         self._commanded = positions
         self._last_frame = self._codec.encode(self._commanded)
@@ -135,8 +143,8 @@ class WriteGuard:
             Whether a frame was sent.
 
         Raises:
-            WriteRefused: The arm is not active, the claim has ended, a position is invalid, or the
-                board cannot process the frame now.
+            WriteRefused: The arm is not active, the claim has ended, a position is invalid, a joint
+                would be too fast, or the board cannot process the frame now.
             PortLost: The port disappeared. It is unknown what the board received.
             PortStalled: The board accepts no more bytes. It is unknown what the board received.
         """
@@ -148,7 +156,9 @@ class WriteGuard:
             changed = frame != self._last_frame
             if changed:
                 self._check_pacing(frame)
+                arrivals = self._check_velocity(target)
                 self._send(frame, target, scheduled)
+                self._arrivals = arrivals
             self._commanded = target
         self._outbox.deliver()
         return changed
@@ -187,6 +197,20 @@ class WriteGuard:
         commanded.update(zip(claim.interfaces, positions, strict=True))
         joints = zip(self._robot.actuated, commanded.values(), strict=True)
         return tuple(check_position(joint, q) for joint, q in joints)
+
+    def _check_velocity(self, target: tuple[float, ...]) -> list[float]:
+        """Return when each joint reaches its target if it moves at its velocity limit [s]."""
+        now, period, arrivals = self._clock.now(), 1 / self._robot.firmware.rate, []
+        moves = zip(self._robot.actuated, self._commanded, target, self._arrivals, strict=True)
+        for joint, before, after, busy_until in moves:
+            limit = joint.velocity * _VELOCITY_MARGIN
+            behind = max(busy_until - now, 0.0) + abs(after - before) / limit
+            if behind > _PERIODS_BEHIND * period:
+                needed = max(abs(after - before), limit * behind / _PERIODS_BEHIND) / period
+                scale, unit = DISPLAY_UNITS[joint.unit]
+                raise JointTooFast(joint.name, needed, joint.velocity, scale, unit)
+            arrivals.append(now + behind)
+        return arrivals
 
     def _check_pacing(self, frame: Frame) -> None:
         step, most = self._pacing.step(frame), self._robot.firmware.max_step

@@ -39,11 +39,11 @@ class Link(Protocol):
     def close(self, discard: bool = False) -> None:
         """Close the port and release it. `read` and `write` return. Does nothing if closed.
 
-        The arm waits for this for 0.3 s. Bytes that have not been sent by then may be dropped.
+        The arm waits for this for 0.9 s. A link drops bytes that it cannot send in time.
 
         Args:
             discard: Whether to drop bytes that were written but have not been sent.
 
         Raises:
-            PortLost: Closing failed. The port is released nevertheless.
+            LinkError: Closing failed. The port is released nevertheless.
         """

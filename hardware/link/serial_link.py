@@ -93,7 +93,7 @@ class SerialLink:
                 `WRITE_TIMEOUT` to be sent; the kernel alone would wait for 30 s.
 
         Raises:
-            PortLost: Closing failed. The port is released nevertheless.
+            LinkError: Closing failed. The port is released nevertheless.
         """
         port, self._serial = self._serial, None
         try:
@@ -101,9 +101,9 @@ class SerialLink:
                 port.cancel_read()
                 with self._reading, self._writing:  # pyserial fails if it is closed during a call
                     _empty(port, discard)
-                    port.close()
+                    _close(port)
         except _LOST as error:
-            raise PortLost(self.port, "Something went wrong while closing") from error
+            raise LinkError(self.port, f"{error}. The port is released nevertheless") from error
         finally:
             self._lock.release()
 
@@ -133,6 +133,17 @@ def _empty(port: serial.Serial, discard: bool) -> None:
             discard = clock.now() >= until
         if discard:
             port.reset_output_buffer()
+
+
+def _close(port: serial.Serial) -> None:
+    try:
+        port.close()
+    except OSError:
+        # The kernel has released the handle, and may give its number to another file. pyserial
+        # would close that file when the port is collected.
+        port.fd = os.open(os.devnull, os.O_RDONLY)
+        port.close()
+        raise
 
 
 def _open_error(port: str, error: Exception) -> LinkError:

@@ -11,15 +11,15 @@ from hardware.errors import LinkError, PortStalled
 
 from .link import Link
 
-# A call that outlasts all these waits is stuck: 0.3 s. There are several, because a stall of the
-# whole host ends one of them at once and gives the call no time.
-_WAITS, _WAIT = 10, 0.03  # number, and length of each [s]
+# A call that outlasts so many waits is stuck: a write after 0.3 s, a close after 0.9 s. There are
+# several, because a stall of the whole host ends one of them at once and gives the call no time.
+_WRITE_WAITS, _CLOSE_WAITS, _WAIT = 10, 30, 0.03  # number, and length of each [s]
 
 _Call = tuple[Future[None], Callable[[], None]]
 
 
 class TimedLink:
-    """A link whose `write` and `close` return or raise within 0.3 s, whatever its driver does.
+    """A link whose `write` and `close` return or raise in time, whatever its driver does.
 
     They run on other threads. A call that is stuck keeps its thread.
 
@@ -51,7 +51,7 @@ class TimedLink:
         """
         done = Future[None]()
         self._writes.put((done, partial(self._link.write, data)))
-        if not _in_time(done):
+        if not _in_time(done, _WRITE_WAITS):
             raise PortStalled(self.port, "A write to the port does not return")
 
     def read(self) -> bytes:
@@ -71,15 +71,15 @@ class TimedLink:
         done = Future[None]()
         call = done, partial(self._link.close, discard)
         closer = RealClock().spawn(partial(_run, *call), "closer")
-        if not _in_time(done):
-            raise LinkError(self.port, f"Closing the port {self.port} does not end")
+        if not _in_time(done, _CLOSE_WAITS):
+            raise LinkError(self.port, f"the driver of {self.port} does not return")
         for thread in filter(None, (closer, self._writer)):
             thread.join(_WAIT)
 
 
-def _in_time(done: Future[None]) -> bool:
+def _in_time(done: Future[None], waits: int) -> bool:
     """Wait for a call and raise what it raises. Return False if it does not return in time."""
-    if any(wait([done], _WAIT).done for _ in range(_WAITS)):
+    if any(wait([done], _WAIT).done for _ in range(waits)):
         done.result()
         return True
     done.cancel()  # if it has not begun

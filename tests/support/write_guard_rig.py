@@ -47,8 +47,14 @@ class Slow(BoardLink):
 class Rig:
     """A write guard in front of an in-process board that has booted."""
 
-    def __init__(self, firmware: Firmware = ROBOT.firmware, driver: Driver = ROBOT.driver) -> None:
-        self.robot = dataclasses.replace(ROBOT, firmware=firmware, driver=driver)
+    def __init__(
+        self,
+        firmware: Firmware = ROBOT.firmware,
+        driver: Driver = ROBOT.driver,
+        velocity: float = math.inf,
+    ) -> None:
+        joints = tuple(dataclasses.replace(joint, velocity=velocity) for joint in ROBOT.joints)
+        self.robot = dataclasses.replace(ROBOT, firmware=firmware, driver=driver, joints=joints)
         self.clock = SimulatedClock()
         self.link = Slow(virtual_board(self.robot), self.clock)
         self.link.open()

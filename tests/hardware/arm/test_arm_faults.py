@@ -22,7 +22,7 @@ from hardware import (
 )
 from hardware.arm.connection import Connection
 from hardware.arm.write_guard import WriteGuard
-from hardware.errors import PortBusy, PortLost, PortStalled
+from hardware.errors import LinkError, PortBusy, PortLost, PortStalled
 from tests.support.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 from tests.support.paths import ROOT
 
@@ -280,9 +280,7 @@ def test_a_port_that_does_not_open_leaves_the_arm_inactive(
     rig.arm.activate()
 
 
-@pytest.mark.parametrize(
-    "error", [PortLost("board", "Something went wrong while closing"), ValueError("a driver's own")]
-)
+@pytest.mark.parametrize("error", [LinkError("board", "it broke"), ValueError("a driver's own")])
 def test_a_closing_error_is_logged_and_not_raised(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, error: Exception
 ) -> None:

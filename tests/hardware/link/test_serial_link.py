@@ -289,15 +289,17 @@ def test_closing_while_a_write_waits(line: Pty) -> None:
     assert [type(end) for end in ends] == [PortLost]
 
 
-def test_a_closing_error_names_the_port_and_frees_the_lock(line: Pty) -> None:
-    link = SerialLink(line.port, BAUD)
+def test_a_closing_error_is_no_lost_port_and_frees_everything(line: Pty) -> None:
+    link, before = SerialLink(line.port, BAUD), open_files()
     link.open()
     assert link._serial
     assert link._serial.fd is not None
     os.close(link._serial.fd)
-    with pytest.raises(PortLost, match=f"while closing: the port {line.port} is gone"):
+    with pytest.raises(LinkError, match=r"Bad file descriptor\. The port is released") as failed:
         link.close()
+    assert type(failed.value) is LinkError
     link.close()
+    assert open_files() == before
     lock = PortLock(line.port)
     lock.acquire()
     lock.release()

@@ -22,7 +22,6 @@ class Stuck:
     def __init__(self) -> None:
         self.leave = threading.Event()
         self.written: list[bytes] = []
-        self.closed = 0
 
     def open(self) -> None: ...
 
@@ -35,7 +34,6 @@ class Stuck:
 
     def close(self, discard: bool = False) -> None:
         self.leave.wait(5)
-        self.closed += 1
 
 
 def test_a_driver_that_does_not_return_is_a_stalled_port_and_sends_nothing_later(
@@ -48,12 +46,12 @@ def test_a_driver_that_does_not_return_is_a_stalled_port_and_sends_nothing_later
     for data in (b"first", b"second"):
         with pytest.raises(PortStalled, match="A write to the port does not return: the port can0"):
             link.write(data)
-    with pytest.raises(LinkError, match="Closing the port can0 does not end") as failed:
+    with pytest.raises(LinkError, match="the driver of can0 does not return") as failed:
         link.close()
     assert not isinstance(failed.value, PortLost)
     driver.leave.set()
     link.close()
-    assert (driver.written, driver.closed) == ([b"first"], 2)
+    assert driver.written == [b"first"]
 
 
 def test_what_the_driver_raises_is_raised_and_no_thread_is_left(

@@ -121,7 +121,7 @@ def test_a_hundred_activations_leak_nothing() -> None:
         files, threads = open_files(), threading.active_count()
         for _ in range(100):
             arm.activate()
-            assert threading.active_count() == threads + 2
+            assert threading.active_count() == threads + 3
             arm.deactivate()
             assert threading.active_count() == threads
         assert open_files() == files

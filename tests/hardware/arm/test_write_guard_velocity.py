@@ -1,0 +1,101 @@
+"""The write guard keeps the velocity limits of joints, whatever a schedule says."""
+
+import math
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from hardware import Schedule, compile_schedule
+from hardware.drivers.arduino.serial_servo import ARMTREE, STOCK
+from hardware.drivers.firmware_profile import Firmware
+from hardware.errors import JointTooFast, TooFast
+from tests.support.write_guard_rig import HOME, Rig
+
+LIMIT = 1.0  # [rad/s]
+POSES = st.tuples(*[st.floats(-1.5, 1.5)] * 3, st.floats(-1.5, 0.0))
+FIRMWARES = st.sampled_from([STOCK, ARMTREE])
+
+
+def schedule(rig: Rig, start: Sequence[float], goal: Sequence[float], speed: float) -> Schedule:
+    """A motion whose fastest joint has this speed from its beginning to its end [rad/s]."""
+    duration = max(abs(b - a) for a, b in zip(start, goal, strict=True)) / speed
+
+    def sample(times: Sequence[float]) -> list[list[float]]:
+        parts = [time / duration for time in times]
+        return [[a + (b - a) * part for a, b in zip(start, goal, strict=True)] for part in parts]
+
+    return compile_schedule(rig.robot, start, sample, duration)
+
+
+def play(rig: Rig, motion: Schedule, lateness: st.DataObject | None = None) -> None:
+    """Write a schedule as the streamer does; frames are up to two periods late."""
+    period = 1 / rig.robot.firmware.rate
+    origin = rig.clock.now()
+    for setpoint in motion.setpoints:
+        rig.wait(max(origin + setpoint.time, rig.guard.earliest))
+        late = rig.clock.now() - origin - setpoint.time
+        if late > period:
+            origin += late
+        if lateness:
+            rig.wait(rig.clock.now() + period * lateness.draw(st.sampled_from([0, 0, 0.5, 1, 2])))
+        rig.write(setpoint.positions)
+    rig.write(motion.end)
+    rig.wait(origin + motion.duration)
+
+
+@settings(max_examples=30)
+@given(FIRMWARES, st.lists(POSES, min_size=1, max_size=3), st.data())
+def test_every_motion_within_the_limits_is_sent_even_if_frames_are_late(
+    firmware: Firmware, poses: list[tuple[float, ...]], data: st.DataObject
+) -> None:
+    rig, sent = Rig(firmware, velocity=LIMIT), 0
+    start: tuple[float, ...] = HOME
+    for goal in poses:
+        assume(goal != start)
+        motion = schedule(rig, start, goal, LIMIT)
+        play(rig, motion, data)
+        sent, start = sent + len(motion.setpoints), goal
+        assert len(rig.sent) == sent
+
+
+@settings(max_examples=50)
+@given(POSES, st.floats(1.5, 20.0))
+def test_a_motion_beyond_a_limit_is_refused(goal: tuple[float, ...], factor: float) -> None:
+    rig = Rig(ARMTREE, velocity=LIMIT)
+    assume(max(map(abs, goal)) > 8 * factor * LIMIT / ARMTREE.rate)
+    motion = schedule(rig, HOME, goal, factor * LIMIT)
+    assume(motion.slowed < 0.01)  # the board does not slow it down
+    with pytest.raises((JointTooFast, TooFast)) as refused:
+        play(rig, motion)
+    if isinstance(refused.value, JointTooFast):
+        assert refused.value.value > LIMIT
+    travel = max(abs(q) for q in rig.guard.commanded)
+    assert travel <= 1.01 * LIMIT * (rig.clock.now() - 2.0 + 3 / ARMTREE.rate)
+
+
+def test_the_refusal_names_joint_velocity_and_limit_in_degrees() -> None:
+    rig = Rig(ARMTREE, velocity=LIMIT)
+    why = r"^joint_2 would move at 286\.5 deg/s; its limit is 57\.3 deg/s$"
+    with pytest.raises(JointTooFast, match=why) as refused:
+        rig.write((0.05, -0.1, 0.0, 0.0))
+    error = refused.value
+    assert (error.joint, error.limit) == ("joint_2", LIMIT)
+    assert error.value == pytest.approx(5.0)
+    assert rig.sent == []
+    assert rig.guard.commanded == HOME
+
+
+def test_positions_that_come_all_at_once_are_refused_when_the_joint_is_too_far_behind() -> None:
+    rig = Rig(ARMTREE, velocity=LIMIT)
+    step = LIMIT / ARMTREE.rate
+    for number in range(1, 4):
+        rig.wait(rig.guard.earliest)
+        rig.write((number * step, 0.0, 0.0, 0.0))
+    began = rig.clock.now()
+    with pytest.raises(JointTooFast, match=r"joint_1 would move at \d+\.?\d* deg/s"):
+        rig.write((5 * step, 0.0, 0.0, 0.0))
+    rig.wait(began + 1 / ARMTREE.rate)
+    rig.write((4 * step, 0.0, 0.0, 0.0))
+    assert rig.guard.commanded[0] == pytest.approx(math.radians(4 * math.degrees(step)))
