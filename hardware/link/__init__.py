@@ -1,1 +1,1 @@
-"""Links to a board: serial ports, their list and their lock."""
+"""Links to a board: serial ports, their list, and deadlines."""

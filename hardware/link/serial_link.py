@@ -12,8 +12,7 @@ import serial
 from hardware.clock import RealClock
 from hardware.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing, PortStalled
 
-from .port_lock import PortLock
-from .serial_ports import group_of, serial_ports
+from .serial_ports import group_of, owner_of, serial_ports
 
 # A 20-byte frame takes 2 ms on the wire. A board that accepts nothing for this long is stuck [s].
 WRITE_TIMEOUT = 0.2
@@ -33,21 +32,18 @@ class SerialLink:
     def __init__(self, port: str, baud: int) -> None:
         self.port = port
         self._baud = baud
-        self._lock = PortLock(port)
         self._serial: serial.Serial | None = None
         self._reading, self._writing = threading.Lock(), threading.Lock()
 
     def open(self) -> None:
-        """Lock the port and open it.
+        """Open the port and lock its device. The kernel releases the lock if this process ends.
 
         Raises:
             LinkError: The port cannot be opened. The message names it and what to do.
         """
-        self._lock.acquire()
         try:
             self._serial = serial.Serial(self.port, self._baud, exclusive=True)
         except (*_LOST, ValueError) as error:
-            self._lock.release()
             raise _open_error(self.port, error) from error
 
     def write(self, data: bytes) -> None:
@@ -86,7 +82,7 @@ class SerialLink:
                 raise PortLost(self.port, "Something went wrong while listening") from error
 
     def close(self, discard: bool = False) -> None:
-        """Close the port and release the lock. A waiting `read` returns.
+        """Close the port, which releases its lock. A waiting `read` returns.
 
         Args:
             discard: Whether to drop the bytes that the kernel has not sent yet. If not, they have
@@ -104,8 +100,6 @@ class SerialLink:
                     _close(port)
         except _LOST as error:
             raise LinkError(self.port, f"{error}. The port is released nevertheless") from error
-        finally:
-            self._lock.release()
 
 
 def _send(handle: int, data: bytes) -> None:
@@ -153,7 +147,7 @@ def _open_error(port: str, error: Exception) -> LinkError:
     if number in (errno.EACCES, errno.EPERM):
         return PortDenied(port, group_of(port))
     if number in (errno.EAGAIN, errno.EBUSY):
-        return PortBusy(port, "another program")
+        return PortBusy(port, owner_of(port) or "another program")
     why = f"{port} cannot be opened as a serial port ({error}); present: "
     return LinkError(port, why + (", ".join(_present()) or "none"))
 

@@ -2,15 +2,15 @@
 
 import grp
 import os
+import re
 import stat
 from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.errors import LinkError, PortBusy, PortDenied, PortMissing
 
-from .port_lock import PortLock
-
 _BY_ID = Path("/dev/serial/by-id")
+_LOCKS = Path("/proc/locks")
 _PSEUDO_TERMINALS = range(136, 144)  # major numbers, which sysfs does not list
 
 
@@ -131,10 +131,20 @@ def group_of(port: str) -> str:
         return "dialout"
 
 
+def owner_of(port: str) -> str | None:
+    """Return a description of the program that has locked a port, or None if none is known."""
+    try:
+        device, locks = os.stat(port), _LOCKS.read_text()
+    except OSError:
+        return None
+    # 3: FLOCK  ADVISORY  WRITE 4711 00:1a:3 0 EOF
+    inode = f"{os.major(device.st_dev):02x}:{os.minor(device.st_dev):02x}:{device.st_ino}"
+    owner = re.search(rf"FLOCK +ADVISORY +WRITE +(\d+) +{inode} ", locks)
+    return f"the program with process id {owner[1]}" if owner else None
+
+
 def _check_free(port: str) -> Check:
-    owner = PortLock(port).owner()
+    owner = owner_of(port)
     if owner is None:
-        return Check("ours alone", True, "no other armtree has it")
-    remedy = f"end it with Ctrl-C, or `kill {owner}`"
-    what = f"the armtree with process id {owner} has it"
-    return Check("ours alone", False, what, remedy, PortBusy.code)
+        return Check("ours alone", True, "no other program has locked it")
+    return Check("ours alone", False, f"{owner} has it", "end that program", PortBusy.code)

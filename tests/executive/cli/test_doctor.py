@@ -146,7 +146,7 @@ def test_a_port_of_another_armtree(tmp_path: Path) -> None:
     line.vanish()
     os.close(line.slave)
     assert result.exit_code == 9  # as for a run
-    assert f"NO  ours alone  the armtree with process id {os.getpid()} has it" in result.output
+    assert f"NO  ours alone  the program with process id {os.getpid()} has it" in result.output
 
 
 def test_a_wrong_robot_file(tmp_path: Path, robot: Path) -> None:

@@ -16,7 +16,7 @@ import serial
 
 from hardware import LinkError, SerialLink
 from hardware.errors import PortBusy, PortDenied, PortLost, PortMissing, PortStalled
-from hardware.link.port_lock import PortLock
+from hardware.link.serial_ports import owner_of
 from tests.support.hardware_rigs import Pty, open_files
 from tests.support.paths import ROOT
 
@@ -54,7 +54,6 @@ def test_an_empty_name_is_no_port() -> None:
 
 def test_a_port_that_is_denied(line: Pty) -> None:
     os.chmod(line.slave, 0)
-    PortLock(line.port).path.unlink(missing_ok=True)
     root = os.geteuid() == 0
     if root:  # root ignores the mode
         os.seteuid(NOBODY)
@@ -80,7 +79,7 @@ def test_a_busy_port_names_the_owner(line: Pty) -> None:
     first.open()
     said = str(refused(line.port, PortBusy))
     assert said == (
-        f"The port {line.port} is in use by the armtree with process id {os.getpid()}. "
+        f"The port {line.port} is in use by the program with process id {os.getpid()}. "
         "End that program first"
     )
     first.close()
@@ -107,8 +106,63 @@ def test_a_port_that_another_kind_of_program_has(line: Pty) -> None:
     ) as other:
         assert other.stdout
         assert other.stdout.readline() == b"open\n"
-        assert "in use by another program" in str(refused(line.port, PortBusy))
+        said = str(refused(line.port, PortBusy))
+        assert f"in use by the program with process id {other.pid}." in said
         other.communicate()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may become another user")
+def test_the_port_of_another_user_is_busy(line: Pty) -> None:
+    os.chmod(line.slave, 0o666)
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    os.seteuid(NOBODY)
+    try:
+        said = str(refused(line.port, PortBusy))
+    finally:
+        os.seteuid(0)
+    assert f"process id {os.getpid()}" in said
+    link.write(FRAME)  # undisturbed
+    assert line.drain() == FRAME
+    link.close()
+
+
+def test_many_threads_open_a_port_one_at_a_time(line: Pty) -> None:
+    inside, most, busy = threading.Semaphore(1), list[bool](), list[PortBusy]()
+
+    def compete() -> None:
+        for _ in range(50):
+            link = SerialLink(line.port, BAUD)
+            try:
+                link.open()
+            except PortBusy as error:
+                busy.append(error)
+                continue
+            most.append(inside.acquire(blocking=False))
+            link.write(FRAME)
+            inside.release()
+            link.close()
+
+    threads = [threading.Thread(target=compete) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(most)
+    assert len(most) + len(busy) == 200
+
+
+def test_a_file_where_others_may_write_does_not_matter(line: Pty, tmp_path: Path) -> None:
+    precious = tmp_path / "precious"
+    precious.write_text("data")
+    lock = Path("/tmp") / f"armtree-{line.port[1:].replace('/', '-')}.lock"
+    lock.unlink(missing_ok=True)
+    lock.hardlink_to(precious)
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    link.close()
+    lock.unlink()
+    assert precious.read_text() == "data"
 
 
 def test_the_lock_of_a_killed_owner_is_free(line: Pty) -> None:
@@ -134,9 +188,7 @@ def test_the_lock_of_a_killed_owner_is_free(line: Pty) -> None:
 def test_the_lock_is_given_up_when_the_port_does_not_open(tmp_path: Path) -> None:
     (tmp_path / "thing").touch()
     refused(str(tmp_path / "thing"), LinkError)
-    lock = PortLock(str(tmp_path / "thing"))
-    lock.acquire()
-    lock.release()
+    assert owner_of(str(tmp_path / "thing")) is None
 
 
 def test_the_lock_is_given_up_when_opening_is_interrupted(
@@ -151,7 +203,7 @@ def test_the_lock_is_given_up_when_opening_is_interrupted(
         with pytest.raises(KeyboardInterrupt):
             link.open()
     link.close()
-    assert PortLock(line.port).owner() is None
+    assert owner_of(line.port) is None
 
 
 def test_bytes_arrive_in_both_directions(line: Pty) -> None:
@@ -263,7 +315,7 @@ def test_discarding_on_a_port_that_is_gone_is_harmless(line: Pty) -> None:
     link.open()
     line.vanish()
     link.close(discard=True)
-    assert PortLock(line.port).owner() is None
+    assert owner_of(line.port) is None
 
 
 def test_a_port_lost_while_a_write_waits(line: Pty) -> None:
@@ -300,9 +352,7 @@ def test_a_closing_error_is_no_lost_port_and_frees_everything(line: Pty) -> None
     assert type(failed.value) is LinkError
     link.close()
     assert open_files() == before
-    lock = PortLock(line.port)
-    lock.acquire()
-    lock.release()
+    assert owner_of(line.port) is None
 
 
 def test_reading_and_closing_race_without_harm(line: Pty) -> None:

@@ -84,3 +84,18 @@ def test_the_error_of_a_port_of_another_armtree_has_its_process_id(line: Pty) ->
     assert f"process id {os.getpid()} has it" in check.detail
     link.close()
     assert told(line.port).ok
+
+
+def test_a_lock_of_another_file_system_is_ignored(
+    line: Pty, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files of two file systems may have one number."""
+    locks, file = tmp_path / "locks", os.stat(line.port)
+    monkeypatch.setattr(module, "_LOCKS", locks)
+    assert module.owner_of(line.port) is None  # unknown
+    owners = []
+    for major, minor in [(os.major(file.st_dev), os.minor(file.st_dev)), (0xAB, 0x1)]:
+        where = f"{major:02x}:{minor:02x}:{file.st_ino}"
+        locks.write_text(f"1: FLOCK  ADVISORY  WRITE 4711 {where} 0 EOF\n")
+        owners.append(module.owner_of(line.port))
+    assert owners == ["the program with process id 4711", None]
