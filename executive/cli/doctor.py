@@ -12,6 +12,8 @@ from executive.codes import look_up
 
 from .options import port_option, recordings_option, robot_option, trees_option
 
+_MARKS = {True: "ok", False: "NO", None: "?"}
+
 
 @click.command()
 @port_option
@@ -41,9 +43,9 @@ def doctor(
 
     failures = []
     for check in check_readiness(robot, port, trees, recordings, opens_port):
-        failures += [] if check.ok else [check.code]
-        click.echo(f"{'ok' if check.ok else 'NO':<4}{check.name:<12}{check.detail}")
-        if not check.ok and check.remedy:
+        failures += [check.code] if check.ok is False else []
+        click.echo(f"{_MARKS[check.ok]:<4}{check.name:<12}{check.detail}")
+        if check.ok is False and check.remedy:
             click.echo(f"{'':<16}-> {check.remedy}")
     found = serial_ports()
     click.echo(f"\nSerial ports: {'' if found else 'none'}")

@@ -151,6 +151,8 @@ def _open(robot: Robot, port: str) -> Check:
             positions = ", ".join(f"{name} {q:.3f}" for name, q in arm.read().items())
     except HardwareError as error:
         return Check("board", False, str(error), code=error.code)
-    if not _resets(robot, port):
-        return Check("board", True, "opened; only a person knows the pose of the arm")
+    if not robot.firmware.banner:
+        silent = f"opened; {robot.firmware.name} answers nothing, so a board may be there or not"
+        known = f"assumed: {positions} rad" if _resets(robot, port) else "known only to a person"
+        return Check("board", None, f"{silent}; the pose is {known}")
     return Check("board", True, f"booted; commanded to {positions} rad")

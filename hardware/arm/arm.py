@@ -5,7 +5,7 @@ import contextlib
 import logging
 import weakref
 from collections.abc import Callable, Mapping
-from typing import Self
+from typing import ParamSpec, Self, TypeVar
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
@@ -30,6 +30,9 @@ from .schedule import Schedule
 from .streamer import Playback, Streamer
 from .write_guard import WriteGuard
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 logger = logging.getLogger(__name__)
 
 # Longest time that a shutdown waits for a transition of another thread [s]. Closing a port takes
@@ -47,7 +50,7 @@ class Arm:
     """A robot arm. It is open loop: its state is the last command.
 
     As a context manager it is shut down at the end. It is also shut down when the interpreter
-    exits.
+    exits, and its port is closed when nothing refers to it.
 
     Args:
         robot: The robot.
@@ -71,15 +74,17 @@ class Arm:
         self._failure: HardwareError | None = None  # the fault that ended the activation
         self._connection: Connection | None = None
         self._reconnect: ReconnectWatcher | None = None
+        self._release: weakref.finalize[[Connection, ReconnectWatcher], Arm] | None = None
+        callbacks = {
+            State.CONFIGURING: self._configure,
+            State.ACTIVATING: self._activate,
+            State.DEACTIVATING: self._deactivate,
+            State.SHUTTINGDOWN: self._deactivate,
+            State.ERRORPROCESSING: self._process_error,
+        }
         self._lifecycle = Lifecycle(
-            {
-                State.CONFIGURING: self._configure,
-                State.ACTIVATING: self._activate,
-                State.DEACTIVATING: self._deactivate,
-                State.SHUTTINGDOWN: self._deactivate,
-                State.ERRORPROCESSING: self._process_error,
-            },
-            self._state_changed,
+            {state: _weakly(callback, Result.ERROR) for state, callback in callbacks.items()},
+            _weakly(self._state_changed, None),
         )
         _arms.add(self)
 
@@ -259,6 +264,9 @@ class Arm:
         with contextlib.suppress(TransitionRefused):  # outside of *active* it changes no state
             self._transition("raise_error")
 
+    def _is_active(self) -> bool:
+        return self.state is State.ACTIVE
+
     def _stop_and_settle(self) -> None:
         connection = self._connection
         if self.state is State.ACTIVE and connection:
@@ -334,13 +342,18 @@ class Arm:
             self.robot,
             self._link,
             self._clock,
-            self._publish,
-            lambda: self.state is State.ACTIVE,
-            self.fault,
-            self._notify,
+            _weakly(self._publish, None),
+            _weakly(self._is_active, False),
+            _weakly(self.fault, None),
+            _weakly(self._notify, None),
         )
+        if self._release:
+            self._release.detach()
         try:
-            self._reconnect = ReconnectWatcher(port, self._clock, self._publish)
+            publish = _weakly(self._publish, None)
+            self._reconnect = ReconnectWatcher(port, self._clock, publish)
+            self._release = weakref.finalize(self, _release, connection, self._reconnect)
+            self._release.atexit = False  # all arms are shut down then
             connection.open()
             self._boot(connection)
         except Exception as error:  # a driver may raise any exception
@@ -409,6 +422,28 @@ class Arm:
             self._observe(event)
         except Exception:
             logger.exception("an observer of the arm failed")
+
+
+def _weakly(method: Callable[P, T], collected: T) -> Callable[P, T]:
+    """Return a callback that does not keep the object of a method alive.
+
+    Args:
+        method: The method to call.
+        collected: What the callback returns if the object has been collected.
+    """
+    reference = weakref.WeakMethod(method)
+
+    def call(*arguments: P.args, **named: P.kwargs) -> T:
+        bound = reference()
+        return bound(*arguments, **named) if bound else collected
+
+    return call
+
+
+def _release(connection: Connection, reconnect: ReconnectWatcher) -> None:
+    """Release what an arm that was collected has opened. Any thread may call."""
+    reconnect.stop()
+    connection.close()
 
 
 @atexit.register

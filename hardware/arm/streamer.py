@@ -9,6 +9,7 @@ from hardware.clock import Clock
 from hardware.errors import HardwareError, NotActive, StaleGeneration, WriteRefused
 
 from .acknowledgements import Acknowledgements
+from .events import OBSERVER_TIMEOUT
 from .interfaces import Claim
 from .schedule import Schedule
 from .write_guard import WriteGuard
@@ -179,7 +180,10 @@ class Streamer:
         try:
             self._guard.hold()
         except NotActive:  # what took the arm out of *active* ends the playback, with its cause
-            return
+            until = self._clock.now() + OBSERVER_TIMEOUT
+            with self._signal:
+                while self.playing and self._clock.now() < until:
+                    self._signal.wait(until)
         self._drop(PlaybackState.STOPPED)
 
     def _start_braking(self, brake: float) -> bool:

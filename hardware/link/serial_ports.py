@@ -38,14 +38,14 @@ class Check:
 
     Attributes:
         name: What was checked.
-        ok: Whether it passed.
+        ok: Whether it passed; None if it cannot be checked, which is no failure.
         detail: What was found.
         remedy: What to do if it failed; empty if that is clear.
         code: Code of the error with which a run would end; empty if it passed.
     """
 
     name: str
-    ok: bool
+    ok: bool | None
     detail: str
     remedy: str = ""
     code: str = ""

@@ -335,6 +335,20 @@ def test_an_arm_that_is_gone_leaves_nothing_behind() -> None:
     assert gone() is None
 
 
+@pytest.mark.parametrize("playing", [True, False])
+def test_an_arm_that_is_dropped_closes_its_port(playing: bool) -> None:
+    rig, before = Rig(), threading.active_count()
+    rig.start()
+    if playing:
+        rig.arm.play(motion(HOME, PICK, 4.0), nothing, "test", rig.arm.generation)
+    del rig.arm
+    assert rig.link.read() == b""  # closed
+    for thread in threading.enumerate():
+        if thread.name in ("listener", "streamer", "writer"):
+            thread.join(5)
+    assert threading.active_count() <= before
+
+
 def test_an_arm_is_shut_down_when_the_interpreter_exits() -> None:
     program = """
 from hardware.arm.connection import Connection

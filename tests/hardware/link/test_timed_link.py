@@ -51,6 +51,8 @@ def test_a_driver_that_does_not_return_is_a_stalled_port_and_sends_nothing_later
     assert not isinstance(failed.value, PortLost)
     driver.leave.set()
     link.close()
+    assert link._writer
+    link._writer.join(5)
     assert driver.written == [b"first"]
 
 
