@@ -53,17 +53,12 @@ def test_a_canceled_run_holds_with_its_hold_frame(rig: RigMaker) -> None:
     assert verification.holds, verification.text()
 
 
-def test_a_run_that_was_held_up_holds(rig: RigMaker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_that_was_held_up_holds(rig: RigMaker) -> None:
     """If a frame is sent more than a period late, all later frames are due later, too."""
     arm, sent = rig(), count(1)
-    write = arm.link.write
-
-    def held_up(data: bytes) -> None:
-        write(data)
-        if next(sent) == 4:
-            arm.rest(0.35)
-
-    monkeypatch.setattr(arm.link, "write", held_up)
+    arm.on_record = lambda record: (
+        arm.rest(0.35) if isinstance(record, logs.Sent) and next(sent) == 4 else None
+    )
     verification = verify(picked(arm))
     late = [record.time - (record.scheduled or 0.0) for record in arm.told(logs.Sent)]
     assert max(late) > 0.2
