@@ -1,6 +1,7 @@
 """What a code means: the exit status, the words and the hint of every failure.
 
-Exception classes carry their own codes. This table has the codes that no exception carries.
+An exception class carries its own code, exit status and hint, and its docstring begins with the
+meaning. This table has the codes that no exception carries.
 """
 
 from collections.abc import Iterator
@@ -119,4 +120,5 @@ def _classes() -> Iterator[Any]:
 
 
 def _describe(kind: Any) -> Code:
-    return Code(kind.exit_status, kind.meaning, kind.hint, kind.heading)
+    meaning = " ".join((kind.__doc__ or "").split()).partition(". ")[0].rstrip(".")
+    return Code(kind.exit_status, meaning, kind.hint, getattr(kind, "heading", ""))

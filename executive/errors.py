@@ -49,20 +49,17 @@ _LONGEST = 300  # characters of a refusal: it may quote what the client sent
 
 
 class GoalError(Exception):
-    """Root of the errors of goals."""
+    """The goal is invalid. Root of the errors of goals."""
 
     code = "goal.error"
     exit_status = 4
-    meaning = "The goal is invalid"
     hint = "send another one"
-    heading = ""
 
 
 class UnknownGoal(GoalError):
     """No goal has that identity, or its result is forgotten."""
 
     code = "goal.unknown"
-    meaning = "No goal has that identity, or its result is forgotten"
     hint = "request the result sooner"
 
     def __init__(self, identity: str) -> None:
@@ -74,7 +71,6 @@ class ResultTimeout(GoalError, TimeoutError):
 
     code = "goal.result_timeout"
     exit_status = 8
-    meaning = "The goal has not ended yet"
     hint = "request the result again"
 
     def __init__(self, identity: str, timeout: float) -> None:
@@ -85,7 +81,6 @@ class NotExecuting(GoalError):
     """Only an executing goal can be paused."""
 
     code = "goal.not_executing"
-    meaning = "Only an executing goal can be paused"
     hint = "`armtree status` shows which one is"
 
     def __init__(self, identity: str, state: str) -> None:
@@ -96,7 +91,6 @@ class NotPaused(GoalError):
     """Only a paused goal can be resumed."""
 
     code = "goal.not_paused"
-    meaning = "Only a paused goal can be resumed"
     hint = "pause it first"
 
     def __init__(self, identity: str) -> None:
@@ -107,7 +101,6 @@ class TooManyBreakpoints(GoalError):
     """The limit of breakpoints is reached."""
 
     code = "goal.too_many_breakpoints"
-    meaning = "The limit of breakpoints is reached"
     hint = "`armtree break NODE --off` removes one"
 
     def __init__(self, most: int) -> None:
@@ -118,7 +111,6 @@ class NoSuchNode(GoalError):
     """No task has a node with that path."""
 
     code = "goal.no_such_node"
-    meaning = "No task has a node with that path"
     hint = "`armtree run N --json` prints the paths of nodes"
 
 
@@ -126,7 +118,6 @@ class GoalPreempted(GoalError):
     """Another goal took its place."""
 
     code = "goal.preempted"
-    meaning = "Another goal took its place"
     hint = "send it again if it is still wanted"
 
     def __init__(self, identity: str) -> None:
@@ -134,7 +125,7 @@ class GoalPreempted(GoalError):
 
 
 class ExecutorBlocked(GoalError):
-    """The code of a skill does not return, so the executor thread cannot run another goal.
+    """The code of a skill does not return, so no other goal can be executed.
 
     Args:
         identity: Identity of the goal.
@@ -144,7 +135,6 @@ class ExecutorBlocked(GoalError):
 
     code = "server.held"
     exit_status = 13
-    meaning = "The code of a skill does not return, so no other goal can be executed"
     hint = "fix the skill that the message names, then start the server again"
 
     def __init__(self, identity: str, task: int, node: str) -> None:
@@ -159,7 +149,6 @@ class ServerRestarted(GoalError):
 
     code = "server.restarted"
     exit_status = 13
-    meaning = "The server ended before the goal did"
     hint = "check where the arm is, then send the goal again"
 
     def __init__(self) -> None:
@@ -173,7 +162,6 @@ class UnknownQuestion(GoalError):
     """No open question has that identity."""
 
     code = "goal.unknown_question"
-    meaning = "No open question has that identity"
     hint = "`armtree answer` lists them"
 
     def __init__(self, identity: str) -> None:
@@ -184,7 +172,6 @@ class BadAnswer(GoalError):
     """An answer is none of the choices."""
 
     code = "goal.bad_answer"
-    meaning = "An answer is none of the choices"
     hint = "give one of the choices"
 
     def __init__(self, words: str, question: str) -> None:
@@ -195,7 +182,6 @@ class NotHeld(GoalError):
     """The goal needs a hold, but no client holds it."""
 
     code = "goal.not_held"
-    meaning = "The goal needs a hold, and no client holds it"
     hint = "hold it, then send it"
 
     def __init__(self, identity: str) -> None:
@@ -207,21 +193,18 @@ class ServerError(Exception):
 
     code = "server.options"
     exit_status = 13
-    meaning = "The options of the server are unsafe or invalid"
     hint = "see the message"
-    heading = ""
 
 
 class AddressInUse(ServerError):
     """Another program listens at that address."""
 
     code = "server.address_in_use"
-    meaning = "Another program listens at that address"
     hint = "end it, or give --tcp-port"
 
 
 class RequestError(Exception):
-    """A request that the server refuses.
+    """The server rejected a request. Root of the errors of requests.
 
     Args:
         message: What is wrong.
@@ -232,9 +215,7 @@ class RequestError(Exception):
     status = 400
     code = "request"
     exit_status = 13
-    meaning = "The server rejected a request"
     hint = "`/openapi.json` describes all requests"
-    heading = ""
 
     def __init__(self, message: str, hint: str = "", status: int | None = None) -> None:
         cut = message if len(message) <= _LONGEST else f"{message[:_LONGEST]} …"
@@ -247,31 +228,27 @@ class BadRequest(RequestError):
     """A request is malformed."""
 
     code = "request.malformed"
-    meaning = "A request is malformed"
 
 
 class NotFound(RequestError):
-    """No such address."""
+    """The address does not exist."""
 
     status = 404
     code = "request.not_found"
-    meaning = "The address does not exist"
 
 
 class BadMethod(RequestError):
-    """That method is not for this address."""
+    """The address has no such method."""
 
     status = 405
     code = "request.method"
-    meaning = "The address has no such method"
 
 
 class Forbidden(RequestError):
-    """A request from another site, or to another name than this server's."""
+    """The request comes from another site, or is sent to another name."""
 
     status = 403
     code = "request.forbidden"
-    meaning = "A request of another site, or to another name"
     hint = "see the message"
 
 
@@ -279,7 +256,6 @@ class WrongHost(Forbidden):
     """The Host header is no name of this server."""
 
     code = "request.host"
-    meaning = "Host is no name of this server"
     hint = "use its address, or `armtree serve --host NAME`"
 
 
@@ -287,7 +263,6 @@ class WrongOrigin(Forbidden):
     """A page of another site sent the request."""
 
     code = "request.origin"
-    meaning = "A page of another site sent a request"
     hint = "`armtree serve --origin URL` allows it"
 
 
@@ -296,7 +271,6 @@ class Unauthorized(RequestError):
 
     status = 401
     code = "request.token"
-    meaning = "The token is missing or wrong"
     hint = "the server printed it when it started"
 
 
@@ -305,25 +279,22 @@ class TooMuch(RequestError):
 
     status = 429
     code = "request.too_many"
-    meaning = "Too many requests or clients"
     hint = "wait a moment"
 
 
 class TooLarge(TooMuch):
-    """The body is too large."""
+    """The body of a request is too large."""
 
     status = 413
     code = "request.too_large"
-    meaning = "The body of a request is too large"
     hint = "send less"
 
 
 class TooSlow(TooMuch):
-    """The body arrives too slowly."""
+    """The body of a request arrived too slowly."""
 
     status = 408
     code = "request.timeout"
-    meaning = "The body of a request arrived too slowly"
     hint = "send it at once"
 
 
@@ -331,12 +302,11 @@ class PoseUnconfirmed(HardwareError):
     """The position of the arm is unknown, and no person has confirmed it."""
 
     code = "hw.pose_unconfirmed"
-    meaning = "The position of the arm is not confirmed"
     hint = "give --pose last, or --pose boot"
 
 
 class RecordingBehind(LinkError):
-    """The previous frame is not recorded yet, so the next one was not sent.
+    """The disk is too slow, so no more frames were sent.
 
     Args:
         port: Name of the port.
@@ -345,7 +315,6 @@ class RecordingBehind(LinkError):
 
     code = "log.behind"
     exit_status = 10
-    meaning = "The disk is too slow, so no more frames were sent"
     hint = "record to a faster disk"
 
     def __init__(self, port: str, most: float) -> None:
@@ -360,25 +329,21 @@ class BadWorldFile(FileError):
     """A file of obstacles is wrong."""
 
     code = "file.world"
-    meaning = "A file of obstacles is wrong"
     hint = "correct it at the line that the message names"
 
 
 class ClientError(Exception):
-    """Root of the errors of a client."""
+    """The server failed. Root of the errors of a client."""
 
     code = "server.error"
     exit_status = 13
-    meaning = "The server failed"
     hint = "see its log"
-    heading = ""
 
 
 class ServerUnreachable(ClientError, ConnectionError):
-    """No server answers, or it stopped answering."""
+    """No server answers. It never did, or it stopped."""
 
     code = "server.unreachable"
-    meaning = "No server answers"
     hint = "`armtree serve` starts one; --server URL or ARMTREE_SERVER says where it is"
 
     def __init__(self, url: str, why: str) -> None:

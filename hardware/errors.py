@@ -37,17 +37,15 @@ from pathlib import Path
 
 
 class HardwareError(Exception):
-    """Base class of all errors of this package."""
+    """The arm failed. Root of the errors of this room."""
 
     code = "hw.error"
     exit_status = 6
-    meaning = "The arm failed"
     hint = "see the message"
-    heading = ""
 
 
 class DescriptionError(HardwareError):
-    """The robot description is wrong.
+    """The robot file or its URDF is wrong.
 
     Attributes:
         path: The file.
@@ -56,7 +54,6 @@ class DescriptionError(HardwareError):
 
     code = "file.robot"
     exit_status = 3
-    meaning = "The robot file or its URDF is wrong"
     hint = "correct it where the message says"
 
     def __init__(self, path: Path, line: int, message: str) -> None:
@@ -73,7 +70,6 @@ class NoDriver(HardwareError):
 
     code = "hw.no_driver"
     exit_status = 3
-    meaning = "The robot file names no driver, so its arm cannot be moved"
     hint = "add a driver to the robot file, or only plan"
 
     def __init__(self, path: Path) -> None:
@@ -86,14 +82,13 @@ class NoDriver(HardwareError):
 
 
 class LinkError(HardwareError):
-    """A serial port failed.
+    """The serial port failed.
 
     Attributes:
         port: Name of the port, as the user gave it.
     """
 
     code = "hw.link"
-    meaning = "The serial port failed"
     hint = "check the cable and the power"
 
     def __init__(self, port: str, message: str) -> None:
@@ -102,11 +97,10 @@ class LinkError(HardwareError):
 
 
 class PortNotGiven(LinkError):
-    """No port in the robot file, the environment or on the command line."""
+    """No serial port is configured."""
 
     code = "hw.no_port"
     exit_status = 3
-    meaning = "No serial port is configured"
     hint = "give --port, or ARMTREE_PORT"
 
     def __init__(self) -> None:
@@ -118,10 +112,9 @@ class PortNotGiven(LinkError):
 
 
 class PortMissing(LinkError):
-    """The port does not exist."""
+    """The serial port does not exist."""
 
     code = "hw.port_missing"
-    meaning = "The serial port does not exist"
     hint = "`armtree doctor` lists the ports"
 
     def __init__(self, port: str, present: list[str]) -> None:
@@ -134,10 +127,9 @@ class PortMissing(LinkError):
 
 
 class PortDenied(LinkError):
-    """The user has no permission to open the port."""
+    """The user has no permission to open the serial port."""
 
     code = "hw.port_denied"
-    meaning = "No permission to open the serial port"
     hint = "join its group"
 
     def __init__(self, port: str, group: str) -> None:
@@ -149,11 +141,10 @@ class PortDenied(LinkError):
 
 
 class PortBusy(LinkError):
-    """Another program has the port."""
+    """Another program has the serial port."""
 
     code = "hw.port_busy"
     exit_status = 9
-    meaning = "Another program has the serial port"
     hint = "end that program"
 
     def __init__(self, port: str, owner: str) -> None:
@@ -161,10 +152,9 @@ class PortBusy(LinkError):
 
 
 class PortLost(LinkError):
-    """The port disappeared while it was open. It is unknown which bytes the board received."""
+    """The serial port disappeared while it was open. The last bytes may be lost."""
 
     code = "hw.port_lost"
-    meaning = "The serial port disappeared while it was open"
     hint = "check the cable, then configure and activate"
 
     def __init__(self, port: str, why: str) -> None:
@@ -175,10 +165,9 @@ class PortLost(LinkError):
 
 
 class PortStalled(LinkError):
-    """A write did not finish in time. Its bytes may have arrived; they are never sent again."""
+    """The board accepts no more bytes. Unwritten bytes are never sent again."""
 
     code = "hw.port_stalled"
-    meaning = "The board accepts no more bytes"
     hint = "check its power, then configure and activate"
 
     def __init__(self, port: str, why: str) -> None:
@@ -193,7 +182,6 @@ class BoardError(HardwareError):
     """The board misbehaves."""
 
     code = "hw.board"
-    meaning = "The board misbehaves"
     hint = "check the cable and its power"
 
 
@@ -201,7 +189,6 @@ class BoardSilent(BoardError):
     """The board did not report that it has booted."""
 
     code = "hw.board_silent"
-    meaning = "The board did not report that it has booted"
     hint = "flash the firmware, or name the right one in the robot file"
 
     def __init__(self, port: str, firmware: str, seconds: float) -> None:
@@ -216,7 +203,6 @@ class WrongFirmware(BoardError):
     """The board runs another firmware than the robot file names."""
 
     code = "hw.wrong_firmware"
-    meaning = "The board runs another firmware than the robot file names"
     hint = "correct the robot file"
 
     def __init__(self, runs: str, named: str, path: Path) -> None:
@@ -227,10 +213,9 @@ class WrongFirmware(BoardError):
 
 
 class PoseOutsideLimits(BoardError):
-    """The board holds a servo outside its joint's limits; the first frame would make it jump."""
+    """The board holds a servo outside its joint's limits. A frame would make it jump."""
 
     code = "hw.pose_outside"
-    meaning = "The board holds a servo outside the limits of its joint"
     hint = "switch the board off and on"
 
     def __init__(self, joint: str, lower: float, upper: float, angle: int, nearest: int) -> None:
@@ -243,10 +228,9 @@ class PoseOutsideLimits(BoardError):
 
 
 class BoardReset(BoardError):
-    """The board restarted, so its servos are no longer where armtree sent them."""
+    """The board restarted while the arm was active. Its servos left their positions."""
 
     code = "hw.board_reset"
-    meaning = "The board restarted while the arm was active"
     hint = "check the power supply of the servos"
 
     def __init__(self, line: str) -> None:
@@ -260,7 +244,6 @@ class FrameLost(BoardError):
     """The board received other frames than were sent."""
 
     code = "hw.frame_lost"
-    meaning = "The board received other frames than were sent"
     hint = "check the cable"
 
     def __init__(self, what: str) -> None:
@@ -268,14 +251,13 @@ class FrameLost(BoardError):
 
 
 class DriverFailed(HardwareError):
-    """The driver of the arm raised an exception that is no HardwareError, or armtree has a bug.
+    """The driver of the arm failed. It raised no HardwareError, or armtree has a bug.
 
     Attributes:
         __cause__: The exception.
     """
 
     code = "hw.driver"
-    meaning = "The driver of the arm failed"
     hint = "fix the driver"
 
     def __init__(self, cause: BaseException) -> None:
@@ -292,10 +274,9 @@ def as_hardware_error(error: BaseException) -> HardwareError:
 
 
 class TransitionRefused(HardwareError):
-    """The lifecycle does not allow this transition now."""
+    """The lifecycle of the arm does not allow this transition now."""
 
     code = "hw.transition_refused"
-    meaning = "The arm's lifecycle does not allow that now"
     hint = "the message lists what it allows"
 
 
@@ -303,7 +284,6 @@ class ActivationStopped(TransitionRefused):
     """The arm was stopped while its board booted. It is inactive."""
 
     code = "hw.activation_stopped"
-    meaning = "The arm was stopped while its board booted"
     hint = "activate it again"
 
 
@@ -311,7 +291,6 @@ class CancelTimeout(HardwareError):
     """A goal did not stop in time, so the arm left *active*."""
 
     code = "hw.cancel_timeout"
-    meaning = "The goal did not stop in time, so the arm left *active*"
     hint = "fix the skill that the message names, then configure and activate"
 
 
@@ -319,14 +298,12 @@ class WriteRefused(HardwareError):
     """The write guard refused; nothing was sent."""
 
     code = "hw.refused"
-    meaning = "The write guard refused; nothing was sent"
 
 
 class NotActive(WriteRefused):
     """The arm is not active, so nothing may be written to it."""
 
     code = "hw.not_active"
-    meaning = "The arm is not active, so nothing may be written to it"
     hint = (
         "`armtree arm configure` if it is unconfigured, then `armtree arm activate`; if it is "
         "finalized, start armtree again"
@@ -337,7 +314,6 @@ class InterfaceUnknown(WriteRefused):
     """The arm has no such command interface."""
 
     code = "hw.no_interface"
-    meaning = "The arm has no such command interface"
     hint = "the message lists the existing ones"
 
     def __init__(self, name: str, present: Sequence[str]) -> None:
@@ -348,7 +324,6 @@ class InterfaceClaimed(WriteRefused):
     """Another owner has claimed the joint."""
 
     code = "hw.claimed"
-    meaning = "Another owner has claimed the joint"
     hint = "stop the arm first"
 
     def __init__(self, name: str, owner: str, other: str) -> None:
@@ -361,7 +336,6 @@ class StaleGeneration(WriteRefused):
     """The motion was stopped, so it may not write."""
 
     code = "hw.stale"
-    meaning = "The motion was stopped, so it may not write"
     hint = "run again"
 
 
@@ -375,7 +349,6 @@ class BadPosition(WriteRefused, ValueError):
     """
 
     code = "hw.bad_position"
-    meaning = "A joint position is missing, not finite or outside its limits"
     hint = "choose a position within the limits"
 
     def __init__(
@@ -386,10 +359,9 @@ class BadPosition(WriteRefused, ValueError):
 
 
 class TooFast(WriteRefused):
-    """The board cannot process a frame: it comes too early, or a servo moves too far."""
+    """The board cannot process a frame. It comes too early, or a servo moves too far."""
 
     code = "hw.too_fast"
-    meaning = "The board cannot process the frame"
     hint = "lower the velocity in the robot file"
 
 
@@ -403,7 +375,6 @@ class JointTooFast(WriteRefused):
     """
 
     code = "hw.joint_too_fast"
-    meaning = "A joint would move faster than its velocity limit"
     hint = "report it, with the recording; the planner must keep the limits of the robot file"
 
     def __init__(self, joint: str, value: float, limit: float, scale: float, unit: str) -> None:

@@ -21,7 +21,7 @@ DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class LogError(Exception):
-    """Base class of this room's errors.
+    """Something could not be recorded. Root of the errors of this room.
 
     Attributes:
         path: The file or folder.
@@ -29,9 +29,7 @@ class LogError(Exception):
 
     code = "log.error"
     exit_status = 10
-    meaning = "Something could not be recorded"
     hint = "make room, or record to another folder"
-    heading = ""
 
     def __init__(self, path: Path, message: str) -> None:
         self.path = path
@@ -39,10 +37,9 @@ class LogError(Exception):
 
 
 class RecordingExists(LogError, FileExistsError):
-    """A recording of that name exists; recordings are never overwritten."""
+    """A recording of that name exists. Recordings are never overwritten."""
 
     code = "log.exists"
-    meaning = "A recording of that name exists"
     hint = "record under another name"
 
     def __init__(self, path: Path) -> None:
@@ -50,10 +47,9 @@ class RecordingExists(LogError, FileExistsError):
 
 
 class RecordingNotCreated(LogError):
-    """The operating system refused to create the folder or the file of a recording."""
+    """The operating system refused to create the folder or file of a recording."""
 
     code = "log.not_created"
-    meaning = "A recording cannot be made"
     hint = "give another folder for recordings"
 
     def __init__(self, path: Path, cause: OSError) -> None:
@@ -65,7 +61,6 @@ class NoSpace(LogError):
     """The disk is too full to begin a run."""
 
     code = "log.no_space"
-    meaning = "The disk is too full to begin"
     hint = "remove old recordings"
 
     def __init__(self, path: Path, free: int, least: int) -> None:
@@ -81,7 +76,6 @@ class DiskFull(LogError):
     """The disk filled up while a run was recorded."""
 
     code = "log.disk_full"
-    meaning = "The disk filled up during a run"
     hint = "remove old recordings"
 
     def __init__(self, path: Path, whole: bool = False) -> None:
@@ -94,7 +88,7 @@ class DiskFull(LogError):
 
 
 class RecordingIncomplete(LogError):
-    """Something of a run is missing from its file, or the file could not be finished.
+    """Something of a run is missing from its recording, or the file is unfinished.
 
     Attributes:
         lost: Number of records and attachments missing from the file; None while it may grow.
@@ -103,7 +97,6 @@ class RecordingIncomplete(LogError):
     """
 
     code = "log.incomplete"
-    meaning = "Something of a run is missing from its recording"
     hint = "repair the disk, then run again"
 
     def __init__(
@@ -128,7 +121,6 @@ class RecordingInUse(LogError):
     """A recording is still being written."""
 
     code = "log.in_use"
-    meaning = "A recording is still being written"
     hint = "wait until it has ended"
 
     def __init__(self, path: Path) -> None:
@@ -140,7 +132,6 @@ class RecordingError(LogError, ValueError):
 
     code = "log.unreadable"
     exit_status = 3
-    meaning = "A file cannot be read as a recording"
     hint = "give another file"
 
 
@@ -153,7 +144,6 @@ class RecordingTruncated(RecordingError):
 
     code = "log.truncated"
     exit_status = 10
-    meaning = "The end of a recording is missing"
     hint = "`armtree log recover`"
 
     def __init__(self, path: Path, messages: int) -> None:

@@ -25,7 +25,7 @@ from .motion.errors import MotionError
 
 
 class SkillError(Exception):
-    """Root of the errors of skills.
+    """A skill failed without a specific cause. Root of the errors of skills.
 
     Attributes:
         location: Location of the invalid value: its port, then keys and indices within it; empty
@@ -35,7 +35,6 @@ class SkillError(Exception):
 
     code = "skill.error"
     exit_status = 1
-    meaning = "A skill failed without a specific cause"
     hint = "report it"
     heading = "The task failed"
     node = ""
@@ -69,7 +68,6 @@ class OutOfBounds(SkillError):
 
     code = "goal.out_of_bounds"
     exit_status = 4
-    meaning = "A target is outside the limits of its joints"
     hint = "choose a target within the limits"
     heading = "Target position out of boundaries"
 
@@ -84,7 +82,6 @@ class BadTarget(SkillError):
 
     code = "goal.bad_target"
     exit_status = 4
-    meaning = "A target names an unknown or missing joint, or contradicts itself"
     hint = "correct what the message names"
     heading = "The target is invalid"
 
@@ -94,7 +91,6 @@ class BadBody(SkillError):
 
     code = "goal.bad_body"
     exit_status = 4
-    meaning = "A body to add to the world is invalid"
     hint = "correct the task"
     heading = "The body is invalid"
 
@@ -104,7 +100,6 @@ class BadQuestion(SkillError):
 
     code = "goal.bad_question"
     exit_status = 4
-    meaning = "A question or its choices are invalid"
     hint = "correct the task"
     heading = ""
 
@@ -114,7 +109,6 @@ class NotReplayable(SkillError):
 
     code = "goal.not_replayable"
     exit_status = 4
-    meaning = "The frames of a recording cannot be sent to this arm"
     hint = "give the robot file it was recorded with"
     heading = ""
 
@@ -124,17 +118,15 @@ class StartMoved(SkillError):
 
     code = "plan.start_moved"
     exit_status = 5
-    meaning = "The arm is no longer at the start of the plan"
     hint = "plan again"
     heading = ""
 
 
 class Interrupted(SkillError):
-    """The motion was stopped from outside the tree."""
+    """The motion was stopped from outside the task."""
 
     code = "hw.stopped"
     exit_status = 6
-    meaning = "The arm was stopped from outside the task"
     hint = "run again"
     heading = ""
 
@@ -149,7 +141,6 @@ class SkillBroken(SkillError):
 
     code = "skill.broken"
     exit_status = 11
-    meaning = "The code of a skill raised an unexpected exception"
     hint = "correct the skill; --debug shows the line. If the skill ships with armtree, report it"
 
     def __init__(self, where: str, what: BaseException | str) -> None:
@@ -162,7 +153,6 @@ class TaskFailed(SkillError):
 
     code = "task.failed"
     exit_status = 11
-    meaning = "The task failed by its own tree"
     hint = "`armtree show RECORDING` shows which node failed"
 
 
@@ -170,15 +160,13 @@ class ConditionFails(TaskFailed):
     """A condition of the task is false."""
 
     code = "task.condition"
-    meaning = "A condition of the task is false"
     hint = "the message names the condition"
 
 
 class FunctionFailed(TaskFailed):
-    """A registered function raised an exception."""
+    """The function of a skill raised an exception."""
 
     code = "task.function"
-    meaning = "The function of a skill raised an exception"
     hint = "correct the function"
 
 
@@ -187,7 +175,6 @@ class TookTooLong(TaskFailed):
 
     code = "task.timeout"
     exit_status = 8
-    meaning = "A timeout of the task expired"
     hint = "allow more time"
 
 
@@ -195,7 +182,6 @@ class Unanswered(TaskFailed):
     """The operator did not answer in time, or there is none."""
 
     code = "task.unanswered"
-    meaning = "The operator did not answer"
     hint = "run again, and answer"
 
 

@@ -64,7 +64,6 @@ class TooHot(TaskFailed):
 
     code = "task.test_too_hot"
     exit_status = 40
-    meaning = "A motor is too hot"
     hint = "let it cool down"
 
 class MeasureHeat(Skill):

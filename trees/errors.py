@@ -112,24 +112,21 @@ def _where(place: Place) -> tuple[Place, str]:
 
 
 class TreeError(Exception):
-    """Root of the errors of task files."""
+    """A folder or file of tasks cannot be read. Root of the errors of task files."""
 
     code = "file.error"
     exit_status = 3
-    meaning = "A folder or file of tasks cannot be read"
     hint = "correct it at the line that the message names"
-    heading = ""
 
 
 class FileError(TreeError):
-    """A file has mistakes.
+    """A task file is wrong; the message lists every mistake with its line.
 
     Attributes:
         mistakes: All mistakes, without duplicates, ordered by file and line.
     """
 
     code = "file.task"
-    meaning = "A task file is wrong; the message lists every mistake with its line"
     hint = "correct it, then `armtree check`"
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
@@ -156,7 +153,6 @@ class DuplicateTask(FileError):
     """
 
     code = "file.duplicate_task"
-    meaning = "Two files claim one task number"
     hint = "rename one of them"
 
     def __init__(self, number: int, first: Path, second: Place, replaces: str) -> None:
@@ -170,7 +166,6 @@ class BadArguments(FileError):
 
     code = "goal.bad_arguments"
     exit_status = 4
-    meaning = "The arguments of a task are wrong"
     hint = "`armtree tasks` shows what each task takes"
 
 
@@ -184,7 +179,6 @@ class UnknownTask(TreeError):
 
     code = "goal.unknown_task"
     exit_status = 4
-    meaning = "No task has that number or name"
     hint = "`armtree tasks` lists them"
 
     def __init__(self, task: int | str, known: Iterable[int | str]) -> None:

@@ -33,7 +33,7 @@ from hardware.joints import DISPLAY_UNITS
 
 
 class MotionError(Exception):
-    """Base class of all errors of motion planning.
+    """No motion was found. Root of the errors of motion planning.
 
     Attributes:
         milliseconds: Duration of each stage of planning, up to the one that failed [ms].
@@ -41,7 +41,6 @@ class MotionError(Exception):
 
     code = "plan.error"
     exit_status = 5
-    meaning = "No motion was found"
     hint = "choose another goal"
     heading = "One or more planners failed"
     milliseconds: Mapping[str, float] = MappingProxyType({})
@@ -58,10 +57,9 @@ def _restore(kind: type[MotionError], args: tuple[Any, ...], attributes: dict[st
 
 
 class BadQuery(MotionError, ValueError):
-    """The request is not valid for this robot."""
+    """A request to the planner is not valid for this robot."""
 
     code = "plan.bad_query"
-    meaning = "A request to the planner is not valid"
     hint = "correct the task"
 
     @classmethod
@@ -77,7 +75,7 @@ class BadQuery(MotionError, ValueError):
 
 
 class NotFinite(BadQuery):
-    """A number is NaN or infinite.
+    """A request to the planner has a number that is NaN or infinite.
 
     Attributes:
         what: Where it was found, such as `start`, `via point 1` or `z of the axis`.
@@ -86,7 +84,6 @@ class NotFinite(BadQuery):
     """
 
     code = "plan.not_finite"
-    meaning = "A request to the planner has a number that is NaN or infinite"
 
     def __init__(self, what: str, joint: str, value: float) -> None:
         self.what, self.joint, self.value = what, joint, value
@@ -95,10 +92,9 @@ class NotFinite(BadQuery):
 
 
 class BadWorld(BadQuery):
-    """A body is not valid, or names an unknown link or body."""
+    """A body of the world is not valid, or names an unknown link or body."""
 
     code = "plan.bad_world"
-    meaning = "A body of the world is not valid or not known"
     heading = "The world is invalid"
 
 
@@ -111,7 +107,6 @@ class ModelUnusable(MotionError):
 
     code = "plan.model"
     exit_status = 3
-    meaning = "The robot's URDF is unusable for planning"
     hint = "correct the file, then run again"
 
     def __init__(self, path: str, why: str) -> None:
@@ -154,19 +149,17 @@ class OutOfBounds(MotionError, ValueError):
 
 
 class StartOutOfBounds(OutOfBounds):
-    """The motion would start outside the limits."""
+    """At the start, a joint is outside its limits."""
 
     code = "plan.start_out_of_bounds"
-    meaning = "At the start, a joint is outside its limits"
     hint = "move the joint within its limits by hand, then run again"
     what = "start"
 
 
 class GoalOutOfBounds(OutOfBounds):
-    """The motion would end outside the limits."""
+    """At the goal, a joint would be outside its limits."""
 
     code = "plan.goal_out_of_bounds"
-    meaning = "At the goal, a joint would be outside its limits"
     hint = "choose a value within the limits"
     what = "goal"
 
@@ -198,19 +191,17 @@ class EndInCollision(MotionError):
 
 
 class StartInCollision(EndInCollision):
-    """At the start the arm is too close to something, so no motion can start."""
+    """At the start, the arm is too close to something."""
 
     code = "plan.start_in_collision"
-    meaning = "At the start, the arm is too close to something"
     hint = "move the arm away by hand, then run again"
     what = "start"
 
 
 class GoalInCollision(EndInCollision):
-    """At the goal the arm is too close to something."""
+    """At the goal, the arm would be too close to something."""
 
     code = "plan.goal_in_collision"
-    meaning = "At the goal, the arm would be too close to something"
     what = "goal"
 
 
@@ -229,7 +220,6 @@ class Unreachable(MotionError):
     """
 
     code = "plan.unreachable"
-    meaning = "The tool cannot reach the point, or not in that direction"
     hint = "choose a point within reach, or another direction"
 
     def __init__(
@@ -267,7 +257,7 @@ class Unreachable(MotionError):
 
 
 class Barred(MotionError):
-    """There is no path: a joint would have to pass a position that is always in collision.
+    """Every path passes a position of a joint that is always in collision.
 
     Attributes:
         joint: Name of the joint.
@@ -278,7 +268,6 @@ class Barred(MotionError):
     """
 
     code = "plan.barred"
-    meaning = "There is no path: a joint would have to pass a position in collision"
 
     def __init__(self, joint: str, value: float, unit: str, first: str, second: str) -> None:
         self.joint, self.value, self.unit = joint, value, unit
@@ -299,7 +288,6 @@ class NoPath(MotionError):
     """
 
     code = "plan.no_path"
-    meaning = "The search found no path"
     hint = "choose another goal, add a via pose, or try another seed"
 
     def __init__(self, iterations: int) -> None:
@@ -308,7 +296,7 @@ class NoPath(MotionError):
 
 
 class PlanTimeout(MotionError, TimeoutError):
-    """The deadline passed.
+    """The planner ran out of time.
 
     Attributes:
         timeout: Time for the request [s].
@@ -316,7 +304,6 @@ class PlanTimeout(MotionError, TimeoutError):
 
     code = "plan.timeout"
     exit_status = 8
-    meaning = "The planner ran out of time"
     hint = "allow more time, add a via pose, or choose another goal"
 
     def __init__(self, timeout: float) -> None:
@@ -325,7 +312,7 @@ class PlanTimeout(MotionError, TimeoutError):
 
 
 class MotionCollides(MotionError):
-    """The motion, as it will be played, is in collision.
+    """The frames of the motion would cause a collision.
 
     Attributes:
         row: Row of the configurations at or before the collision.
@@ -338,7 +325,6 @@ class MotionCollides(MotionError):
     """
 
     code = "plan.motion_collides"
-    meaning = "The frames of the motion would cause a collision"
     hint = "add a via pose further away"
     heading = "The frames of the motion would cause a collision"
 
@@ -359,10 +345,9 @@ class MotionCollides(MotionError):
 
 
 class PlanCanceled(MotionError):
-    """The request was canceled."""
+    """Planning was canceled."""
 
     code = "plan.canceled"
-    meaning = "Planning was canceled"
     hint = "send the request again if it is still needed"
 
     def __init__(self) -> None:
@@ -377,7 +362,6 @@ class WorkerDied(MotionError):
     """
 
     code = "plan.worker_died"
-    meaning = "The planning process ended; a new one starts"
     hint = "run again"
 
     def __init__(self, why: str) -> None:

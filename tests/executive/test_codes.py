@@ -74,8 +74,9 @@ def test_an_unknown_code_is_looked_up_by_its_family(code: str, known: str) -> No
 
 def test_a_driver_describes_its_own_errors() -> None:
     class GripperHot(HardwareError):
+        """The motor of the gripper is hot. The driver reads its temperature."""
+
         code = "hw.test_gripper_hot"
-        meaning = "The motor of the gripper is hot"
         hint = "let it cool"
 
     known = look_up(GripperHot.code)
