@@ -91,18 +91,14 @@ TOPIC = """
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 from logs.records import conversions, topics
 
 @dataclass(frozen=True, slots=True)
 class Battery:
-    when: ClassVar = "the battery was measured"
     time: float
     volts: float
 
-row = topics.Topic(
-    Battery, "/battery", "std_msgs/msg/String", conversions.every_field, "voltage", "to see it fall"
-)
+row = topics.Topic(Battery, "/battery", "std_msgs/msg/String", conversions.every_field)
 topics.TOPICS += (row,)
 
 import logs

@@ -6,7 +6,7 @@ arm cannot measure them. The table in `topics.py` says how each record is writte
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 _AT_ONCE = 0.1  # a goal that starts within this time did not wait [s]
 
@@ -14,8 +14,6 @@ _AT_ONCE = 0.1  # a goal that starts within this time did not wait [s]
 @dataclass(frozen=True, slots=True)
 class Description:
     """The robot's URDF, at `time` [s]; transforms are computed from the last one recorded."""
-
-    when: ClassVar = "the file begins"
 
     time: float
     urdf: str
@@ -34,8 +32,6 @@ class Sent:
         positions: Commanded positions [rad], (J,).
     """
 
-    when: ClassVar = "bytes are written to the port"
-
     time: float
     data: bytes
     scheduled: float | None
@@ -53,8 +49,6 @@ class Sent:
 class Received:
     """Bytes that the board sent, at `time` [s]."""
 
-    when: ClassVar = "bytes come from the board"
-
     time: float
     data: bytes
 
@@ -70,8 +64,6 @@ class Transition:
         start: The state before.
         goal: The state after.
     """
-
-    when: ClassVar = "the file begins; the hardware changes its state"
 
     time: float
     label: str
@@ -90,8 +82,6 @@ class Goal:
         name: Name of the task; empty if there is no such task.
         seed: Seed of the planners; 0 if the goal has a recording of its own.
     """
-
-    when: ClassVar = "a goal is accepted"
 
     time: float
     goal_id: str
@@ -117,8 +107,6 @@ class Feedback:
         node: Name of the tree's running node.
         attempt: Number of the attempt, from 1; the percentage only grows within one attempt.
     """
-
-    when: ClassVar = "a goal makes progress"
 
     time: float
     goal_id: str
@@ -154,8 +142,6 @@ class Result:
         hint: What to do next.
     """
 
-    when: ClassVar = "a goal has ended"
-
     time: float
     goal_id: str
     task: int
@@ -188,8 +174,6 @@ class NodeStatus:
         status: `RUNNING`, `SUCCESS`, `FAILURE` or `INVALID`.
         message: Feedback message of the node.
     """
-
-    when: ClassVar = "a node changes its status"
 
     time: float
     path: str
@@ -227,8 +211,6 @@ class Plan:
         message: The failure in words.
         spare: Distance kept between the ends of the path, beyond the robot's margin [m].
     """
-
-    when: ClassVar = "a planner answers"
 
     time: float
     group: str
@@ -274,8 +256,6 @@ class Schedule:
             motion from its beginning.
     """
 
-    when: ClassVar = "a motion is compiled"
-
     time: float
     rate_hz: float
     firmware: str
@@ -295,8 +275,6 @@ class Schedule:
 @dataclass(frozen=True, slots=True)
 class LogLine:
     """A line of the program's log at `time` [s]; `level` as in `logging`."""
-
-    when: ClassVar = "a line is logged"
 
     time: float
     level: int

@@ -36,8 +36,6 @@ class Topic:
         name: The topic; may contain a field of the record, such as `/plan/{record.group}`.
         type: The ROS 2 message type.
         convert: Function that makes the message from a record; returns None for no message.
-        what: What a message holds.
-        why: What it is for.
         latched: True if late subscribers get the last message (transient local).
     """
 
@@ -45,14 +43,7 @@ class Topic:
     name: str
     type: str
     convert: Convert
-    what: str
-    why: str
     latched: bool = False
-
-    @property
-    def when(self) -> str:
-        """When a message is written."""
-        return self.record.when
 
     @property
     def every_field(self) -> bool:
@@ -70,148 +61,29 @@ class Topic:
 
 
 TOPICS = (
-    Topic(
-        Sent,
-        "/serial/tx",
-        _FRAME,
-        as_.sent_frame,
-        "bytes written to the port",
-        "to send them again, and to verify that they follow from the plan",
-    ),
-    Topic(
-        Sent,
-        "/serial/timing",
-        _JSON,
-        as_.sent_timing,
-        "when each frame was due; holds and settings",
-        "to compute how late each frame was sent",
-    ),
-    Topic(
-        Sent,
-        "/joint_states",
-        "sensor_msgs/msg/JointState",
-        as_.joint_state,
-        "commanded positions [rad]",
-        "to see the motion in any tool",
-    ),
-    Topic(
-        Received,
-        "/serial/rx",
-        _FRAME,
-        as_.received_bytes,
-        "bytes read from the port",
-        "to see the board's answers",
-    ),
-    Topic(
-        Goal,
-        "/goal",
-        _JSON,
-        as_.every_field,
-        "the accepted goal",
-        "to know the request and its seed",
-        latched=True,
-    ),
-    Topic(
-        Result,
-        "/result",
-        _JSON,
-        as_.every_field,
-        "the end of the goal",
-        "to know its cause and what to do next",
-        latched=True,
-    ),
-    Topic(
-        Feedback,
-        "/feedback",
-        "arduinobot_msgs/msg/TaskFeedback",
-        as_.percentage,
-        "progress as the action reports it",
-        "to see what a client saw",
-    ),
-    Topic(
-        Feedback,
-        "/progress",
-        _JSON,
-        as_.every_field,
-        "progress with phase and node",
-        "to show the run again as it was shown",
-    ),
-    Topic(
-        NodeStatus,
-        "/tree",
-        _JSON,
-        as_.every_field,
-        "status changes of the tree's nodes",
-        "to see which node decided",
-    ),
-    Topic(
-        Plan,
-        "/plan/{record.group}",
-        _JSON,
-        as_.every_field,
-        "a plan or its failure, with the complete query",
-        "to verify that the goal gives this plan",
-        latched=True,
-    ),
+    Topic(Sent, "/serial/tx", _FRAME, as_.sent_frame),
+    Topic(Sent, "/serial/timing", _JSON, as_.sent_timing),
+    Topic(Sent, "/joint_states", "sensor_msgs/msg/JointState", as_.joint_state),
+    Topic(Received, "/serial/rx", _FRAME, as_.received_bytes),
+    Topic(Goal, "/goal", _JSON, as_.every_field, latched=True),
+    Topic(Result, "/result", _JSON, as_.every_field, latched=True),
+    Topic(Feedback, "/feedback", "arduinobot_msgs/msg/TaskFeedback", as_.percentage),
+    Topic(Feedback, "/progress", _JSON, as_.every_field),
+    Topic(NodeStatus, "/tree", _JSON, as_.every_field),
+    Topic(Plan, "/plan/{record.group}", _JSON, as_.every_field, latched=True),
     Topic(
         Plan,
         "/plan/{record.group}/trajectory",
         "trajectory_msgs/msg/JointTrajectory",
         as_.trajectory,
-        "the planned motion [rad], sampled",
-        "to compare the planned motion with the commanded one",
         latched=True,
     ),
-    Topic(
-        Schedule,
-        "/schedule",
-        _JSON,
-        as_.every_field,
-        "the frames that a motion became",
-        "to verify that the plan gives these frames",
-        latched=True,
-    ),
-    Topic(
-        Transition,
-        "/lifecycle",
-        "lifecycle_msgs/msg/TransitionEvent",
-        as_.transition_event,
-        "the state of the hardware's lifecycle, and its changes",
-        "to know when the arm could move",
-    ),
-    Topic(
-        LogLine,
-        "/rosout",
-        "rcl_interfaces/msg/Log",
-        as_.log_message,
-        "the program's log",
-        "to read the log beside the run",
-    ),
-    Topic(
-        Description,
-        "/robot_description",
-        _TEXT,
-        as_.urdf,
-        "the robot's URDF, as text",
-        "to draw the arm",
-        latched=True,
-    ),
-    Topic(
-        Sent,
-        "/tf",
-        "tf2_msgs/msg/TFMessage",
-        as_.transforms,
-        "the pose of every link at the commanded positions",
-        "to see the arm in space without another program",
-    ),
-    Topic(
-        Sent,
-        "/diagnostics",
-        "diagnostic_msgs/msg/DiagnosticArray",
-        as_.late_frame,
-        "frames sent more than 20 ms late",
-        "to find the delays of a busy machine",
-    ),
+    Topic(Schedule, "/schedule", _JSON, as_.every_field, latched=True),
+    Topic(Transition, "/lifecycle", "lifecycle_msgs/msg/TransitionEvent", as_.transition_event),
+    Topic(LogLine, "/rosout", "rcl_interfaces/msg/Log", as_.log_message),
+    Topic(Description, "/robot_description", _TEXT, as_.urdf, latched=True),
+    Topic(Sent, "/tf", "tf2_msgs/msg/TFMessage", as_.transforms),
+    Topic(Sent, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", as_.late_frame),
 )
 
 

