@@ -9,7 +9,8 @@ import typing
 
 if typing.TYPE_CHECKING:
     from executive.arm import Arm
-    from executive.client import AsyncClient, Client
+    from executive.client.asynchronous import AsyncClient
+    from executive.client.synchronous import Client
     from executive.errors import (
         ClientError,
         GoalError,
@@ -53,7 +54,8 @@ __all__ = [
 # Loaded at their first use, so that a client does not wait for what only an arm needs.
 _MODULES = {
     "executive.arm": ("Arm",),
-    "executive.client": ("AsyncClient", "Client"),
+    "executive.client.asynchronous": ("AsyncClient",),
+    "executive.client.synchronous": ("Client",),
     "executive.errors": ("ClientError", "GoalError", "GoalFailed", "Refused", "ServerUnreachable"),
     "executive.goals.outcome": ("Cause", "Outcome"),
     "executive.testing": ("SimulatedArm",),

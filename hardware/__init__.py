@@ -3,169 +3,74 @@
 import importlib
 import typing
 
+from .arm.events import (
+    ArmEvent as ArmEvent,
+    BoardReturned as BoardReturned,
+    BytesReceived as BytesReceived,
+    CommandSent as CommandSent,
+    Faulted as Faulted,
+    FrameSent as FrameSent,
+    StateChanged as StateChanged,
+)
+from .arm.interfaces import state_interfaces as state_interfaces
+from .arm.lifecycle import TRANSITIONS as TRANSITIONS, State as State
+from .arm.schedule import (
+    Schedule as Schedule,
+    Setpoint as Setpoint,
+    compile_schedule as compile_schedule,
+    servo_path as servo_path,
+)
+from .clock import Clock as Clock, RealClock as RealClock, SimulatedClock as SimulatedClock
+from .description.robot import CollisionRules as CollisionRules, Robot as Robot, Tool as Tool
+from .drivers.driver import Frame as Frame
+from .drivers.firmware_profile import Firmware as Firmware
+from .errors import (
+    ActivationStopped as ActivationStopped,
+    BadPosition as BadPosition,
+    CancelTimeout as CancelTimeout,
+    DescriptionError as DescriptionError,
+    HardwareError as HardwareError,
+    LinkError as LinkError,
+    NoDriver as NoDriver,
+    NotActive as NotActive,
+    PortNotGiven as PortNotGiven,
+    TransitionRefused as TransitionRefused,
+)
+from .joints import Joint as Joint, Mimic as Mimic, check_position as check_position
+from .link.link import Link as Link
+
 if typing.TYPE_CHECKING:
-    from .arm.arm import Arm
-    from .arm.events import (
-        ArmEvent,
-        BoardReturned,
-        BytesReceived,
-        CommandSent,
-        Faulted,
-        FrameSent,
-        StateChanged,
+    from .arm.arm import Arm as Arm
+    from .arm.streamer import Playback as Playback, PlaybackState as PlaybackState
+    from .description.robot_file import load_robot as load_robot
+    from .drivers.arduino.serial_servo import VIRTUAL as VIRTUAL
+    from .drivers.arduino.virtual.link import BoardLink as BoardLink
+    from .link.serial_link import SerialLink as SerialLink
+    from .link.serial_ports import (
+        Check as Check,
+        check_port as check_port,
+        serial_ports as serial_ports,
     )
-    from .arm.interfaces import state_interfaces
-    from .arm.lifecycle import TRANSITIONS, State
-    from .arm.schedule import Schedule, Setpoint, compile_schedule, servo_path
-    from .arm.streamer import Playback, PlaybackState
-    from .clock import Clock, RealClock, SimulatedClock
-    from .description.robot import CollisionRules, Robot, Tool
-    from .description.robot_file import load_robot
-    from .drivers.arduino.serial_servo import VIRTUAL
-    from .drivers.arduino.virtual.link import BoardLink
-    from .drivers.driver import Frame
-    from .drivers.firmware_profile import Firmware
-    from .errors import (
-        ActivationStopped,
-        BadPosition,
-        CancelTimeout,
-        DescriptionError,
-        HardwareError,
-        LinkError,
-        NoDriver,
-        NotActive,
-        PortNotGiven,
-        TransitionRefused,
-    )
-    from .joints import Joint, Mimic, check_position
-    from .link.link import Link
-    from .link.serial_link import SerialLink
-    from .link.serial_ports import Check, check_port, serial_ports
-    from .simulation import virtual_board
+    from .simulation import virtual_board as virtual_board
 
-__all__ = [
-    "TRANSITIONS",
-    "VIRTUAL",
-    "ActivationStopped",
-    "Arm",
-    "ArmEvent",
-    "BadPosition",
-    "BoardLink",
-    "BoardReturned",
-    "BytesReceived",
-    "CancelTimeout",
-    "Check",
-    "Clock",
-    "CollisionRules",
-    "CommandSent",
-    "DescriptionError",
-    "Faulted",
-    "Firmware",
-    "Frame",
-    "FrameSent",
-    "HardwareError",
-    "Joint",
-    "Link",
-    "LinkError",
-    "Mimic",
-    "NoDriver",
-    "NotActive",
-    "Playback",
-    "PlaybackState",
-    "PortNotGiven",
-    "RealClock",
-    "Robot",
-    "Schedule",
-    "SerialLink",
-    "Setpoint",
-    "SimulatedClock",
-    "State",
-    "StateChanged",
-    "Tool",
-    "TransitionRefused",
-    "check_port",
-    "check_position",
-    "compile_schedule",
-    "load_robot",
-    "serial_ports",
-    "servo_path",
-    "state_interfaces",
-    "virtual_board",
-]
-
-# Loaded at their first use: most programs need few of them.
-_MODULES = {
-    "arm.arm": ("Arm",),
-    "arm.events": (
-        "ArmEvent",
-        "BoardReturned",
-        "BytesReceived",
-        "CommandSent",
-        "Faulted",
-        "FrameSent",
-        "StateChanged",
-    ),
-    "arm.interfaces": ("state_interfaces",),
-    "arm.lifecycle": (
-        "TRANSITIONS",
-        "State",
-    ),
-    "arm.schedule": (
-        "Schedule",
-        "Setpoint",
-        "compile_schedule",
-        "servo_path",
-    ),
-    "arm.streamer": (
-        "Playback",
-        "PlaybackState",
-    ),
-    "clock": (
-        "Clock",
-        "RealClock",
-        "SimulatedClock",
-    ),
-    "description.robot": (
-        "CollisionRules",
-        "Robot",
-        "Tool",
-    ),
-    "description.robot_file": ("load_robot",),
-    "drivers.arduino.serial_servo": ("VIRTUAL",),
-    "drivers.arduino.virtual.link": ("BoardLink",),
-    "drivers.driver": ("Frame",),
-    "drivers.firmware_profile": ("Firmware",),
-    "errors": (
-        "ActivationStopped",
-        "BadPosition",
-        "CancelTimeout",
-        "DescriptionError",
-        "HardwareError",
-        "LinkError",
-        "NoDriver",
-        "NotActive",
-        "PortNotGiven",
-        "TransitionRefused",
-    ),
-    "joints": (
-        "Joint",
-        "Mimic",
-        "check_position",
-    ),
-    "link.link": ("Link",),
-    "link.serial_ports": (
-        "Check",
-        "check_port",
-        "serial_ports",
-    ),
-    "link.serial_link": ("SerialLink",),
-    "simulation": ("virtual_board",),
+# Loaded at their first use, because their libraries are slow to import.
+_LAZY = {
+    "Arm": "arm.arm",
+    "Playback": "arm.streamer",
+    "PlaybackState": "arm.streamer",
+    "load_robot": "description.robot_file",
+    "VIRTUAL": "drivers.arduino.serial_servo",
+    "BoardLink": "drivers.arduino.virtual.link",
+    "SerialLink": "link.serial_link",
+    "Check": "link.serial_ports",
+    "check_port": "link.serial_ports",
+    "serial_ports": "link.serial_ports",
+    "virtual_board": "simulation",
 }
 
 
 def __getattr__(name: str) -> typing.Any:
-    for module, names in _MODULES.items():
-        if name in names:
-            globals()[name] = value = getattr(importlib.import_module(f".{module}", __name__), name)
-            return value
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in _LAZY:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value = getattr(importlib.import_module(f".{_LAZY[name]}", __name__), name)
+    return value

@@ -4,79 +4,39 @@ Importing this room is cheap: the functions that use MCAP, rosbags, NumPy or mat
 """
 
 from .errors import (
-    DiskFull,
-    LogError,
-    NoSpace,
-    RecordingError,
-    RecordingExists,
-    RecordingIncomplete,
-    RecordingInUse,
-    RecordingNotCreated,
-    RecordingTruncated,
+    DiskFull as DiskFull,
+    LogError as LogError,
+    NoSpace as NoSpace,
+    RecordingError as RecordingError,
+    RecordingExists as RecordingExists,
+    RecordingIncomplete as RecordingIncomplete,
+    RecordingInUse as RecordingInUse,
+    RecordingNotCreated as RecordingNotCreated,
+    RecordingTruncated as RecordingTruncated,
 )
-from .folder import check_space, recording_path
-from .reading.file_state import closed_recordings
-from .reading.reader import Message, read
-from .reading.recording import Recording
+from .folder import check_space as check_space, recording_path as recording_path
+from .reading.file_state import closed_recordings as closed_recordings
+from .reading.reader import Message as Message, read as read
+from .reading.recording import Recording as Recording
 from .records.records import (
-    Attachment,
-    Description,
-    Feedback,
-    Goal,
-    Item,
-    LogLine,
-    NodeStatus,
-    Note,
-    Plan,
-    Received,
-    Record,
-    Result,
-    Schedule,
-    Sent,
-    Transition,
+    Attachment as Attachment,
+    Description as Description,
+    Feedback as Feedback,
+    Goal as Goal,
+    Item as Item,
+    LogLine as LogLine,
+    NodeStatus as NodeStatus,
+    Note as Note,
+    Plan as Plan,
+    Received as Received,
+    Record as Record,
+    Result as Result,
+    Schedule as Schedule,
+    Sent as Sent,
+    Transition as Transition,
 )
-from .views.plot import plot
-from .views.table import table
-from .writing.compaction import Summary, compact
-from .writing.recorder import Recorder
-from .writing.recovery import recover, recover_all
-
-__all__ = [
-    "Attachment",
-    "Description",
-    "DiskFull",
-    "Feedback",
-    "Goal",
-    "Item",
-    "LogError",
-    "LogLine",
-    "Message",
-    "NoSpace",
-    "NodeStatus",
-    "Note",
-    "Plan",
-    "Received",
-    "Record",
-    "Recorder",
-    "Recording",
-    "RecordingError",
-    "RecordingExists",
-    "RecordingInUse",
-    "RecordingIncomplete",
-    "RecordingNotCreated",
-    "RecordingTruncated",
-    "Result",
-    "Schedule",
-    "Sent",
-    "Summary",
-    "Transition",
-    "check_space",
-    "closed_recordings",
-    "compact",
-    "plot",
-    "read",
-    "recording_path",
-    "recover",
-    "recover_all",
-    "table",
-]
+from .views.plot import plot as plot
+from .views.table import table as table
+from .writing.compaction import Summary as Summary, compact as compact
+from .writing.recorder import Recorder as Recorder
+from .writing.recovery import recover as recover, recover_all as recover_all

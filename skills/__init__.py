@@ -1,67 +1,37 @@
 """Skills: the leaves that task files name, and the interface to write more of them."""
 
-from .base import Skill, WorldChange
-from .context import Context, Planned, Scheduled, SkillEvent
-from .errors import (
-    BadBody,
-    BadQuestion,
-    BadTarget,
-    ConditionFails,
-    FunctionFailed,
-    Interrupted,
-    OutOfBounds,
-    SkillBroken,
-    SkillError,
-    StartMoved,
-    TaskFailed,
-    TookTooLong,
-    Unanswered,
-    combine_errors,
-    known_errors,
-    refuse,
+from .base import Skill as Skill, WorldChange as WorldChange
+from .context import (
+    Context as Context,
+    Planned as Planned,
+    Scheduled as Scheduled,
+    SkillEvent as SkillEvent,
 )
-from .function import Cancel, condition, skill
-from .joint_targets import check_targets
-from .leaves.reach_point import TOOL_PORTS, check_tool, tool_query
-from .leaves.target import check_distances, check_joints
-from .operator import NoOperator, Operator, Question
-from .ports import Port, Positions
-
-__all__ = [
-    "TOOL_PORTS",
-    "BadBody",
-    "BadQuestion",
-    "BadTarget",
-    "Cancel",
-    "ConditionFails",
-    "Context",
-    "FunctionFailed",
-    "Interrupted",
-    "NoOperator",
-    "Operator",
-    "OutOfBounds",
-    "Planned",
-    "Port",
-    "Positions",
-    "Question",
-    "Scheduled",
-    "Skill",
-    "SkillBroken",
-    "SkillError",
-    "SkillEvent",
-    "StartMoved",
-    "TaskFailed",
-    "TookTooLong",
-    "Unanswered",
-    "WorldChange",
-    "check_distances",
-    "check_joints",
-    "check_targets",
-    "check_tool",
-    "combine_errors",
-    "condition",
-    "known_errors",
-    "refuse",
-    "skill",
-    "tool_query",
-]
+from .errors import (
+    BadBody as BadBody,
+    BadQuestion as BadQuestion,
+    BadTarget as BadTarget,
+    ConditionFails as ConditionFails,
+    FunctionFailed as FunctionFailed,
+    Interrupted as Interrupted,
+    OutOfBounds as OutOfBounds,
+    SkillBroken as SkillBroken,
+    SkillError as SkillError,
+    StartMoved as StartMoved,
+    TaskFailed as TaskFailed,
+    TookTooLong as TookTooLong,
+    Unanswered as Unanswered,
+    combine_errors as combine_errors,
+    known_errors as known_errors,
+    refuse as refuse,
+)
+from .function import Cancel as Cancel, condition as condition, skill as skill
+from .joint_targets import check_targets as check_targets
+from .leaves.reach_point import (
+    TOOL_PORTS as TOOL_PORTS,
+    check_tool as check_tool,
+    tool_query as tool_query,
+)
+from .leaves.target import check_distances as check_distances, check_joints as check_joints
+from .operator import NoOperator as NoOperator, Operator as Operator, Question as Question
+from .ports import Port as Port, Positions as Positions

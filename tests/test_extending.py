@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from executive.client import Client
+from armtree import Client
 from executive.codes import look_up
 from executive.goals.outcome import Cause, GoalState, Outcome
 from executive.server.http import schemas

@@ -1,23 +1,14 @@
 """Task files: their grammar, how they are read, compiled and checked, and the shipped tasks."""
 
-from .declarations import UNITS, Declaration
-from .errors import FileError, Mistake, Place, TreeError, UnknownTask
-from .reading.document import Located
-from .reading.grammar import TaskFile, parse_value
-from .reading.library import Library
-from .reading.values import fit
-
-__all__ = [
-    "UNITS",
-    "Declaration",
-    "FileError",
-    "Library",
-    "Located",
-    "Mistake",
-    "Place",
-    "TaskFile",
-    "TreeError",
-    "UnknownTask",
-    "fit",
-    "parse_value",
-]
+from .declarations import UNITS as UNITS, Declaration as Declaration
+from .errors import (
+    FileError as FileError,
+    Mistake as Mistake,
+    Place as Place,
+    TreeError as TreeError,
+    UnknownTask as UnknownTask,
+)
+from .reading.document import Located as Located
+from .reading.grammar import TaskFile as TaskFile, parse_value as parse_value
+from .reading.library import Library as Library
+from .reading.values import fit as fit

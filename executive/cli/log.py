@@ -212,8 +212,7 @@ def recover(recordings: tuple[Path, ...]) -> None:
 
     The exit status is 10 if something was lost.
     """
-    from logs import RecordingIncomplete
-    from logs import recover as recover_file
+    from logs import RecordingIncomplete, recover as recover_file
 
     def recover_one(recording: Path) -> int:
         made = recover_file(recording)
@@ -252,8 +251,7 @@ def prune(folder: Path, days: float | None, mb: float | None) -> None:
       armtree log prune --days 30 --mb 500
     """  # noqa: D301
     from hardware import RealClock
-    from logs.writing.retention import Rule
-    from logs.writing.retention import prune as delete_old
+    from logs.writing.retention import Rule, prune as delete_old
 
     if days is None and mb is None:
         raise click.UsageError("give --days, --mb or both")

@@ -8,8 +8,7 @@ from itertools import pairwise, takewhile, zip_longest
 
 from executive.codes import CANCELED, OK
 from executive.goals.outcome import GoalState
-from hardware import HardwareError, Robot, compile_schedule
-from hardware import Schedule as Compiled
+from hardware import HardwareError, Robot, Schedule as Compiled, compile_schedule
 from logs import Goal, NodeStatus, Record, Result, Schedule, Sent
 
 # Rounding of a clock that has run for months [s].

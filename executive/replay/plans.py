@@ -10,8 +10,7 @@ from executive.recording.archive import restore_world
 from hardware import Robot
 from logs import Plan, Record, Schedule
 from skills.merged_motion import MergedMotion
-from skills.motion import MotionError, Query, Rest
-from skills.motion import Plan as Planned
+from skills.motion import MotionError, Plan as Planned, Query, Rest
 from skills.motion.planner import Planner
 
 # A busy machine must not fail a plan; the timeout has no influence on the motion.

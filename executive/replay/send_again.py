@@ -10,10 +10,12 @@ from typing import Any
 from py_trees.ports import PortInformation
 
 from hardware import Frame, HardwareError, Robot, Schedule, Setpoint, load_robot
-from logs import Goal as RecordedGoal
-from logs import Recording
-from logs import Schedule as RecordedSchedule
-from logs import Sent as RecordedFrame
+from logs import (
+    Goal as RecordedGoal,
+    Recording,
+    Schedule as RecordedSchedule,
+    Sent as RecordedFrame,
+)
 from skills.errors import NotReplayable
 from skills.leaves.execute import Execute
 from skills.merged_motion import MergedMotion

@@ -10,7 +10,6 @@ interpreted.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from typing import Protocol
 
 from hardware.joints import Joint
@@ -116,6 +115,8 @@ def load_driver(root: TomlTable) -> Driver:
     Raises:
         DescriptionError: There is no driver of that name, or it cannot be loaded.
     """
+    from importlib.metadata import entry_points  # slow to import
+
     present = {point.name: point for point in entry_points(group=GROUP)}
     name = root.choice("driver", present)
     try:

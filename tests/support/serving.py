@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from executive import Client
+from armtree import Client
 from executive.executive import Executive
 from executive.goals.questions import Questions
 from executive.goals.queue import Policy

@@ -6,9 +6,7 @@ never freed, so all searches of a group share one state space.
 """
 
 import numpy as np
-from ompl import base as ob
-from ompl import geometric as og
-from ompl import util as ou
+from ompl import base as ob, geometric as og, util as ou
 
 from skills.motion.arrays import Array
 from skills.motion.errors import NoPath

@@ -7,7 +7,7 @@ import threading
 import pytest
 
 import logs
-from executive import Client, ServerUnreachable
+from armtree import Client, ServerUnreachable
 from tests.support.serving import Served, Typed
 
 pytest_plugins = ["tests.support.server_fixtures"]

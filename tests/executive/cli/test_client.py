@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from executive import Client
+from armtree import Client
 from executive.cli.log_handler import LogHandler
 from logs import LogLine, Recording
 from tests.logs.writing.test_compaction import run_journal

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from executive import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
+from armtree import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
 from tests.support.serving import Serve
 from tests.support.sync_client import TARGET, synchronous
 

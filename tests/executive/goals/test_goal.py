@@ -3,8 +3,7 @@
 import itertools
 
 import pytest
-from hypothesis import settings
-from hypothesis import strategies as st
+from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from executive.goals.goal import NEXT, Goal

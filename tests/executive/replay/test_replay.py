@@ -26,8 +26,7 @@ from logs.views.narrative import narrative, overview
 from logs.views.table import export
 from logs.views.timeline import timeline
 from tests.conftest import RigMaker
-from tests.end_to_end.test_command_line import events, sent_frames, start
-from tests.end_to_end.test_command_line import robot as quick
+from tests.end_to_end.test_command_line import events, robot as quick, sent_frames, start
 from tests.support.alterations import altered, lacking, replace, retold
 from tests.support.paths import ROOT
 from tests.support.typed import typed as finish

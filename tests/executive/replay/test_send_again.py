@@ -13,8 +13,7 @@ from executive.replay.send_again import _setpoints
 from hardware import load_robot
 from skills.errors import NotReplayable
 from tests.conftest import RigMaker
-from tests.end_to_end.test_command_line import events, sent_frames, start
-from tests.end_to_end.test_command_line import robot as quick
+from tests.end_to_end.test_command_line import events, robot as quick, sent_frames, start
 from tests.support.alterations import Change, altered, retold
 from tests.support.paths import EXAMPLES
 from tests.support.typed import typed

@@ -9,8 +9,7 @@ import pytest
 import logs
 from executive.goals.events import Event
 from executive.server import event_hub
-from executive.server.http import answers as api
-from executive.server.http import app
+from executive.server.http import answers as api, app
 from executive.server.limits import connections, fair_queue
 from tests.support.foreign_clients import GOAL, answer, head, raw, stops
 from tests.support.serving import Serve

@@ -6,8 +6,9 @@ import sys
 
 import pytest
 
-from executive import Client
-from executive.client import OpenQuestion, Refused
+from armtree import Client
+from executive.client.values import OpenQuestion
+from executive.errors import Refused
 from executive.goals.events import QuestionStatus
 from tests.support.serving import Serve, Served
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from executive import AsyncClient, Client, Refused, ServerUnreachable
+from armtree import AsyncClient, Client, Refused, ServerUnreachable
 from executive.client import transport
 from executive.server import event_hub
 from tests.support.foreign_clients import head, raw

@@ -5,8 +5,7 @@ import dataclasses
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from hardware import load_robot
 from hardware.arm.acknowledgements import ANSWER_TIMEOUT, Acknowledgements

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from hardware import BadPosition, Robot, Schedule, compile_schedule, load_robot, servo_path
 from hardware.arm.schedule import Sampler

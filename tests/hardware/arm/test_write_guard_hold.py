@@ -5,8 +5,7 @@ import threading
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from hardware import ArmEvent, FrameSent, NotActive
 from hardware.drivers.arduino.serial_servo import FIRMWARES

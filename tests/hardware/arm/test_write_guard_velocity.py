@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 
 from hardware import Schedule, compile_schedule
 from hardware.drivers.arduino.serial_servo import ARMTREE, STOCK

@@ -6,8 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from hardware import DescriptionError, Mimic, Robot, load_robot
 from hardware.drivers.arduino.frames import Codec

@@ -17,8 +17,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from executive.goals import queue as goals
 from executive.server.limits import connections, fair_queue
-from executive.server.rosbridge import bridge
-from executive.server.rosbridge import protocol as ros
+from executive.server.rosbridge import bridge, protocol as ros
 from tests.support.foreign_clients import UPGRADE, raw
 from tests.support.javascript import without_node
 from tests.support.paths import PEERS

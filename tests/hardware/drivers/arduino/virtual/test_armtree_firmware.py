@@ -5,8 +5,7 @@ import dataclasses
 import random
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from hardware import BoardLink, SimulatedClock
 from hardware.drivers.arduino.serial_servo import FIRMWARES

@@ -3,8 +3,7 @@
 import dataclasses
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.drivers.arduino.virtual.board import Board
