@@ -35,7 +35,7 @@ def check_seed(seed: int) -> None:
 
 
 def joint_positions(
-    what: str, values: Sequence[float], joints: Sequence[Joint]
+    what: str, values: Sequence[float] | NDArray[np.float64], joints: Sequence[Joint]
 ) -> NDArray[np.float64]:
     """Return positions of joints as an array (J,) [rad].
 

@@ -14,7 +14,7 @@ _CHUNK = 65_536  # bytes read at a time
 
 
 class InvalidMessage(Exception):
-    """Bytes were received that are not a message."""
+    """What was received is not a message, or does not answer the request."""
 
 
 def encode(message: object) -> bytes:

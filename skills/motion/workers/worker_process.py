@@ -9,24 +9,17 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from types import NoneType
 from typing import Any
 
 from hardware import Robot
 from skills.motion.errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
 from skills.motion.plan import Plan
-from skills.motion.query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
-from skills.motion.world import Body, World
+from skills.motion.query import Query, Request, Result
+from skills.motion.world import World
 
+from .answers import AnswerChecker
 from .messages import InvalidMessage, encode, receive, send
 
-_ANSWERS: dict[type, type[Any]] = {
-    Query: Plan,
-    Rest: Plan,
-    ToolQuery: Reached,
-    Carry: Body,
-    Verify: NoneType,
-}
 _PROGRAM = "skills.motion.workers.worker_main"
 _MAX_TIMEOUT = 86_400.0  # largest timeout of a request [s]
 _GRACE = 0.008  # time after a request's timeout until the worker counts as hanging [s]
@@ -39,6 +32,7 @@ _TYPES: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
     ("group", str, "the name of a group"),
     ("via", (tuple, list), "a tuple of points"),
     ("point", (tuple, list), "x, y, z"),
+    ("plan", Plan, "a Plan"),
     ("world", World, "a World"),
 )
 
@@ -69,6 +63,7 @@ class WorkerProcess:
         self._socket = ours
         self._ready = self._killed = False
         self._unusable: MotionError | None = None  # its error about the robot
+        self._answers = AnswerChecker(robot)
         self._number = 0  # of the last request
         self._ahead: tuple[float, bytes] | None = None  # deadline, and bytes still to send
         self._send_robot(robot)
@@ -95,12 +90,11 @@ class WorkerProcess:
             return failed
         try:
             until, message = ahead or self._encode(request)
-        except BadQuery as error:
-            return error
-        try:
             if message:
                 send(self._socket, message, until)
-            number, answer = _numbered(receive(self._socket, until))
+            return self._answers.check(request, self._answer_of(receive(self._socket, until)))
+        except BadQuery as error:
+            return error
         except TimeoutError:
             self.kill()
             return PlanTimeout(request.timeout)
@@ -108,11 +102,6 @@ class WorkerProcess:
             return self._died(until)
         except InvalidMessage as error:
             return self._invalid(str(error))
-        if number != self._number:
-            return self._invalid(f"request {number} instead of {self._number}")
-        if isinstance(answer, (_ANSWERS[type(request)], MotionError)):
-            return answer
-        return self._invalid(f"{type(request).__name__} with {type(answer).__name__}")
 
     def send_ahead(self, request: Request) -> None:
         """Send the next request before its `call`, as far as that does not block.
@@ -179,6 +168,19 @@ class WorkerProcess:
             what = f"It cannot be sent to a worker ({shown(error)}); give plain numbers"
             raise BadQuery(what) from error
 
+    def _answer_of(self, message: object) -> Any:
+        """Return the answer in a message.
+
+        Raises:
+            InvalidMessage: It does not answer the last request.
+        """
+        if isinstance(message, tuple) and len(message) == 2 and type(message[0]) is int:
+            number, answer = message
+            if number == self._number:
+                return answer
+            raise InvalidMessage(f"request {number} instead of {self._number}")
+        raise InvalidMessage(f"{type(message).__name__} without a number")
+
     def _invalid(self, what: str) -> WorkerDied:
         self.kill()
         return WorkerDied(f"it answered {what}")
@@ -208,20 +210,9 @@ def _is_small(request: Request) -> bool:
     return isinstance(request, Query) and len(request.via) + len(request.world.bodies) < _FEW
 
 
-def _numbered(answer: object) -> tuple[int, Any]:
-    """Return the number of a request and its answer.
-
-    Raises:
-        InvalidMessage: The answer has no number.
-    """
-    if isinstance(answer, tuple) and len(answer) == 2 and type(answer[0]) is int:
-        return answer
-    raise InvalidMessage(f"{type(answer).__name__} without a number")
-
-
 def _check(request: Request) -> BadQuery | None:
     """Return an error if a request could end a worker."""
-    if type(request) not in _ANSWERS:
+    if not isinstance(request, Request):
         return BadQuery(f"A planner does not answer a {type(request).__name__}; send a Query")
     for name, kind, wanted in _TYPES:
         value = getattr(request, name, None)

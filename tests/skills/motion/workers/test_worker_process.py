@@ -121,6 +121,21 @@ def test_a_worker_with_an_invalid_answer(
     assert not Path(f"/proc/{worker.pid}").exists()
 
 
+def test_a_worker_with_a_plan_for_another_goal(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = Planner(robot).plan(dataclasses.replace(PICK, goal=(-1.4, -0.5, -0.07)))
+    program(tmp_path / "lies", SAYS, monkeypatch, answer=answered(other))
+    worker = WorkerProcess(robot)
+    lied = worker.call(PICK)
+    assert isinstance(lied, WorkerDied)
+    assert lied.why == (
+        "it answered a plan that ends with joint_2 at -28.6479 deg, not at -34.3775 deg"
+    )
+    assert not worker.alive
+    worker.close()
+
+
 @pytest.mark.parametrize("answer", [b"\0", b"\0\0\0\x10", framed(pickle.dumps(None), more=1)])
 def test_a_worker_that_announces_more_than_it_sends_is_killed(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes

@@ -1,0 +1,79 @@
+"""Makes the planner process of a command lie, die or hang.
+
+Python runs this file at its start if its folder is in PYTHONPATH. Before each answer, the planner
+reads and deletes the file that `PLANNER_FAULT` names. The file has the name of a fault.
+"""
+
+import dataclasses
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, cast
+
+if "skills.motion.workers.worker_main" in sys.orig_argv:
+    import numpy as np
+
+    from skills.motion.plan import Plan
+    from skills.motion.planner import Planner
+
+    def curve(plan: Plan, **changes: Any) -> Plan:
+        return dataclasses.replace(plan, curve=dataclasses.replace(plan.curve, **changes))
+
+    def law(plan: Plan, **changes: Any) -> Plan:
+        return dataclasses.replace(plan, profile=dataclasses.replace(plan.profile, **changes))
+
+    def end_off(plan: Plan, angle: float) -> Plan:
+        """A motion of the same shape to another goal."""
+        off = np.full(len(plan.goal), angle)
+        step = plan.goal + off - plan.origin
+        moved = curve(plan, linear=step[None, :] / plan.curve.length)
+        return dataclasses.replace(moved, goal=plan.goal + off)
+
+    LIES: dict[str, Callable[[Plan], object]] = {
+        "nothing": lambda plan: None,
+        "a text": lambda plan: "a plan",
+        "empty": lambda plan: curve(plan, constant=np.empty((0, 3)), linear=np.empty((0, 3))),
+        "shapes": lambda plan: law(plan, speeds=np.zeros(1)),
+        "flat": lambda plan: law(plan, times=np.float64(1.0)),
+        "unknown joints": lambda plan: dataclasses.replace(plan, joints=("a", "b", "c")),
+        "other group": lambda plan: dataclasses.replace(plan, group="leg"),
+        "three times the speed": lambda plan: dataclasses.replace(
+            plan, profile=plan.profile.slowed(1 / 3)
+        ),
+        "twenty times the speed": lambda plan: dataclasses.replace(
+            plan, profile=plan.profile.slowed(1 / 20)
+        ),
+        "a year": lambda plan: dataclasses.replace(plan, profile=plan.profile.slowed(1e7)),
+        "end off": lambda plan: end_off(plan, 0.1),
+        "start off": lambda plan: dataclasses.replace(plan, start=plan.start + 0.1),
+        "jump": lambda plan: curve(plan, constant=plan.curve.constant + 0.1),
+        "huge": lambda plan: curve(plan, linear=plan.curve.linear * 1e300),
+        "durations": lambda plan: dataclasses.replace(
+            plan, milliseconds=cast("Any", {"time": "long"})
+        ),
+    }
+
+    def misbehave(fault: str) -> None:
+        if fault == "exits":
+            os._exit(0)
+        if fault == "hangs":
+            time.sleep(3600)  # noqa: TID251, it hangs
+        if fault.startswith("SIG"):
+            os.kill(os.getpid(), signal.Signals[fault])
+
+    honest = Planner.answer
+
+    def answer(self: Planner, request: Any) -> Any:
+        found = honest(self, request)
+        path = Path(os.environ["PLANNER_FAULT"])
+        if not (path.exists() and isinstance(found, Plan) and found.duration):
+            return found
+        fault = path.read_text()
+        path.unlink()
+        misbehave(fault)
+        return LIES[fault](found)
+
+    Planner.answer = answer  # type: ignore[method-assign]
