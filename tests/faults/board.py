@@ -7,7 +7,9 @@ one a line, and answers each with a line of JSON:
 |---|---|
 | `state` | nothing |
 | `stall` | read nothing more |
+| `take N` | read N bytes although it is stalled; they are not logged |
 | `go` | read again |
+| `damage` | change one bit of the next byte that it reads, after it is logged |
 | `garbage N` | send N random bytes |
 | `send TEXT` | send this line, as a firmware does |
 | `reset` | boot, as after the reset button |
@@ -66,7 +68,8 @@ class Board:
 
         `time` [s, monotonic] is when the command was done. `resets`, `lost` (bytes for which the
         ring had no room, or that came while it booted), `wrong` (fields that are no angle),
-        `angles` [deg], `frames` and `backlog` (bytes in the ring) describe the firmware.
+        `angles` [deg], `frames` and `backlog` (bytes in the ring) describe the firmware; `open` tells
+        whether a program has the port, and `unsent` how many bytes of `garbage` it could not send yet.
         """
         assert self._process.stdin
         assert self._process.stdout
@@ -193,8 +196,8 @@ class Terminal:
         self.port, self.boot_s = port, boot_s
         self.firmware = OwnFirmware() if firmware == "armtree" else Sketch()
         self.log = log.open("a", buffering=1)
-        self.stalled, self.open, self.resets, self.unread = False, False, 0, 0
-        self.ready_at = 0.0
+        self.stalled, self.open, self.resets, self.damage = False, False, 0, 0
+        self.ready_at, self.unsent = 0.0, b""
         self.plug()
 
     def plug(self) -> None:
@@ -228,12 +231,13 @@ class Terminal:
         if opened := not seen & select.POLLHUP:
             if not self.open:
                 self.reset()
-            self.answer()
+            self.send()
         self.open, count = opened, 0
         if seen & select.POLLIN and budget and not self.stalled:
             data = os.read(self.master, budget)
             now, count = time.monotonic(), len(data)
             self.log.write(f"{now:.6f} {data.hex()}\n")
+            data, self.damage = bytes([data[0] ^ self.damage]) + data[1:], 0
             if now < self.ready_at:
                 self.firmware.lost += count
             else:
@@ -241,25 +245,26 @@ class Terminal:
         self.firmware.work(time.monotonic())
         return count
 
-    def answer(self) -> None:
-        if self.firmware.answer and time.monotonic() >= self.ready_at:
-            self.send(self.firmware.answer)
+    def send(self) -> None:
+        """Send what the firmware answered and garbage, as much as the line takes now."""
+        if time.monotonic() >= self.ready_at:
+            self.unsent += self.firmware.answer
             self.firmware.answer = b""
-
-    def send(self, data: bytes) -> None:
-        while data:
-            with contextlib.suppress(BlockingIOError):
-                data = data[os.write(self.master, data[:512]) :]
-            time.sleep(0.0005)  # noqa: TID251, as the line paces it
+        with contextlib.suppress(BlockingIOError):
+            self.unsent = self.unsent[os.write(self.master, self.unsent[:512]) :]
 
     def obey(self, command: str) -> str:
         word, _, rest = command.partition(" ")
         if word in ("stall", "go"):
             self.stalled = word == "stall"
         elif word == "garbage":
-            self.send(random.Random(rest).randbytes(int(rest)))
+            self.unsent += random.Random(rest).randbytes(int(rest))
         elif word == "send":
-            self.send(rest.encode() + b"\n")
+            self.unsent += rest.encode() + b"\n"
+        elif word == "take":
+            os.read(self.master, int(rest))
+        elif word == "damage":
+            self.damage = 1
         elif word == "reset":
             self.reset()
         elif word == "unplug":
@@ -271,7 +276,8 @@ class Terminal:
             self.plug()
         firmware = self.firmware
         state = {name: getattr(firmware, name) for name in ("lost", "wrong", "frames", "angles")}
-        state |= {"resets": self.resets, "backlog": len(firmware.ring), "time": time.monotonic()}
+        state |= {"resets": self.resets, "backlog": len(firmware.ring), "open": self.open}
+        state |= {"unsent": len(self.unsent), "time": time.monotonic()}
         return json.dumps(state)
 
 

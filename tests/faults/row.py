@@ -15,7 +15,7 @@ from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
 from tests.faults.board import Board
-from tests.faults.process import Command, Hang, Server
+from tests.faults.process import Command, Hang, Server, until
 from tests.support.paths import ROBOT_FILE
 
 C = TypeVar("C", bound=Command)
@@ -120,7 +120,10 @@ class Scene:
         """`armtree serve`, listening, with the tasks of this folder; options as of `Command`."""
         port = board.port if board else "virtual"
         line = ["serve", "--tcp-port", "0", *arguments, *self._common(port)]
-        return self._start(Server, line, options).listening()
+        server = self._start(Server, line, options).listening()
+        if "--activate" in arguments:
+            until("the arm is active", lambda: server.state() == "active")
+        return server
 
     def armtree(self, *arguments: str | Path, **options: object) -> Command:
         """Any other command, as it is given."""

@@ -178,8 +178,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.writelines(f"{one.name:28}  {one.fault}\n" for one in known)
         return 0
     wanted = [one for one in known if not given.only or one.name in given.only]
-    chosen = [(one, given.times or (one.quick if given.quick else one.times)) for one in wanted]
-    chosen = [each for each in chosen if each[1] and (each[0].quick or not given.quick)]
+    chosen = [
+        (one, given.times or (one.quick if given.quick else one.times))
+        for one in wanted
+        if one.quick or not given.quick
+    ]
+    if not chosen:
+        parser.error("no row is left; --list lists them")
     begin, folder = time.monotonic(), Path(tempfile.mkdtemp(prefix="armtree-faults-"))
     sys.stdout.write(f"seed {given.seed}, folder {folder}, {machine()}\n{line(HEADER)}\n")
     try:

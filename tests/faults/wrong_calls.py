@@ -44,6 +44,11 @@ class WrongCalls:
         new.write_text(how)
         new.rename(self._switch)
 
+    def calls(self) -> list[float]:
+        """When each call was spoiled [s, monotonic]."""
+        noted = self._switch.with_suffix(".switch.calls")
+        return [float(line) for line in noted.read_text().split()] if noted.exists() else []
+
     def stop(self) -> None:
         with contextlib.suppress(FileNotFoundError):
             self._switch.unlink()

@@ -8,6 +8,7 @@
  *                  zero        write nothing and return 0
  *                  short N     write at most N bytes
  *                followed by `once` to remove the file at the first call
+ *                The file FAULT_TRIGGER.calls gets a line for each: seconds of the monotonic clock.
  * FAULT_CALLS    write (default), or sync for fsync and fdatasync
  */
 #define _GNU_SOURCE
@@ -22,6 +23,18 @@
 #include <sys/uio.h>
 #include <unistd.h>
 #include <time.h>
+
+static void note(const char *trigger) {
+    char path[512], line[64];
+    struct timespec time;
+    snprintf(path, sizeof path, "%s.calls", trigger);
+    clock_gettime(CLOCK_MONOTONIC, &time);
+    int length = snprintf(line, sizeof line, "%ld.%09ld\n", (long)time.tv_sec, time.tv_nsec);
+    int file = open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0600);
+    if (file < 0) return;
+    syscall(SYS_write, file, line, (size_t)length);
+    close(file);
+}
 
 struct fault { char kind[16]; long number; int active; };
 
@@ -42,6 +55,7 @@ static struct fault now(int fd, const char *call) {
             int count = length > 0 ? sscanf(text, "%15s %ld %7s", fault.kind, &fault.number, once) : 0;
             if (count == 1) sscanf(text, "%15s %7s", fault.kind, once);
             fault.active = count > 0;
+            if (fault.active) note(trigger);
             if (!strcmp(once, "once")) unlink(trigger);
         }
     }

@@ -1,6 +1,24 @@
-"""The port disappears, and what was written is not what the board reads."""
+"""The port disappears, returns, takes no bytes, or takes them in pieces."""
 
+import os
+import signal
+import time
+
+from tests.faults.board import Board
+from tests.faults.process import Command, until
 from tests.faults.row import Scene, row
+from tests.faults.wrong_calls import WrongCalls
+
+
+def fault_time(scene: Scene, run: Command, code: str) -> float:
+    """Check that a run ended with a hardware fault, and sent nothing after it; return when [s]."""
+    scene.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
+    (result,) = run.events("result")
+    scene.check(result["code"] == code, f"the code is {result['code']}")
+    failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
+    late = [each for each in run.events("sent") if each["time_s"] > failing["time_s"]]
+    scene.check(not late, f"{len(late)} frames were sent after the fault")
+    return float(failing["time_s"])
 
 
 @row(
@@ -18,11 +36,160 @@ def unplug(scene: Scene) -> None:
     run.until_event("sent", scene.random.randint(1, 12))
     scene.unreceived = 1
     gone = board.ask("unplug")["time"]
-    scene.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
-    (result,) = run.events("result")
+    scene.figure(1000 * (fault_time(scene, run, "hw.port_lost") - gone))
+    scene.verified()
+
+
+@row(
+    "replug",
+    "unplug the board of a server during a motion, and plug it in again",
+    "the server opens no port and moves nothing until a person activates the arm; then it works",
+    times=4,
+)
+def replug(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", board=board)
+    goal = server.goal(20)
+    until("the first frame", board.frames)
+    time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
+    scene.unreceived = 1
+    board.ask("unplug")
+    result = server.result(goal)
     scene.check(result["code"] == "hw.port_lost", f"the code is {result['code']}")
-    failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
-    scene.figure(1000 * (failing["time_s"] - gone))
-    late = [each for each in run.events("sent") if each["time_s"] > failing["time_s"]]
-    scene.check(not late, f"{len(late)} frames were sent after the fault")
+    scene.check(server.state() == "unconfigured", f"the arm is {server.state()}")
+    before = board.ask("replug ttyACM0")["resets"]
+    refused = server.result(server.goal(21))
+    scene.check(refused["code"] == "hw.not_active", f"a goal meanwhile: {refused['code']}")
+    time.sleep(scene.random.uniform(0.5, 1.5))  # noqa: TID251, the server could open it meanwhile
+    now = board.ask("state")
+    scene.check(now["resets"] == before, "the server opened the port by itself")
+    server.post("/api/arm/configure")
+    server.post("/api/arm/activate")
+    result = server.result(server.goal(21))
+    scene.check(result["code"] == "ok", f"after the activation: {result['code']}")
+    scene.check(board.ask("state")["angles"] == [90, 90, 90, 0], "the board is elsewhere")
+
+
+@row(
+    "stalled-board",
+    "the board reads nothing more, and the buffer of the kernel is full",
+    "the goal ends `hw.port_stalled` with exit status 6, 300 ms after the frame was due",
+    limit=450,
+    unit="ms",
+    times=4,
+)
+def stalled_board(scene: Scene) -> None:
+    board = scene.board()
+    board.ask("stall")
+    fill(board)
+    board.ask(f"take {scene.random.randint(100, 2000)}")  # room for some frames
+    scene.unreceived = 1000
+    run = scene.run("20", board=board)
+    failed = fault_time(scene, run, "hw.port_stalled")
+    sent = run.events("sent")
+    (schedule, *_) = run.events("schedule")
+    if len(sent) < len(schedule["times"]):
+        first = min(schedule["times"][1] - schedule["times"][0], 0.5)
+        last = sent[-1]["time_s"] if sent else schedule["time_s"]
+        scene.figure(1000 * (failed - last - first))
+    scene.verified()
+
+
+def fill(board: Board) -> None:
+    """Write to the port of a stalled board until the kernel takes no more."""
+    other = os.open(board.port, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        while True:
+            os.write(other, b"x" * 64)
+    except BlockingIOError:
+        return
+    finally:
+        os.close(other)
+
+
+@row(
+    "write-without-end",
+    "writes to the port make no progress: they fail with EAGAIN for ever, take zero bytes, or"
+    " return after seconds",
+    "the goal ends `hw.port_stalled` with exit status 6; then no call is made again",
+    limit=400,
+    unit="ms",
+    times=8,
+    quick=1,
+)
+def write_without_end(scene: Scene) -> None:
+    board = scene.board()
+    calls = WrongCalls(scene.folder, board.port)
+    run = scene.run("20", board=board, environment=calls.environment)
+    run.until_event("sent", scene.random.randint(1, 12))
+    scene.unreceived = 1
+    how = scene.random.choice(["errno 11", "zero", "delay 4000", "hang 150"])
+    calls.start(how)
+    until("a spoiled call", calls.calls)
+    failed = fault_time(scene, run, "hw.port_stalled")
+    scene.figure(1000 * (failed - calls.calls()[0]))
+    late = [each for each in calls.calls() if each > failed]
+    scene.check(not late, f"{how}: {len(late)} calls after the fault")
+    scene.verified()
+
+
+@row(
+    "write-stuck-ctrl-c",
+    "Ctrl-C while a write to the port does not return",
+    "the command ends by itself with exit status 6 or 7; its recording is complete",
+    limit=4,
+    unit="s",
+    times=4,
+)
+def write_stuck(scene: Scene) -> None:
+    board = scene.board()
+    calls = WrongCalls(scene.folder, board.port)
+    run = scene.run("20", board=board, environment=calls.environment)
+    run.until_event("sent", scene.random.randint(1, 12))
+    scene.unreceived = 1
+    calls.start("delay 20000")
+    until("a spoiled call", calls.calls)
+    time.sleep(scene.random.uniform(0.0, 0.25))  # noqa: TID251, a random moment
+    pressed = run.signal(signal.SIGINT)
+    scene.check(run.wait() in (6, 7), f"exit status {run.wait()}, not 6 or 7")
+    scene.figure(time.monotonic() - pressed)
+    scene.verified()
+
+
+@row(
+    "write-error",
+    "a write to the port fails once with an error: EIO, ENXIO, ENOSPC or EBADF",
+    "the goal ends with a code of the hardware and exit status 6; nothing is sent afterwards",
+    times=4,
+)
+def write_error(scene: Scene) -> None:
+    board = scene.board()
+    calls = WrongCalls(scene.folder, board.port)
+    run = scene.run("20", board=board, environment=calls.environment)
+    run.until_event("sent", scene.random.randint(1, 12))
+    scene.unreceived = 1
+    calls.start(f"errno {scene.random.choice([5, 6, 9, 28])} once")
+    fault_time(scene, run, "hw.port_lost")
+    scene.check(len(calls.calls()) == 1, f"{len(calls.calls())} calls failed")
+    scene.verified()
+
+
+@row(
+    "short-writes",
+    "every write to the port takes at most a random number of bytes, from 1 to 19",
+    "the board reads exactly the frames that were recorded, and ends where the task ends",
+    times=4,
+    quick=1,
+)
+def short_writes(scene: Scene) -> None:
+    board = scene.board()
+    calls = WrongCalls(scene.folder, board.port)
+    calls.start(f"short {scene.random.randint(1, 19)}")
+    run = scene.run("21", board=board, environment=calls.environment)
+    scene.check(run.wait() == 0, f"exit status {run.wait()}, not 0")
+    sent = len(run.events("sent"))
+    scene.check(len(calls.calls()) > sent, f"{len(calls.calls())} calls for {sent} frames")
+    state = board.ask("state")
+    scene.check(state["lost"] == state["wrong"] == 0, f"the board lost bytes: {state}")
+    scene.check(state["angles"] == [90, 90, 90, 0], f"it ends at {state['angles']}")
     scene.verified()

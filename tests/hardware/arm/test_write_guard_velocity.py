@@ -76,14 +76,17 @@ def test_a_motion_beyond_a_limit_is_refused(goal: tuple[float, ...], factor: flo
 
 def test_the_refusal_names_joint_velocity_and_limit_in_degrees() -> None:
     rig = Rig(ARMTREE, velocity=LIMIT)
+    start = (0.0, -0.04, 0.0, 0.0)
+    rig.write(start)
+    rig.wait(rig.clock.now() + 1.0)
     why = r"^joint_2 would move at 286\.5 deg/s; its limit is 57\.3 deg/s$"
     with pytest.raises(JointTooFast, match=why) as refused:
-        rig.write((0.05, -0.1, 0.0, 0.0))
+        rig.write((0.05, -0.14, 0.0, 0.0))
     error = refused.value
     assert (error.joint, error.limit) == ("joint_2", LIMIT)
     assert error.value == pytest.approx(5.0)
-    assert rig.sent == []
-    assert rig.guard.commanded == HOME
+    assert len(rig.sent) == 1
+    assert rig.guard.commanded == start
 
 
 def test_positions_that_come_all_at_once_are_refused_when_the_joint_is_too_far_behind() -> None:
