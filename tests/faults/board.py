@@ -11,6 +11,7 @@ one a line, and answers each with a line of JSON:
 | `go` | read again |
 | `damage` | change one bit of the next byte that it reads, after it is logged |
 | `garbage N` | send N random bytes |
+| `mute` | send nothing more |
 | `send TEXT` | send this line, as a firmware does |
 | `reset` | boot, as after the reset button |
 | `unplug` | close the pseudo-terminal; the port's name points nowhere |
@@ -55,7 +56,8 @@ class Board:
     """
 
     def __init__(self, folder: Path, firmware: str = "stock", boot_s: float = 0.1) -> None:
-        self.port, self._log = folder / "ttyACM0", folder / "board.log"
+        number = len(list(folder.glob("board*.log")))
+        self.port, self._log = folder / "ttyACM0", folder / f"board{number}.log"
         command = [sys.executable, "-I", __file__, str(self.port), str(self._log), firmware]
         self._process = subprocess.Popen(
             [*command, str(boot_s)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -68,8 +70,8 @@ class Board:
 
         `time` [s, monotonic] is when the command was done. `resets`, `lost` (bytes for which the
         ring had no room, or that came while it booted), `wrong` (fields that are no angle),
-        `angles` [deg], `frames` and `backlog` (bytes in the ring) describe the firmware; `open` tells
-        whether a program has the port, and `unsent` how many bytes of `garbage` it could not send yet.
+        `angles` [deg], `frames` and `backlog` (bytes in the ring) describe the firmware; `open`
+        tells whether a program has the port, and `unsent` how many bytes it could not send yet.
         """
         assert self._process.stdin
         assert self._process.stdout
@@ -176,12 +178,12 @@ class OwnFirmware(Sketch):
             self.sum = binascii.crc_hqx(bytes(self.angles), self.sum)
             self.frames += 1
             if self.acks:
-                self.answer += b"k%04X,%02X,00,%04X\n" % (self.frames, self.wrong, self.sum)
+                self.answer += b"k%04x,%02x,00,%04x\n" % (self.frames, self.wrong, self.sum)
         elif match := re.fullmatch(r"bA(\d\d);|bW\d\d;|[bseg]V\d\d;|\?", self.text):
             self.acks, self.text = match[1] == "01" if match[1] else self.acks, ""
             state = (self.frames, self.wrong, self.sum, self.acks, self.frame())
             self.answer += (
-                b"status frames=%04X refused=%02X lost=00 sum=%04X holds=00 acks=%d "
+                b"status frames=%04x refused=%04x lost=0000 sum=%04x holds=00 acks=%d "
                 b"watchdog_ms=0000 speeds=000,000,000,000 at=%s\n" % state
             )
         elif len(self.text) >= 20 or not self.text.startswith(("b", "s", "e", "g")):
@@ -197,7 +199,7 @@ class Terminal:
         self.firmware = OwnFirmware() if firmware == "armtree" else Sketch()
         self.log = log.open("a", buffering=1)
         self.stalled, self.open, self.resets, self.damage = False, False, 0, 0
-        self.ready_at, self.unsent = 0.0, b""
+        self.ready_at, self.unsent, self.mute = 0.0, b"", False
         self.plug()
 
     def plug(self) -> None:
@@ -210,11 +212,6 @@ class Terminal:
         with contextlib.suppress(FileNotFoundError):
             self.port.unlink()
         self.port.symlink_to(name)
-
-    def unplug(self) -> None:
-        self.port.unlink()
-        os.close(self.master)
-        self.master = -1
 
     def reset(self) -> None:
         self.resets += 1
@@ -248,37 +245,55 @@ class Terminal:
     def send(self) -> None:
         """Send what the firmware answered and garbage, as much as the line takes now."""
         if time.monotonic() >= self.ready_at:
-            self.unsent += self.firmware.answer
+            self.unsent += b"" if self.mute else self.firmware.answer
             self.firmware.answer = b""
         with contextlib.suppress(BlockingIOError):
             self.unsent = self.unsent[os.write(self.master, self.unsent[:512]) :]
 
     def obey(self, command: str) -> str:
         word, _, rest = command.partition(" ")
-        if word in ("stall", "go"):
-            self.stalled = word == "stall"
-        elif word == "garbage":
-            self.unsent += random.Random(rest).randbytes(int(rest))
-        elif word == "send":
-            self.unsent += rest.encode() + b"\n"
-        elif word == "take":
-            os.read(self.master, int(rest))
-        elif word == "damage":
-            self.damage = 1
-        elif word == "reset":
-            self.reset()
-        elif word == "unplug":
-            self.unplug()
-        elif word == "replug":
-            if self.master >= 0:
-                self.unplug()
-            self.port = self.port.with_name(rest)
-            self.plug()
+        if action := getattr(self, f"do_{word}", None):
+            action(rest)
         firmware = self.firmware
         state = {name: getattr(firmware, name) for name in ("lost", "wrong", "frames", "angles")}
         state |= {"resets": self.resets, "backlog": len(firmware.ring), "open": self.open}
         state |= {"unsent": len(self.unsent), "time": time.monotonic()}
         return json.dumps(state)
+
+    def do_stall(self, _: str) -> None:
+        self.stalled = True
+
+    def do_go(self, _: str) -> None:
+        self.stalled = False
+
+    def do_take(self, count: str) -> None:
+        os.read(self.master, int(count))
+
+    def do_garbage(self, count: str) -> None:
+        self.unsent += random.Random(count).randbytes(int(count))
+
+    def do_send(self, text: str) -> None:
+        self.unsent += text.encode() + b"\n"
+
+    def do_mute(self, _: str) -> None:
+        self.mute = True
+
+    def do_damage(self, _: str) -> None:
+        self.damage = 1
+
+    def do_reset(self, _: str) -> None:
+        self.reset()
+
+    def do_unplug(self, _: str) -> None:
+        self.port.unlink()
+        os.close(self.master)
+        self.master = -1
+
+    def do_replug(self, name: str) -> None:
+        if self.master >= 0:
+            self.do_unplug("")
+        self.port = self.port.with_name(name)
+        self.plug()
 
 
 def poll(handle: int) -> list[tuple[int, int]]:

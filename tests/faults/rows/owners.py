@@ -1,0 +1,201 @@
+"""Several programs on one port, things that are no port, and an arm that a program drops."""
+
+import fcntl
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from tests.faults.process import until
+from tests.faults.row import TASKS, Scene, last_line, row
+
+DROPS = """
+import armtree, sys
+arm = armtree.Arm(port={port!r}, robot={robot!r}, trees={trees!r})
+arm.run(21)
+{drop}
+print("dropped", flush=True)
+sys.stdin.read()
+"""
+WAYS_TO_DROP = (
+    "del arm",
+    "arm = None",
+    "arm = [arm]; arm.append(arm); del arm; __import__('gc').collect()",
+)
+
+
+@row(
+    "port-taken",
+    "run a task on a port that another program has locked",
+    "exit status 9 and the process id of that program; nothing is sent, and nothing resets",
+    times=3,
+)
+def port_taken(scene: Scene) -> None:
+    board = scene.board()
+    other = os.open(board.port, os.O_RDWR | os.O_NOCTTY)
+    fcntl.flock(other, fcntl.LOCK_EX)
+    try:
+        until("the board has booted", lambda: board.ask("state")["open"])
+        run = scene.run("21", board=board)
+        scene.check(run.wait() == 9, f"exit status {run.wait()}, not 9")
+    finally:
+        os.close(other)
+    result = run.events("result")[-1]
+    scene.check(result["code"] == "hw.port_busy", f"the code is {result['code']}")
+    scene.check(f"{os.getpid()}" in result["message"], result["message"])
+    scene.check(board.data() == b"", "something was sent")
+    scene.check(board.ask("state")["resets"] == 1, "the board was reset")
+
+
+@row(
+    "two-runs",
+    "start three commands on one port at the same time",
+    "one runs undisturbed; the others end with exit status 9 and name its process id",
+    times=4,
+    quick=1,
+)
+def two_runs(scene: Scene) -> None:
+    board = scene.board()
+    runs = []
+    for _ in range(3):
+        runs.append(scene.run("21", board=board))
+        time.sleep(scene.random.uniform(0.0, 0.2))  # noqa: TID251, a random order
+    status = sorted(run.wait() for run in runs)
+    scene.check(status == [0, 9, 9], f"exit statuses {status}")
+    owner = next((run for run in runs if run.wait() == 0), runs[0])
+    for run in runs:
+        if run is not owner:
+            message = run.events("result")[-1]["message"]
+            scene.check(re.search(rf"\b{owner.pid}\b", message), f"{owner.pid}: {message}")
+    state = board.ask("state")
+    scene.check(state["resets"] == 1, f"the board was reset {state['resets']} times")
+    scene.verified()
+
+
+@row(
+    "port-shared",
+    "a program that locks nothing sends a frame to the board during a motion",
+    "with the firmware `armtree`, the goal ends `hw.frame_lost`; nothing is sent afterwards",
+    limit=500,
+    unit="ms",
+    times=4,
+)
+def port_shared(scene: Scene) -> None:
+    scene.robot({'firmware = "stock"': 'firmware = "armtree"'})
+    board = scene.board("armtree")
+    run = scene.run("20", board=board)
+    run.until_event("sent", scene.random.randint(1, 60))
+    scene.unrecorded, scene.unreceived = 1, 1
+    other = os.open(board.port, os.O_RDWR | os.O_NOCTTY)
+    begin = time.monotonic()
+    os.write(other, b"b091,s091,e091,g000,")
+    os.close(other)
+    scene.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
+    (result,) = run.events("result")
+    scene.check(result["code"] == "hw.frame_lost", f"the code is {result['code']}")
+    failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
+    late = [each for each in run.events("sent") if each["time_s"] > failing["time_s"]]
+    scene.check(not late, f"{len(late)} frames were sent after the fault")
+    scene.figure(1000 * (failing["time_s"] - begin))
+    scene.verified()
+
+
+def no_port(kind: str, path: Path) -> Path:
+    """Make something that is no serial port, and return its path."""
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "file":
+        path.write_text("precious")
+    elif kind == "hard link":
+        path.with_suffix(".origin").write_text("precious")
+        path.hardlink_to(path.with_suffix(".origin"))
+    elif kind == "socket":
+        with socket.socket(socket.AF_UNIX) as bound:
+            bound.bind(str(path))
+    elif kind != "nothing":
+        path.symlink_to({"loop": path.name, "dangling link": "nowhere"}.get(kind, kind))
+    return path
+
+
+NO_PORTS = (
+    *("folder", "pipe", "file", "hard link", "socket", "nothing", "loop", "dangling link"),
+    *("/dev/zero", "/dev/null", "/dev/full", "/dev/tty", "/dev/random"),
+)
+
+
+@row(
+    "no-port",
+    "`--port` names a folder, a pipe, a file, a link, a socket or a device that is no port",
+    "exit status 6 and one line that names it; nothing hangs, and no file is changed",
+    times=3,
+)
+def not_a_port(scene: Scene) -> None:
+    robot = scene.robot()
+    for kind in scene.random.sample(NO_PORTS, 4):
+        path = no_port(kind, scene.folder / f"port-{NO_PORTS.index(kind)}")
+        run = scene.armtree(*("run", "21", "--port", path, "--robot", robot, "--trees", TASKS))
+        scene.check(run.wait() == 6, f"{kind}: exit status {run.wait()}, not 6")
+        scene.check(str(path) in run.text(), f"{kind}: {last_line(run)}")
+        if kind in ("file", "hard link"):
+            scene.check(path.read_text() == "precious", f"the {kind} was changed")
+
+
+@row(
+    "dropped-arm",
+    "a Python program drops an `armtree.Arm` without closing it",
+    "its port is closed, while the program lives on; another command can use the board",
+    limit=2,
+    unit="s",
+    times=3,
+)
+def dropped_arm(scene: Scene) -> None:
+    board = scene.board()
+    text = DROPS.format(
+        port=str(board.port),
+        robot=str(scene.robot()),
+        trees=str(TASKS),
+        drop=scene.random.choice(WAYS_TO_DROP),
+    )
+    program = scene.armtree("-c", text, argv=[sys.executable], stdin=subprocess.PIPE)
+    program.until_printed("dropped")
+    dropped = time.monotonic()
+    until("the port is closed", lambda: not board.ask("state")["open"])
+    scene.figure(time.monotonic() - dropped)
+    scene.check(program.popen.poll() is None, "the program ended")
+    run = scene.run("21", board=board)
+    scene.check(run.wait() == 0, f"the next run: {last_line(run)}")
+    scene.verified()
+
+
+@row(
+    "doctor",
+    "`doctor --open` on a board that does not answer, is another one, is missing or is taken",
+    "it does not say that the board is ready; the exit status is that of a run: 6 or 9",
+    times=2,
+)
+def doctor(scene: Scene) -> None:
+    for kind in ("mute", "stock", "missing", "taken"):
+        scene.robot({'firmware = "stock"': 'firmware = "armtree"'})
+        board = scene.board("stock" if kind == "stock" else "armtree")
+        handle = os.open(board.port, os.O_RDWR | os.O_NOCTTY)
+        if kind == "mute":
+            board.ask("mute")
+        elif kind == "taken":
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        elif kind == "missing":
+            board.ask("unplug")
+        if kind != "taken":
+            os.close(handle)
+        robot = scene.folder / "robot.toml"
+        found = scene.armtree("doctor", "--open", "--port", board.port, "--robot", robot)
+        wanted = 9 if kind == "taken" else 6
+        scene.check(found.wait() == wanted, f"{kind}: exit status {found.wait()}, not {wanted}")
+        if kind == "taken":
+            os.close(handle)
+        scene.check(board.data() == b"", f"{kind}: something was sent")
+        board.close()
