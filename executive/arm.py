@@ -7,20 +7,19 @@ with armtree.Arm() as arm:
 import json
 import uuid
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from threading import Lock
-from types import MappingProxyType
 from typing import Any, Self
 
-from hardware import State
-from trees import Located
+from hardware import VIRTUAL, SerialLink, load_robot
+from skills import Operator
 
 from .codes import OK
 from .errors import GoalFailed, ResultTimeout, UnknownGoal
 from .executive import Executive
-from .goals.outcome import CANCELED_CAUSE, GoalState, Outcome
+from .goals.outcome import GoalState, Outcome
 from .session import finish_recording, open_executive
 from .setup import Setup
 
@@ -37,41 +36,51 @@ class Arm:
         trees: Folder with task files of your own; default: `./trees`, if it exists.
         skills: Folder with Python files of skills of your own.
         recordings: Folder for recordings.
-        seed: Seed of planning.
+        seed: Seed of planning, from 1.
         pose: Confirmed position of the arm, `boot` or `last`; needed if opening the port does not
             reset the board.
+        operator: Answers the questions of tasks (`Ask`); default: none does.
 
     Attributes:
         executive: Runs the tasks; it can also pause, resume and report.
 
     Raises:
-        HardwareError: The robot file is wrong or names no driver, or the pose is not confirmed.
+        ValueError: An argument is invalid, or a skill is broken.
+        HardwareError: The robot file is wrong or names no driver, the port cannot be opened, or the
+            pose is not confirmed.
         TreeError: The folder of tasks cannot be read.
-        ValueError: A skill is broken.
     """
 
     def __init__(
         self,
-        port: str = "virtual",
+        port: str = VIRTUAL,
         robot: str | Path | None = None,
         trees: str | Path | None = None,
         skills: str | Path | None = None,
         recordings: str | Path = "recordings",
         seed: int = 1,
         pose: str | None = None,
+        operator: Operator | None = None,
     ) -> None:
+        _check("port", port, isinstance(port, str) and port, f"a serial port, or {VIRTUAL}")
+        _check("seed", seed, type(seed) is int and seed > 0, "a whole number from 1")
+        _check("pose", pose, pose in (None, "boot", "last"), "boot, last or None")
+        own_trees = OWN_TREES if OWN_TREES.is_dir() else None
         setup = Setup(
             port=port,
-            robot=_path(robot),
-            trees=_path(trees) or (OWN_TREES if OWN_TREES.is_dir() else None),
-            skills=_path(skills),
+            robot=load_robot(None if robot is None else Path(robot)),
+            trees=own_trees if trees is None else Path(trees),
+            skills=None if skills is None else Path(skills),
             recordings=Path(recordings),
             seed=seed,
             pose=pose,
             single_user=True,
         )
+        link = setup.load_robot().link(port)
+        if isinstance(link, SerialLink):
+            link.check()
         resources = ExitStack()
-        executive = resources.enter_context(open_executive(setup))
+        executive = resources.enter_context(open_executive(setup, link=link, operator=operator))
         self._use(executive, weakref.finalize(self, resources.close))  # closes at exit, too
 
     @classmethod
@@ -82,9 +91,8 @@ class Arm:
         return arm
 
     def _use(self, executive: Executive, close: Callable[[], object]) -> None:
-        self.executive, self._close = executive, close
-        self._lock = Lock()
-        self._started = self._canceled = False
+        self.executive, self._close, self._lock = executive, close, Lock()
+        executive.start()
 
     def __enter__(self) -> Self:
         return self
@@ -122,74 +130,33 @@ class Arm:
         """Run a task as `run` does, but return the outcome of one that fails, too."""
         number = self.executive.library.number(task)
         texts = {name: _text(name, value) for name, value in arguments.items()}
+        goal = uuid.uuid4().hex
         with self._lock:
-            self._canceled = False
-            goal = uuid.uuid4().hex
             try:
-                return finish_recording(self.executive, self._wait(number, texts, goal))
+                answer = self.executive.send(number, texts, goal)
+                rejected = Outcome.of(number, GoalState.ABORTED, answer.cause)
+                outcome = self._wait(goal) if answer.accepted else rejected
             except KeyboardInterrupt:
                 self.executive.cancel()
                 with suppress(UnknownGoal):
                     finish_recording(self.executive, self.executive.result(goal))
                 raise
-
-    def run_all(
-        self,
-        tasks: Sequence[int],
-        report: Callable[[Outcome], None],
-        arguments: Mapping[str, str | Located] = MappingProxyType({}),
-    ) -> list[Outcome]:
-        """Run tasks in turn up to the first that fails, then close.
-
-        Every task is validated first, as far as this is possible without the arm. The arm shuts
-        down before the last recording ends, so that the recording shows it.
-
-        Args:
-            tasks: Numbers of the tasks.
-            report: Receives each outcome when its recording is complete.
-            arguments: Values of the parameters, by name.
-
-        Returns:
-            The outcomes of the tasks that began or were rejected.
-        """
-        rejected = self.executive.find_invalid(tasks, arguments) if len(tasks) > 1 else None
-        remaining = list(tasks) if rejected is None else [rejected]
-        outcomes: list[Outcome] = []
-        try:
-            while remaining and (not outcomes or outcomes[-1].success):
-                outcome = self._wait(remaining.pop(0), arguments, uuid.uuid4().hex)
-                active = self.executive.status().arm is not State.UNCONFIGURED
-                if active and not (remaining and outcome.success):
-                    self.executive.arm_to("shutdown")
-                outcomes.append(finish_recording(self.executive, outcome))
-                report(outcomes[-1])
-        finally:
-            self.executive.close()
-        return outcomes
+            return finish_recording(self.executive, outcome)
 
     def stop(self) -> None:
-        """Stop the arm and cancel the task that runs, and those of `run_all` that follow.
-
-        Any thread may call.
-        """
-        self._canceled = True
+        """Stop the arm and cancel the task that runs. Any thread may call."""
         self.executive.cancel()
 
-    def _wait(self, task: int, arguments: Mapping[str, str | Located], goal: str) -> Outcome:
-        if not self._started:
-            self._started = True
-            self.executive.start()
-        if self._canceled:
-            return Outcome.of(task, GoalState.CANCELED, CANCELED_CAUSE)
-        answer = self.executive.send(task, arguments, goal)
-        if not answer.accepted:
-            return Outcome.of(task, GoalState.ABORTED, answer.cause)
-        if self._canceled:  # canceled before the goal was sent
-            self.executive.cancel(goal)
+    def _wait(self, goal: str) -> Outcome:
         while True:
             # A Ctrl-C just before the wait does not end the wait: the next slice raises it.
             with suppress(ResultTimeout):
                 return self.executive.result(goal, _SLICE)
+
+
+def _check(name: str, value: object, valid: object, wanted: str) -> None:
+    if not valid:
+        raise ValueError(f"{name} = {value!r} is invalid; give {wanted}")
 
 
 def _text(name: str, value: object) -> str:
@@ -198,7 +165,3 @@ def _text(name: str, value: object) -> str:
         return value if isinstance(value, str) else json.dumps(value)
     except TypeError as error:
         raise TypeError(f"argument {name} = {value!r}: {error}") from None
-
-
-def _path(path: str | Path | None) -> Path | None:
-    return None if path is None else Path(path)

@@ -304,6 +304,10 @@ class PoseUnconfirmed(HardwareError):
     code = "hw.pose_unconfirmed"
     hint = "give --pose last, or --pose boot"
 
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.hint = self.hint  # the message names no option, so the command line adds the hint
+
 
 class RecordingBehind(LinkError):
     """The disk is too slow, so no more frames were sent.

@@ -122,7 +122,7 @@ class PortMissing(LinkError):
         super().__init__(
             port,
             f"There is no serial port {port}; present: {there}. "
-            "Plug the board in, or give another --port (virtual needs no hardware)",
+            "Plug the board in, or give another port (virtual needs no hardware)",
         )
 
 

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, settings
 from py_trees.blackboard import Blackboard
 
 import logs
-from executive.arm import Arm as TaskArm
+from executive.cli.sequence import TaskSequence
 from executive.executive import Executive
 from executive.goals.events import Event, QuestionStatus
 from executive.goals.outcome import GoalStatus, Outcome
@@ -66,17 +66,17 @@ class Rig:
         setup = Setup(recordings=recordings, single_user=single_user, **settings)
         self.executive = Executive(setup, robot, self.link, Library(tasks), pool, clock, operator)
         self.executive.subscribe(self._watch)
-        self._arm = TaskArm.on(self.executive)
+        self._sequence = TaskSequence(self.executive)
 
     def run(self, *numbers: int, settings: Sequence[str] = ()) -> list[Outcome]:
         """Run tasks in turn on this thread, with parameters as NAME=VALUE."""
         arguments = read_arguments(settings, numbers)
         with self.clock.working():
-            return self._arm.run_all(numbers, self.outcomes.append, arguments)
+            return self._sequence.run(numbers, self.outcomes.append, arguments)
 
     def cancel(self) -> None:
         """Cancel what runs, and what would follow."""
-        self._arm.stop()
+        self._sequence.stop()
 
     def rest(self, seconds: float) -> None:
         """Let time pass."""

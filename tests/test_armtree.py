@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -20,6 +21,7 @@ from skills.motion import Pool
 from tests.support.paths import EXAMPLES, ROOT
 
 WAIT = "task: 8\nname: wait\ndescription: Wait.\ntree:\n  Wait: {duration: 1 h}\n"
+ASK = "task: 9\nname: ask\ndescription: Ask.\ntree:\n  Ask: {question: Go on?, wanted: yes}\n"
 
 
 @pytest.fixture
@@ -112,6 +114,24 @@ def test_a_closed_arm_runs_nothing(arm: Arm) -> None:
     assert raised.value.code == "server.closing"
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"seed": 0}, "seed = 0 is invalid; give a whole number from 1"),
+        ({"seed": 1.5}, "seed = 1.5 is invalid"),
+        ({"pose": "bot"}, "pose = 'bot' is invalid; give boot, last or None"),
+        ({"port": ""}, "port = '' is invalid; give a serial port, or virtual"),
+        ({"port": 3}, "port = 3 is invalid"),
+        ({"port": "/dev/none"}, "no serial port /dev/none.* give another port"),
+        ({"pose": "last"}, 'the pose "last" is for robots'),
+    ],
+)
+def test_a_wrong_argument_is_rejected_at_once(options: dict[str, Any], words: str) -> None:
+    with pytest.raises((ValueError, armtree.HardwareError), match=words) as raised:
+        armtree.Arm(**options)
+    assert "--" not in str(raised.value)  # options of the command line do not help here
+
+
 def test_a_broken_skill_is_told(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("import there_is_no_such_module\n")
     with pytest.raises(ValueError, match="there_is_no_such_module"):
@@ -144,10 +164,17 @@ NOTEBOOK = """\
 import asyncio, signal
 import armtree
 
+class Yes:
+    def ask(self, question):
+        question.answer("yes")
+
+    def withdraw(self, question):
+        pass
+
 async def cells():
     handler = signal.getsignal(signal.SIGINT)
-    arm = armtree.Arm(trees={trees!r}, recordings={recordings!r})
-    print(arm.run("home").success, flush=True)
+    arm = armtree.Arm(trees={trees!r}, recordings={recordings!r}, operator=Yes())
+    print(arm.run("home").success and arm.run("ask").success, flush=True)
     assert signal.getsignal(signal.SIGINT) is handler
     arm.executive.subscribe(lambda event: "EXECUTING" in str(event) and print("runs", flush=True))
     try:
@@ -163,6 +190,7 @@ asyncio.new_event_loop().run_until_complete(cells())
 @pytest.mark.slow
 def test_a_notebook(tmp_path: Path) -> None:
     (tmp_path / "8_wait.yaml").write_text(WAIT)
+    (tmp_path / "9_ask.yaml").write_text(ASK)
     recordings = tmp_path / "recordings"
     script = NOTEBOOK.format(trees=str(tmp_path), recordings=str(recordings))
     with subprocess.Popen(
@@ -186,4 +214,4 @@ def test_a_notebook(tmp_path: Path) -> None:
         recording = logs.Recording(file)
         assert recording.complete
         states += [each.state for each in recording.records(logs.Result)]  # type: ignore[union-attr]
-    assert states == ["SUCCEEDED", "CANCELED", "SUCCEEDED"]
+    assert states == ["SUCCEEDED", "SUCCEEDED", "CANCELED", "SUCCEEDED"]

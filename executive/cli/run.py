@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 
-from executive.arm import Arm
 from executive.goals.events import Event
 from executive.goals.outcome import GoalState, GoalStatus, Outcome, cause_of
 from executive.session import open_executive, port_line
@@ -16,6 +15,7 @@ from trees.compile.arguments import read_arguments
 
 from .interrupts import Interrupts
 from .log_handler import recorded_log
+from .sequence import TaskSequence
 from .terminal import Terminal
 from .view import View, view_for
 
@@ -55,10 +55,10 @@ def execute(
             view.report(outcome)
             return [outcome]
         view.say(port_line(executive))
-        arm = Arm.on(executive)
-        interrupts.on_cancel(arm.stop)
+        sequence = TaskSequence(executive)
+        interrupts.on_cancel(sequence.stop)
         with recorded_log(executive):
-            return interrupts.run(lambda: arm.run_all(numbers, view.report, arguments))
+            return interrupts.run(lambda: sequence.run(numbers, view.report, arguments))
 
 
 def _show(view: View, event: Event) -> None:

@@ -47,7 +47,7 @@ def find_start_pose(
         if confirmed == "last":
             raise PoseUnconfirmed(
                 f"Opening the port {port} resets the board, which moves the arm to its boot pose; "
-                "--pose last is for robots whose file says reset_on_open = false"
+                'the pose "last" is for robots whose file says reset_on_open = false'
             )
         return robot.boot_pose
     if confirmed == "boot":
@@ -58,7 +58,7 @@ def find_start_pose(
     if last is None:
         raise PoseUnconfirmed(
             f"No recording in {recordings} holds a commanded pose; move the arm to its boot pose, "
-            "then give --pose boot"
+            'then confirm the pose "boot"'
         )
     return last.positions
 
@@ -116,13 +116,13 @@ def last_command(robot: Robot, recordings: Path) -> LastCommand | None:
 
 def _offer(robot: Robot, last: LastCommand | None) -> str:
     reason = "Opening the port does not reset this board, so armtree does not know the pose."
-    boot = "--pose boot if the arm is in its boot pose"
+    boot = 'the pose "boot" if the arm is in its boot pose'
     if last is None:
-        return f"{reason} Give {boot}; no recording holds a commanded pose"
+        return f"{reason} Confirm {boot}; no recording holds a commanded pose"
     pose = ", ".join(
         f"{joint.name} {q:.3f}" for joint, q in zip(robot.actuated, last.positions, strict=True)
     )
     return (
         f"{reason} The last commanded pose is {pose} rad ({last.source}). "
-        f"Give --pose last if the arm is still there, or {boot}"
+        f'Confirm the pose "last" if the arm is still there, or {boot}'
     )

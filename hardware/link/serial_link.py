@@ -35,6 +35,19 @@ class SerialLink:
         self._serial: serial.Serial | None = None
         self._reading, self._writing = threading.Lock(), threading.Lock()
 
+    def check(self) -> None:
+        """Check that the port exists and that this user may use it, without opening it.
+
+        Raises:
+            LinkError: As `open`.
+        """
+        try:
+            os.stat(self.port)
+        except OSError as error:
+            raise _open_error(self.port, error) from error
+        if not os.access(self.port, os.R_OK | os.W_OK):
+            raise PortDenied(self.port, group_of(self.port))
+
     def open(self) -> None:
         """Open the port and lock its device. The kernel releases the lock if this process ends.
 

@@ -135,7 +135,7 @@ def unreset(robot: Robot) -> Robot:
 def test_a_pose_is_offered_and_confirmed(robot: Robot, rig: RigMaker, tmp_path: Path) -> None:
     arm = rig()
     (outcome,) = arm.run(1)
-    with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* --pose last .* --pose boot"):
+    with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* pose \"last\" .* pose \"boot\""):
         find_start_pose(unreset(robot), "/dev/ttyX", None, tmp_path)
     confirmed = find_start_pose(unreset(robot), "/dev/ttyX", "last", tmp_path)
     last = arm.told(logs.Sent)[-1]
@@ -160,7 +160,7 @@ def test_a_later_activation_starts_from_the_last_commanded_pose(
     assert arm.executive.result(arm.executive.send(1).identity).success
     left = arm.told(logs.Sent)[-1].positions
     arm.executive.arm_to("deactivate")
-    with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* --pose last .* --pose boot"):
+    with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* pose \"last\" .* pose \"boot\""):
         arm.executive.arm_to("activate")
     assert arm.executive.status().arm is State.INACTIVE
     assert arm.executive.arm_to("activate", "last") is State.ACTIVE
@@ -179,7 +179,7 @@ def test_a_later_activation_starts_from_the_last_commanded_pose(
 def test_there_is_nothing_to_confirm(robot: Robot, tmp_path: Path) -> None:
     with pytest.raises(PoseUnconfirmed, match="no recording holds a commanded pose"):
         find_start_pose(unreset(robot), "/dev/ttyX", None, tmp_path)
-    with pytest.raises(PoseUnconfirmed, match="give --pose boot"):
+    with pytest.raises(PoseUnconfirmed, match='confirm the pose "boot"'):
         find_start_pose(unreset(robot), "/dev/ttyX", "last", tmp_path)
 
 
