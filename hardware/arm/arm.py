@@ -5,9 +5,11 @@ import contextlib
 import logging
 import weakref
 from collections.abc import Callable, Mapping
+from functools import cache, partial
+from queue import SimpleQueue
 from typing import ParamSpec, Self, TypeVar
 
-from hardware.clock import Clock
+from hardware.clock import Clock, RealClock
 from hardware.description.robot import Robot
 from hardware.errors import (
     ActivationStopped,
@@ -32,6 +34,8 @@ from .write_guard import WriteGuard
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+_Release = Callable[[], None]
 
 logger = logging.getLogger(__name__)
 
@@ -74,7 +78,7 @@ class Arm:
         self._failure: HardwareError | None = None  # the fault that ended the activation
         self._connection: Connection | None = None
         self._reconnect: ReconnectWatcher | None = None
-        self._release: weakref.finalize[[Connection, ReconnectWatcher], Arm] | None = None
+        self._release: weakref.finalize[[_Release], Arm] | None = None
         callbacks = {
             State.CONFIGURING: self._configure,
             State.ACTIVATING: self._activate,
@@ -352,7 +356,8 @@ class Arm:
         try:
             publish = _weakly(self._publish, None)
             self._reconnect = ReconnectWatcher(port, self._clock, publish)
-            self._release = weakref.finalize(self, _release, connection, self._reconnect)
+            release = partial(_release, connection, self._reconnect)
+            self._release = weakref.finalize(self, _releaser().put, release)
             self._release.atexit = False  # all arms are shut down then
             connection.open()
             self._boot(connection)
@@ -441,9 +446,25 @@ def _weakly(method: Callable[P, T], collected: T) -> Callable[P, T]:
 
 
 def _release(connection: Connection, reconnect: ReconnectWatcher) -> None:
-    """Release what an arm that was collected has opened. Any thread may call."""
+    """Release what an arm that was collected has opened."""
     reconnect.stop()
     connection.close()
+
+
+@cache
+def _releaser() -> "SimpleQueue[_Release]":
+    """Return the queue of a thread that releases what collected arms have opened.
+
+    An arm is collected on any thread, which may hold any lock. `put` takes none.
+    """
+    queue = SimpleQueue[_Release]()
+
+    def work() -> None:
+        while True:
+            queue.get()()
+
+    RealClock().spawn(work, "releaser")
+    return queue
 
 
 @atexit.register

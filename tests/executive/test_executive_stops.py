@@ -17,6 +17,7 @@ from skills.leaves.execute import Execute
 from skills.leaves.plan_group import PlanGripper
 from skills.motion import Pool
 from tests.conftest import Rig, RigMaker
+from tests.support.hardware_rigs import left, threads
 
 
 def percentages(rig: Rig) -> list[int | None]:
@@ -294,12 +295,12 @@ def test_no_port(rig: RigMaker) -> None:
 
 def test_threads_and_descriptors_do_not_grow(rig: RigMaker) -> None:
     rig().run(1)
-    threads, descriptors = threading.active_count(), len(os.listdir("/proc/self/fd"))
+    before, descriptors = threads(), len(os.listdir("/proc/self/fd"))
     arm = rig()
     arm.run(1, 2, 0)
     assert arm.executive._arm.state is State.FINALIZED
     del arm
-    assert threading.active_count() <= threads
+    assert not left(before)
     assert len(os.listdir("/proc/self/fd")) <= descriptors
 
 

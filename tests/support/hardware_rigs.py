@@ -85,16 +85,32 @@ class Rig:
     @contextlib.contextmanager
     def alone(cls, robot: Robot = ROBOT) -> Iterator["Rig"]:
         """A rig whose time passes only while this thread waits too. It leaves no thread behind."""
-        before, rig = threading.active_count(), cls(robot)
+        before, rig = threads(), cls(robot)
         with rig.clock.working():
             yield rig
             rig.arm.shutdown()
-            assert threading.active_count() == before
+            assert not left(before)
 
 
 def settled(rig: Rig, state: State) -> None:
     rig.until(lambda: rig.arm.state is state, rig.clock.now() + 1.0)
     assert rig.arm.state is state
+
+
+def threads() -> set[threading.Thread]:
+    """The threads of this process."""
+    return set(threading.enumerate())
+
+
+def left(before: set[threading.Thread]) -> set[threading.Thread]:
+    """The threads that were started since then and do not end within 5 s each.
+
+    The one that releases collected arms never ends.
+    """
+    started = {thread for thread in threads() - before if thread.name != "releaser"}
+    for thread in started:
+        thread.join(5)
+    return {thread for thread in started if thread.is_alive()}
 
 
 def open_files() -> int:

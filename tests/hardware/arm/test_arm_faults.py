@@ -23,7 +23,17 @@ from hardware import (
 from hardware.arm.connection import Connection
 from hardware.arm.write_guard import WriteGuard
 from hardware.errors import LinkError, PortBusy, PortLost, PortStalled
-from tests.support.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
+from tests.support.hardware_rigs import (
+    HOME,
+    PICK,
+    ROBOT,
+    Rig,
+    left,
+    motion,
+    nothing,
+    settled,
+    threads,
+)
 from tests.support.paths import ROOT
 
 
@@ -337,16 +347,24 @@ def test_an_arm_that_is_gone_leaves_nothing_behind() -> None:
 
 @pytest.mark.parametrize("playing", [True, False])
 def test_an_arm_that_is_dropped_closes_its_port(playing: bool) -> None:
-    rig, before = Rig(), threading.active_count()
+    rig, before = Rig(), threads()
     rig.start()
     if playing:
         rig.arm.play(motion(HOME, PICK, 4.0), nothing, "test", rig.arm.generation)
     del rig.arm
     assert rig.link.read() == b""  # closed
-    for thread in threading.enumerate():
-        if thread.name in ("listener", "streamer", "writer"):
-            thread.join(5)
-    assert threading.active_count() <= before
+    assert not left(before)
+
+
+def test_an_arm_may_be_collected_by_a_thread_that_holds_a_lock() -> None:
+    rig = Rig()
+    rig.start()
+    thread = threading.Thread(target=rig.__dict__.pop, args=("arm",), daemon=True)
+    with rig.clock._lock:
+        thread.start()
+        thread.join(20)
+        assert not thread.is_alive()
+    assert rig.link.read() == b""  # closed
 
 
 def test_an_arm_is_shut_down_when_the_interpreter_exits() -> None:

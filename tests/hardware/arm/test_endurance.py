@@ -4,7 +4,6 @@ import dataclasses
 import os
 import pty
 import random
-import threading
 import tty
 from contextlib import closing
 
@@ -13,7 +12,7 @@ import pytest
 from hardware import Arm, ArmEvent, Faulted, FrameSent, RealClock, SerialLink, State, load_robot
 from hardware.drivers.arduino.virtual.arduino import VirtualArduino
 from hardware.errors import PortLost
-from tests.support.hardware_rigs import motion, nothing, open_files, settled_for
+from tests.support.hardware_rigs import left, motion, nothing, open_files, settled_for, threads
 
 pytestmark = pytest.mark.slow
 
@@ -48,7 +47,7 @@ def pulled(seconds: float) -> list[ArmEvent]:
 
 
 def test_a_cable_pulled_at_any_instant_is_a_fault_and_no_frame_follows() -> None:
-    dice, files, threads = random.Random(1), open_files(), threading.active_count()
+    dice, files, before = random.Random(1), open_files(), threads()
     written = 0
     for _ in range(200):
         events = pulled(dice.uniform(0.0, 0.05))
@@ -59,16 +58,18 @@ def test_a_cable_pulled_at_any_instant_is_a_fault_and_no_frame_follows() -> None
         assert not [frame for frame in frames if frame.scheduled is None]
         written += len(frames)
     assert written > 100
-    assert (open_files(), threading.active_count()) == (files, threads)
+    assert open_files() == files
+    assert not left(before)
 
 
 def test_a_thousand_activations_leave_nothing_behind() -> None:
     with closing(VirtualArduino("bseg", (90, 90, 90, 0), QUICK, 115200)) as arduino:
         with Arm(ROBOT, SerialLink(arduino.port, 115200), RealClock()) as arm:
             arm.configure()
-            files, threads = open_files(), threading.active_count()
+            files, before = open_files(), threads()
             for _ in range(1000):
                 arm.activate()
                 arm.deactivate()
-            assert (open_files(), threading.active_count()) == (files, threads)
+            assert open_files() == files
+            assert not left(before)
         assert arduino.state().lost == 0

@@ -9,7 +9,7 @@ import pytest
 from hardware import LinkError, SerialLink
 from hardware.errors import PortLost, PortStalled
 from hardware.link.timed_link import TimedLink
-from tests.support.hardware_rigs import Pty, open_files
+from tests.support.hardware_rigs import Pty, left, open_files, threads
 
 FRAME = b"b090,s090,e090,g000,"
 
@@ -59,7 +59,7 @@ def test_a_driver_that_does_not_return_is_a_stalled_port_and_sends_nothing_later
 def test_what_the_driver_raises_is_raised_and_no_thread_is_left(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    driver, before = Stuck(), threading.active_count()
+    driver, before = Stuck(), threads()
     driver.leave.set()
 
     def interrupt(*_: object) -> None:
@@ -72,7 +72,7 @@ def test_what_the_driver_raises_is_raised_and_no_thread_is_left(
     with pytest.raises(KeyboardInterrupt):
         link.write(b"second")
     link.close()
-    assert threading.active_count() == before
+    assert not left(before)
     monkeypatch.setattr(driver, "close", interrupt)
     with pytest.raises(KeyboardInterrupt):
         link.close()

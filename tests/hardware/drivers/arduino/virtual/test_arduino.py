@@ -19,7 +19,7 @@ from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.drivers.arduino.virtual.arduino import VirtualArduino, VirtualLink
 from hardware.drivers.arduino.virtual.board import BoardState
 from hardware.errors import PortMissing
-from tests.support.hardware_rigs import ROBOT, open_files
+from tests.support.hardware_rigs import ROBOT, left, open_files, threads
 from tests.support.paths import ROOT
 
 pytestmark = pytest.mark.slow
@@ -118,12 +118,12 @@ def test_a_hundred_activations_leak_nothing() -> None:
     arduino.state()
     with Arm(EAGER, SerialLink(arduino.port, BAUD), RealClock()) as arm:
         arm.configure()
-        files, threads = open_files(), threading.active_count()
+        files, before = open_files(), threads()
         for _ in range(100):
             arm.activate()
-            assert threading.active_count() == threads + 3
+            assert len(threads() - before) == 3
             arm.deactivate()
-            assert threading.active_count() == threads
+            assert not left(before)
         assert open_files() == files
     arduino.close()
 
