@@ -52,14 +52,25 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """A mistake in a file."""
+    """A mistake in a file.
+
+    Attributes:
+        place: Where it is.
+        message: What is wrong, and what to do.
+        instead: The line as it should be; empty if that is not known.
+    """
 
     place: Place
     message: str
+    instead: str = ""
 
     def __str__(self) -> str:
-        excerpt = self.place.excerpt
-        return _cut(f"{self.place}: {self.message}") + (f"\n{excerpt}" if excerpt else "")
+        text = _cut(f"{self.place}: {self.message}")
+        if excerpt := self.place.excerpt:
+            text += f"\n{excerpt}"
+        if self.instead:
+            text += f"\n  write:\n    {_cut(self.instead)}"
+        return text
 
 
 def _cut(words: str) -> str:
@@ -102,8 +113,7 @@ class Mistakes:
     def take(self, mistakes: Iterable[Mistake]) -> None:
         """Add several mistakes; later ones at the same places are dropped."""
         taken = list(mistakes)
-        for mistake in taken:
-            self.add(mistake.place, mistake.message)
+        self.found += [m for m in taken if _where(m.place) not in self._reported]
         self._reported |= {_where(mistake.place) for mistake in taken}
 
 

@@ -150,6 +150,7 @@ def _findings(findings: "Findings") -> dict[str, Any]:
             "column": mistake.place.column,
             "path": mistake.place.location,
             "message": mistake.message,
+            "instead": mistake.instead,
         }
         for mistake in findings.mistakes
     ]

@@ -6,7 +6,7 @@ YAML libraries are not used: they know more types than task files may have, and 
 
 import io
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -95,6 +95,26 @@ def _written(plain: Any) -> str:
     return words[plain] if plain is None or isinstance(plain, bool) else repr(plain)
 
 
+class NotYaml(FileError):
+    """A text is not YAML.
+
+    Args:
+        known: Mistakes before that place.
+        place: Where the parser fails.
+        opened: Where the value begins in which it fails.
+    """
+
+    def __init__(self, known: Sequence[Mistake], place: Place, opened: Place | None = None) -> None:
+        self.place, self.opened = place, opened
+        why = "this does not fit what is before it"
+        if opened and opened.line <= len(opened.lines):
+            sign = opened.lines[opened.line - 1][opened.column - 1 : opened.column]
+            if sign in ("{", "[", "'", '"') and sign:
+                why = f"the {sign} of line {opened.line}, column {opened.column} is not closed"
+        advice = "check indentation, colons, commas, quotes and brackets"
+        super().__init__([*known, Mistake(place, f"{why}; {advice}")])
+
+
 def read_text(path: Path) -> str:
     """Read a file.
 
@@ -114,7 +134,7 @@ def read_text(path: Path) -> str:
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
-        shown = _lines(data.decode("utf-8", "replace"))
+        shown = split_lines(data.decode("utf-8", "replace"))
         place = _place_of(path, data[: error.start].decode("utf-8"), shown)
         raise FileError([Mistake(place, f"is not UTF-8 text: {error.reason}")]) from error
 
@@ -141,11 +161,10 @@ def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
     try:
         return reader.document(), reader.mistakes
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
-        place = Place(path, line, column, "", _lines(text))
-        broken = Mistake(place, error.problem or "is not YAML")
-        raise FileError([*reader.mistakes, broken]) from error
+        marks = [mark for mark in (error.problem_mark, error.context_mark) if mark]
+        lines = split_lines(text)
+        places = [Place(path, mark.line + 1, mark.column + 1, "", lines) for mark in marks]
+        raise NotYaml(reader.mistakes, *places[:2]) from error
 
 
 def nested(value: Located) -> Mapping[str, Located]:
@@ -171,7 +190,7 @@ _FORBIDDEN = re.compile(
 
 def _forbidden(path: Path, text: str) -> Iterator[Mistake]:
     """Return a mistake for the first forbidden character of every line."""
-    lines = _lines(text)
+    lines = split_lines(text)
     for number, line in enumerate(lines, 1):
         if found := _FORBIDDEN.search(line):
             place = Place(path, number, found.start() + 1, "", lines)
@@ -211,7 +230,7 @@ class _Reader:
     """
 
     def __init__(self, path: Path, text: str) -> None:
-        self._path, self._lines = path, _lines(text)
+        self._path, self._lines = path, split_lines(text)
         self._events = _Plain(typ="safe", pure=True).parse(io.StringIO(text))
         self.mistakes: list[Mistake] = []
 
@@ -271,6 +290,8 @@ class _Reader:
                 self._wrong(key.place, f"the key {name} is given twice")
             label = Place(self._path, key.place.line, key.place.column, below, self._lines)
             value = self._value(next(self._events), depth, below, label)
+            if value.value is None and value.place is label and re.search(r"\W\S", written):
+                self._wrong(label, f"{key} has no value; a key is followed by a colon and a space")
             if isinstance(name, str):
                 values.setdefault(name, value)
         return values
@@ -322,11 +343,12 @@ def _core(text: str) -> Callable[[str], Scalar]:
     return next((make for pattern, make in _CORE if pattern.fullmatch(text)), str)
 
 
-def _lines(text: str) -> list[str]:
+def split_lines(text: str) -> list[str]:
+    """Return the lines of a text, as YAML counts them."""
     return re.split(r"\r\n|\r|\n", text)
 
 
 def _place_of(path: Path, before: str, lines: list[str]) -> Place:
     """Return the place right after a text."""
-    passed = _lines(before)
+    passed = split_lines(before)
     return Place(path, len(passed), len(passed[-1]) + 1, "", lines)

@@ -5,6 +5,7 @@ Names of skills and ports are not checked here, but when the tree is compiled.
 
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,8 +15,9 @@ from hardware.suggestions import choices, corrections
 from trees.declarations import LIST, TYPES, Declaration
 from trees.errors import FileError, Mistake, Mistakes
 
-from .document import Located, draft_document, names_within, nested
+from .document import Located, NotYaml, draft_document, names_within, nested
 from .node_parser import NodeParser
+from .repairs import repairing
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
 from .values import fit
 
@@ -110,6 +112,7 @@ def parse_task(path: Path, text: str) -> TaskFile:
     return _strict(*draft_task(path, text))
 
 
+@repairing
 def draft_task(path: Path, text: str) -> tuple[TaskFile, list[Mistake]]:
     """Read a task file, and continue after mistakes; return the task and the mistakes.
 
@@ -126,14 +129,18 @@ def parse_head(path: Path, text: str) -> TaskFile:
     """Read a task file without its tree, which takes a fraction of the time.
 
     Raises:
-        FileError: The part before the tree has mistakes.
+        FileError: The file has mistakes.
     """
     head, _, tree = text.partition("\ntree:")
     follows = re.search(r"^[^\s#]", tree, re.MULTILINE) or not tree
     if follows or re.search(r"^\s*\{", head, re.MULTILINE):  # the tree may be inside braces
         return parse_task(path, text)
-    parser = _Parser(path, head, _TASK_KEYS)
-    return _strict(_head(parser, path, head), parser.mistakes.found)
+    with suppress(NotYaml):
+        parser = _Parser(path, head, _TASK_KEYS)
+        task = _head(parser, path, head)
+        if not parser.mistakes.found:
+            return task
+    return parse_task(path, text)  # reports the mistakes
 
 
 def _head(parser: "_Parser", path: Path, text: str) -> TaskFile:
@@ -149,6 +156,7 @@ def _head(parser: "_Parser", path: Path, text: str) -> TaskFile:
     )
 
 
+@repairing
 def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
     """Read a subtree file, and continue after mistakes; return the subtree and the mistakes.
 
@@ -170,7 +178,8 @@ def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
 
 
 @lru_cache(maxsize=16)  # every task needs all of them
-def draft_poses(path: Path, text: str) -> tuple[PosesFile, tuple[Mistake, ...]]:
+@repairing
+def draft_poses(path: Path, text: str) -> tuple[PosesFile, list[Mistake]]:
     """Read a file of poses, and continue after mistakes; return the poses and the mistakes.
 
     Raises:
@@ -190,7 +199,7 @@ def draft_poses(path: Path, text: str) -> tuple[PosesFile, tuple[Mistake, ...]]:
     if replaced and not names:
         wrong(replaced.place, f"replaces: {replaced} is not a list of names of poses")
     replaces = tuple(parser.nodes.name(item, "replaces") for item in names)
-    return PosesFile(path, text, poses, labels, replaces), tuple(parser.mistakes.found)
+    return PosesFile(path, text, poses, labels, replaces), parser.mistakes.found
 
 
 def parse_value(text: str, source: str) -> Located:

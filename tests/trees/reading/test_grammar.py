@@ -104,7 +104,7 @@ WRONG = [
     (f"{HEAD}tree: ''\n", 4, 7, "a node: '' is not a name"),
     (f"{T}  sequence: Succeed\n", 5, 13, "sequence needs a list of nodes, not 'Succeed'"),
     (f"{T}  sequence: []\n", 5, 13, "sequence needs a list of nodes, not []"),
-    (f"{T}  sequence:\n    Succeed: {{}}\n", 6, 5, "sequence needs a list"),
+    (f"{T}  sequence:\n    Succeed: {{}}\n", 6, 5, "a `-` is missing before `Succeed`"),
     (f"{T}  sequence: [Succeed]\n  parallel: [Succeed]\n", 5, 3, "here are sequence, parallel"),
     (f"{T}  sequnce: [Succeed]\n", 5, 3, "did you mean sequence?"),
     (f"{T}  subtre: reach\n  with: {{}}\n", 5, 3, "did you mean subtree?"),

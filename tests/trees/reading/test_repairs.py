@@ -1,0 +1,162 @@
+"""Slips in the layout of a task file: one message at their line, and the line as it should be."""
+
+from pathlib import Path
+
+import pytest
+
+from trees import FileError, Mistake
+from trees.reading.grammar import draft_poses, draft_task
+
+FILE = Path("20_m.yaml")
+RIGHT = """task: 20
+name: m
+description: One mistake.
+tree:
+  sequence:
+    - subtree: reach
+      with: {arm: upright, gripper: open}
+    - subtree: move_joints
+      with: {joints: {joint_1: 20 deg}}
+    - AddBox: {body: cube, size: [1 cm, 1 cm, 1 cm], position: [20 cm, 0, 5 cm]}
+    - retry: CheckHardware
+      attempts: 3
+"""
+
+
+def found(text: str) -> list[Mistake]:
+    try:
+        return draft_task(FILE, text)[1]
+    except FileError as error:
+        return list(error.mistakes)
+
+
+# What is written instead of which part of a right file; line, column and message; the right line.
+SLIPS = [
+    ("      with: {joints", "     with: {joints", "9:6 `with` is indented by 5 spaces, not 6: "
+     "indent it like `subtree` in line 8"),
+    ("      with: {arm", "        with: {arm", "7:9 `with` is indented by 8 spaces, not 6"),
+    ("    - subtree: move_joints\n      with", "     - subtree: move_joints\n       with",
+     "8:6 `- subtree` is indented by 5 spaces, not 4: indent it like `- subtree` in line 6; move "
+     "the lines that belong to it, too"),
+    ("name: m", "  name: m", "2:3 `name` is indented by 2 spaces, not 0"),
+    ("      attempts", "        attempts", "12:9 `attempts` is indented by 8 spaces, not 6"),
+    ("      with: {arm", "\twith: {arm", "7:2 tabs cannot indent; use spaces"),
+    ("      with: {arm", "\xa0\xa0\xa0\xa0\xa0\xa0with: {arm", "7:1 this is a non-breaking space"),
+    ("    - subtree: move", "    subtree: move", "8:5 a `-` is missing before `subtree`"),
+    ("    - subtree: move", "      subtree: move", "8:7 a `-` is missing before `subtree`"),
+    ("- subtree: reach", "-subtree: reach", "6:5 a space is missing after the `-`"),
+    ("task: 20", "task:20", "1:1 a space is missing after the colon of `task`"),
+    ("subtree: reach", "subtree:reach", "6:7 a space is missing after the colon of `subtree`"),
+    ("joint_1: 20", "joint_1:20", "9:23 a space is missing after the colon of `joint_1`"),
+    ("arm: upright, gripper: open", "arm:upright, gripper:open",
+     "7:14 a space is missing after the colon of `arm`"),
+    ("  sequence:", "  sequence", "5:3 a colon is missing after `sequence`"),
+    ("- subtree: reach", "- subtree reach", "6:7 a colon is missing after `subtree`"),
+    ("arm: upright", "arm upright", "7:14 a colon is missing after `arm`"),
+    ("task: 20", "task = 20", "1:1 a colon separates `task` from its value, not `=`"),
+    ("gripper: open}", "gripper: open", "7:13 the { in column 13 is not closed"),
+    ("gripper: open}", "gripper: open]", "7:41 ] does not close what is open here; write }"),
+    ("20 deg}}", "20 deg}", "9:13 the { in column 13 is not closed"),
+    ("20 deg}}", "20 deg}}}", "9:40 this } closes nothing"),
+    ("1 cm],", "1 cm,", "10:34 the [ in column 34 is not closed"),
+    ("upright, gripper", "upright gripper", "7:27 a comma is missing before `gripper`"),
+    ("upright, gripper", "upright; gripper", "7:26 a comma separates values, not `;`"),
+    ("{joint_1: 20 deg}", "(joint_1: 20 deg)", "9:22 write braces, not parentheses"),
+    ("One mistake.", "'One mistake.", "3:14 the ' in column 14 is not closed"),
+    ("One mistake.", "Pick: the cube", "3:14 a text with special characters must be in"),
+    ("One mistake.", "@home", "3:14 a text with special characters must be in quotes"),
+    ("name: m", "name: \u201cm\u201d", '2:7 write the plain quote "'),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("right", "wrong", "said"), SLIPS, ids=range(len(SLIPS)))
+def test_a_slip_has_one_message_and_the_line_as_it_should_be(
+    right: str, wrong: str, said: str
+) -> None:
+    assert found(RIGHT) == []
+    assert RIGHT.count(right) == 1
+    (mistake,) = found(RIGHT.replace(right, wrong))
+    place = mistake.place
+    assert f"{place.line}:{place.column} {mistake.message}".startswith(said)
+    lines = RIGHT.replace(right, wrong).split("\n")
+    lines[place.line - 1] = mistake.instead
+    if said.endswith("too"):
+        lines[place.line] = lines[place.line].removeprefix(" ")
+    assert found("\n".join(lines)) == [], "what is written instead is not right"
+
+
+SEVERAL = [
+    (
+        "    - subtree: open_gripper\n    - subtree: close_gripper\n",
+        "    subtree: open_gripper\n    subtree: close_gripper\n",
+        ["6:5 a `-` is missing before `subtree`: every node of a list begins with one; the same "
+         "in line 7"],
+    ),
+    (
+        "    - subtree: reach\n      with:\n        arm: upright\n        gripper: open\n",
+        "    - subtree: reach\n      with: {\n        arm: upright,\n        gripper: open\n",
+        ["9:22 the { of line 7, column 13 is not closed"],
+    ),
+    (
+        "    - Succeed\n    - Succeed\n",
+        "\t\t- Succeed\n\t\t- Succeed\n",
+        ["6:1 tabs cannot indent; use spaces; the same in line 7"],
+    ),
+    (
+        "    - Compare: {left: 1, is: '!=', right: 2}\n",
+        "    - Compare: {left: 1, is: !=, right: 2}\n",
+        ["6:30 != must be in quotes"],
+    ),
+    (
+        "    - subtree: reach\n      with: {arm: upright}\n",
+        "    - subtree: reach\n      wiht: {arm: upright\n",
+        ["7:13 the { in column 13 is not closed"],  # what is inside is checked when that is right
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("right", "wrong", "said"), SEVERAL, ids=range(len(SEVERAL)))
+def test_slips_in_several_lines(right: str, wrong: str, said: list[str]) -> None:
+    head = "task: 20\nname: m\ndescription: x\ntree:\n  sequence:\n"
+    assert found(head + right) == []
+    mistakes = found(head + wrong)
+    assert [f"{m.place.line}:{m.place.column} {m.message}" for m in mistakes] == said
+
+
+def test_the_rest_of_a_repaired_file_is_read() -> None:
+    task, _ = draft_task(FILE, RIGHT.replace("subtree: reach", "subtree:reach"))
+    assert task.tree == draft_task(FILE, RIGHT)[0].tree
+
+
+def test_poses_have_slips_too() -> None:
+    text = "poses:\n  left: {joint_1: 1}\n  right:{joint_1: 2}\n"
+    file, (mistake,) = draft_poses(Path("poses.yaml"), text)
+    assert mistake.message == "a space is missing after the colon of `right`"
+    assert mistake.instead == "  right: {joint_1: 2}"
+    assert file.poses == {"left": {"joint_1": 1.0}, "right": {"joint_1": 2.0}}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        RIGHT.replace("description", "desription"),
+        RIGHT.replace("task: 20", "task: x"),
+        RIGHT.replace("subtree: reach", "subtree: [reach]"),
+        RIGHT + "    - {subtree: a, task: 3}\n",
+    ],
+)
+def test_a_mistake_of_another_kind_keeps_its_message(text: str) -> None:
+    (mistake,) = found(text)
+    assert not mistake.instead
+
+
+def test_the_message_shows_the_line_as_it_should_be() -> None:
+    (mistake,) = found(RIGHT.replace("20 deg}}", "20 deg}"))
+    assert str(mistake).endswith("\n  write:\n          with: {joints: {joint_1: 20 deg}}")
+
+
+def test_a_long_file_is_not_searched() -> None:
+    long = RIGHT + "    - Succeed\n" * 2000 + "    Succeed: {}\n"
+    (mistake,) = found(long)
+    assert mistake.place.line == 2013
+    assert "check indentation" in mistake.message

@@ -1,0 +1,405 @@
+"""Repairs: the small edits that make a file of a wrong layout a task file again.
+
+A YAML parser fails after the mistake, and in terms of its own. So common slips are undone at that
+place, one by one. The edits that leave the fewest mistakes are what to write instead.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from pathlib import Path
+from typing import TypeVar
+
+from trees.errors import FileError, Mistake, Place
+
+from .document import NotYaml, split_lines
+
+_MAX_EDITS = 4
+_KEPT = 10  # best texts that are edited further
+_MAX_READ = 250_000  # characters that are read in search of edits; takes about half a second
+_MAX_TEXT = 25_000  # characters of a text that is searched for edits
+_MAX_LEFT = 2  # mistakes that a repaired text may have
+
+Drafted = TypeVar("Drafted")
+Draft = Callable[[Path, str], tuple[Drafted, list[Mistake]]]
+_Spot = tuple[int, int]  # index of a line, and of a character in it
+
+
+@dataclass(frozen=True)
+class _Edit:
+    """A change of the text.
+
+    Attributes:
+        spot: Where the text is wrong.
+        kind: Name of the slip that it undoes.
+        why: What is wrong, for the message.
+        lines: All lines after the change.
+    """
+
+    spot: _Spot
+    kind: str
+    why: str
+    lines: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Version:
+    """A text after some edits.
+
+    Attributes:
+        lines: Its lines.
+        edits: The edits.
+        rank: The lower, the better.
+        spots: Where it is wrong.
+        opened: Where the value begins in which the parser fails, or None.
+        left: Number of its mistakes; None if it is not YAML.
+    """
+
+    lines: tuple[str, ...]
+    edits: tuple[_Edit, ...]
+    rank: tuple[int, int, int]
+    spots: tuple[_Spot, ...]
+    opened: _Spot | None = None
+    left: int | None = None
+
+
+def repairing(draft: Draft[Drafted]) -> Draft[Drafted]:
+    """Let a function that reads files report edits of their layout.
+
+    If edits make a file right, they are its mistakes, and the edited text is read. If a file is not
+    YAML, the error holds the edits that make it YAML, if there are any.
+
+    Args:
+        draft: Reads a text, and continues after mistakes.
+    """
+
+    @wraps(draft)
+    def read(path: Path, text: str) -> tuple[Drafted, list[Mistake]]:
+        broken = None
+        try:
+            drafted, mistakes = draft(path, text)
+            if not mistakes:
+                return drafted, []
+        except NotYaml as error:
+            broken = error
+        found = _Search(draft, path, text).repaired()
+        if found and found.left == 0:
+            drafted, _ = draft(path, "\n".join(found.lines))
+            return drafted, _mistakes(path, text, found.edits)
+        if broken:
+            raise FileError(_mistakes(path, text, found.edits)) if found else broken
+        return drafted, mistakes
+
+    return read
+
+
+def _mistakes(path: Path, text: str, edits: Sequence[_Edit]) -> list[Mistake]:
+    """Return one mistake for each kind of slip, at its first place."""
+    lines = split_lines(text)
+    first, changed, before = dict[str, _Edit](), dict[str, set[int]](), tuple(lines)
+    for edit in edits:
+        rows = {
+            n for n, pair in enumerate(zip(before, edit.lines, strict=True)) if pair[0] != pair[1]
+        }
+        if edit.kind == "indent":  # other lines move with this one
+            rows = {edit.spot[0]}
+        if not any(edit.spot[0] in known for known in changed.values()):
+            first.setdefault(edit.kind, edit)
+        changed.setdefault(edit.kind, set()).update(rows)
+        before = edit.lines
+    found = []
+    for edit in first.values():
+        row, column = edit.spot
+        same = sorted(n + 1 for n in changed[edit.kind] if n != row)
+        also = f"; the same in line {', '.join(map(str, same))}" if same else ""
+        place = Place(path, row + 1, column + 1, "", lines)
+        found.append(Mistake(place, edit.why + also, edits[-1].lines[row]))
+    return found
+
+
+class _Search:
+    """Searches the edits that leave the fewest mistakes, breadth first."""
+
+    def __init__(self, draft: Draft[Drafted], path: Path, text: str) -> None:
+        self._draft, self._path = draft, path
+        self._lines = tuple(split_lines(text.removeprefix("\ufeff")))
+        self._read = 0
+
+    def repaired(self) -> _Version | None:
+        """Return the best text; None if no edits are better than the text itself."""
+        if sum(map(len, self._lines)) > _MAX_TEXT:
+            return None
+        start = self._version(self._lines, ())
+        seen, best, now = {self._lines}, list[_Version](), [start]
+        for _ in range(_MAX_EDITS):
+            versions = []
+            for version in now:
+                for edit in _edits(version):
+                    if edit.lines in seen or self._read > _MAX_READ:
+                        continue
+                    seen.add(edit.lines)
+                    made = self._version(edit.lines, (*version.edits, edit))
+                    if made.rank < version.rank:
+                        versions.append(made)
+            now = sorted(versions, key=lambda version: version.rank)[:_KEPT]
+            best += [version for version in now if version.left is not None]
+            if any(version.left == 0 for version in now):
+                break
+        found = min(best, key=lambda version: version.rank, default=None)
+        return found if found and (found.left or 0) <= _MAX_LEFT else None
+
+    def _version(self, lines: tuple[str, ...], edits: tuple[_Edit, ...]) -> _Version:
+        text = "\n".join(lines)
+        self._read += len(text)
+        try:
+            _, mistakes = self._draft(self._path, text)
+        except NotYaml as error:
+            opened = _spot(error.opened, lines) if error.opened else None
+            spots = [*_spots(error.mistakes, lines), *filter(None, [opened])]
+            return _Version(lines, edits, (1, -error.place.line, 0), tuple(spots), opened)
+        except FileError as error:
+            mistakes = [*error.mistakes]
+        rank, spots = (0, len(mistakes), len(edits)), _spots(mistakes, lines)
+        return _Version(lines, edits, rank, tuple(spots), left=len(mistakes))
+
+
+def _spots(mistakes: Iterable[Mistake], lines: Sequence[str]) -> list[_Spot]:
+    """Return the first places of mistakes."""
+    return [*dict.fromkeys(_spot(mistake.place, lines) for mistake in mistakes)][:4]
+
+
+def _spot(place: Place, lines: Sequence[str]) -> _Spot:
+    """Return the place, or the end of the last line with content before it."""
+    row = min(place.line, len(lines)) - 1
+    if row == place.line - 1 and _content(lines[row]):
+        return row, min(place.column - 1, len(lines[row]))
+    row = _before(row, lines)
+    return row, len(lines[row])
+
+
+def _edits(version: _Version) -> Iterator[_Edit]:
+    """Return the edits that undo a slip near the places where a text is wrong."""
+    lines, rows = version.lines, dict[int, None]()
+    for row, _ in version.spots:
+        rows |= {row: None, _before(row, lines): None}
+    yield from _whole(lines)
+    for row in rows:
+        content, comment = _split_comment(lines[row])
+        for kind, edits in (("slip", _slips), ("end", _closers)):
+            for column, why, line in edits(content):
+                yield _Edit((row, column), kind, why, _with(lines, row, line + comment))
+    yield from _late_closers(version)
+    for row, column in version.spots:
+        for at, why, line in _at(lines[row], column):
+            yield _Edit((row, at), "sign", why, _with(lines, row, line))
+    for row in rows:
+        yield from _dashes(lines, row)
+        yield from _indents(lines, row)
+
+
+def _with(lines: tuple[str, ...], row: int, line: str) -> tuple[str, ...]:
+    return (*lines[:row], line, *lines[row + 1 :])
+
+
+# Signs from other programs: what they are, what to write instead, and why.
+_FOREIGN = (
+    (re.compile("\t"), "  ", "tabs cannot indent; use spaces"),
+    (re.compile("\t"), "    ", "tabs cannot indent; use spaces"),
+    (re.compile("\xa0"), " ", "this is a non-breaking space; write an ordinary one"),
+    (re.compile("[\u201c\u201d\u201e]"), '"', 'write the plain quote "'),
+    (re.compile("[\u2018\u2019\u201a]"), "'", "write the plain quote '"),
+)
+
+
+def _whole(lines: tuple[str, ...]) -> Iterator[_Edit]:
+    """Return edits of foreign signs in all lines."""
+    for odd, instead, why in _FOREIGN:
+        spots = (
+            (row, found.start()) for row, line in enumerate(lines) if (found := odd.search(line))
+        )
+        if spot := next(spots, None):
+            yield _Edit(spot, why, why, tuple(odd.sub(instead, line) for line in lines))
+
+
+_InLine = tuple[int, str, str]  # the column of a slip, what is wrong, and the line without it
+_KEY = r"(^[\s-]*|(?<=[{,\[])\s*)([A-Za-z_][\w-]*)"
+
+# A slip of which group 2 is the place, what to write instead, and why.
+_SLIPS = (
+    (_KEY + r":(?=[^\s:/\\])", r"\1\2: ", r"a space is missing after the colon of `\2`"),
+    (_KEY + r" ?= ?(?=[^\s=])", r"\1\2: ", r"a colon separates `\2` from its value, not `=`"),
+    (_KEY + r"$", r"\1\2:", r"a colon is missing after `\2`"),
+    (_KEY + r"\s+(?=[^\s:=,}\]])", r"\1\2: ", r"a colon is missing after `\2`"),
+    (r"^(\s*)(-)(?=[A-Za-z{\[])", r"\1- ", r"a space is missing after the `-`"),
+    (r"()(\$\{(\w+)\})", r"$\3", r"write `$\3`, without braces"),
+    (r"()(\()([^()]*)\)", r"{\3}", r"write braces, not parentheses"),
+    (r"()(\()([^()]*)\)", r"[\3]", r"write brackets, not parentheses"),
+    (r"()(;)", r",", r"a comma separates values, not `;`"),
+)
+
+
+def _slips(content: str) -> Iterator[_InLine]:
+    """Return edits that undo one slip, or all slips of its kind, in a line."""
+    for pattern, instead, why in _SLIPS:
+        slips = list(re.finditer(pattern, content))
+        for slip in slips:
+            made = content[: slip.start()] + slip.expand(instead) + content[slip.end() :]
+            yield slip.start(2), slip.expand(why), made
+        if len(slips) > 1:
+            yield slips[0].start(2), slips[0].expand(why), re.sub(pattern, instead, content)
+
+
+_CLOSERS = {"{": "}", "[": "]", "'": "'", '"': '"'}
+
+
+def _closers(content: str) -> Iterator[_InLine]:
+    """Return edits that close what a line does not close, or put its text in quotes."""
+    stack = _unclosed(content)
+    if stack:
+        column = stack[-1]
+        why = f"the {content[column]} in column {column + 1} is not closed"
+        ends = [found.start() for found in re.finditer(r"[,}\]]", content) if found.end() > column]
+        # Best before the next key.
+        ends.sort(key=lambda end: not re.match(r", *[\w-]+:", content[end:]))
+        closer = _CLOSERS[content[column]]
+        yield from ((column, why, f"{content[:end]}{closer}{content[end:]}") for end in ends)
+        closers = "".join(_CLOSERS[content[column]] for column in reversed(stack))
+        yield column, why, content + closers
+    if found := re.match(r"(\s*(?:- )?[A-Za-z_][\w-]*: +)([^\s'\"{\[].*)$", content):
+        quote = "'" if '"' in found[2] else '"'
+        why = "a text with special characters must be in quotes"
+        yield found.end(1), why, f"{found[1]}{quote}{found[2]}{quote}"
+
+
+def _late_closers(version: _Version) -> Iterator[_Edit]:
+    """Return edits that close, in a later line, what a line above opens."""
+    row, column = version.opened or (0, 0)
+    sign = version.lines[row][column : column + 1]
+    if not version.opened or sign not in _CLOSERS or not sign:
+        return
+    for last in range(row + 1, max(row for row, _ in version.spots) + 1):
+        content, comment = _split_comment(version.lines[last])
+        why = f"the {sign} of line {row + 1}, column {column + 1} is not closed"
+        if content:
+            made = content + _CLOSERS[sign] + comment
+            yield _Edit((last, len(content)), "end", why, _with(version.lines, last, made))
+
+
+def _at(line: str, column: int) -> Iterator[_InLine]:
+    """Return edits of the characters where the text is wrong."""
+    before, after = line[:column], line[column:]
+    if after.startswith(("}", "]")):
+        sign, other = after[0], {"}": "]", "]": "}"}[after[0]]
+        yield column, f"this {sign} closes nothing", before + after[1:]
+        why = f"{sign} does not close what is open here; write {other}"
+        yield column, why, before + other + after[1:]
+    if word := re.search(r"[\w'\"}\]]\s+([\w'\"$-]+)\s*$", before):
+        at = word.start(1)
+        yield at, f"a comma is missing before `{word[1]}`", f"{before[:at].rstrip()}, {line[at:]}"
+    if value := re.match(r"[^\s,}\]\[{#'\"][^,}\]#]*(?<!\s)", after):
+        made = f'{before}"{value[0]}"{after[value.end() :]}'
+        yield column, f"{value[0]} must be in quotes", made
+
+
+def _dashes(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
+    """Return edits that begin items of a list."""
+    margin = len(_margin(lines[row]))
+    found = re.match(r"\s*([A-Za-z_][\w-]*)", lines[row])
+    if not found:
+        return
+    why = f"a `-` is missing before `{found[1]}`: every node of a list begins with one"
+    for left in (0, 2) if margin >= 2 else (0,):
+        made = f"{lines[row][: margin - left]}- {lines[row][margin:]}"
+        yield _Edit((row, margin), "dash", why, _with(lines, row, made))
+    below = lines[row + 1 :]
+    end = next((n for n, line in enumerate(below) if _columns(line)[0] < margin), len(below))
+    items = [
+        f"{line[:margin]}- {line[margin:]}" if _columns(line)[0] == margin else line
+        for line in (lines[row], *below[:end])
+    ]
+    yield _Edit((row, margin), "dash", why, (*lines[:row], *items, *below[end:]))
+
+
+def _indents(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
+    """Return edits that move a line, with the lines that belong to it, to another column."""
+    now = len(_margin(lines[row]))
+    columns = dict[int, str]()  # the columns of the lines above, and what to do
+    for above in reversed(range(row)):
+        if not _content(lines[above]):
+            continue
+        indent, first, inner, key = _columns(lines[above])
+        if lines[above].rstrip().endswith(":"):
+            columns.setdefault(inner + 2, f"it belongs to `{key}` in line {above + 1}")
+        columns.setdefault(inner, f"indent it like `{key}` in line {above + 1}")
+        columns.setdefault(indent, f"indent it like `{first}` in line {above + 1}")
+    end = next(
+        (
+            n
+            for n in range(row + 1, len(lines))
+            if _content(lines[n]) and _columns(lines[n])[0] <= now
+        ),
+        len(lines),
+    )
+    tabs = "\t" in _margin(lines[row])
+    end = row + 1 if tabs else end
+    for column in sorted(columns.keys() - {now}, key=lambda column: abs(column - now)):
+        moved = tuple(_moved(line, column - now) for line in lines[row:end])
+        spaces = f"{now} space" if now == 1 else f"{now} spaces"
+        why = (
+            f"`{_columns(lines[row])[1]}` is indented by {spaces}, not {column}: {columns[column]}"
+        )
+        if any(map(_content, lines[row + 1 : end])):
+            why += "; move the lines that belong to it, too"
+        why = "tabs cannot indent; use spaces" if tabs else why
+        yield _Edit((row, now), "indent", why, (*lines[:row], *moved, *lines[end:]))
+
+
+def _columns(line: str) -> tuple[int, str, int, str]:
+    """Return the column and beginning of a line's content, and of the first key in it."""
+    found = re.match(r"(\s*)((?:- +)*)([\w-]*)", line)
+    assert found
+    key = found[3] or found[2].strip() or line.strip()
+    return len(found[1]), found[2] + found[3] or key, found.end(2), key
+
+
+def _moved(line: str, by: int) -> str:
+    margin = len(_margin(line))
+    return " " * max(0, margin + by) + line[margin:]
+
+
+def _margin(line: str) -> str:
+    return line[: len(line) - len(line.lstrip())]
+
+
+def _content(line: str) -> str:
+    """Return a line without spaces and comment."""
+    return _split_comment(line)[0].strip()
+
+
+def _split_comment(line: str) -> tuple[str, str]:
+    """Return the content of a line, and its comment with the spaces before it."""
+    content = re.split(r"(?:^|\s)\s*#", line, maxsplit=1)[0].rstrip()
+    return content, line[len(content) :]
+
+
+def _before(row: int, lines: Sequence[str]) -> int:
+    """Return the last line with content before a line, or the first line."""
+    return next((above for above in reversed(range(row)) if _content(lines[above])), 0)
+
+
+def _unclosed(content: str) -> list[int]:
+    """Return the columns of the brackets and quotes that a line does not close."""
+    stack: list[int] = []
+    for column, sign in enumerate(content):
+        inside = content[stack[-1]] if stack else ""
+        if inside in ("'", '"'):
+            if sign == inside:
+                stack.pop()
+        elif sign in "{[" or (sign in "'\"" and re.search(r"(^|[\s{\[,])$", content[:column])):
+            stack.append(column)
+        elif sign in "}]" and stack:
+            if _CLOSERS[inside] != sign:
+                break
+            stack.pop()
+    return stack
