@@ -10,7 +10,7 @@ from tests.faults.row import Scene, row
     "`kill -9` at a random moment of a run",
     "`log recover` keeps every frame but at most the one in flight, and what it keeps holds",
     times=12,
-    quick=2,
+    quick=1,
 )
 def kill(scene: Scene) -> None:
     board = scene.board()

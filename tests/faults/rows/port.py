@@ -28,7 +28,7 @@ def fault_time(scene: Scene, run: Command, code: str) -> float:
     limit=70,
     unit="ms",
     times=12,
-    quick=2,
+    quick=1,
 )
 def unplug(scene: Scene) -> None:
     board = scene.board()
@@ -179,7 +179,6 @@ def write_error(scene: Scene) -> None:
     "every write to the port takes at most a random number of bytes, from 1 to 19",
     "the board reads exactly the frames that were recorded, and ends where the task ends",
     times=4,
-    quick=1,
 )
 def short_writes(scene: Scene) -> None:
     board = scene.board()

@@ -12,7 +12,7 @@ from tests.faults.row import Scene, row
     limit=300,
     unit="ms",
     times=9,
-    quick=3,
+    quick=1,
 )
 def signals(scene: Scene) -> None:
     board = scene.board()

@@ -1,0 +1,185 @@
+"""The board sends garbage, resets, loses power, or reads other bytes than were sent."""
+
+import time
+
+from tests.faults.board import Board
+from tests.faults.process import Command, until
+from tests.faults.row import Scene, last_line, row
+
+OWN = {'firmware = "stock"': 'firmware = "armtree"'}
+
+
+def own_board(scene: Scene) -> Board:
+    """A board with the firmware of armtree, and a robot file that says so."""
+    scene.robot(OWN)
+    return scene.board("armtree")
+
+
+def ends_with(scene: Scene, run: Command, *codes: str) -> float:
+    """Check that a run ended with a hardware fault, and sent nothing after it; return when [s]."""
+    scene.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
+    (result,) = run.events("result")
+    scene.check(result["code"] in codes, f"the code is {result['code']}")
+    failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
+    late = [each for each in run.events("sent") if each["time_s"] > failing["time_s"]]
+    scene.check(not late, f"{len(late)} frames were sent after the fault")
+    return float(failing["time_s"])
+
+
+@row(
+    "garbage",
+    "the board sends 300 kB of random bytes during a motion",
+    "the motion goes on and ends where it should, or ends `hw.frame_lost` if acknowledgements are"
+    " behind the garbage; the memory of the command grows little",
+    limit=20,
+    unit="MiB",
+    times=4,
+)
+def garbage(scene: Scene) -> None:
+    firmware = scene.random.choice(["stock", "armtree"])
+    board = own_board(scene) if firmware == "armtree" else scene.board()
+    run = scene.run("21", board=board)
+    run.until_event("sent", scene.random.randint(1, 3))
+    before = run.memory()
+    board.ask("garbage 300000")
+    most = before
+    while run.popen.poll() is None:
+        most = max(most, run.memory() if run.popen.poll() is None else 0.0)
+        time.sleep(0.02)  # noqa: TID251, it samples another process
+    text = run.output.read_bytes()
+    scene.check(text.count(b'"received"') > 10, "the garbage was not read")
+    state = board.ask("state")
+    scene.check(state["lost"] == state["wrong"] == 0, f"the board lost bytes: {state}")
+    if firmware == "armtree" and run.wait() == 6:
+        ends_with(scene, run, "hw.frame_lost")
+    else:
+        scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
+        scene.check(state["angles"] == [90, 90, 90, 0], f"it ends at {state['angles']}")
+    scene.figure(most - before)
+    scene.verified()
+
+
+@row(
+    "reset",
+    "the board with the firmware `armtree` resets during a motion",
+    "the goal ends `hw.board_reset` or `hw.frame_lost`; nothing is sent afterwards",
+    limit=350,
+    unit="ms",
+    times=5,
+)
+def reset(scene: Scene) -> None:
+    board = own_board(scene)
+    run = scene.run("20", board=board)
+    run.until_event("sent", scene.random.randint(2, 60))
+    pressed = board.ask("reset")["time"]
+    scene.figure(1000 * (ends_with(scene, run, "hw.board_reset", "hw.frame_lost") - pressed))
+    scene.verified()
+
+
+@row(
+    "reset-stock",
+    "the board with the published sketch resets during a motion: it cannot be detected",
+    "the goal ends as usual, and the recording has what was sent",
+    times=2,
+)
+def reset_stock(scene: Scene) -> None:
+    board = scene.board()
+    run = scene.run("21", board=board)
+    run.until_event("sent", scene.random.randint(2, 8))
+    board.ask("reset")
+    scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
+    scene.verified()
+
+
+@row(
+    "brown-out",
+    "the supply of the board of a server dips several times, during a motion and after it",
+    "the goal ends with a code of the hardware; nothing is sent until a person activates the arm",
+    times=4,
+)
+def brown_out(scene: Scene) -> None:
+    board = own_board(scene)
+    server = scene.serve("--activate", "--policy", "queue", board=board)
+    goals = [server.goal(20), server.goal(21)]
+    until("the first frames", lambda: len(board.frames()) >= scene.random.randint(1, 40))
+    for _ in range(scene.random.randint(2, 5)):
+        board.ask("reset")
+        time.sleep(scene.random.uniform(0.0, 0.3))  # noqa: TID251, random moments
+    first, second = [server.result(goal)["code"] for goal in goals]
+    scene.check(first in ("hw.board_reset", "hw.frame_lost"), f"the first ends {first}")
+    scene.check(second.startswith("hw."), f"the second ends {second}")
+    scene.check(server.state() == "unconfigured", f"the arm is {server.state()}")
+    frames = len(board.frames())
+    board.ask("reset")
+    server.post("/api/arm/configure")
+    scene.check(server.state() == "inactive", f"then the arm is {server.state()}")
+    scene.check(len(board.frames()) == frames, "a frame was sent without activation")
+    server.post("/api/arm/activate")
+    result = server.result(server.goal(21))
+    scene.check(result["code"] == "ok", f"after the activation: {result['code']}")
+
+
+@row(
+    "damaged-byte",
+    "one bit of a byte changes between the computer and the board",
+    "with the firmware `armtree`, the goal ends `hw.frame_lost`; nothing is sent afterwards",
+    limit=500,
+    unit="ms",
+    times=5,
+    quick=1,
+)
+def damaged_byte(scene: Scene) -> None:
+    board = own_board(scene)
+    run = scene.run("20", board=board)
+    run.until_event("sent", scene.random.randint(2, 60))
+    begin = board.ask("damage")["time"]
+    scene.figure(1000 * (ends_with(scene, run, "hw.frame_lost") - begin))
+    scene.verified()
+
+
+@row(
+    "silence",
+    "the board with the firmware `armtree` stops to answer during a motion",
+    "the goal ends `hw.frame_lost`; nothing is sent afterwards",
+    limit=500,
+    unit="ms",
+    times=3,
+)
+def silence(scene: Scene) -> None:
+    board = own_board(scene)
+    run = scene.run("20", board=board)
+    run.until_event("sent", scene.random.randint(2, 60))
+    begin = board.ask("mute")["time"]
+    scene.figure(1000 * (ends_with(scene, run, "hw.frame_lost") - begin))
+    scene.verified()
+
+
+@row(
+    "overload",
+    "random motions over the whole range, on a board with the published sketch, which reads"
+    " nothing while a servo turns",
+    "the board loses no byte, reads no wrong angle, and ends where the last frame says",
+    times=4,
+)
+def overload(scene: Scene) -> None:
+    folder = scene.folder / "trees"
+    folder.mkdir()
+    moves = []
+    for _ in range(3):
+        joints = {"joint_1": 1.5, "joint_2": 0.5, "joint_3": 0.4}
+        goal = {name: round(scene.random.uniform(-most, most), 3) for name, most in joints.items()}
+        moves.append(f"    - subtree: move_joints\n      with: {{joints: {goal}}}")
+    text = "task: 30\nname: far\ndescription: Move far.\ntree:\n  sequence:\n" + "\n".join(moves)
+    (folder / "30_far.yaml").write_text(text.replace("'", "") + "\n")
+    board = scene.board()
+    run = scene.run("30", "--seed", str(scene.random.randint(1, 1000)), board=board)
+    run.wait()
+    result = run.events("result")[-1]
+    scene.check(result["code"] == "ok" or result["code"].startswith("plan."), last_line(run))
+    state = until("it has read all", lambda: (s := board.ask("state"))["backlog"] == 0 and s)
+    scene.check(state["lost"] == state["wrong"] == 0, f"the board lost bytes: {state}")
+    if frames := board.frames():
+        angles = [int(field[1:]) for field in frames[-1].data.decode().split(",")[:4]]
+        scene.check(state["angles"] == angles, f"it is at {state['angles']}, not at {angles}")
+    scene.injections = len(run.events("schedule"))
+    scene.verified()
