@@ -15,6 +15,7 @@ from .arm.events import (
 from .arm.interfaces import state_interfaces as state_interfaces
 from .arm.lifecycle import TRANSITIONS as TRANSITIONS, State as State
 from .arm.schedule import (
+    MAX_DURATION as MAX_DURATION,
     Schedule as Schedule,
     Setpoint as Setpoint,
     compile_schedule as compile_schedule,

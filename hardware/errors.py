@@ -27,6 +27,7 @@
         ├── StaleGeneration       the motion was stopped
         ├── BadPosition           a position is missing, not finite or outside the limits
         ├── TooFast               the board cannot process the frame now
+        ├── TooLong               a motion would take longer than any may
         └── JointTooFast          a joint would exceed its velocity limit
 
 Every error has a stable `code`, and its message says what to do.
@@ -363,6 +364,22 @@ class TooFast(WriteRefused):
 
     code = "hw.too_fast"
     hint = "lower the velocity in the robot file"
+
+
+class TooLong(WriteRefused):
+    """A motion of the whole arm would take too long.
+
+    Attributes:
+        value: Its duration [s].
+        limit: Largest duration [s].
+    """
+
+    code = "hw.too_long"
+    hint = "divide the motion, or raise the velocities in the robot file"
+
+    def __init__(self, value: float, limit: float) -> None:
+        self.value, self.limit = value, limit
+        super().__init__(f"the motion would take {value:.6g} s; the limit is {limit:g} s")
 
 
 class JointTooFast(WriteRefused):

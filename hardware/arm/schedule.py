@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from hardware.description.robot import Robot
 from hardware.drivers.driver import Frame, WireFormat
 from hardware.drivers.pacing import PacingModel
-from hardware.errors import TooFast
+from hardware.errors import TooFast, TooLong
 
 # Returns the joint positions at the given times [s], one row per time [rad].
 Sampler = Callable[[Sequence[float]], Sequence[Sequence[float]]]
+
+MAX_DURATION = 600.0  # largest duration of a motion: a year would fill the memory with samples [s]
 
 # A motion that needs more than one frame within this time is a jump [s]. Hobby servos at full speed
 # need six times as long for a full frame.
@@ -69,8 +71,11 @@ def compile_schedule(
 
     Raises:
         BadPosition: A sample is missing, not finite or outside the limits.
+        TooLong: The duration is more than `MAX_DURATION`.
         TooFast: The motion jumps, or does not begin at the commanded positions.
     """
+    if not duration <= MAX_DURATION:
+        raise TooLong(duration, MAX_DURATION)
     codec = robot.wire_format
     last = codec.encode(start)
     pacing = PacingModel(robot.firmware, robot.serial.baud, last)

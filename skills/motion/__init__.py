@@ -27,6 +27,7 @@ from .errors import (
     PlanTimeout as PlanTimeout,
     StartInCollision as StartInCollision,
     StartOutOfBounds as StartOutOfBounds,
+    TooLong as TooLong,
     Unreachable as Unreachable,
     WorkerDied as WorkerDied,
     shown as shown,

@@ -14,6 +14,7 @@
     ├── Unreachable             the tool cannot reach the point, or not in that direction
     ├── Barred                  proved: every path passes a position of a joint in collision
     ├── NoPath                  the search found no path within its iterations
+    ├── TooLong                 the motion would take longer than any may
     ├── PlanTimeout             the deadline passed
     ├── MotionCollides          the final check of the motion found a collision
     ├── PlanCanceled            the request was canceled
@@ -293,6 +294,26 @@ class NoPath(MotionError):
     def __init__(self, iterations: int) -> None:
         self.iterations = iterations
         super().__init__(f"No path was found in {iterations} iterations; {self.hint}")
+
+
+class TooLong(MotionError):
+    """The motion would take too long, because the limits of a joint are very low.
+
+    Attributes:
+        joint: Name of the joint that moves longest.
+        value: Duration of the motion [s].
+        limit: Largest duration [s].
+    """
+
+    code = "plan.too_long"
+    hint = "choose a nearer goal, or raise the limits of the joint in the robot file"
+
+    def __init__(self, joint: str, value: float, limit: float, rates: str) -> None:
+        self.joint, self.value, self.limit = joint, value, limit
+        super().__init__(
+            f"The motion would take {value:.6g} s; the limit is {limit:g} s. {joint} moves "
+            f"longest, with at most {rates}; {self.hint}"
+        )
 
 
 class PlanTimeout(MotionError, TimeoutError):

@@ -19,14 +19,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from hardware import Clock, RealClock, Robot
+from hardware import MAX_DURATION, Clock, RealClock, Robot
+from hardware.joints import DISPLAY_UNITS
 
 from .arrays import Array, norms
 from .collision.checker import CollisionChecker
 from .collision.endpoints import EndpointChecker
 from .collision.scene import PlanningScene
 from .deadline import Deadline, Stopwatch
-from .errors import BadQuery, MotionError
+from .errors import BadQuery, MotionError, TooLong
 from .kinematics.inverse import solve_ik
 from .kinematics.joint_group import JointGroup
 from .kinematics.robot_model import RobotModel
@@ -96,8 +97,8 @@ class Planner:
 
         Raises:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
-            GoalInCollision, Barred, NoPath, PlanTimeout, MotionCollides: The first stage that
-            fails. The error has the durations of all stages so far.
+            GoalInCollision, Barred, NoPath, TooLong, PlanTimeout, MotionCollides: The first stage
+            that fails. The error has the durations of all stages so far.
         """
         watch = Stopwatch(self._clock)
         try:
@@ -142,6 +143,7 @@ class Planner:
                 profile=profile,
                 milliseconds=watch.milliseconds,  # the same dictionary: later stages are added
             )
+        _check_duration(plan, group)
         if not curve.straight:
             with watch.stage("check"), checker.within(deadline):
                 verify_plan(validator, plan)
@@ -177,6 +179,7 @@ class Planner:
 
         Raises:
             BadQuery, NotFinite: The arm is not on the path, or the request is not valid.
+            TooLong: The rest would take too long.
         """
         watch = Stopwatch(self._clock)
         check_rest(request)
@@ -189,6 +192,7 @@ class Planner:
             )
         with watch.stage("time"):
             plan = remaining_plan(request.plan, request.time, start, group.columns)
+        _check_duration(plan, group)
         return dataclasses.replace(plan, milliseconds=watch.milliseconds)
 
     def carry(self, request: Carry) -> Body:
@@ -310,6 +314,22 @@ def _first_timed(
         if profile:
             return waypoints, curve, profile
     raise AssertionError("a path that stops at every waypoint can be timed")
+
+
+def _check_duration(plan: Plan, group: JointGroup) -> None:
+    """Check that a plan can be sampled whole.
+
+    Raises:
+        TooLong: Its duration is more than `hardware.MAX_DURATION`.
+    """
+    if plan.duration <= MAX_DURATION:
+        return
+    travels = abs(np.diff(plan.waypoints, axis=0)).sum(axis=0)
+    slowest = int(np.argmax(travels / group.velocity + np.sqrt(travels / group.acceleration)))
+    joint = group.joints[slowest]
+    scale, unit = DISPLAY_UNITS[joint.unit]
+    rates = f"{scale * joint.velocity:.4g} {unit}/s and {scale * joint.acceleration:.4g} {unit}/s2"
+    raise TooLong(joint.name, plan.duration, MAX_DURATION, rates)
 
 
 def _distinct(waypoints: Array) -> Array:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hardware import Joint, Robot
+from hardware import MAX_DURATION, Joint, Robot
 from hardware.joints import DISPLAY_UNITS
 from skills.motion.arrays import Array, Mask
 from skills.motion.errors import MotionError, shown
@@ -203,6 +203,8 @@ def _check_time_law(law: TimeLaw, curve: Curve) -> None:
     )
     if not fits:
         raise InvalidMessage("a plan whose time law does not lead along its path")
+    if law.duration > MAX_DURATION:
+        raise InvalidMessage(f"a plan of {law.duration:.6g} s; the limit is {MAX_DURATION:g} s")
     # An interval that passes a break would have several derivatives.
     middle = 0.5 * (law.positions[:-1] + law.positions[1:])
     piece = np.searchsorted(curve.breaks[1:-1], middle, side="right")

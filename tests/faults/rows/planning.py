@@ -32,7 +32,7 @@ LIES = (
     "planner-lies",
     "a planner answers with another plan: other shapes, joints, limits, start, goal, duration",
     "the goal ends `plan.worker_died` with what is wrong; no frame is sent; the next goal succeeds",
-    times=2,
+    times=5,
     quick=1,
 )
 def planner_lies(scene: Scene) -> None:
@@ -41,8 +41,9 @@ def planner_lies(scene: Scene) -> None:
     environment = {"PYTHONPATH": str(PRELOAD), "PLANNER_FAULT": str(fault)}
     server = scene.serve("--activate", board=board, environment=environment)
     until("the arm is active", lambda: server.state() == "active")
-    scene.injections = len(LIES)
-    for kind in scene.random.sample(LIES, len(LIES)):
+    kinds = scene.random.sample(LIES, 3)
+    scene.injections = len(kinds)
+    for kind in kinds:
         before = len(board.frames())
         fault.write_text(kind)
         result = server.result(server.goal(21))
@@ -53,3 +54,30 @@ def planner_lies(scene: Scene) -> None:
         scene.check(len(board.frames()) == before, f"{kind}: frames were sent")
         honest = server.result(server.goal(21))
         scene.check(honest["code"] == "ok", f"after {kind}: {honest['code']}: {honest['message']}")
+
+
+@row(
+    "slow-joint",
+    "a robot file with a velocity or an acceleration of 1e-7 or less",
+    "the goal ends `plan.too_long` with exit status 5, no frame is sent, and memory stays bounded",
+    limit=300,
+    unit="MiB",
+    times=4,
+    quick=1,
+)
+def slow_joint(scene: Scene) -> None:
+    text = scene.random.choice(["velocity = 1.0", "acceleration = 0.5"])
+    value = scene.random.choice(["1e-7", "2e-8"])
+    scene.robot({text: f"{text.partition(' ')[0]} = {value}"})
+    run = scene.run("20", board=scene.board())
+
+    def ended() -> bool:
+        scene.figure(run.memory())
+        return run.popen.poll() is not None
+
+    until("its end", ended)
+    (result,) = run.events("result")
+    scene.check(run.wait() == 5, f"exit status {run.wait()}, not 5")
+    scene.check(result["code"] == "plan.too_long", f"{result['code']}: {result['message']}")
+    scene.check("the limit is 600 s" in result["message"], f"the message is {result['message']}")
+    scene.check(not run.events("sent"), "frames were sent")

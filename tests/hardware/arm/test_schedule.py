@@ -9,12 +9,20 @@ from itertools import pairwise
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from hardware import BadPosition, Robot, Schedule, compile_schedule, load_robot, servo_path
+from hardware import (
+    MAX_DURATION,
+    BadPosition,
+    Robot,
+    Schedule,
+    compile_schedule,
+    load_robot,
+    servo_path,
+)
 from hardware.arm.schedule import Sampler
 from hardware.drivers.arduino.frames import Codec
 from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.drivers.arduino.virtual.board import Board
-from hardware.errors import TooFast
+from hardware.errors import TooFast, TooLong
 
 STOCK = load_robot()
 OURS = dataclasses.replace(STOCK, firmware=FIRMWARES["armtree"])
@@ -125,6 +133,22 @@ def test_a_motion_that_jumps_is_refused(robot: Robot, jump: float, between: str)
     with pytest.raises(TooFast, match=why) as raised:
         compile_schedule(robot, HOME, sample, 1.0)
     assert raised.value.code == "hw.too_fast"
+
+
+def test_a_motion_of_a_year_is_refused_before_it_is_sampled() -> None:
+    sampled = []
+
+    def sample(times: Sequence[float]) -> list[tuple[float, ...]]:
+        sampled.append(len(times))
+        return [HOME for _ in times]
+
+    year = 365 * 86_400.0
+    for duration in (year, math.inf, math.nan, math.nextafter(MAX_DURATION, math.inf)):
+        with pytest.raises(TooLong, match=r"would take .* s; the limit is 600 s") as raised:
+            compile_schedule(OURS, HOME, sample, duration)
+        assert (raised.value.code, raised.value.limit) == ("hw.too_long", 600.0)
+    assert not sampled
+    compile_schedule(OURS, HOME, sample, MAX_DURATION)
 
 
 def test_the_same_motion_gives_the_same_schedule() -> None:

@@ -26,8 +26,10 @@ from skills.motion import (
     Plan,
     PlanTimeout,
     Query,
+    Rest,
     StartInCollision,
     StartOutOfBounds,
+    TooLong,
     Verify,
 )
 from skills.motion.path import rrt_connect
@@ -331,7 +333,7 @@ def test_invalid_distances(planner: Planner, robot: Robot, odd: Any) -> None:
             Verify([(odd, 0.0, 0.0, 0.0)], 0.0)
 
 
-@pytest.mark.parametrize(("velocity", "acceleration"), [(1.0, 1e6), (1.0, 1e300), (1e-8, 1e-8)])
+@pytest.mark.parametrize(("velocity", "acceleration"), [(1.0, 1e6), (1.0, 1e300), (1e-2, 1e-2)])
 def test_the_check_of_a_bend_is_fast_for_all_limits(
     robot: Robot, velocity: float, acceleration: float
 ) -> None:
@@ -382,3 +384,22 @@ def test_verify_rejects(planner: Planner, request_: Verify, error: type[MotionEr
     with pytest.raises(error):
         planner.verify(request_)
     planner.verify(Verify([(0.0, 0.0, 0.0, 0.0)], 0.001))
+
+
+@pytest.mark.parametrize(("velocity", "acceleration"), [(1e-7, 0.5), (1.0, 1e-7)])
+@pytest.mark.parametrize("query", [arm(HOME, PICK), via((-0.7, 0.2, 0.0)), DETOUR])
+def test_a_motion_that_would_take_a_year(
+    robot: Robot, query: Query, velocity: float, acceleration: float
+) -> None:
+    base, *others = robot.joints
+    slow = dataclasses.replace(base, velocity=velocity, acceleration=acceleration)
+    planner = Planner(dataclasses.replace(robot, joints=(slow, *others)))
+    why = r"would take .* s; the limit is 600 s. joint_1 moves longest, with at most "
+    with pytest.raises(TooLong, match=why) as raised:
+        planner.plan(query)
+    assert raised.value.value > 600.0 == raised.value.limit
+    assert raised.value.milliseconds
+    long = Planner(robot).plan(query)
+    slowed = dataclasses.replace(long, velocity=1e-7 * long.velocity)
+    with pytest.raises(TooLong):
+        planner.rest(Rest(slowed, 0.0, query.start))

@@ -131,6 +131,10 @@ def faster(plan: Plan) -> Plan:
     return dataclasses.replace(plan, profile=plan.profile.slowed(1 / 3))
 
 
+def slow(plan: Plan) -> Plan:
+    return dataclasses.replace(plan, profile=plan.profile.slowed(1e7))
+
+
 def ends_elsewhere(plan: Plan) -> Plan:
     """Everything is right, but for another goal: 0.1 rad off."""
     goal = plan.goal + np.array([0.0, 0.1, 0.0])
@@ -191,6 +195,7 @@ LIES: list[tuple[str, Callable[[Plan], Any], str]] = [
     ("huge", lambda p: curved(p, linear=np.full((1, 3), 1.7e308)), "joint_1 jumps from"),
     ("outside", round_trip, r"moves joint_2 to 171.887 deg, outside \[-90 deg, 90 deg\]"),
     ("fast", faster, r"with joint_1 at 143.* deg/s; its limit is 57.*deg/s"),
+    ("a year", slow, "a plan of .* s; the limit is 600 s"),
     ("backwards", lambda p: timed(p, times=-p.profile.times), "time law does not lead along"),
     ("not to the end", lambda p: timed(p, positions=0.5 * p.profile.positions), "time law does"),
     ("standstill", lambda p: dataclasses.replace(p, profile=TimeLaw.standstill()), "time law"),
