@@ -16,7 +16,7 @@ INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo test quick lint types rooms damage faults mutation firmware lock
+.PHONY: demo test quick lint types rooms damage faults soak mutation firmware lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -47,6 +47,11 @@ damage: $(TOOLS)
 # hold. `make faults ARGS="--only unplug --times 50 --seed 7 --keep"` selects.
 faults: $(TOOLS)
 	$(VENV)/bin/python tests/faults/run.py $(ARGS)
+
+# Takes an hour: one server, random clients, faults and recoveries. Fails if a promise does not hold,
+# or if the server grows. `make soak ARGS="--minutes 5 --seed 7 --json found.json"` selects.
+soak: $(TOOLS)
+	$(VENV)/bin/python tests/faults/soak.py $(ARGS)
 
 # Takes two to ten minutes. Fails if no test notices a small change to the code that guards the wire.
 mutation: $(TOOLS)

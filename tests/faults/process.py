@@ -8,11 +8,13 @@ import signal
 import subprocess
 import sys
 import time
+import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 ARMTREE = Path(sys.executable).with_name("armtree")
+MARK = "ARMTREE_FAULTS_COMMAND"  # a variable that all processes of a command inherit
 HANG_S = 60.0  # longer than any honest wait, even on a busy machine
 
 
@@ -62,7 +64,9 @@ class Command:
             "XDG_RUNTIME_DIR": str(folder),
             "TERM": "dumb",
             **(environment or {}),
+            MARK: uuid.uuid4().hex,
         }
+        self._mark = f"{MARK}={variables[MARK]}".encode()
 
         def prepare() -> None:
             for which, value in (limits or {}).items():
@@ -151,8 +155,8 @@ class Command:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def family(self) -> list[int]:
-        """All processes that it started and that still run, zombies excluded."""
-        return [pid for pid in processes() if pid != self.pid and session(pid) == self.pid]
+        """All processes that it started and that still run, also after its own end."""
+        return [pid for pid in processes() if pid != self.pid and self._mark in variables_of(pid)]
 
     def close(self) -> None:
         """End it and all it started, whatever it does."""
@@ -167,13 +171,12 @@ def processes() -> Iterator[int]:
     return (int(name) for name in os.listdir("/proc") if name.isdigit())
 
 
-def session(pid: int) -> int:
-    """The session of a process; 0 if it ended."""
+def variables_of(pid: int) -> list[bytes]:
+    """The environment of a process; none if it ended, or is a zombie."""
     try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        return Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
     except OSError:
-        return 0
-    return 0 if fields[0] == "Z" else int(fields[3])
+        return []
 
 
 def kill(pid: int, number: int) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.faults.row import compare
+from tests.faults.soaking.figures import Sample, growth
 
 ONE, TWO, THREE = b"b090,s090,e090,g000,", b"b091,s090,e090,g000,", b"b092,s090,e090,g000,"
 
@@ -40,3 +41,34 @@ def test_the_quick_selection_holds(tmp_path: Path) -> None:
     rows = json.loads(found.read_text())
     assert len(rows) > 2
     assert {row["row"]: row["problems"] for row in rows if row["problems"]} == {}, run.stdout
+
+
+@pytest.mark.slow
+def test_a_short_soak_finds_nothing(tmp_path: Path) -> None:
+    """One round. A crowd of other tests may starve the host, so that codes of lateness come."""
+    found, program = tmp_path / "found.json", Path(__file__).with_name("soak.py")
+    command = [sys.executable, str(program), "--minutes=0.1", "--seed=5", f"--json={found}"]
+    run = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert found.exists(), run.stdout + run.stderr
+    soak = json.loads(found.read_text())
+    assert [each for each in soak["problems"] if "the code log.behind" not in each] == []
+    assert soak["recordings"] > 1
+    assert sum(soak["acts"].values()) > 3
+    assert soak["samples"][-1]["processes"] in (1, 2, 3)  # a planner, and a writer of recordings
+
+
+def sample(descriptors: int) -> Sample:
+    return Sample(1.0, 1, 1, 1, 60.0, 100.0, descriptors, 9, 2, 10, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("descriptors", "found"),
+    [
+        ([20] * 12, []),
+        ([9, 14, 19, 20, 21, 19, 20, 21, 20, 19, 22, 21], []),
+        (list(range(20, 32)), ["descriptors grows from 24 to 30"]),
+        ([20, 30, 40], []),  # too few to know
+    ],
+)
+def test_a_figure_that_grows_in_a_soak_is_found(descriptors: list[int], found: list[str]) -> None:
+    assert growth([sample(each) for each in descriptors]) == found

@@ -1,0 +1,243 @@
+"""Use one server for an hour: clients come and go, faults come, a person recovers the arm.
+
+The time is cut into rounds. In a round, clients and faults act at random. Then all of them end, a
+person gets the arm to move again by the messages alone, and everything is counted: memory,
+descriptors, threads, processes. The recordings of the round are verified, and compared with what
+the board has read. Ends with 1 if something does not hold. README.md says more.
+"""
+
+import argparse
+import contextlib
+import dataclasses
+import json
+import os
+import random
+import signal
+import statistics
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+sys.path[0] = str(ROOT)  # in place of this folder
+
+from tests.faults.process import Hang, until  # noqa: E402
+from tests.faults.soaking import person  # noqa: E402
+from tests.faults.soaking.clients import ACTS, pause  # noqa: E402
+from tests.faults.soaking.figures import Sample, growth, header, line  # noqa: E402
+from tests.faults.soaking.injections import (  # noqa: E402
+    INJECTIONS,
+    OF_THE_BOARD,
+    restart_stopped,
+)
+from tests.faults.soaking.site import Site  # noqa: E402
+
+CLIENTS = 3
+ROUND_S = 30.0
+
+
+class Soak:
+    """A soak under way."""
+
+    def __init__(self, site: Site, seed: str) -> None:
+        self.site, self.random, self.seed = site, random.Random(seed), seed
+        self.begin = time.monotonic()
+        self.samples: list[Sample] = []
+        self.faults: Counter[str] = Counter()
+        self.acts: Counter[str] = Counter()
+        self.recoveries = 0
+        self._round = 0
+
+    def round(self, seconds: float) -> Sample:
+        """Let clients and faults act for so long, then end all of it, and count."""
+        self._round += 1
+        stop = threading.Event()
+        clients = [
+            threading.Thread(target=self._act, args=(stop, f"{self.seed} {self._round} {number}"))
+            for number in range(CLIENTS)
+        ]
+        for client in clients:
+            client.start()
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            pause(self.random, 8.0)
+            self._inject()
+            pause(self.random, 4.0)
+            if self.random.random() < 0.7:
+                person.works(self.site, strict=False)
+        stop.set()
+        for client in clients:
+            client.join(150)
+            if client.is_alive():
+                self.site.problem("an act of a client does not end")
+        self._quiet()
+        return self._count()
+
+    def _act(self, stop: threading.Event, seed: str) -> None:
+        own = random.Random(seed)
+        acts, weights = zip(*ACTS, strict=True)
+        while not stop.is_set():
+            (act,) = own.choices(acts, weights)
+            self.acts[act.__name__] += 1
+            self._guarded(act.__name__, lambda act=act: act(self.site, own))  # type: ignore[misc]
+            pause(own, 2.0)
+
+    def _inject(self) -> None:
+        faults, weights = zip(*INJECTIONS, strict=True)
+        (fault,) = self.random.choices(faults, weights)
+        if not self.site.plugged and fault in OF_THE_BOARD:
+            return
+        self.faults[fault.__name__] += 1
+        self._guarded(fault.__name__, lambda: fault(self.site, self.random))
+
+    def _guarded(self, name: str, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except Exception as error:  # it is a finding, and the soak goes on
+            self.site.problem(f"{name}: {type(error).__name__}: {error}")
+
+    def _quiet(self) -> None:
+        """End everything, and get the arm to move by what the messages say."""
+        site = self.site
+        restart_stopped(site)
+        self._guarded("stop", site.end_goals)
+        trail = person.works(site)
+        self.recoveries += bool(trail)
+        self._guarded("stop", site.end_goals)
+        site.repair()
+        with contextlib.suppress(Hang):  # then the figures show it
+            until("quiet", self._settled, 15)
+        self._guarded("compare", site.compare)
+        self._guarded("verify", site.verify)
+        site.tracebacks()
+
+    def _settled(self) -> bool:
+        """Whether nothing changes for a second."""
+        before = self._figures()[2:]
+        time.sleep(1.0)  # noqa: TID251
+        return before == self._figures()[2:]
+
+    def _figures(self) -> tuple[float, float, int, int, int]:
+        server = self.site.server
+        family = server.family()
+        total = 0.0
+        for pid in family:
+            with contextlib.suppress(OSError):
+                pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+                total += pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+        return server.memory(), total, server.descriptors(), server.threads(), len(family)
+
+    def _count(self) -> Sample:
+        memory, family, descriptors, threads, processes = self._figures()
+        site = self.site
+        sample = Sample(
+            minute=round((time.monotonic() - self.begin) / 60, 1),
+            goals=site.verified,
+            faults=self.faults.total(),
+            recoveries=self.recoveries,
+            memory=round(memory, 1),
+            family=round(family, 1),
+            descriptors=descriptors,
+            threads=threads,
+            processes=processes,
+            frames=len(site.board.frames()),
+            unreceived=site.unreceived,
+            problems=len(site.problems),
+        )
+        self.samples.append(sample)
+        return sample
+
+    def end(self) -> None:
+        """End the server as Ctrl-C does; verify what is left."""
+        site = self.site
+        if (status := site.server.popen.poll()) is not None:
+            site.problem(f"the server ended by itself, with {status}")
+            return
+        family = site.server.family()
+        site.server.signal(signal.SIGINT)
+        if (status := site.server.wait()) != 0:
+            words = site.server.errors.read_text(errors="replace")[-300:]
+            site.problem(f"the server ends with {status}: {words!r}")
+        if left := [pid for pid in family if Path(f"/proc/{pid}").exists()]:
+            site.problem(f"processes {left} outlive the server")
+        site.tracebacks()
+        self._guarded("compare", site.compare)
+        self._guarded("verify", lambda: site.verify(last=True))
+
+
+def report(soak: Soak) -> dict[str, object]:
+    """Everything that was found, for `--json`."""
+    site, stops = soak.site, sorted(soak.site.stops)
+    return {
+        "seed": soak.seed,
+        "minutes": soak.samples[-1].minute if soak.samples else 0.0,
+        "held": not site.problems,
+        "problems": site.problems,
+        "recordings": site.verified,
+        "recorded_mb": round(site.recorded_bytes / 1e6, 1),
+        "stop_ms": {
+            "times": len(stops),
+            "median": round(1000 * statistics.median(stops), 1) if stops else None,
+            "p99": round(1000 * stops[-(-99 * len(stops) // 100) - 1], 1) if stops else None,
+            "worst": round(1000 * stops[-1], 1) if stops else None,
+        },
+        "acts": dict(soak.acts.most_common()),
+        "faults": dict(soak.faults.most_common()),
+        "codes": dict(site.codes.most_common()),
+        "samples": [dataclasses.asdict(sample) for sample in soak.samples],
+    }
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Exit status 0 if everything held."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--seed", default=str(random.randrange(10**6)))
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--keep", action="store_true", help="keep the folder in any case")
+    given = parser.parse_args(arguments)
+    folder = Path(tempfile.mkdtemp(prefix="armtree-soak-"))
+    site = Site(folder, given.seed)
+    soak = Soak(site, given.seed)
+    say(f"seed {given.seed}, folder {folder}, {site.words}")
+    say(header())
+    end = soak.begin + 60 * given.minutes
+    told = 0
+    try:
+        person.works(site)
+        while site.server.popen.poll() is None:
+            say(line(soak.round(min(ROUND_S, max(5.0, end - time.monotonic())))))
+            for problem in site.problems[told:]:
+                say(f"    {problem}")
+            told = len(site.problems)
+            if time.monotonic() > end:
+                break
+        site.problems += growth(soak.samples)
+        soak.end()
+    finally:
+        site.scene.finish()
+    found = report(soak)
+    if given.json:
+        given.json.write_text(json.dumps(found, indent=1))
+    for problem in site.problems[told:]:
+        say(f"    {problem}")
+    for name in ("acts", "faults", "codes", "stop_ms"):
+        words = ", ".join(f"{key} {value}" for key, value in found[name].items())  # type: ignore[attr-defined]
+        say(f"{name}: {words}")
+    say(f"{site.verified} recordings, {len(site.problems)} problems, seed {given.seed}")
+    if not (site.problems or given.keep):
+        site.remove()
+    return int(bool(site.problems))
+
+
+def say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

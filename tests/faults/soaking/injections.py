@@ -1,0 +1,101 @@
+"""Faults of a soak, each injected for real into the running server or its board."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.faults.process import kill
+
+from .clients import pause
+from .site import Site
+
+
+def unplug(site: Site, random: random.Random) -> None:
+    site.spoiled = True
+    site.board.ask("unplug")
+    site.plugged = False
+
+
+def stall(site: Site, random: random.Random) -> None:
+    """The board reads nothing for a while; the reader of the messages lets it go on."""
+    site.spoiled = True
+    site.board.ask("stall")
+
+
+def noise(site: Site, random: random.Random) -> None:
+    site.board.ask(f"garbage {random.choice([1, 100, 4000])}")
+
+
+def words(site: Site, random: random.Random) -> None:
+    site.board.ask("send " + random.choice(["hello", "k0001,00,00,0000", "armtree 1 ?", "status"]))
+
+
+def reset(site: Site, random: random.Random) -> None:
+    site.board.ask("reset")
+
+
+def wrong_writes(site: Site, random: random.Random) -> None:
+    """The kernel refuses writes to the port, takes long, or takes a part."""
+    site.spoiled = True
+    how = ["errno 5", "errno 19 once", "errno 11", "delay 40", "delay 4000 once", "hang 200"]
+    site.calls.start(random.choice([*how, "zero", "zero once", "short 7", "short 1"]))
+    pause(random, 2.0)
+    if random.random() < 0.7:
+        site.calls.stop()
+
+
+def worker(site: Site, random: random.Random) -> None:
+    """A process of the server is killed, or stops."""
+    family = site.server.family()
+    if family:
+        kill(random.choice(family), random.choice([signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM]))
+
+
+def freeze(site: Site, random: random.Random) -> None:
+    """The server does not run for a moment, as on a machine that sleeps."""
+    kill(site.server.pid, signal.SIGSTOP)
+    try:
+        pause(random, 3.0)
+    finally:
+        kill(site.server.pid, signal.SIGCONT)
+
+
+def busy(site: Site, random: random.Random) -> None:
+    """Other programs take the processors for a moment."""
+    script = "import time; end = time.monotonic() + 3\nwhile time.monotonic() < end: pass"
+    others = [subprocess.Popen([sys.executable, "-I", "-c", script]) for _ in range(2)]
+    for other in others:
+        other.wait()
+
+
+def stopped(pid: int) -> bool:
+    """Whether a process is stopped."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+    except OSError:
+        return False
+
+
+def restart_stopped(site: Site) -> None:
+    """Let processes of the server go on that the soak has stopped."""
+    for pid in site.server.family():
+        if stopped(pid):
+            kill(pid, signal.SIGCONT)
+
+
+INJECTIONS: tuple[tuple[Callable[[Site, random.Random], None], int], ...] = (
+    (unplug, 3),
+    (stall, 2),
+    (noise, 1),
+    (words, 1),
+    (reset, 1),
+    (wrong_writes, 3),
+    (worker, 3),
+    (freeze, 1),
+    (busy, 1 if len(os.sched_getaffinity(0)) > 1 else 0),
+)
+OF_THE_BOARD = (unplug, stall, noise, words, reset)

@@ -1,0 +1,210 @@
+"""What a soak has: one server, its board, and what was found out about them so far."""
+
+import contextlib
+import shutil
+import threading
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from tests.faults.board import Board
+from tests.faults.process import HANG_S, Command, Hang, Server, until
+from tests.faults.row import TASKS, Scene, compare, frames_of
+from tests.faults.wrong_calls import WrongCalls
+
+OWN_TASKS = Path(__file__).with_name("tasks")
+RESULTS_S = 120  # the server keeps results for longer than a round takes, but not for long
+# No fault of a soak excuses a code that begins like this.
+WRONG = (
+    *("internal", "skill.", "hw.driver", "hw.too_fast", "hw.joint", "hw.claimed", "hw.bad", "log."),
+    *("server", "file", "plan.bad", "plan.error", "plan.model", "plan.not_finite"),
+)
+_INCOMPLETE = 10
+
+
+class Site:
+    """A server, its board, and what was found.
+
+    Args:
+        folder: An empty folder.
+        seed: Seed of the policy and of the firmware.
+
+    Attributes:
+        codes: How often each code came.
+        problems: What does not hold.
+        spoiled: Whether this round has a fault of the port; it may cost frames on the way.
+        stops: How long each stop took [s].
+    """
+
+    def __init__(self, folder: Path, seed: str) -> None:
+        self.scene = Scene(folder, seed)
+        self.folder, random = folder, self.scene.random
+        self.codes: Counter[str] = Counter()
+        self.problems: list[str] = []
+        self.stops: list[float] = []
+        self.goals: list[str] = []
+        self.spoiled = False
+        self.plugged = True
+        self.unreceived = self.verified = self.incomplete = self.recorded_bytes = 0
+        self._lock, self._commands = threading.Lock(), 0
+        self._read = self._server_frames = self._errors_read = 0
+        self._seen: dict[Path, int] = {}
+        shutil.copytree(TASKS, folder / "trees")
+        shutil.copytree(OWN_TASKS, folder / "trees", dirs_exist_ok=True)
+        firmware = random.choice(["stock", "armtree"])
+        self.policy = random.choice(["reject", "queue", "preempt"])
+        if firmware == "armtree":
+            self.scene.robot({'firmware = "stock"': 'firmware = "armtree"'})
+        self.board: Board = self.scene.board(firmware)
+        self.calls = WrongCalls(folder, "/dev/pts/")
+        self.server: Server = self.scene.serve(
+            *("--rosbridge", "--policy", self.policy, "--result-timeout", str(RESULTS_S)),
+            board=self.board,
+            environment=self.calls.environment,
+        )
+        self.words = f"policy {self.policy}, firmware {firmware}"
+
+    def problem(self, text: str) -> None:
+        """Note what does not hold."""
+        with self._lock:
+            self.problems.append(text)
+
+    def code(self, code: str, where: str) -> None:
+        """Count a code; one that nothing excuses is a problem."""
+        with self._lock:
+            self.codes[code] += 1
+        if code.startswith(WRONG):
+            self.problem(f"the code {code} of {where}")
+
+    def request(self, method: str, path: str, body: object = None) -> tuple[int, Any]:
+        """Send a request; count the code of a refusal."""
+        status, answer = self.server.request(method, path, body)
+        if status >= 400:
+            if isinstance(answer, dict) and "code" in answer:
+                self.code(str(answer["code"]), f"{method} {path}: {answer.get('message')}")
+            else:
+                self.problem(f"{method} {path} is answered with {status} and {str(answer)[:100]!r}")
+        return status, answer
+
+    def send(self, task: int, **fields: object) -> str:
+        """Send a goal; return its id, or nothing if it was refused."""
+        status, answer = self.request("POST", "/api/goals", {"task": task, **fields})
+        if status != 201:
+            return ""
+        with self._lock:
+            self.goals.append(answer["goal_id"])
+        return str(answer["goal_id"])
+
+    def result(self, goal_id: str, seconds: float = HANG_S) -> dict[str, Any]:
+        """Wait for the end of a goal; return its result, or the error."""
+        path = f"/api/goals/{goal_id}/result?timeout={seconds:g}"
+        answer: dict[str, Any] = self.server.request("GET", path, seconds=seconds + HANG_S)[1]
+        return answer
+
+    def command(self, *arguments: str, server: bool = True) -> Command:
+        """Start an `armtree` command that talks to the server, in a folder of its own."""
+        with self._lock:
+            self._commands += 1
+            folder = self.folder / "commands" / str(self._commands)
+        folder.mkdir(parents=True)
+        address = ("--server", self.server.url) if server else ()
+        runtime = {"XDG_RUNTIME_DIR": str(self.folder)}
+        return Command(folder, [*arguments, *address], environment=runtime)
+
+    def ended(self, command: Command, allowed: Sequence[int] | None = None) -> str:
+        """Wait for the end of a command, remove its folder; return what it printed.
+
+        Args:
+            command: The command.
+            allowed: Exit statuses that are no problem; default: any but 1, a bug in armtree.
+        """
+        words = " ".join(map(str, command.popen.args[1:3]))  # type: ignore[index]
+        try:
+            status = command.wait()
+        finally:
+            command.close()
+        text = command.text()
+        if status == 1 or (allowed is not None and status not in allowed):
+            self.problem(f"{words} ends with {status}: {text[-200:]!r}")
+        if "Traceback" in text:
+            self.problem(f"{words} printed a traceback: {text[-300:]!r}")
+        shutil.rmtree(command.output.parent, ignore_errors=True)
+        return text
+
+    def repair(self) -> None:
+        """Do what a person does at the cable, at the power and at the board."""
+        self.calls.stop()
+        if not self.plugged:
+            self.board.ask(f"replug {self.board.port.name}")
+            self.plugged = True
+        self.board.ask("go")
+
+    def end_goals(self) -> None:
+        """Cancel all, and check that every goal of the round has ended."""
+        self.stops.append(self.server.stop())
+        goals, self.goals = self.goals, []
+        for goal_id in goals:
+            with contextlib.suppress(Hang):
+                until(goal_id, lambda goal_id=goal_id: self._ending(goal_id))  # type: ignore[misc]
+            result = self._ending(goal_id)
+            if result is None:
+                self.problem(f"goal {goal_id} has not ended after a stop")
+            else:
+                self.code(str(result["code"]), f"goal {goal_id}: {result['message']}")
+
+    def _ending(self, goal_id: str) -> dict[str, Any] | None:
+        """The result of a goal, or None if it has not ended."""
+        answer: dict[str, Any] = self.server.get(f"/api/goals/{goal_id}")
+        return answer.get("result") or (answer if "code" in answer else None)
+
+    def compare(self) -> None:
+        """Compare what the board has read since the last call with what was recorded since."""
+        data = self.board.data()
+        read, self._read = data[self._read :], len(data)
+        frames = []
+        for path in self.scene.recordings():
+            of_this = list(frames_of(path))
+            frames += of_this[self._seen.get(path, 0) :]
+            self._seen[path] = len(of_this)
+        wrote = b"".join(each.data for each in sorted(frames, key=lambda each: each.time))
+        unrecorded, unreceived = compare(read, wrote)
+        self.unreceived += unreceived
+        if unrecorded:
+            self.problem(f"{unrecorded} frames reached the board unrecorded")
+        if unreceived and not self.spoiled:
+            self.problem(f"{unreceived} recorded frames missed the board")
+        self.spoiled = False
+
+    def verify(self, last: bool = False) -> None:
+        """Verify the recordings that ended, and delete them; at last also the server's own."""
+        files = [path for path in self.scene.recordings() if last or "-server" not in path.name]
+        if not files:
+            return
+        command = self.command("replay", *map(str, files), "--verify", "--jobs", "1", server=False)
+        status = command.wait(20 * HANG_S)
+        text = self.ended(command)
+        if status == _INCOMPLETE:
+            self.incomplete += 1
+        if status != 0:
+            kept = self.folder / "kept"
+            kept.mkdir(exist_ok=True)
+            for path in files:
+                shutil.copy(path, kept)
+            self.problem(f"replay --verify ends with {status}: {text[-300:]!r}")
+        self.verified += len(files)
+        for path in files:
+            self.recorded_bytes += path.stat().st_size
+            self._seen.pop(path, None)
+            path.unlink()
+
+    def tracebacks(self) -> None:
+        """Tracebacks in the log of the server since the last call are problems."""
+        text = self.server.errors.read_text(errors="replace")
+        new, self._errors_read = text[self._errors_read :], len(text)
+        if "Traceback" in new:
+            self.problem(f"the server printed a traceback: {new[new.index('Traceback') :][:600]!r}")
+
+    def remove(self) -> None:
+        """Delete the folder."""
+        shutil.rmtree(self.folder, ignore_errors=True)
