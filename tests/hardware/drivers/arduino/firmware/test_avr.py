@@ -207,7 +207,6 @@ def test_a_task_on_avr_code(built: Built, firmware: str, tmp_path: Path) -> None
     """The executive, its planner and its streamer, down to the pulses."""
     source = ROBOT_FILE.parent
     text = (source / "arduinobot.toml").read_text()
-    text = text.replace("boot_wait_s = 2.0", "boot_wait_s = 1.05")
     text = text.replace('firmware = "stock"', f'firmware = "{firmware}"')
     (tmp_path / "arduinobot.urdf").write_bytes((source / "arduinobot.urdf").read_bytes())
     (tmp_path / "robot.toml").write_text(text)
