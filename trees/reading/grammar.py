@@ -298,7 +298,7 @@ class _Parser:
         if value is None or tree == SkillNode(tree.place, "", {}):
             return
         items = value.value if isinstance(value.value, list) and key == "ports" else []
-        places = {item.value: item.place for item in items}
+        places = {each.value: each.place for each in items if isinstance(each.value, str)}
         places |= {name: item.label for name, item in nested(value).items()}
         for name, place in places.items():
             if name not in names and self.nodes.is_name(name):

@@ -183,6 +183,7 @@ WRONG_SUB = [
     (SUB.replace("[a, b]", "a"), 3, 8, "ports: 'a' is not a mapping of names to types"),
     (SUB.replace("[a, b]", "{a: 1, b: 2}"), 3, 12, "ports: a needs a type: number"),
     (SUB.replace("[a, b]", "[a, b, 5]"), 3, 15, "ports: 5 is not a name"),
+    (SUB.replace("[a, b]", "[a, b, {c: 1}]"), 3, 15, "is not a name"),
     (SUB.replace("[a, b]", "[a, b, $c]"), 3, 15, "ports: '$c' is not a name"),
     (SUB.replace("[a, b]", "[a, b, a]"), 3, 15, "ports: a is given twice"),
     (SUB.replace("[a, b]", "[a, b, c]"), 3, 15, "ports: nothing in the tree uses $c"),

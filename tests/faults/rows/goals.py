@@ -1,0 +1,260 @@
+"""Wrong numbers, targets at the limits, cancels at any time and in storms, many goals."""
+
+import json
+import math
+import signal
+import threading
+import time
+
+from tests.faults.board import Board
+from tests.faults.process import Server, until
+from tests.faults.row import TASKS, Scene, last_line, row
+
+TURN = """task: 30
+name: turn
+description: Turn one joint to an angle.
+parameters:
+  angle: {type: angle}
+tree:
+  sequence:
+    - subtree: move_joints
+      with: {joints: {joint_1: $angle}}
+"""
+LIMIT = 1.570796326795  # of joint 1, in both directions [rad]
+
+
+def turning(scene: Scene) -> tuple[Board, Server]:
+    """A board, and a server whose task 30 turns joint 1 to `angle`."""
+    folder = scene.folder / "trees"
+    folder.mkdir()
+    (folder / "30_turn.yaml").write_text(TURN)
+    for path in TASKS.glob("*.yaml"):
+        (folder / path.name).write_text(path.read_text())
+    board = scene.board()
+    return board, scene.serve("--activate", "--result-timeout", "-1", board=board)
+
+
+def wrong_number(scene: Scene) -> str:
+    """JSON of something that is no angle within the limits."""
+    numbers = scene.random
+    return numbers.choice(
+        [
+            *(
+                "NaN",
+                "Infinity",
+                "-Infinity",
+                "1e400",
+                "-1e400",
+                '"nan"',
+                '"inf rad"',
+                '"1e999 deg"',
+            ),
+            *("true", "false", "null", "[]", "{}", "[0.1]", '{"rad": 1}', '""', '"abc"'),
+            *(
+                '"1 m"',
+                '"0.1.2"',
+                '"१"',
+                '"1_0"',
+                '"--1"',
+                '"1,5"',
+                "00.5",
+                ".5",
+                "'0.5'",
+                "1" * 5000,
+            ),
+            "1" * numbers.randint(2, 300),
+            json.dumps(numbers.choice([-1, 1]) * numbers.uniform(LIMIT + 1e-9, 1e6)),
+            json.dumps(numbers.choice([-1, 1]) * 10.0 ** numbers.randint(1, 300)),
+            json.dumps(f"{numbers.uniform(91, 1e5)} deg"),
+            json.dumps("".join(chr(numbers.randint(1, 0x2FFF)) for _ in range(8))),
+        ]
+    )
+
+
+@row(
+    "wrong-numbers",
+    "200 goals with NaN, infinity, other types, huge or damaged numbers, or beyond the limits",
+    "each is refused, or ends with a code of a wrong goal; not a byte is sent to the board",
+    times=2,
+)
+def wrong_numbers(scene: Scene) -> None:
+    board, server = turning(scene)
+    for _ in range(200):
+        value = wrong_number(scene)
+        body = f'{{"task": 30, "arguments": {{"angle": {value}}}}}'.encode()
+        status, answer = server.request("POST", "/api/goals", body)
+        shown = value[:60]
+        if scene.check(status in (201, 400, 409, 413, 422), f"{shown}: status {status}: {answer}"):
+            result = server.result(answer["goal_id"]) if status == 201 else answer
+            wrong = result["code"].startswith(("goal.", "request."))
+            scene.check(wrong, f"{shown}: {result['code']}: {result['message'][:80]}")
+    scene.injections = 200
+    scene.check(board.data() == b"", f"the board has read {board.data()!r}")
+
+
+@row(
+    "limits",
+    "a target at a limit of its joint, and one that is the next number beyond it",
+    "the first is accepted and moves the arm, the second is refused with `goal.out_of_bounds`",
+    times=2,
+)
+def limits(scene: Scene) -> None:
+    board, server = turning(scene)
+    limit = scene.random.choice([-LIMIT, LIMIT])
+    beyond = math.nextafter(limit, math.inf * limit)
+    result = server.result(server.goal(30, arguments={"angle": beyond}))
+    scene.check(result["code"] == "goal.out_of_bounds", f"beyond: {result['code']}")
+    scene.check(board.data() == b"", "it moved")
+    goal = server.goal(30, arguments={"angle": limit})
+    until("the first frames", lambda: len(board.frames()) > 2)
+    server.stop()
+    result = server.result(goal)
+    scene.check(result["state"] == "CANCELED", f"at the limit: {result['code']}")
+
+
+def cancel(scene: Scene, server: Server, goal: str) -> str:
+    """Cancel a goal in a random way; return which."""
+    way = scene.random.choice(["stop", "cancel", "cancel all", "cancel with time", "deactivate"])
+    if way == "stop":
+        server.stop()
+    elif way == "deactivate":
+        server.post("/api/arm/deactivate")
+    elif way == "cancel all":
+        server.post("/api/cancel")
+    elif way == "cancel":
+        server.post(f"/api/goals/{goal}/cancel")
+    else:
+        server.post("/api/cancel", {"stamp_ns": time.time_ns()})
+    return way
+
+
+@row(
+    "cancel",
+    "cancel a shipped task at a random time, by one of five requests",
+    "the goal ends CANCELED or as it would have ended; after the hold frame nothing is sent",
+    limit=150,
+    unit="ms",
+    times=3,
+    quick=1,
+)
+def cancel_anywhere(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", board=board)
+    for _ in range(4):
+        if server.state() == "inactive":
+            server.post("/api/arm/activate")
+        goal = server.goal(scene.random.choice([0, 1, 2, 20]))
+        time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
+        asked = time.monotonic()
+        way = cancel(scene, server, goal)
+        result = server.result(goal)
+        canceled = result["state"] == "CANCELED" or result["code"] in (
+            "ok",
+            "hw.stopped",
+            "hw.not_active",
+        )
+        scene.check(canceled, f"{way}: {result['state']}: {result['message']}")
+        time.sleep(0.5)  # noqa: TID251, so long the board looks for more
+        late = [frame for frame in board.frames() if frame.time > asked]
+        scene.figure(1000 * (late[-1].time - asked) if late else 0.0)
+    scene.injections = 4
+
+
+@row(
+    "cancel-storm",
+    "cancels of everything and stops, from 8 threads at once, 2,000 in total, during a motion",
+    "the goal ends CANCELED once; the last byte comes right after the first cancel",
+    limit=250,
+    unit="ms",
+    times=3,
+)
+def cancel_storm(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", board=board)
+    goal = server.goal(20)
+    until("the first frame", board.frames)
+    time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
+    failed: list[str] = []
+
+    def storm(path: str) -> None:
+        for _ in range(250):
+            status, answer = server.request("POST", path)
+            if status != 200:
+                failed.append(f"{path}: {status} {answer}")
+
+    paths = ["/api/stop", "/api/cancel", f"/api/goals/{goal}/cancel", "/api/stop"] * 2
+    threads = [threading.Thread(target=storm, args=(path,)) for path in paths]
+    begin = time.monotonic()
+    for thread in threads:
+        thread.start()
+    result = server.result(goal)
+    scene.check(result["state"] == "CANCELED", f"it ended {result['state']}")
+    for thread in threads:
+        thread.join()
+    scene.check(not failed, f"{len(failed)} failed, such as {failed[:1]}")
+    scene.figure(1000 * (board.frames()[-1].time - begin))
+    scene.check(server.state() == "active", f"the arm is {server.state()}")
+    result = server.result(server.goal(21))
+    scene.check(result["code"] == "ok", f"the next goal: {result['code']}")
+    scene.injections = 2000
+
+
+@row(
+    "dead-client",
+    "the client of a goal sent with `--deadman` is killed or stopped; another is just killed",
+    "the goal of the first is canceled, that of the second goes on",
+    limit=2.5,
+    unit="s",
+    times=4,
+)
+def dead_client(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", board=board)
+    deadman = ["--deadman"] if scene.random.random() < 0.6 else ["--wait"]
+    client = scene.armtree("send", "20", *deadman, "--server", server.url)
+    until("the first frame", board.frames)
+    time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
+    killed = client.signal(scene.random.choice([signal.SIGKILL, signal.SIGSTOP]))
+    if deadman == ["--deadman"]:
+        until("no goal is left", lambda: server.get("/api/status")["goal"] is None)
+        scene.figure(max(0.0, board.frames()[-1].time - killed))
+    else:
+        count = len(board.frames())
+        until("more frames", lambda: len(board.frames()) > count + 15)
+        scene.figure(0.0)
+        server.stop()
+    goals = server.get("/api/goals")["goals"]
+    scene.check([each["state"] for each in goals] == ["CANCELED"], f"the goals: {goals}")
+
+
+@row(
+    "many-goals",
+    "200 goals, one right after the other; every 20th moves the arm",
+    "all succeed, and memory, descriptors and threads do not grow",
+    limit=10,
+    unit="MiB",
+    times=1,
+)
+def many_goals(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", "--policy", "queue", board=board)
+
+    def batch(count: int) -> None:
+        goals = [server.goal(21 if number % 20 == 10 else 23) for number in range(count)]
+        for goal in goals:
+            result = server.result(goal)
+            scene.check(result["code"] == "ok", f"{result['code']}: {result['message']}")
+
+    batch(40)
+    memory, threads = server.memory(), server.threads()
+    descriptors = server.descriptors()
+    for _ in range(4):
+        batch(40)
+    until("threads end", lambda: server.threads() <= threads)
+    until("descriptors are closed", lambda: server.descriptors() <= descriptors)
+    scene.figure(server.memory() - memory)
+    scene.check(board.ask("state")["angles"] == [90, 90, 90, 0], "it ends elsewhere")
+    scene.injections = 200
+    server.signal(signal.SIGINT)
+    scene.check(server.wait() == 0, f"exit status {server.wait()}: {last_line(server)}")
+    scene.verified()
