@@ -146,11 +146,8 @@ class GoalStopper:
             state: Final state.
             cause: Why the goal failed; None if it succeeded.
         """
-        outcome = self._outcome(goal, state, cause)
         self._queue.wait_for_stops(goal)
-        if goal.outcome is None:
-            self._report(goal, outcome, recorded=True)
-        self._queue.finish(goal, outcome)
+        self._queue.finish(goal, goal.outcome or self._report(goal, state, cause))
 
     def _watch(self, goal: Goal) -> None:
         """Abort a goal that misses the deadline because the code of a skill does not return."""
@@ -180,20 +177,30 @@ class GoalStopper:
         return late
 
     def _abort(self, goal: Goal, cause: Cause, recorded: bool) -> None:
-        outcome = self._outcome(goal, GoalState.ABORTED, cause)
+        """End a goal that blocks the executor; record it if it has a recording."""
+        outcome = self._outcome(
+            goal, GoalState.ABORTED, cause, self._recordings.frames, self._recordings.path
+        )
         if self._queue.abort_blocked(goal, outcome):
-            self._report(goal, outcome, recorded)
+            _log_end(goal, outcome.state, cause)
+            if recorded:
+                self._recordings.record(outcome.to_record(goal.identity, self._clock.now()))
 
-    def _outcome(self, goal: Goal, state: GoalState, cause: Cause | None) -> Outcome:
+    def _report(self, goal: Goal, state: GoalState, cause: Cause | None) -> Outcome:
+        """Log and record the outcome of a goal."""
+        _log_end(goal, state, cause)
+        make = partial(self._outcome, goal, state, cause)
+        return self._recordings.record_result(goal.identity, make)
+
+    def _outcome(
+        self, goal: Goal, state: GoalState, cause: Cause | None, frames: int, recording: str
+    ) -> Outcome:
         duration = self._clock.now() - goal.accepted
-        frames, recording = self._recordings.frames, self._recordings.path
         return Outcome.of(goal.task, state, cause, frames, duration, recording)
 
-    def _report(self, goal: Goal, outcome: Outcome, recorded: bool) -> None:
-        """Log an outcome, and record it if the goal has a recording."""
-        words, cause = outcome.state.name, outcome.cause
-        if cause:
-            words += f": {cause} -> {cause.hint}" if cause.hint else f": {cause}"
-        logger.info("The goal for task %d (%s) ended %s", *goal.name, words)
-        if recorded:
-            self._recordings.record(outcome.to_record(goal.identity, self._clock.now()))
+
+def _log_end(goal: Goal, state: GoalState, cause: Cause | None) -> None:
+    words = state.name
+    if cause:
+        words += f": {cause} -> {cause.hint}" if cause.hint else f": {cause}"
+    logger.info("The goal for task %d (%s) ended %s", *goal.name, words)

@@ -2,6 +2,7 @@
 
 import errno
 import logging
+import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import logs
 from executive.goals.goal import Goal
-from executive.goals.outcome import GoalState, GoalStatus
+from executive.goals.outcome import GoalState, GoalStatus, Outcome
 from hardware import ArmEvent, Clock, Robot, State
 from logs.writing.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
@@ -75,6 +76,7 @@ class Recordings:
         self._errors: list[logs.LogError] = []
         self._meshes: set[str] = set()  # names of the meshes in the open recording
         self._early = deque[logs.LogLine](maxlen=_EARLY)
+        self._counting = threading.RLock()  # held to count frames, and to change the recorder
         self._state = State.UNCONFIGURED.value  # state of the arm's lifecycle
         self.path = ""
         self.frames = 0
@@ -101,8 +103,9 @@ class Recordings:
         Raises:
             LogError: It cannot be created.
         """
-        self._recorder = recorder = self._create(goal.task)
-        self.path, self.frames = str(recorder.path), 0
+        recorder = self._create(goal.task)
+        with self._counting:
+            self._recorder, self.path, self.frames = recorder, str(recorder.path), 0
         self._meshes.clear()
         record = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed)
         recorder.put(*self._setup(tree), *self._early_lines(), record, self._arm_state(record.time))
@@ -143,8 +146,9 @@ class Recordings:
 
     def goal_ended(self) -> None:
         """Finish the recording of a goal in the background; reopen the server's own."""
-        recorder, self._recorder, self.path = self._recorder, self._server, ""
-        self.frames = 0
+        with self._counting:
+            recorder, self._recorder, self.path = self._recorder, self._server, ""
+            self.frames = 0
         if recorder and recorder is not self._server:
             self._unfinished.append(self._finishers.submit(self._finish, recorder))
         while self._unfinished and self._unfinished[0].done():
@@ -177,13 +181,30 @@ class Recordings:
 
     def record(self, record: logs.Record) -> None:
         """Write a record to the open recording, and pass it to the subscriber."""
-        if isinstance(record, logs.Sent) and record.joints:
-            self.frames += 1
-        if self._recorder:
-            self._recorder.put(record)
-        elif isinstance(record, logs.LogLine):
-            self._early.append(record)
+        with self._counting:
+            if isinstance(record, logs.Sent) and record.joints:
+                self.frames += 1
+            if self._recorder:
+                self._recorder.put(record)
+            elif isinstance(record, logs.LogLine):
+                self._early.append(record)
         self._watch(record)
+
+    def record_result(self, identity: str, make: Callable[[int, str], Outcome]) -> Outcome:
+        """Record the outcome of a goal, and return it.
+
+        Args:
+            identity: Identity of the goal.
+            make: Returns the outcome, given the number of frames recorded before it, and the path
+                of the recording.
+        """
+        with self._counting:  # a stop may repeat a frame at any time
+            outcome = make(self.frames, self.path)
+            record = outcome.to_record(identity, self._clock.now())
+            if self._recorder:
+                self._recorder.put(record)
+        self._watch(record)
+        return outcome
 
     def caught_up(self, timeout: float) -> bool:
         """Return whether every recorded frame was written to the operating system.

@@ -64,11 +64,11 @@ class Soak:
             client.start()
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            pause(self.random, 8.0)
+            pause(self.random, 6.0)
             self._inject()
-            pause(self.random, 4.0)
+            pause(self.random, 3.0)
             if self.random.random() < 0.7:
-                person.works(self.site, strict=False)
+                self._recover(strict=False)
         stop.set()
         for client in clients:
             client.join(150)
@@ -94,6 +94,12 @@ class Soak:
         self.faults[fault.__name__] += 1
         self._guarded(fault.__name__, lambda: fault(self.site, self.random))
 
+    def _recover(self, strict: bool) -> None:
+        def work() -> None:
+            self.recoveries += bool(person.works(self.site, strict))
+
+        self._guarded("a recovery", work)
+
     def _guarded(self, name: str, work: Callable[[], None]) -> None:
         try:
             work()
@@ -105,8 +111,7 @@ class Soak:
         site = self.site
         restart_stopped(site)
         self._guarded("stop", site.end_goals)
-        trail = person.works(site)
-        self.recoveries += bool(trail)
+        self._recover(strict=True)
         self._guarded("stop", site.end_goals)
         site.repair()
         with contextlib.suppress(Hang):  # then the figures show it

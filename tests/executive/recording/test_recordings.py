@@ -13,10 +13,14 @@ import pytest
 
 import logs
 from executive.cli.log_handler import LogHandler
-from executive.goals.outcome import GoalState
+from executive.goals.goal import Goal
+from executive.goals.mailbox import Mailbox
+from executive.goals.outcome import GoalState, Outcome
 from executive.goals.queue import Policy
 from executive.recording import recordings
+from executive.replay.frames import result_difference
 from executive.replay.verification import verify
+from hardware import RealClock, Robot
 from logs.reading.file_state import being_written, is_complete
 from logs.views.narrative import narrative, overview
 from logs.views.run_figure import _outcome
@@ -204,3 +208,37 @@ def test_the_log_line_that_begins_a_goal_is_in_its_recording(
     lines = [words for _, words in narrative(Path(outcome.recording), everything=False)]
     executing = "log: executive.goals.executor: Executing the goal"
     assert any(line.startswith(executing) for line in lines)
+
+
+def test_a_result_counts_the_frames_before_it_whenever_they_come(
+    tmp_path: Path, robot: Robot
+) -> None:
+    """A stop may repeat a frame while a goal begins or ends, on a thread of its own."""
+    clock = RealClock()
+    found = recordings.Recordings(tmp_path, robot, clock, lambda _: None, lambda _: None, {})
+    joints, pose = tuple(joint.name for joint in robot.actuated), robot.boot_pose
+    ended = threading.Event()
+
+    def hold() -> None:
+        while not ended.is_set():
+            data = b"b090,s090,e090,g000,"
+            found.record(logs.Sent(clock.now(), data, None, True, joints, pose))
+            ended.wait(0.0005)
+
+    def outcome(frames: int, path: str) -> Outcome:
+        ended.wait(0.01)  # nothing ends it; frames come meanwhile
+        return Outcome.of(1, GoalState.SUCCEEDED, None, frames, 0.0, path)
+
+    holds = clock.spawn(hold, "holds")
+    paths = []
+    for number in range(5):
+        goal = Goal(f"{number:032x}", 1, {}, clock.now(), 0, Mailbox(clock))
+        found.open(goal, "pick", 1, None)
+        paths.append(Path(found.path))
+        found.record_result(goal.identity, outcome)
+        found.goal_ended()
+    ended.set()
+    holds.join()
+    found.close()
+    for path in paths:
+        assert result_difference(list(logs.Recording(path).records())) == ""
