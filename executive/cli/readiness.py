@@ -92,20 +92,26 @@ def _tasks(trees: Path | None) -> Check:
 
 
 def _planner(robot: Robot) -> Check:
-    answers: SimpleQueue[Result] = SimpleQueue()
-    with closing(Pool(robot, 1, RealClock())) as pool:
-        pool.start()
-        pool.submit(Verify([robot.boot_pose], 0.0), answers.put)
-        answer = answers.get()
+    answer = _boot_pose_verified(robot)
     if isinstance(answer, MotionCollides):
         remedy = "choose another boot pose in the robot file, or correct its URDF"
         why = f"in its boot pose, {answer.contact}"
         return Check("planner", False, why, remedy, answer.code)
     if isinstance(answer, MotionError):
-        remedy = "correct the robot file or its URDF"
-        return Check("planner", False, str(answer), remedy, answer.code)
+        return Check("planner", False, str(answer), code=answer.code)
     free = "a worker has loaded the robot; the boot pose is free of collisions"
     return Check("planner", True, free)
+
+
+def _boot_pose_verified(robot: Robot) -> Result:
+    answers: SimpleQueue[Result] = SimpleQueue()
+    try:
+        with closing(Pool(robot, 1, RealClock())) as pool:
+            pool.start()
+            pool.submit(Verify([robot.boot_pose], 0.0), answers.put)
+            return answers.get()
+    except MotionError as error:
+        return error
 
 
 def _recordings(folder: Path) -> Iterator[Check]:

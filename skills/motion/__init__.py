@@ -27,6 +27,7 @@ from .errors import (
     PlanTimeout as PlanTimeout,
     StartInCollision as StartInCollision,
     StartOutOfBounds as StartOutOfBounds,
+    TooLittleMemory as TooLittleMemory,
     TooLong as TooLong,
     Unreachable as Unreachable,
     WorkerDied as WorkerDied,

@@ -17,6 +17,7 @@
     ├── TooLong                 the motion would take longer than any may
     ├── PlanTimeout             the deadline passed
     ├── MotionCollides          the final check of the motion found a collision
+    ├── TooLittleMemory         the operating system allows less memory than planners need
     ├── PlanCanceled            the request was canceled
     └── WorkerDied              the planning process ended or its answer was not valid
 
@@ -363,6 +364,26 @@ class MotionCollides(MotionError):
         self.contact = f"{_contact(first, second, distance)} (margin: {1e3 * margin:.1f} mm)"
         where = f"row {row} of" if time is None else f"{time:.2f} s into"
         super().__init__(f"At {where} the motion, {self.contact}; {self.hint}")
+
+
+class TooLittleMemory(MotionError):
+    """The operating system allows less memory than planners need.
+
+    Attributes:
+        value: Address space that a process may use [bytes].
+        limit: Address space that it needs [bytes].
+    """
+
+    code = "plan.memory"
+    exit_status = 3
+    hint = "raise the limit (`ulimit -v`), then run again"
+
+    def __init__(self, value: int, limit: int) -> None:
+        self.value, self.limit = value, limit
+        super().__init__(
+            f"The operating system allows {value // 1024} KiB of address space to a process; "
+            f"armtree needs {limit // 1024}; {self.hint}"
+        )
 
 
 class PlanCanceled(MotionError):

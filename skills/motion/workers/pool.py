@@ -9,6 +9,7 @@ from hardware import Clock, Robot
 from skills.motion.errors import PlanCanceled
 from skills.motion.query import Request, Result
 
+from .memory import check_memory
 from .worker_process import WorkerProcess
 
 
@@ -43,9 +44,13 @@ class Pool:
         workers: Number of processes.
         clock: Starts the threads, which wait for jobs on it. Simulated time stands still while a
             worker plans, but passes while one starts.
+
+    Raises:
+        TooLittleMemory: The operating system allows less address space than planners need.
     """
 
     def __init__(self, robot: Robot, workers: int, clock: Clock) -> None:
+        check_memory()
         self._robot, self._clock = robot, clock
         self._signal = clock.signal()
         self._queue: deque[Job] = deque()

@@ -6,7 +6,6 @@ answer; if the robot is unusable, it is the first and only one. Any other error 
 does using too much memory, and the parent starts a new one.
 """
 
-import resource
 import signal
 import socket
 import sys
@@ -17,14 +16,13 @@ from skills.motion.planner import Planner
 from skills.motion.query import Request, Result
 from skills.motion.timing import toppra_timing as toppra_timing  # load it before the first goal
 
+from .memory import limit_memory
 from .messages import encode, receive, send
-
-_MAX_MEMORY = 4 * 2**30  # limit of the address space; a worker needs a tenth of it [bytes]
 
 
 def main(descriptor: int) -> None:
     """Serve until the other end closes."""
-    resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY, _MAX_MEMORY))
+    limit_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when the worker ends
     with socket.socket(fileno=descriptor) as parent:
         try:

@@ -23,7 +23,7 @@ from .messages import InvalidMessage, encode, receive, send
 _PROGRAM = "skills.motion.workers.worker_main"
 _MAX_TIMEOUT = 86_400.0  # largest timeout of a request [s]
 _GRACE = 0.008  # time after a request's timeout until the worker counts as hanging [s]
-_EXIT = 0.2  # longest wait for the exit status, once the worker closed its socket [s]
+_EXIT = 5.0  # longest wait for the exit status, once the worker closed its socket [s]
 _FEW = 100  # most via points and bodies of a request that is encoded quickly
 _START = 30.0  # longest time to load the robot, on a slow machine [s]
 

@@ -1,9 +1,10 @@
 """Planners lie, die, hang, or are starved of memory."""
 
+import resource
 from pathlib import Path
 
 from tests.faults.process import until
-from tests.faults.row import Scene, row
+from tests.faults.row import Scene, last_line, row
 
 PRELOAD = Path(__file__).parents[1] / "preload" / "planner"
 
@@ -81,3 +82,26 @@ def slow_joint(scene: Scene) -> None:
     scene.check(result["code"] == "plan.too_long", f"{result['code']}: {result['message']}")
     scene.check("the limit is 600 s" in result["message"], f"the message is {result['message']}")
     scene.check(not run.events("sent"), "frames were sent")
+
+
+@row(
+    "planner-memory",
+    "a hard limit of the address space between 0.2 and 5 GiB",
+    "from 1 GiB a task runs; below, it ends at once with exit status 3 and says what is needed",
+    times=8,
+    quick=1,
+)
+def planner_memory(scene: Scene) -> None:
+    needed, board = 2**30, scene.board()
+    low = scene.random.random() < 0.4
+    bounds = (needed // 5, needed - 2**20) if low else (needed, 5 * needed)
+    limit = scene.random.randint(*bounds)
+    run = scene.run("21", board=board, limits={resource.RLIMIT_AS: limit})
+    status = run.wait()
+    if not low:
+        scene.check(status == 0, f"{limit} bytes: exit status {status}: {last_line(run)}")
+        return
+    scene.check(status == 3, f"{limit} bytes: exit status {status}, not 3")
+    scene.check("[plan.memory]" in run.text(), f"{limit} bytes: {last_line(run)}")
+    scene.check("needs 1048576" in run.text(), f"it does not name what is needed: {run.text()}")
+    scene.check(not board.reads(), "the board was opened")

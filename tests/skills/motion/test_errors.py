@@ -21,6 +21,7 @@ ERRORS = [
     motion.MotionCollides(17, 1.25, "hand", "floor", -0.001, 0.002),
     motion.PlanCanceled(),
     motion.WorkerDied("ended by SIGABRT"),
+    motion.TooLittleMemory(2**29, 2**30),
     motion.TooLong("joint_1", 1e7, 600.0, "1e-05 deg/s and 1 deg/s2"),
     motion.Unreachable((0.1, 0.0, 0.2), (0.1, 0.0, 0.15), 0.05, 0.3, (0.0, 0.0, 1.0), 1e-6),
 ]

@@ -260,6 +260,46 @@ def test_a_worker_with_too_much_memory_affects_only_its_job(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
 
 
+LIMITED = """
+import resource, sys, threading
+from hardware import RealClock, load_robot
+from skills.motion import MotionError, Pool, Query
+resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[1]),) * 2)
+try:
+    pool = Pool(load_robot(), 1, RealClock())
+except MotionError as error:
+    print(error.code, error.exit_status, error)
+    sys.exit()
+pool.start()
+there = threading.Event()
+pool.submit(
+    Query("arm", (0.0,) * 4, (-1.4, -0.6, -0.07), timeout=60.0),
+    lambda answer: (print(type(answer).__name__), there.set()),
+)
+there.wait()
+pool.close()
+"""
+
+
+@pytest.mark.parametrize(
+    ("limit", "says"),
+    [
+        (2**30, "Plan"),
+        (2**32 - 2**20, "Plan"),
+        (
+            2**30 - 1024,
+            "plan.memory 3 The operating system allows 1048575 KiB of address space to a process; "
+            "armtree needs 1048576; raise the limit (`ulimit -v`), then run again",
+        ),
+    ],
+)
+def test_a_hard_limit_of_the_address_space(limit: int, says: str) -> None:
+    """A worker takes the smaller limit: its own, or that of the operating system."""
+    command = [sys.executable, "-c", LIMITED, str(limit)]
+    run = subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
+    assert (run.stdout.decode().strip(), run.stderr.decode()) == (says, "")
+
+
 def test_other_requests(pool: Pool) -> None:
     start = PICK.start
     reached = ask(pool, ToolQuery("arm", start, (0.1, 0.05, 0.08)))

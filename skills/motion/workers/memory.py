@@ -1,0 +1,31 @@
+"""The address space that a process may use, which `ulimit -v` limits."""
+
+import resource
+
+from skills.motion.errors import TooLittleMemory
+
+# A planner of the shipped arm uses a quarter of it. The process that starts planners uses up to
+# 0.8 GiB of it, mostly reserved for its threads (measured) [bytes].
+NEEDED = 2**30
+_MOST = 4 * 2**30  # what a planner may use at most [bytes]
+
+
+def check_memory() -> None:
+    """Check that this process and its planners can work.
+
+    Raises:
+        TooLittleMemory: The operating system allows less address space than `NEEDED`.
+    """
+    if (limit := _limit()) < NEEDED:
+        raise TooLittleMemory(limit, NEEDED)
+
+
+def limit_memory() -> None:
+    """Limit this process to what a planner may use, or to less if less is allowed."""
+    limit = _limit()
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+def _limit() -> int:
+    allowed = resource.getrlimit(resource.RLIMIT_AS)
+    return min([_MOST, *(limit for limit in allowed if limit != resource.RLIM_INFINITY)])
