@@ -22,11 +22,12 @@ if typing.TYPE_CHECKING:
     from executive.testing import SimulatedArm
     from hardware import HardwareError
     from logs import LogError
-    from skills import Cancel, Skill, SkillError, condition, skill
+    from skills import Cancel, Operator, Question, Skill, SkillError, condition, skill
     from skills.motion import MotionError
-    from trees import FileError, TreeError, UnknownTask
+    from trees import EXAMPLES, FileError, TreeError, UnknownTask
 
 __all__ = [
+    "EXAMPLES",
     "Arm",
     "AsyncClient",
     "Cancel",
@@ -39,7 +40,9 @@ __all__ = [
     "HardwareError",
     "LogError",
     "MotionError",
+    "Operator",
     "Outcome",
+    "Question",
     "Refused",
     "ServerUnreachable",
     "SimulatedArm",
@@ -61,9 +64,9 @@ _MODULES = {
     "executive.testing": ("SimulatedArm",),
     "hardware": ("HardwareError",),
     "logs": ("LogError",),
-    "skills": ("Cancel", "Skill", "SkillError", "condition", "skill"),
+    "skills": ("Cancel", "Operator", "Question", "Skill", "SkillError", "condition", "skill"),
     "skills.motion": ("MotionError",),
-    "trees": ("FileError", "TreeError", "UnknownTask"),
+    "trees": ("EXAMPLES", "FileError", "TreeError", "UnknownTask"),
 }
 
 

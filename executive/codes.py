@@ -87,8 +87,9 @@ def look_up(code: str) -> Code:
 
 def _find(code: str) -> Code | None:
     """Return the meaning of exactly this code. A class with this code may be loaded later."""
-    if code not in _FOUND:
-        _FOUND.update({kind.code: _describe(kind) for kind in _classes() if kind.code == code})
+    # The search ends at the class, so that it loads no more rooms than it must.
+    if code not in _FOUND and (kind := next((c for c in _classes() if c.code == code), None)):
+        _FOUND[code] = _describe(kind)
     return _FOUND.get(code)
 
 

@@ -1,5 +1,6 @@
 """The public interface: an arm in a program or a notebook, without a server."""
 
+import re
 import shutil
 import signal
 import subprocess
@@ -19,6 +20,7 @@ from executive.setup import Setup
 from hardware import BoardLink, Robot, SimulatedClock, virtual_board
 from skills.motion import Pool
 from tests.support.paths import EXAMPLES, ROOT
+from trees import Library
 
 WAIT = "task: 8\nname: wait\ndescription: Wait.\ntree:\n  Wait: {duration: 1 h}\n"
 ASK = "task: 9\nname: ask\ndescription: Ask.\ntree:\n  Ask: {question: Go on?, wanted: yes}\n"
@@ -86,6 +88,15 @@ def test_an_unknown_task_is_named_with_those_there_are(arm: Arm) -> None:
             arm.run(wrong)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="argument swing = <object"):
         arm.run("wave", swing=object())
+
+
+def test_an_example_is_found_or_its_folder_is_named(tmp_path: Path) -> None:
+    with pytest.raises(armtree.UnknownTask) as no:
+        Library().number("wave")
+    assert str(no.value).endswith(
+        f". wave is an example: give {armtree.EXAMPLES} as the folder of tasks"
+    )
+    assert Library(armtree.EXAMPLES).number("wave") == 3
 
 
 def test_an_edited_task_counts_from_the_next_run(arm: Arm, tasks: Path) -> None:
@@ -185,6 +196,18 @@ async def cells():
 
 asyncio.new_event_loop().run_until_complete(cells())
 """
+
+
+@pytest.mark.slow
+def test_the_sample_of_the_readme_runs_as_it_is(tmp_path: Path) -> None:
+    sample = re.findall(
+        r"```python\n(import armtree\n.*?)```", (ROOT / "README.md").read_text(), re.DOTALL
+    )[0]
+    command = [sys.executable, "-P", "-c", sample]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / done.stdout.strip()).is_file()
+    assert len(list(tmp_path.glob("recordings/*.mcap"))) == 2
 
 
 @pytest.mark.slow

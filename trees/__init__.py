@@ -2,6 +2,7 @@
 
 from .declarations import UNITS as UNITS, Declaration as Declaration
 from .errors import (
+    EXAMPLES as EXAMPLES,
     FileError as FileError,
     Mistake as Mistake,
     Place as Place,

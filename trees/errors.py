@@ -13,6 +13,8 @@ from pathlib import Path
 
 from hardware.suggestions import choices
 
+EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks
+
 _SHOWN = 20  # mistakes in a message
 _BEFORE, _WIDTH = 40, 76  # characters of a line in an excerpt
 _BEGIN, _END = 600, 200  # characters of a message, if it is cut
@@ -194,8 +196,10 @@ class UnknownTask(TreeError):
     def __init__(self, task: int | str, known: Iterable[int | str]) -> None:
         self.task, self.known = task, tuple(known)
         if isinstance(task, str):
-            there = choices(task, map(str, self.known))
-            super().__init__(f"Invalid task name {task}; there are {there}")
+            words = f"Invalid task name {task}; there are {choices(task, map(str, self.known))}"
         else:
             there = ", ".join(map(str, self.known)) or "none"
-            super().__init__(f"Invalid task number {task}; there are {there}")
+            words = f"Invalid task number {task}; there are {there}"
+        if any(str(task) in path.stem.split("_", 1) for path in EXAMPLES.glob("*.yaml")):
+            words += f". {task} is an example: give {EXAMPLES} as the folder of tasks"
+        super().__init__(words)

@@ -204,9 +204,10 @@ def step(client: "Client", as_json: bool, goal_id: str) -> None:
 @click.option("--off", is_flag=True, help="Remove the breakpoint.")
 @_with_client
 def break_at(client: "Client", as_json: bool, node: str | None, off: bool) -> None:
-    """Set a breakpoint on a server: pause each goal before NODE, such as pick/Execute.
+    """Set or remove a breakpoint on a server, or list them.
 
-    Without NODE, list all breakpoints.
+    Each goal pauses before it starts NODE, such as pick/Execute. Without NODE, list all
+    breakpoints.
     """
     if off and not node:
         raise click.UsageError("--off needs a NODE")

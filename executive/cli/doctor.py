@@ -32,9 +32,10 @@ def doctor(
     recordings: Path,
     opens_port: bool,
 ) -> None:
-    """Check everything that a run needs: robot file, tasks, planner, recordings and port.
+    """Check everything that a run needs.
 
-    Nothing moves, and the port is not opened unless --open is given. The last line is the command
+    The checks concern the robot file, the tasks, the planner, the recordings and the port. Nothing
+    moves, and the port is not opened unless --open is given. The last line is the command
     to type next. The exit status is 0 if all checks pass, else that of the first failure.
     """
     from hardware import serial_ports

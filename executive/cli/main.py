@@ -30,7 +30,7 @@ from .options import (
 )
 from .plan import plan
 from .replay import replay
-from .tasks import COMMANDS as TASK_COMMANDS
+from .tasks import COMMANDS as TASK_COMMANDS, task_number
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -65,7 +65,7 @@ def cli(verbose: bool, debug: bool) -> None:
 
 
 @cli.command()
-@click.argument("numbers", metavar="N...", nargs=-1, required=True, type=int)
+@click.argument("tasks", metavar="TASK...", nargs=-1, required=True)
 @port_option
 @robot_option
 @trees_option
@@ -79,26 +79,27 @@ def cli(verbose: bool, debug: bool) -> None:
 @pose_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event.")
 def run(
-    numbers: tuple[int, ...],
+    tasks: tuple[str, ...],
     settings: tuple[str, ...],
     as_json: bool,
     skills: object,  # loaded by its option
     **options: Any,
 ) -> None:
-    """Run tasks N, one after the other, and record each run.
+    """Run tasks, one after the other, and record each run.
 
-    The first Ctrl-C cancels the task and stops the arm, the second one exits at once. The exit
-    status is that of the last task that ran.
+    A TASK is the number or the name of a task. The first Ctrl-C cancels the task and stops the arm,
+    the second one exits at once. The exit status is that of the last task that ran.
 
     \b
     Examples:
-      armtree run 1 --port virtual
+      armtree run pick --port virtual
       armtree run 3 --port /dev/ttyACM0 --set swing="30 deg"
     """  # noqa: D301
     from executive.setup import Setup
 
     from .run import execute
 
+    numbers = [task_number(task, options["trees"]) for task in tasks]
     setup = Setup(**options, reload=False, single_user=True)
     verbose = click.get_current_context().find_root().params["verbose"]
     outcomes = execute(setup, numbers, settings, as_json, verbose)

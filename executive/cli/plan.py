@@ -55,9 +55,9 @@ def plan(
     seed: int,
     output: Path,
 ) -> None:
-    """Plan a motion to GOAL without an arm, explain its duration, and draw it.
+    """Plan a motion without an arm, explain and draw it.
 
-    GOAL is one of:
+    The explanation says which limits set the duration. GOAL is one of:
 
     \b
       JOINT=VALUE, JOINT+=CHANGE   joints; the others do not move

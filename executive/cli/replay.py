@@ -62,7 +62,10 @@ def replay(
     folder: Path,
     as_json: bool,
 ) -> None:
-    """Verify recordings (--verify), show one (--watch), or send its frames again (--on PORT).
+    """Verify recorded runs, show one again, or send it again.
+
+    --verify plans and compiles each run again, and compares. --watch shows a run as it was shown.
+    --on PORT sends the frames of a run to an arm.
 
     Exit status of --verify: 12 if a recording differs, else 10 if one is cut off, else 3 if one
     cannot be read, else 0. Recordings that are being written are skipped; if there is no other, the

@@ -29,7 +29,7 @@ _output_option = click.option(
 @recordings_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per task.")
 def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
-    """List the tasks, with their parameters and the outcome of the last run."""
+    """List the tasks, their parameters and their last outcomes."""
     from trees import FileError, Library
 
     library = Library(trees)
@@ -230,9 +230,10 @@ def show(
     form: str,
     output: Path | None,
 ) -> None:
-    """Draw the tree of a task, given by its number, or of a recorded run.
+    """Draw the tree of a task or of a recorded run.
 
-    In the tree of a recording, colours show how each node ended, and when.
+    A task is given by its number or name. In the tree of a recording, colours show how each node
+    ended, and when.
     """
     from hardware import load_robot
     from trees import Library
@@ -241,12 +242,12 @@ def show(
     from trees.export.groot import as_groot
     from trees.export.outline import outline
 
-    if task.isdecimal():
-        number = int(task)
+    number = None if _is_recording(task) else task_number(task, trees)
+    if number is not None:
         root = outline(compile_task(load_robot(robot), Library(trees), number))
         text = as_groot(root, number) if form == "groot" else DRAWINGS[form](root, ports)
     elif ports or form == "groot":
-        raise click.UsageError("--ports and --format groot need the number of a task")
+        raise click.UsageError("--ports and --format groot need a task")
     else:
         from executive.replay.replayed_run import tree_of
 
@@ -256,8 +257,28 @@ def show(
         click.echo(output)
     else:
         click.echo(text)
-    if not task.isdecimal():
+    if number is None:
         sys.exit(print_incomplete(Path(task)))
+
+
+def _is_recording(task: str) -> bool:
+    return Path(task).suffix == ".mcap" or "/" in task or Path(task).is_file()
+
+
+def task_number(task: str, trees: Path | None) -> int:
+    """Return the number of a task that is given by its number or name.
+
+    Args:
+        task: Number or name.
+        trees: Folder with further tasks, or None.
+
+    Raises:
+        UnknownTask: No task has that name.
+        TreeError: The folder of tasks cannot be read.
+    """
+    from trees import Library
+
+    return int(task) if task.isdecimal() else Library(trees).number(task)
 
 
 @click.command()

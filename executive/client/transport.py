@@ -4,6 +4,7 @@ import asyncio
 import json
 import math
 import os
+import re
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
@@ -65,7 +66,8 @@ def transport_errors(url: str, silence: float = 0.0) -> Iterator[None]:
         words = f"nothing came for {silence:g} s" if silence else "its answer takes too long"
         raise ServerUnreachable(url, words) from error
     except httpx.TransportError as error:
-        raise ServerUnreachable(url, str(error) or type(error).__name__) from error
+        words = re.sub(r"^\[Errno -?\d+\] ", "", str(error)) or type(error).__name__
+        raise ServerUnreachable(url, words) from error
 
 
 def raise_if_refused(response: "httpx.Response") -> None:

@@ -263,7 +263,9 @@ def test_bad_input_is_told_and_nothing_moves(
     assert not [event for event in events(out) if event.get("goal") == "active"]
 
 
-@pytest.mark.parametrize("arguments", [["run"], ["run", "x"], ["fly"], ["run", "1", "--seed", "0"]])
+@pytest.mark.parametrize(
+    "arguments", [["run"], ["run", "1", "--x"], ["fly"], ["run", "1", "--seed", "0"]]
+)
 def test_wrong_usage_is_2(tmp_path: Path, arguments: list[str]) -> None:
     status, out, err = typed(tmp_path, *arguments)
     assert (status, out) == (2, "")

@@ -361,6 +361,22 @@ def test_a_person_is_asked_for_the_pose_when_the_arm_is_activated(shell: Shell) 
     assert (at_once.returncode, "or --pose boot" in at_once.stderr) == (6, True)
 
 
+def test_without_a_server_the_answer_comes_at_once() -> None:
+    program = (
+        "import sys; sys.argv = ['armtree', 'status', '--server', 'http://127.0.0.1:9']\n"
+        "from executive.cli.main import main\n"
+        "try:\n    main()\n"
+        "finally:\n    print({'numpy', 'py_trees', 'skills'} & set(sys.modules))"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert (ran.returncode, ran.stdout) == (13, "set()\n")
+    assert ran.stderr.startswith(
+        "Error: no server answers at http://127.0.0.1:9: Connection refused. Start one with"
+    )
+
+
 @pytest.mark.parametrize("words", [(), ("serve",), ("send",), ("status",), ("arm",)])
 def test_help_loads_nothing_heavy(words: tuple[str, ...]) -> None:
     program = (

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from executive.cli.main import cli
 from tests.logs.test_run import RUNS, record
 from tests.support.paths import EXAMPLES, TASKS
-from trees import FileError
+from trees import FileError, UnknownTask
 from trees.compile.port_types import known_skills
 from trees.nodes import KINDS
 
@@ -143,6 +143,18 @@ def test_show(form: str) -> None:
         ET.fromstring(shown)
 
 
+@pytest.mark.parametrize("command", ["show", "run"])
+def test_a_misspelt_task_is_named_with_those_there_are(command: str, tmp_path: Path) -> None:
+    refused = CliRunner().invoke(cli, [command, "pik", "--trees", str(tmp_path)]).exception
+    words = "Invalid task name pik; there are home, pick, rest; did you mean pick?"
+    assert isinstance(refused, UnknownTask)
+    assert str(refused) == words
+
+
+def test_show_a_task_by_its_name() -> None:
+    assert armtree("show", "pick").output == armtree("show", "1").output
+
+
 def test_show_a_run(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["canceled"])
@@ -153,7 +165,7 @@ def test_show_a_run(tmp_path: Path) -> None:
     assert any(line.startswith("├─ ■ Execute  +0.750 s, 1.5") for line in told)
     assert "style=filled" in armtree("show", str(path), "--format", "dot").output
     refused = armtree("show", str(path), "--ports")
-    assert "--ports and --format groot need the number of a task" in refused.output
+    assert "--ports and --format groot need a task" in refused.output
 
 
 def test_the_last_outcome_of_a_task_is_listed(tmp_path: Path) -> None:
