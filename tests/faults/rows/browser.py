@@ -1,0 +1,108 @@
+"""Pages of other sites in a real browser, which attack a server on the same machine."""
+
+import json
+import shutil
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from queue import Empty, Queue
+from typing import Any
+from urllib.parse import urlencode
+
+from tests.faults.process import Server, until
+from tests.faults.row import Scene, row
+
+PAGE = Path(__file__).with_name("attack.html")
+FOREIGN = "robot-tips.example"  # the browser resolves it to this machine, as DNS rebinding does
+
+
+class Site(ThreadingHTTPServer):
+    """Serves the page, and receives its report."""
+
+    def __init__(self) -> None:
+        self.reports: Queue[dict[str, Any]] = Queue()
+        super().__init__(("127.0.0.1", 0), Handler)
+
+
+class Handler(BaseHTTPRequestHandler):
+    """Answers every request for the site."""
+
+    server: Site
+
+    def do_GET(self) -> None:
+        self.answer(PAGE.read_bytes())
+
+    def do_POST(self) -> None:
+        report = json.loads(self.rfile.read(int(self.headers["content-length"])))
+        self.answer(b"")
+        self.server.reports.put(report)
+
+    def answer(self, body: bytes) -> None:
+        self.send_response(200)
+        self.send_header("content-type", "text/html")
+        self.send_header("content-length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002, as it is called
+        """Log nothing."""
+
+
+@contextmanager
+def site() -> Iterator[Site]:
+    with Site() as made:
+        thread = threading.Thread(target=made.serve_forever)
+        thread.start()
+        try:
+            yield made
+        finally:
+            made.shutdown()
+            thread.join()
+
+
+def attacked(scene: Scene, made: Site, host: str, server: Server) -> dict[str, Any]:
+    """What the page reports, opened under a name of its site."""
+    targets = [f"http://{name}:{server.address[1]}" for name in ("127.0.0.1", "localhost", FOREIGN)]
+    facts = urlencode({"targets": " ".join(targets)})
+    profile = scene.folder / f"profile-{host}"
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run"]
+    options += ["--disable-background-networking", f"--user-data-dir={profile}"]
+    options += [f"--host-resolver-rules=MAP {FOREIGN} 127.0.0.1"]
+    url = f"http://{host}:{made.server_port}/page?{facts}"
+    browser = scene.armtree(*options, url, argv=[shutil.which("chromium") or "chromium"])
+    try:
+        return made.reports.get(timeout=60)
+    except Empty:
+        return {}
+    finally:
+        browser.close()
+
+
+@row(
+    "foreign-page",
+    "pages of another port, another name, and of a name rebound to this machine, in a real browser:"
+    " requests of ten kinds to three names of the server",
+    "none of them is answered or has an effect: the goal goes on, and no goal is added",
+    times=1,
+)
+def foreign_page(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", "--rosbridge", board=board)
+    goal = server.goal(20)
+    until("the first frame", board.frames)
+    with site() as made:
+        for host in ("127.0.0.1", "localhost", FOREIGN):
+            report = attacked(scene, made, host, server)
+            scene.check(len(report) >= 30, f"{host}: the page reports {len(report)} attempts")
+            for attempt, outcome in report.items():
+                scene.check(outcome in ("refused", "opaque"), f"{host}: {attempt}: {outcome}")
+    scene.injections = 90
+    goals = server.get("/api/goals")["goals"]
+    scene.check([each["state"] for each in goals] == ["EXECUTING"], f"the goals: {goals}")
+    count = len(board.frames())
+    until("more frames", lambda: len(board.frames()) > count + 5)
+    scene.check(server.get("/api/status")["breakpoints"] == [], "a breakpoint was set")
+    server.stop()
+    scene.check(server.result(goal)["state"] == "CANCELED", "it was not canceled by the stop")
