@@ -34,10 +34,12 @@ class _RecordedGoal:
         path = str(self.own.path) if self.own else ""
         if self.result:
             return Outcome.from_record(self.result, path)
-        frames = list(self.own.frames()) if self.own else []
-        duration = max(0.0, frames[-1].time - self.record.time) if frames else 0.0
+        count, duration = 0, 0.0
+        with suppress(logs.LogError):  # keep what was read before the error
+            for frame in self.own.frames() if self.own else ():
+                count, duration = count + 1, max(0.0, frame.time - self.record.time)
         cause, task = cause_of(ServerRestarted()), self.record.task
-        return Outcome.of(task, GoalState.ABORTED, cause, len(frames), duration, path)
+        return Outcome.of(task, GoalState.ABORTED, cause, count, duration, path)
 
 
 def load_goal_history(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:

@@ -109,9 +109,15 @@ def last_command(robot: Robot, recordings: Path) -> LastCommand | None:
         except logs.LogError:
             continue  # a file of another program
         for record in reversed(sent):
-            if record.joints == names:
+            if record.joints == names and _possible(robot, record.positions):
                 return LastCommand(record.positions, str(path))
     return None
+
+
+def _possible(robot: Robot, positions: tuple[float, ...]) -> bool:
+    """Return whether all positions are within the limits; another program may write anything."""
+    pairs = zip(robot.actuated, positions, strict=True)
+    return all(joint.lower <= q <= joint.upper for joint, q in pairs)
 
 
 def _offer(robot: Robot, last: LastCommand | None) -> str:

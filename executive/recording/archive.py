@@ -62,7 +62,7 @@ def restore_robot(recording: Recording) -> Robot:
     except KeyError as missing:
         what = f"lacks {missing}, so its robot is unknown; another armtree recorded it"
         raise RecordingError(recording.path, what) from missing
-    except ValueError as cause:
+    except (ValueError, RecursionError) as cause:
         what = f"holds an invalid firmware ({cause}); another program wrote it"
         raise RecordingError(recording.path, what) from cause
 
@@ -70,7 +70,7 @@ def restore_robot(recording: Recording) -> Robot:
 def robot_files_changed(recording: Recording) -> bool:
     """Return whether the attached robot files differ from those the run used."""
     note = recording.notes[_NOTE]
-    return note["sha256"] != _digest(*(recording.files[note[key]] for key in ("file", "urdf")))
+    return note.get("sha256") != _digest(*(recording.files[note[key]] for key in ("file", "urdf")))
 
 
 @lru_cache(maxsize=8)
@@ -130,6 +130,8 @@ def _firmware_values(robot: Robot, recorded: str) -> dict[str, Any]:
     """
     figures: dict[str, Any] = asdict(robot.firmware)
     values = json.loads(recorded)
+    if not isinstance(values, dict):
+        raise ValueError("it is no JSON object")
     for name, known in figures.items():
         value = values.get(name, _plain(known))
         if not _same_type(value, _plain(known)):

@@ -87,7 +87,7 @@ def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
 
 def _targets(recording: Recording) -> dict[str, set[float]]:
     """Return the values that the task gives each joint; empty if it computes a goal."""
-    leaves, kinds = list(_leaves(_tree(recording))), known_skills()
+    leaves, kinds = _skills(recording), known_skills()
     planners = {name for name, kind in kinds.items() if kind.plans_goal}
     copiers = {name for name, kind in kinds.items() if kind.copies_targets}
     goals = {str(ports.get("goal")) for skill, ports in leaves if skill in planners}
@@ -99,17 +99,21 @@ def _targets(recording: Recording) -> dict[str, set[float]]:
         if skill not in copiers or len(spelled) < len(ports) - 1:  # all but the goal it writes
             return {}
         for joint, value in chain.from_iterable(group.items() for group in spelled):
-            if isinstance(value, int | float):
+            if isinstance(value, float):
                 targets.setdefault(joint, set()).add(value)
     return targets
 
 
-def _tree(recording: Recording) -> Any:
-    """Return the resolved task; empty if it cannot be read."""
+def _skills(recording: Recording) -> list[tuple[str, dict[str, Any]]]:
+    """Return all skills of the resolved task, each with its ports; empty if it cannot be read.
+
+    Any program may have written the file: it may be nested deeper than Python's stack.
+    """
     try:
-        return json.loads(recording.files.get(RESOLVED, b"{}"))
-    except ValueError:
-        return {}
+        tree = json.loads(recording.files.get(RESOLVED, b"{}"), parse_int=float)
+        return list(_leaves(tree))
+    except (ValueError, RecursionError):
+        return []
 
 
 def _leaves(node: Any) -> Iterator[tuple[str, dict[str, Any]]]:

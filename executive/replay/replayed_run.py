@@ -7,6 +7,7 @@ from logs import Goal, NodeStatus, Recording, RecordingError
 from trees.export.outline import Entry
 
 _HALTED = "HALTED"  # INVALID after RUNNING
+_DEEPEST = 200  # a node in more nodes is refused; another program wrote it
 
 
 @dataclass
@@ -76,8 +77,11 @@ def tree_of(path: Path) -> Entry:
             zero = record.time
         elif isinstance(record, NodeStatus):
             if record.path not in nodes:
+                if record.path.count("/") > _DEEPEST:
+                    raise RecordingError(path, f"its tree is deeper than {_DEEPEST} nodes")
+                above = nodes.get(record.path.rpartition("/")[0])
                 nodes[record.path] = node = _Node(record.name)
-                if above := nodes.get(record.path.rpartition("/")[0]):
+                if above:
                     above.below[record.path] = node
             nodes[record.path].change(record.status, record.message, record.time)
     if not nodes:

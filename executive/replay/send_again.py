@@ -92,14 +92,20 @@ def write_replay_task(recording: Path, speed: float, robot: Robot, folder: Path)
 
 
 def _start_of(recording: Recording) -> tuple[int, dict[str, float]]:
-    """Return the number of the recorded task, and the start of its first motion [rad]."""
-    number = 0
-    for record in recording.records(RecordedGoal, RecordedSchedule):
+    """Return the number of the recorded task, and the start of its first motion [rad].
+
+    Reads all frames, so that a file that cannot be read is refused before the run.
+    """
+    number, start = 0, None
+    for record in recording.records(RecordedGoal, RecordedSchedule, RecordedFrame):
         if isinstance(record, RecordedGoal):
             number = record.task
-        elif isinstance(record, RecordedSchedule) and record.frames:
-            return number, record.start
-    raise NotReplayable(f"{recording.path}: no motion was recorded; give a run that moved the arm")
+        elif isinstance(record, RecordedSchedule) and record.frames and start is None:
+            start = record.start
+    if start is None:
+        what = "no motion was recorded; give a run that moved the arm"
+        raise NotReplayable(f"{recording.path}: {what}")
+    return number, start
 
 
 @lru_cache(maxsize=1)

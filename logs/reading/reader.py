@@ -60,10 +60,9 @@ class Message:
             raise TypeError(f"{self.topic} carries {self.type}, not JSON: use .data")
         try:
             fields = json.loads(self.data.data)
-        except ValueError as cause:
-            raise RecordingError(
-                self.path, f"a message on {self.topic} is not JSON ({cause})"
-            ) from cause
+        except (ValueError, RecursionError) as cause:
+            what = f"a message on {self.topic} is not JSON, or too deep ({cause})"
+            raise RecordingError(self.path, what) from cause
         if not isinstance(fields, dict):
             raise RecordingError(self.path, f"a message on {self.topic} is not a JSON object")
         return fields

@@ -47,6 +47,7 @@ _COLUMNS: dict[type, tuple[tuple[str, str], ...]] = {
     Schedule: (("start", "samples"),),
 }
 _TIMES, _LONGEST = ("time", "duration"), 1e9  # [s]
+_LARGEST = 2**64  # of an integer in place of a float, and of a time [ns]
 _field_types = cache(get_type_hints)
 _GOAL_ID = re.compile("[0-9a-f]{32}")
 
@@ -208,13 +209,17 @@ def _epoch_ns(path: Path) -> int:
 
     for item in content(TolerantReader(path)):
         match item:
-            case Metadata(name="armtree", metadata={"epoch_ns": epoch}) if epoch.isdecimal():
+            case Metadata(name="armtree", metadata={"epoch_ns": epoch}) if _is_time(epoch):
                 return int(epoch)
             case Metadata() if item.name == RECOVERED:  # cut before the epoch, so it has no message
                 return 0
             case Message():
                 break
     raise RecordingError(path, "was not recorded by armtree, or lacks its head")
+
+
+def _is_time(epoch: str) -> bool:
+    return epoch.isdecimal() and len(epoch) < 20 and int(epoch) < _LARGEST
 
 
 @cache
@@ -319,5 +324,6 @@ def _has_type(value: Any, type_: Any) -> bool:
         return isinstance(value, dict) and all(_has_type(each, inner[1]) for each in values)
     if inner:
         return any(_has_type(value, each) for each in inner)
-    kinds = (int, float) if type_ is float else (type_,)
-    return type_ is Any or type(value) in kinds
+    if type_ is float and type(value) is int:
+        return abs(value) < _LARGEST
+    return type_ is Any or type(value) is type_

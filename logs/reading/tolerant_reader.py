@@ -15,11 +15,12 @@ from zlib import crc32
 from logs.errors import RecordingError
 from logs.records.file_format import MAGIC, is_journal, valid_size
 
+from .mcap_records import HEAD, Decoder
+
 if TYPE_CHECKING:
-    from mcap.records import Attachment, Footer
+    from mcap.records import Footer
 
 _CRC_BYTES = 4
-_ATTACHMENT_HEAD_BYTES = 32  # two times of 8, the lengths of name, type (4 each) and data (8)
 _BLOCK_BYTES = 65536
 
 
@@ -82,46 +83,42 @@ class TolerantReader:
 
     def _valid_records(self, stream: BinaryIO, end: int) -> Iterator[Any]:
         """Yield records up to the first invalid one, or up to an offset in the file [bytes]."""
-        from mcap.records import Attachment, Channel, DataEnd, Footer, Header, Message, Schema
-        from mcap.stream_reader import StreamReader
+        from mcap.records import Channel, DataEnd, Footer, Header, Message, Schema
 
-        # Without a limit, a damaged length makes the reader allocate gigabytes.
-        limit = self.path.stat().st_size
-        reader = StreamReader(stream, validate_crcs=True, record_size_limit=limit)
+        size = self.path.stat().st_size
+        decoder = Decoder()
         schemas, channels = {0}, set[int]()
+        crc = crc32(stream.read(len(MAGIC)))
         started = ended = False
-        for record in reader.records:
-            place = stream.tell()
-            valid = isinstance(record, Header) is not started and place <= end
-            started = True
-            match record:
-                case Message():
-                    valid &= record.channel_id in channels
-                    self.messages += valid
-                case Schema():
-                    schemas.add(record.id)
-                case Channel():
-                    channels.add(record.id)
-                    valid &= record.schema_id in schemas
-                case Attachment():
-                    valid &= _attachment_is_valid(record, stream)
-                case DataEnd():
-                    ended = True
-            if not valid:
+        record: Any = None
+        while not isinstance(record, Footer):
+            head = stream.read(HEAD.size)
+            opcode, length = HEAD.unpack(head)
+            if length > size - stream.tell():
                 return
-            self.valid = place
-            yield record
-        if ended and isinstance(record, Footer):
-            self.intact = _summary_is_valid(record, stream)
-
-
-def _attachment_is_valid(attachment: "Attachment", stream: BinaryIO) -> bool:
-    """Return whether the checksum of the attachment just read is right; mcap does not check it."""
-    names = len(attachment.name.encode()) + len(attachment.media_type.encode())
-    size = _ATTACHMENT_HEAD_BYTES + names + len(attachment.data)
-    stream.seek(-size - _CRC_BYTES, os.SEEK_CUR)
-    actual, expected = crc32(stream.read(size)), stream.read(_CRC_BYTES)
-    return int.from_bytes(expected, "little") in (0, actual)
+            body, before = stream.read(length), crc
+            place, crc = stream.tell(), crc32(body, crc32(head, crc))
+            for record in decoder.records(opcode, body, place):
+                valid = isinstance(record, Header) is not started and place <= end
+                started = True
+                match record:
+                    case Message():
+                        valid &= record.channel_id in channels
+                        self.messages += valid
+                    case Schema():
+                        schemas.add(record.id)
+                    case Channel():
+                        channels.add(record.id)
+                        valid &= record.schema_id in schemas
+                    case DataEnd():
+                        valid &= record.data_section_crc in (0, before)
+                        ended = True
+                if not valid:
+                    return
+                self.valid = place
+                yield record
+        ended &= stream.read(len(MAGIC)) == MAGIC
+        self.intact = ended and _summary_is_valid(record, stream)
 
 
 def _summary_is_valid(footer: "Footer", stream: BinaryIO) -> bool:

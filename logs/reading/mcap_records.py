@@ -1,0 +1,155 @@
+"""Decodes MCAP records. A file of any program gets no more memory and time than its size justifies.
+
+The mcap library unpacks what a chunk claims to hold, and reads as many bytes as a length claims.
+"""
+
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from struct import Struct
+from typing import TYPE_CHECKING, Any
+from zlib import crc32
+
+if TYPE_CHECKING:
+    from mcap.records import Attachment, Chunk
+
+HEAD = Struct("<BQ")  # opcode, and the number of bytes after it
+_MESSAGE_HEAD = Struct("<HIQQ")  # channel, sequence, two times
+_CRC_BYTES = 4
+
+# Most bytes that one chunk may unpack to. armtree writes 256 kB and one more message; that of the
+# longest motion, 10 minutes, has about 10 MB.
+_CHUNK_LIMIT = 32 << 20
+
+# Most bytes that all chunks so far may unpack to: so many, and so many per byte of the file so far.
+# A log line of 10 kB that is repeated all day compresses to a thousandth.
+_UNPACKED_LIMIT, _UNPACKED_PER_BYTE = 16 << 20, 1000
+
+# Most records in all chunks so far: so many, and one per byte of the file so far. Records that
+# differ only by their times and numbers take several bytes each.
+_RECORDS_LIMIT = 10_000
+
+_INVALID = 0x00  # no record has this opcode
+_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 0x03, 0x04, 0x05, 0x06, 0x09
+
+
+class BadRecord(Exception):
+    """The bytes are no valid record."""
+
+
+class Decoder:
+    """Decodes the records of one file, in file order."""
+
+    def __init__(self) -> None:
+        from mcap import records as mcap
+
+        self._kinds: dict[int, Callable[[Any], Any]] = {
+            0x01: mcap.Header.read,
+            0x02: mcap.Footer.read,
+            _SCHEMA: mcap.Schema.read,
+            _CHANNEL: mcap.Channel.read,
+            _CHUNK: mcap.Chunk.read,
+            _ATTACHMENT: mcap.Attachment.read,
+            0x0C: mcap.Metadata.read,
+            0x0F: mcap.DataEnd.read,
+        }
+        self._message = mcap.Message
+        self._unpacked = self._records = 0
+
+    def records(self, opcode: int, body: bytes, place: int) -> Iterator[Any]:
+        """Yield the record, or those in the chunk; nothing for indexes and private records.
+
+        Args:
+            opcode: Its opcode.
+            body: Its bytes after opcode and length.
+            place: Where it ends in the file [bytes].
+
+        Raises:
+            BadRecord: The record is invalid, or unpacks to too much.
+            Exception: Any other, from the decoders of text and of compressed data.
+        """
+        if opcode == _CHUNK:
+            yield from self._in_chunk(self._decoded(opcode, body), place)
+        elif opcode == _ATTACHMENT:
+            yield _checked(self._decoded(opcode, body), body)
+        elif opcode == _MESSAGE or opcode in self._kinds:
+            yield self._decoded(opcode, body)
+        elif opcode == _INVALID:
+            raise BadRecord("opcode 0")
+
+    def _decoded(self, opcode: int, body: bytes) -> Any:
+        from mcap.data_stream import ReadDataStream
+
+        if opcode == _MESSAGE:
+            channel, sequence, time, published = _MESSAGE_HEAD.unpack_from(body)
+            data = body[_MESSAGE_HEAD.size :]
+            return self._message(channel, time, data, published, sequence)
+        return self._kinds[opcode](ReadDataStream(_Body(body)))
+
+    def _in_chunk(self, chunk: "Chunk", place: int) -> Iterator[Any]:
+        self._unpacked += chunk.uncompressed_size
+        if self._unpacked > _UNPACKED_LIMIT + _UNPACKED_PER_BYTE * place:
+            raise BadRecord(f"{self._unpacked} bytes are packed into {place}")
+        data, at = _unpacked(chunk), 0
+        while at < len(data):
+            self._records += 1
+            if self._records > _RECORDS_LIMIT + place:
+                raise BadRecord(f"{self._records} records are packed into {place} bytes")
+            opcode, length = HEAD.unpack_from(data, at)
+            at += HEAD.size
+            body = data[at : at + length]
+            if opcode not in (_MESSAGE, _CHANNEL, _SCHEMA) or len(body) < length:
+                raise BadRecord(f"opcode {opcode} of {length} bytes in a chunk")
+            yield self._decoded(opcode, body)
+            at += length
+
+
+class _Body(BytesIO):
+    """The bytes of a record; a length within it that exceeds it is an error."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Return exactly so many bytes."""
+        data = super().read(size)
+        if len(data) != size:
+            raise BadRecord(f"{len(data)} bytes in place of {size}")
+        return data
+
+
+def _checked(attachment: "Attachment", body: bytes) -> "Attachment":
+    """Return an attachment if its checksum is right; mcap does not check it."""
+    expected = int.from_bytes(body[-_CRC_BYTES:], "little")
+    if expected not in (0, crc32(body[:-_CRC_BYTES])):
+        raise BadRecord("checksum of an attachment")
+    return attachment
+
+
+def _unpacked(chunk: "Chunk") -> bytes:
+    size = chunk.uncompressed_size
+    if size > _CHUNK_LIMIT:
+        raise BadRecord(f"a chunk of {size} bytes")
+    data = _UNPACK[chunk.compression](chunk.data, size)
+    if len(data) != size or chunk.uncompressed_crc not in (0, crc32(data)):
+        raise BadRecord("checksum of a chunk")
+    return data
+
+
+def _unpack_zstd(data: bytes, size: int) -> bytes:
+    import zstandard
+
+    # The frame's own size would be allocated, whatever limit is given.
+    claimed = zstandard.get_frame_parameters(data).content_size
+    if claimed not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+        raise BadRecord(f"a frame of {claimed} bytes in a chunk of {size}")
+    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+
+
+def _unpack_lz4(data: bytes, size: int) -> bytes:
+    from lz4.frame import LZ4FrameDecompressor
+
+    return bytes(LZ4FrameDecompressor().decompress(data, max_length=size))
+
+
+_UNPACK: dict[str, Callable[[bytes, int], bytes]] = {
+    "": lambda data, size: data,
+    "zstd": _unpack_zstd,
+    "lz4": _unpack_lz4,
+}
