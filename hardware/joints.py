@@ -65,6 +65,11 @@ class Joint:
         """Whether it turns without limits, so that positions a whole turn apart are equal."""
         return self.unit == "rad" and self.lower == -math.inf and self.upper == math.inf
 
+    def words(self, position: float, digits: int = 5) -> str:
+        """Return a position [rad] for people, in degrees or in mm, with this number of digits."""
+        scale, unit = DISPLAY_UNITS[self.unit]
+        return f"{scale * position + 0.0:.{digits}g} {unit}"  # no -0
+
 
 def check_position(joint: Joint, q: object) -> float:
     """Check that a joint position may be sent.
@@ -86,12 +91,11 @@ def check_position(joint: Joint, q: object) -> float:
     if not math.isfinite(value):
         raise BadPosition(f"{joint.name} = {q!r} is not a finite number", joint.name, q)
     if not joint.lower <= value <= joint.upper:
-        scale, unit = DISPLAY_UNITS[joint.unit]
-        shown, low, high = (f"{scale * x:.8g}" for x in (value, joint.lower, joint.upper))
+        limits = f"{joint.words(joint.lower)} to {joint.words(joint.upper)}"
         limit = min(max(value, joint.lower), joint.upper)
+        digits = 5 if joint.words(value) != joint.words(limit) else 17
         raise BadPosition(
-            f"{joint.name} = {shown} {unit} ({q} {joint.unit}) is outside its limits "
-            f"[{low}, {high}] {unit}",
+            f"{joint.name} = {joint.words(value, digits)} is outside its limits, {limits}",
             joint.name,
             q,
             limit,

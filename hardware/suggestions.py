@@ -1,19 +1,45 @@
 """Suggestions for misspelt names: the part of an error message that says "did you mean ...?"."""
 
 from collections.abc import Collection, Iterable
+from itertools import groupby
+
+_SHOWN = 5  # names in a message
 
 
 def closest(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
-    """Return the known name that is most similar to a word, or "" if none is similar enough.
+    """Return the known name that is most similar to a word, or "" if there is none.
+
+    Case and the signs between words do not count. There is none if several names are equally
+    similar.
 
     Args:
         word: The word as it was written.
         known: The names to choose from.
         cutoff: Least similarity, from 0 (any name) to 1 (only the word itself).
     """
-    from difflib import get_close_matches  # slow to load, and only error messages need it
+    for similarity, group in groupby(_by_similarity(word, known), lambda each: each[0]):
+        names = [name for _, name in group]
+        begun = [name for name in names if name.startswith(word)]
+        (best, *more) = begun or names
+        return best if similarity >= cutoff and not more else ""
+    return ""
 
-    return next(iter(get_close_matches(word, list(known), n=1, cutoff=cutoff)), "")
+
+def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
+    """Return the known names with their similarities to a word, the most similar one first."""
+    from difflib import SequenceMatcher  # slow to load, and only error messages need it
+
+    matcher = SequenceMatcher(b=_folded(word))
+    found = []
+    for name in known:
+        matcher.set_seq1(_folded(name))
+        found.append((matcher.ratio(), name))
+    return sorted(found, key=lambda each: (-each[0], each[1]))
+
+
+def _folded(name: str) -> str:
+    """Return a name without case and without the signs between its words."""
+    return "".join(filter(str.isalnum, name)).lower() or name
 
 
 def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
@@ -31,6 +57,8 @@ def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> 
 def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
     """Return the known names, and a suggestion for a word that is not among them.
 
+    If there are many names, only the most similar ones are returned, and the number of the others.
+
     Args:
         word: The unknown word.
         known: The names to choose from.
@@ -38,7 +66,9 @@ def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str
     """
     names = sorted(known)
     near = suggestion(word, names, given) or suggestion(word, names)
-    return (", ".join(names) or "none") + near
+    if more := len(names) - _SHOWN if len(names) > _SHOWN + 1 else 0:
+        names = [name for _, name in _by_similarity(word, names)[:_SHOWN]]
+    return (", ".join(names) or "none") + (f" and {more} more" if more else "") + near
 
 
 def corrections(given: Collection[str], known: Collection[str]) -> dict[str, str]:

@@ -114,14 +114,21 @@ def unknown_joint_errors(
     robot: Robot, joints: Mapping[str, float], *location: str | int
 ) -> list[SkillError]:
     """Return an error for each joint that the robot does not have."""
-    names, written = [joint.name for joint in robot.joints], _written(joints)
     known = {name for group in robot.groups.values() for name in group}
-    why = f"is no joint of the robot; it has {', '.join(names)}"
+    leaders = [joint.name for joint in robot.actuated]
+    written = _written(joints)
+    why = f"is no joint of the robot; it has {_joint_names(robot)}"
     return [
-        BadTarget(f"{name} {why}{suggestion(name, names, written)}").at(*location, name)
+        BadTarget(f"{name} {why}{suggestion(name, leaders, written)}").at(*location, name)
         for name in written
         if name not in known
     ]
+
+
+def _joint_names(robot: Robot) -> str:
+    """Return the names of the joints that are moved, by group."""
+    groups = ((group, [joint.name for joint in robot.actuated_in(group)]) for group in robot.groups)
+    return " and ".join(f"{', '.join(names)} ({group})" for group, names in groups if names)
 
 
 def mimic_errors(
@@ -141,8 +148,8 @@ def _follows(joint: Joint, mimic: Mimic, position: float | None) -> str:
     why = f"{joint.name} follows {mimic.leader}; name {mimic.leader} instead"
     if position is None or not math.isfinite(position) or not mimic.multiplier:
         return why
-    leader = (position - mimic.offset) / mimic.multiplier + 0.0  # no -0
-    return f"{why} ({mimic.leader} = {leader:g} gives {joint.name} = {position:g})"
+    leader = joint.words((position - mimic.offset) / mimic.multiplier)
+    return f"{why} ({mimic.leader} = {leader} gives {joint.name} = {joint.words(position)})"
 
 
 def _name_errors(
@@ -175,13 +182,13 @@ def _value_errors(
     """Return the errors of joints out of their limits, and of mimic joints that do not match."""
     errors: list[SkillError] = []
     for joint in (joint for joint in robot.joints if joint.name in target):
+        if why := _contradiction(joint, target):
+            errors.append(BadTarget(why).at(*location, joint.name))
+            continue
         try:
             check_position(joint, target[joint.name])
         except BadPosition as error:
             errors.append(OutOfBounds([error]).at(*location, joint.name))
-        else:
-            why = _contradiction(joint, target)
-            errors += [BadTarget(why).at(*location, joint.name)] if why else []
     return errors
 
 
@@ -190,9 +197,12 @@ def _contradiction(joint: Joint, target: Mapping[str, float]) -> str:
     if mimic is None or mimic.leader not in target:
         return ""
     follows, given = mimic.value(target[mimic.leader]), target[joint.name]
-    if math.isclose(given, follows, abs_tol=1e-9):  # up to the rounding of decimal literals
+    if not math.isfinite(given) or math.isclose(given, follows, abs_tol=1e-9):  # decimal literals
         return ""
-    return (
-        f"{joint.name} = {given:g} contradicts {mimic.leader} = {target[mimic.leader]:g}, which "
-        f"moves it to {follows:g}; leave {joint.name} out"
+    times = f"{mimic.multiplier:g} times {mimic.leader}"
+    offset = f" plus {joint.words(mimic.offset)}" if mimic.offset else ""
+    leader = f"{mimic.leader} = {joint.words(target[mimic.leader])}"
+    why = (
+        f"{joint.name} = {joint.words(given)} contradicts {leader}; it follows, as {times}{offset}"
     )
+    return f"{why}: leave {joint.name} out"

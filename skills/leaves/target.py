@@ -187,6 +187,6 @@ def _too_far(joint: Joint, distance: float) -> BadPosition | None:
     if abs(distance) <= span:  # False for NaN
         return None
     most = "half a turn" if joint.continuous else "its range"
-    why = f"{joint.name} by {distance:g} {joint.unit} is more than {most}, {span:g} {joint.unit}"
+    why = f"{joint.name} by {joint.words(distance)} is more than {most}, {joint.words(span)}"
     limit = math.copysign(span, distance) if math.isfinite(distance) else None
     return BadPosition(why, joint.name, distance, limit)

@@ -145,8 +145,8 @@ class OutOfBounds(MotionError, ValueError):
         scale, display = DISPLAY_UNITS[unit]
         position, low, high = (f"{scale * x:.6g}" for x in (value, lower, upper))
         super().__init__(
-            f"{_the(self.what)} of {joint}, {position} {display} ({value:.6g} {unit}), "
-            f"is outside [{low}, {high}] {display}; {self.hint}"
+            f"{_the(self.what)} of {joint}, {position} {display}, is outside its limits, "
+            f"{low} {display} to {high} {display}; {self.hint}"
         )
 
 

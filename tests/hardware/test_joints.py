@@ -41,6 +41,6 @@ def test_a_coarse_number_is_not_rounded_into_the_limits() -> None:
 
 
 def test_a_refusal_names_value_and_limits() -> None:
-    why = r"joint_1 = -90.527332 deg \(-1.58 rad\) is outside its limits \[-90, 90\] deg"
+    why = r"joint_1 = -90.527 deg is outside its limits, -90 deg to 90 deg"
     with pytest.raises(BadPosition, match=why):
         check_position(ROBOT.joint("joint_1"), np.float64(-1.58))

@@ -60,7 +60,7 @@ BOUNDS = (
 PLAN = "- PlanArm: {start: $start, goal: $goal, plan: $plan}"
 
 WRONG = [
-    (["- Sukseed"], 6, 7, "no skill Sukseed; there are AddBox, AddCylinder"),
+    (["- Sukseed"], 6, 7, "no skill Sukseed; there are Succeed, "),
     (["- Sukseed"], 6, 7, "did you mean Succeed?"),
     (["- succeed"], 6, 7, "did you mean Succeed?"),
     (["- Skill"], 6, 7, "no skill Skill"),

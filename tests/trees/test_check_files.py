@@ -78,7 +78,7 @@ OWN_FILES = [
     (
         "look.yaml",
         "subtree: look\ndescription: x\nports: {}\nreplaces: look\ntree: Succeed\n",
-        "4:1 replaces: no subtree look ships; there are close_gripper, follow,",
+        "4:1 replaces: no subtree look ships; there are follow, go, ",
     ),
     (
         "poses.yaml",
@@ -239,7 +239,7 @@ ONCE = [
     (
         "parameters: {a: {type: druation, default: 3 s, min: 1 s, choices: [a]}}\n",
         "{Wait: {duration: $a}}",
-        "4:24 parameters: a: no type druation; there are angle, boolean,",
+        "4:24 parameters: a: no type druation; there are duration, ",
     ),
     (
         "parameters: {a: {type: int, default: 5}}\n",

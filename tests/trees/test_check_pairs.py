@@ -107,7 +107,7 @@ AROUND = [
     ("{sequence: [X, {Wait: {duration: -1, n: 1}}]}", "n is no port of Wait"),
     (
         "{sequence: [X, {subtree: reach, with: {arm: {joint_1: 9}, griper: open}}]}",
-        "joint_1 = 515.66202 deg (9.0 rad)",
+        "joint_1 = 515.66 deg",
     ),
     (
         "{sequence: [X, {subtree: reach, with: {arm: {joint_1: 9}, griper: open}}]}",
@@ -196,25 +196,25 @@ TOGETHER = [
     (
         "{subtree: reach, with: {arm: {joint_1: 9, joint_7: 0.2, joint_3: x},"
         " griper: {joint_4: 5}}}",
-        ["4:37 CheckBounds: joint_1 = 515.66202 deg (9.0 rad) is outside",
+        ["4:37 CheckBounds: joint_1 = 515.66 deg is outside",
          "4:49 CheckBounds: joint_7 is no joint of the arm; the arm has joint_1, joint_2, joint_3; "
          "did you mean joint_2?",
          "4:72 arm: 'x' is not an angle",
          "4:76 griper is no port of subtree reach; there are arm, gripper; did you mean gripper?",
-         "4:85 CheckBounds: joint_4 = 286.4789 deg (5.0 rad) is outside"],
+         "4:85 CheckBounds: joint_4 = 286.48 deg is outside"],
     ),
     (
         "{subtree: reach, with: {arm: {joint_1: 9, joint_2: 9}, gripper: {joint_4: -0.3,"
         " joint_5: 0.1}}}",
         ["4:36 CheckBounds: joint_3 is missing",
-         "4:37 CheckBounds: joint_1 = 515.66202 deg (9.0 rad) is outside",
-         "4:49 CheckBounds: joint_2 = 515.66202 deg (9.0 rad) is outside",
-         "4:87 CheckBounds: joint_5 = 0.1 contradicts joint_4"],
+         "4:37 CheckBounds: joint_1 = 515.66 deg is outside",
+         "4:49 CheckBounds: joint_2 = 515.66 deg is outside",
+         "4:87 CheckBounds: joint_5 = 5.7296 deg contradicts joint_4"],
     ),
     (
         "{subtree: move_relative, with: {by: {joint_1: 100, joint_2: 99, jiont_3: 1, joint_4: x}}}",
-        ["4:44 Shift: joint_1 by 100 rad is more than",
-         "4:58 Shift: joint_2 by 99 rad is more than",
+        ["4:44 Shift: joint_1 by 5729.6 deg is more than",
+         "4:58 Shift: joint_2 by 5672.3 deg is more than",
          "4:71 Shift: jiont_3 is no joint that turns; there are joint_1, joint_2, joint_3, joint_4"
          "; did you mean joint_3?",
          "4:92 by: 'x' is not an angle"],
@@ -224,15 +224,15 @@ TOGETHER = [
         " joint_2: 9, jiont_3: 0, joint_4: x}, via: [{joint_1: 9, joint_2: 0, joint_3: 0}, nowhere,"
         " {joint_1: x, joint_2: 8, joint_3: 0}], plan: 5}}]}",
         ["4:62 PlanArm: the start lacks joint_2, joint_3, joint_4",
-         "4:83 PlanArm: joint_1 = 515.66202 deg (9.0 rad)",
-         "4:95 PlanArm: joint_2 = 515.66202 deg (9.0 rad)",
-         "4:107 PlanArm: jiont_3 is no joint of the robot; it has joint_1, joint_2, joint_3, "
-         "joint_4, joint_5; did you mean joint_3?",
+         "4:83 PlanArm: joint_1 = 515.66 deg",
+         "4:95 PlanArm: joint_2 = 515.66 deg",
+         "4:107 PlanArm: jiont_3 is no joint of the robot; it has joint_1, joint_2, joint_3 "
+         "(arm) and joint_4 (gripper); did you mean joint_3?",
          "4:128 PlanArm.goal: 'x' is not an angle",
-         "4:139 PlanArm: joint_1 = 515.66202 deg (9.0 rad)",
+         "4:139 PlanArm: joint_1 = 515.66 deg",
          "4:176 PlanArm.via: no pose nowhere",
          "4:195 PlanArm.via: 'x' is not an angle",
-         "4:198 PlanArm: joint_2 = 458.36624 deg (8.0 rad)",
+         "4:198 PlanArm: joint_2 = 458.37 deg",
          "4:230 PlanArm writes plan"],
     ),
     (
@@ -366,8 +366,8 @@ def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
     assert told(robot, tmp_path, files) == {
         "poses.yaml": {
             "'x' is not an angle in rad or deg",
-            "far: joint_1 = 515.66202 deg (9.0 rad) is outside its limits [-90, 90] deg",
-            "far: joint_2 = 515.66202 deg (9.0 rad) is outside its limits [-90, 90] deg",
+            "far: joint_1 = 515.66 deg is outside its limits, -90 deg to 90 deg",
+            "far: joint_2 = 515.66 deg is outside its limits, -90 deg to 90 deg",
             "no pose closed; ",
             "pose open ships; to replace it, add it to replaces",
         },

@@ -52,7 +52,7 @@ def test_a_urdf_that_cannot_be_planned_with_is_a_wrong_file(tmp_path: Path) -> N
         ),
         (
             ("right", "--via", "joint_1=9"),
-            "--via: joint_1 = 515.66202 deg (9.0 rad) is outside its limits",
+            "--via: joint_1 = 515.66 deg is outside its limits",
         ),
         (("right", "--via", "9 9 9"), "--via: The tool cannot reach (9.0000, 9.0000, 9.0000) m"),
         (("right", "--start", "9 9 9"), "--start: The tool cannot reach (9.0000, 9.0000, 9.0000)"),

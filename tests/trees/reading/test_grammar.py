@@ -178,6 +178,7 @@ def test_a_long_value_is_shortened() -> None:
 
 SUB = "subtree: s\ndescription: y\nports: [a, b]\ntree: {SetStart: {start: $a, x: $b}}\n"
 WRONG_SUB = [
+    (SUB.replace("[a, b]", "[{a: b}]"), 3, 9, "is not a name"),
     ("task: 3\n" + SUB, 1, 1, "unknown key task"),
     (SUB.replace("ports: [a, b]\n", ""), 1, 1, "the key ports is missing"),
     (SUB.replace("[a, b]", "a"), 3, 8, "ports: 'a' is not a mapping of names to types"),
