@@ -61,6 +61,26 @@ def test_a_servers_own_recording_mentions_goals_of_other_recordings(
     assert (run_drawn.goal, run_drawn.result) == (None, None)
 
 
+def test_the_holds_of_a_servers_own_recording_repeat_frames_of_other_recordings(
+    server: RigMaker, tmp_path: Path
+) -> None:
+    """A stop between two goals repeats the last frame, which is in the recording of its goal."""
+    arm = server()
+    for task in (1, 0):
+        assert run(arm, task).success
+        arm.rest(1.0)
+        arm.executive.cancel()
+        arm.rest(1.0)
+    arm.executive.close()
+    (own,) = (path for path in tmp_path.glob("*.mcap") if recordings.is_server_recording(path))
+    one, other = logs.Recording(own).frames()
+    assert one.hold
+    assert other.hold
+    assert one.data != other.data
+    verification = verify(own)
+    assert verification.holds, verification.text()
+
+
 class SlowBegin:
     """A journal that starts slowly, as the first one of a process does."""
 
