@@ -41,6 +41,27 @@ def unplug(scene: Scene) -> None:
 
 
 @row(
+    "unplug-any-time",
+    "unplug the board at a random time from the start of the command: it boots, plans or moves",
+    "the run ends with exit status 6 and a code of the port; nothing hangs",
+    limit=4,
+    unit="s",
+    times=6,
+)
+def unplug_any_time(scene: Scene) -> None:
+    board = scene.board()
+    run = scene.run("20", board=board)
+    time.sleep(scene.random.uniform(0.0, 4.0))  # noqa: TID251, a random moment
+    scene.unreceived = 1
+    gone = board.ask("unplug")["time"]
+    scene.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
+    code = run.events("result")[-1]["code"]
+    scene.check(code in ("hw.port_lost", "hw.port_missing", "hw.link"), f"the code is {code}")
+    # Before it looks for the port, the command loads its libraries.
+    scene.figure(time.monotonic() - max(gone, run.started + 3.0))
+
+
+@row(
     "replug",
     "unplug the board of a server during a motion, and plug it in again",
     "the server opens no port and moves nothing until a person activates the arm; then it works",
