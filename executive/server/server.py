@@ -23,14 +23,15 @@ from .http.answers import Answers
 from .http.app import App
 from .http.strict_json import MAX_BYTES
 from .limits.cancel_thread import CancelThread
-from .limits.connections import HttpConnection, SharedState, WebSocketConnection
+from .limits.connections import MAX_HEAD, HttpConnection, SharedState, WebSocketConnection
 from .limits.fair_queue import FairQueue
 from .rosbridge.bridge import Bridge
 from .security import AccessRules, host_names, is_loopback
 
 logger = logging.getLogger(__name__)
 
-_BACKLOG = 128
+_BACKLOG = 1024  # connections that the kernel keeps until they are accepted
+_ACCEPTED_AT_ONCE = 4  # so that a crowd of new connections does not hold up those with a stop
 _ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # as browsers send it
 _SEND_BUFFER = 128 * 1024  # bytes in flight to a client that does not read
 _SHUTDOWN_TIMEOUT = 0.05  # longest time for open answers at shutdown [s]
@@ -98,9 +99,9 @@ class ListenOptions:
 class _Uvicorn(uvicorn.Server):
     """uvicorn that waits for its end instead of polling ten times a second."""
 
-    def __init__(self, config: uvicorn.Config, queue: FairQueue) -> None:
+    def __init__(self, config: uvicorn.Config, queue: FairQueue, rules: AccessRules) -> None:
         super().__init__(config)
-        self.server_state = SharedState(queue)
+        self.server_state = SharedState(queue, rules)
         self.ready, self.ending = threading.Event(), asyncio.Event()
 
     async def main_loop(self) -> None:
@@ -181,9 +182,10 @@ class Server:
         serve_rosbridge = bridge.serve if self._options.rosbridge else None
         rules = self._options.rules(self.port, self.token)
         app = App(answers, rules, self._clock, serve_rosbridge)
-        self._server = _Uvicorn(_config(app), FairQueue(self._loop))
+        self._server = _Uvicorn(_config(app), FairQueue(self._loop), rules)
         self._thread = self._clock.spawn(self._run, "network")
         self._server.ready.wait()
+        self._socket.listen(_BACKLOG)  # asyncio has set it to what it accepts at once
 
     def stop(self) -> None:
         """End all answers and streams, and remove the token file; also if it never started."""
@@ -232,6 +234,7 @@ def _config(app: Any) -> uvicorn.Config:
         loop="asyncio",
         http=HttpConnection,
         ws=WebSocketConnection,
+        h11_max_incomplete_event_size=MAX_HEAD,
         ws_max_size=MAX_BYTES,
         ws_per_message_deflate=False,
         lifespan="off",
@@ -240,5 +243,5 @@ def _config(app: Any) -> uvicorn.Config:
         proxy_headers=False,
         server_header=False,
         date_header=False,
-        backlog=_BACKLOG,
+        backlog=_ACCEPTED_AT_ONCE,
     )

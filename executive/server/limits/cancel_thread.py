@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 
 from executive.executive import Executive
 from executive.goals.outcome import CancelResult
@@ -24,13 +24,20 @@ class CancelThread:
         # Clients without the token must not fill the log.
         self._log_bucket = TokenBucket(0.1, 3.0, executive.clock.now)
         self._thread = ThreadPoolExecutor(1, "stop")
+        self._stop: Future[CancelResult] | None = None
 
     async def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelResult:
-        """Cancel goals, as `Executive.cancel` does."""
-        loop = asyncio.get_running_loop()
-        cancel = self._executive.cancel
-        answer = await loop.run_in_executor(self._thread, cancel, identity, stamp_ns)
-        if not (identity or stamp_ns or answer.goals) and self._log_bucket.take():
+        """Cancel goals, as `Executive.cancel` does.
+
+        Stops of the arm that arrive before the previous one has begun share its result.
+        """
+        stops = not (identity or stamp_ns)
+        pending = self._stop if stops else None
+        if pending is None or pending.running() or pending.done():
+            pending = self._thread.submit(self._executive.cancel, identity, stamp_ns)
+            self._stop = pending if stops else self._stop
+        answer = await asyncio.shield(asyncio.wrap_future(pending))
+        if stops and not answer.goals and self._log_bucket.take():
             logger.info("Received a stop of the arm; no goal was under way")
         return answer
 

@@ -10,20 +10,24 @@ import re
 from typing import Any
 
 import h11
+from starlette.datastructures import Headers
 from uvicorn.protocols.http.h11_impl import STATUS_PHRASES, H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
 from websockets.frames import CloseCode
 from websockets.utils import apply_mask
 
-from executive.errors import BadRequest
+from executive.errors import BadRequest, Forbidden
 from executive.goals.outcome import cause_of
 from executive.server.http.operations import OPERATIONS, Operation
-from executive.server.security import is_authenticated
+from executive.server.security import AccessRules, is_authenticated
 
 from .fair_queue import CHUNK, FairQueue
 
 MAX_CONNECTIONS = 128  # more than all streams, subscribers and rosbridge clients together
+MAX_HEAD = 8 * 1024  # bytes of a request's head
+MAX_HEAD_LINES = 100  # parsing a line takes 5 us
+MAX_STOP_HEAD = 2 * 1024  # bytes of the head of a stop that is not queued
 HEAD_SECONDS = 5.0  # longest time for the head of a request, counted from the last answer [s]
 STALL_SECONDS = 5.0  # a client that does not read for this time is disconnected [s]
 
@@ -33,12 +37,13 @@ def _request_line(operation: Operation) -> str:
     for name, schema in operation.parameters.items():
         path = path.replace(f"{{{name}}}", schema["pattern"].strip("^$"))
     ends = "[/? ]" if operation.ignores_input else "[? ]"
-    return f"{operation.method} (?:http://[^/ ]*)?{path}{ends}"
+    return f"{operation.method} {path}{ends}"
 
 
 _STOPS = [operation for operation in OPERATIONS.values() if operation.stops]
 _STOP = re.compile("|".join(_request_line(o) for o in _STOPS if o.ignores_input).encode())
 _CANCEL = re.compile("|".join(_request_line(o) for o in _STOPS if not o.ignores_input).encode())
+_HEAD_END = re.compile(rb"\n\r?\n")
 _ROSBRIDGE_CANCEL = re.compile(rb"cancel_action_goal|_action/cancel_goal")
 _TEXT_FRAME = 0x81  # first byte of a WebSocket frame with a whole text message
 
@@ -48,11 +53,12 @@ class SharedState(ServerState):
 
     Args:
         queue: Queue of received data.
+        rules: Who may call.
     """
 
-    def __init__(self, queue: FairQueue) -> None:
+    def __init__(self, queue: FairQueue, rules: AccessRules) -> None:
         super().__init__()
-        self.fair_queue = queue
+        self.fair_queue, self.rules = queue, rules
 
 
 class _QueuedProtocol(asyncio.Protocol):
@@ -63,7 +69,7 @@ class _QueuedProtocol(asyncio.Protocol):
 
     def __init__(self, *, server_state: SharedState, **more: Any) -> None:
         super().__init__(server_state=server_state, **more)  # type: ignore[call-arg]
-        self.fair_queue = server_state.fair_queue
+        self.fair_queue, self._rules = server_state.fair_queue, server_state.rules
 
     def data_received(self, data: bytes) -> None:
         """Process a stop at once, unless other data is queued before it; queue all other data."""
@@ -174,14 +180,31 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         self._end_head_timer()
 
     def process(self, data: bytes) -> None:
-        """Process queued data."""
+        """Process queued data, or refuse a head of too many lines before it is parsed."""
+        if self.conn.their_state is h11.IDLE and _too_many_lines(self.conn.trailing_data[0] + data):
+            self.send_400_response(f"a head may have at most {MAX_HEAD_LINES} lines")
+            return
         super().process(data)
         if self.transport.get_protocol() is self:  # not a WebSocket by now
             self._update_head_timer()
 
     def stop_length(self, data: bytes) -> int:
-        """Return the length of data if it is a request to stop, else 0."""
-        return len(data) if _STOP.match(data) and not self._is_answering else 0
+        """Return the length of the head at the start of data, if it is that of a stop, else 0.
+
+        Host and Origin must be accepted: only a client that can stop the arm is not queued.
+        """
+        end = data.find(b"\r\n\r\n", 0, MAX_STOP_HEAD) + 4
+        begins = self.conn.their_state is h11.IDLE and not self.conn.trailing_data[0]
+        if end < 4 or not begins or not _STOP.match(data):
+            return 0
+        lines = (line.partition(b":") for line in data[:end].lower().split(b"\r\n")[1:-2])
+        try:
+            self._rules.check_source(
+                Headers(raw=[(name, value.strip()) for name, _, value in lines])
+            )
+        except Forbidden:
+            return 0
+        return end
 
     def has_priority(self, data: bytes) -> bool:
         """True for a cancel, and for a client that has sent the token."""
@@ -254,6 +277,11 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         ]
         oldest = min(idle, key=lambda each: (each.has_token, each.idle_since), default=self)
         oldest.transport.abort()
+
+
+def _too_many_lines(data: bytes) -> bool:
+    end = _HEAD_END.search(data)
+    return data.count(b"\n", 0, end.start() if end else len(data)) > MAX_HEAD_LINES
 
 
 def _is_utf8(text: bytes) -> bool:

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-CHUNK = 1024  # bytes of a WebSocket that are read at once, so that processing them is short
+CHUNK = 1024  # bytes that are processed at once, so that it is short
 REST_FACTOR = 3.0  # rest after processing, per second of work, so that the loop can serve the arm
 MAX_DEBT = 0.02  # rest that may be postponed [s], so that clients that send little do not wait
 
@@ -48,7 +48,8 @@ class FairQueue:
         """
         queued = next((line for line in self._lines if connection in line), None)
         line = (self._priority if priority else self._ordinary) if queued is None else queued
-        line.setdefault(connection, []).append(data)
+        pieces = line.setdefault(connection, [])
+        pieces += (data[begin : begin + CHUNK] for begin in range(0, len(data), CHUNK))
         if not self._running:
             self._process_next()
 

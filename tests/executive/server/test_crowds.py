@@ -8,6 +8,7 @@ import pytest
 
 import logs
 from executive.goals.events import Event
+from executive.goals.outcome import CancelResult
 from executive.server import event_hub
 from executive.server.http import answers as api, app
 from executive.server.limits import connections, fair_queue
@@ -45,6 +46,84 @@ def test_a_stop_is_not_queued(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> 
             200,
             {"return_code": 0, "goals": [goal]},
         )
+
+
+STOP = "POST /api/stop HTTP/1.1"
+LONG = [f"a{number}: b" for number in range(300)]
+
+
+@pytest.mark.parametrize(
+    "heads",
+    [
+        [[STOP, "host: evil.example", ""]],
+        [[STOP, "host: {own}", "host: {own}", ""]],
+        [[STOP, "host: {own}", "origin: http://evil.example", ""]],
+        [[STOP, "host: {own}", *LONG, ""]],
+        [["POST http://{own}/api/stop HTTP/1.1", "host: {own}", ""]],
+        [[STOP], ["host: {own}", ""]],
+        [["GET / HTTP/1.1"], [STOP, "host: {own}", ""]],
+        [
+            ["POST /api/cancel HTTP/1.1", "host: {own}", "content-length: 90", ""],
+            [STOP, "host: {own}", ""],
+        ],
+    ],
+    ids=["foreign", "two hosts", "page", "long", "url", "two pieces", "in a head", "in a body"],
+)
+def test_only_a_short_stop_of_an_accepted_client_is_not_queued(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, heads: list[list[str]]
+) -> None:
+    served = serve()
+    own = f"127.0.0.1:{served.server.port}"
+    queued: list[bytes] = []
+    put = fair_queue.FairQueue.put
+
+    def watched(
+        queue: fair_queue.FairQueue, connection: object, data: bytes, priority: bool
+    ) -> None:
+        queued.append(data)
+        put(queue, connection, data, priority)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(fair_queue.FairQueue, "put", watched)
+    with raw(served) as connection:
+        sent = b""
+        for lines in heads:
+            data = "".join(f"{line.format(own=own)}\r\n" for line in lines).encode()
+            sent += data
+            connection.sendall(data)
+            while len(b"".join(queued)) < len(sent) and stops(served):
+                pass
+    assert b"".join(queued) == sent
+
+
+def test_stops_that_come_together_share_one(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    served = serve()
+    cancel, begun, held = served.executive.cancel, threading.Event(), threading.Event()
+    calls: list[str] = []
+
+    def counted(identity: str = "", stamp_ns: int = 0) -> CancelResult:
+        calls.append(identity)
+        begun.set()
+        held.wait(10)
+        return cancel(identity, stamp_ns)
+
+    goal = served.executive.send(10).identity
+    monkeypatch.setattr(served.executive, "cancel", counted)
+    head = f"{STOP}\r\nhost: 127.0.0.1:{served.server.port}\r\nconnection: close\r\n\r\n"
+    with contextlib.ExitStack() as stack:
+        first = stack.enter_context(raw(served))
+        first.sendall(head.encode())
+        begun.wait(10)
+        others = [stack.enter_context(raw(served)) for _ in range(20)]
+        for each in others:
+            each.sendall(head.encode())
+        assert served.ask("GET", "/api/health")[0] == 200  # the others have arrived
+        held.set()
+        assert goal.encode() in answer(first)
+        assert all(b"HTTP/1.1 200" in answer(each) for each in others)
+    assert len(calls) == 2
+    monkeypatch.undo()
+    goal = served.executive.send(10).identity
+    assert goal in served.ask("POST", "/api/stop", token=False)[1]["goals"]
 
 
 def test_idle_strangers_do_not_end_a_hold(serve: Serve) -> None:

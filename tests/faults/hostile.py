@@ -1,0 +1,110 @@
+"""A crowd of hostile clients, until it is killed: `hostile.py KIND PORT [CLIENTS]`.
+
+A program of its own, so that it does not hold up the process that measures.
+"""
+
+import asyncio
+import contextlib
+import itertools
+import json
+import sys
+from collections.abc import AsyncIterator, Callable
+
+from websockets.frames import Frame, Opcode
+
+Data = Callable[[int], bytes]
+
+
+def head(line: str, *more: str, host: str = "127.0.0.1:PORT") -> Data:
+    """The head of a request; PORT is the server's."""
+    text = "".join(f"{each}\r\n" for each in (f"{line} HTTP/1.1", f"host: {host}", *more, ""))
+    return lambda port: text.replace("PORT", str(port)).encode()
+
+
+def message(**fields: object) -> bytes:
+    return Frame(Opcode.TEXT, json.dumps(fields).encode()).serialize(mask=True)
+
+
+MANY = tuple(f"a{number}:" for number in range(11_000))
+STOP = head("POST /api/stop")
+WEBSOCKET = head(
+    "GET /",
+    *("connection: upgrade", "upgrade: websocket", "sec-websocket-version: 13"),
+    "sec-websocket-key: AAAAAAAAAAAAAAAAAAAAAA==",
+)
+GOAL = {"op": "send_action_goal", "action": "/task_server", "args": {"task_number": 23}}
+KIND = {"action_type": "arduinobot_msgs/action/ArduinobotTask", "id": "a"}
+CANCEL = {"op": "cancel_action_goal", "action": "/task_server", "id": "a"}
+
+# What each client sends on a new connection, again and again.
+CONNECTING: dict[str, Data] = {
+    "connections": lambda port: b"",
+    "long stops": head("POST /api/stop", *MANY),
+    "foreign long stops": head("POST /api/stop", *MANY, host="evil.example"),
+    "endless stops": lambda port: head("POST /api/stop", *MANY)(port)[:-2],
+    "foreign stops": head("POST /api/stop", host="evil.example"),
+    "stops": STOP,
+    "pipelined stops": lambda port: STOP(port) * 500,
+    "long cancels": head("POST /api/cancel", *MANY),
+}
+# What each client sends on a connection that it keeps, before and then again and again.
+STAYING: dict[str, tuple[Data, Data]] = {
+    "stops on open connections": (STOP, STOP),
+    "stops behind lines": (lambda port: head("GET /", *MANY)(port)[:8000], STOP),
+    "chunks": (
+        head("POST /api/stop", "transfer-encoding: chunked"),
+        lambda port: b"1\r\nx\r\n" * 1000,
+    ),
+    "rosbridge goals": (WEBSOCKET, lambda port: message(**GOAL, **KIND)),
+    "rosbridge cancels": (WEBSOCKET, lambda port: message(**CANCEL)),
+}
+
+
+@contextlib.asynccontextmanager
+async def connected(
+    port: int,
+) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    try:
+        yield reader, writer
+    finally:
+        writer.transport.abort()
+
+
+async def connect(port: int, data: bytes) -> None:
+    """Connect, send, and read the first piece of the answer."""
+    async with connected(port) as (reader, writer):
+        writer.write(data)
+        if data:
+            await reader.read(4096)
+
+
+async def stay(port: int, first: bytes, then: bytes) -> None:
+    """Send and read on one connection until the server closes it."""
+    async with connected(port) as (reader, writer):
+        for data in itertools.chain([first], itertools.repeat(then)):
+            writer.write(data)
+            await writer.drain()
+            with contextlib.suppress(TimeoutError):
+                if not await asyncio.wait_for(reader.read(65_536), 0.02):
+                    return
+
+
+async def client(kind: str, port: int) -> None:
+    """Be one hostile client."""
+    while True:
+        with contextlib.suppress(OSError, TimeoutError):
+            if kind in CONNECTING:
+                await asyncio.wait_for(connect(port, CONNECTING[kind](port)), 1.0)
+            else:
+                await stay(port, *(data(port) for data in STAYING[kind]))
+        await asyncio.sleep(0)
+
+
+async def crowd(kind: str, port: int, clients: int) -> None:
+    """Be all of them."""
+    await asyncio.gather(*(client(kind, port) for _ in range(clients)))
+
+
+if __name__ == "__main__":
+    asyncio.run(crowd(sys.argv[1], int(sys.argv[2]), int((sys.argv[3:] or ["80"])[0])))

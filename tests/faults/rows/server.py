@@ -1,0 +1,62 @@
+"""Hostile clients of a server: a stop is answered in every flood."""
+
+import sys
+from pathlib import Path
+
+from tests.faults.process import until
+from tests.faults.row import Row, Scene, row
+
+HOSTILE = Path(__file__).parents[1] / "hostile.py"
+STOPS = 120  # per flood, so that one late answer is not the 99th percentile
+
+
+def flood(kind: str, fault: str, clients: int = 80, quick: int = 0) -> Row:
+    """A row: hostile clients of one kind, and stops of somebody else meanwhile."""
+
+    @row(
+        f"flood-{kind.replace(' ', '-')}",
+        f"{clients} clients: {fault}",
+        "another client's stop ends the goal, and every stop is answered",
+        limit=50,
+        unit="ms",
+        times=1,
+        quick=quick,
+        alone=True,
+    )
+    def inject(scene: Scene) -> None:
+        board = scene.board()
+        server = scene.serve("--activate", "--rosbridge", board=board)
+        until("the arm to be active", lambda: server.state() == "active")
+        goal = server.goal(20)
+        until("a frame", board.data)
+        line = kind, str(server.address[1]), str(clients)
+        crowd = scene.armtree(*line, argv=(sys.executable, HOSTILE))
+        begin = server.processor()
+        until("the flood to work", lambda: server.processor() > begin + 0.3)
+        for _ in range(STOPS):
+            until("a while", lambda: scene.random.random() < 0.1)
+            scene.figure(1000 * server.stop())
+        scene.check(crowd.popen.poll() is None, "the clients ended too early")
+        crowd.close()
+        state = server.result(goal)["state"]
+        scene.check(state == "CANCELED", f"the goal ended {state}")
+        scene.injections = STOPS
+
+    return inject
+
+
+flood_connections = flood("connections", "connect and leave")
+flood_stops = flood("stops", "stop the arm, each time on a new connection", clients=20)
+flood_open = flood("stops on open connections", "stop the arm again and again", clients=20)
+flood_pipelined = flood("pipelined stops", "send 500 stops at once", clients=20)
+flood_long = flood("long stops", "stops with 11,000 header lines")
+flood_foreign_long = flood(
+    "foreign long stops", "stops with 11,000 header lines for another host", quick=1
+)
+flood_foreign = flood("foreign stops", "stops for another host")
+flood_endless = flood("endless stops", "stops whose 11,000 header lines do not end")
+flood_behind = flood("stops behind lines", "stops as the last of 8 kB of header lines")
+flood_chunks = flood("chunks", "stops whose bodies have a thousand chunks and do not end")
+flood_cancels = flood("long cancels", "cancels with 11,000 header lines")
+flood_goals = flood("rosbridge goals", "goals through rosbridge", clients=16)
+flood_rosbridge = flood("rosbridge cancels", "cancels through rosbridge", clients=16)
