@@ -17,9 +17,9 @@ from executive.server.http.operations import OPERATIONS, Access, Operation
 from executive.testing import SimulatedArm
 from hardware import load_robot
 from tests.support.paths import ROBOT_FILE, ROOT
-from tests.support.serving import Serve
+from tests.support.servers.serving import Serve
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 TASK = "task: {number}\nname: {name}\ndescription: Try it.\ntree:\n  {tree}\n"
 

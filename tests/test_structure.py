@@ -15,8 +15,12 @@ BELOW = {
     "trees": {"hardware", "skills"},
     "executive": {"hardware", "logs", "skills", "trees"},
 }
-# One file per skill, and one per group of commands.
-CROWDED = {"skills/leaves", "executive/cli"}
+# Folders that may hold more, and why.
+CROWDED = {
+    "skills/leaves": "one file per skill",
+    "executive/cli": "one file per group of commands",
+    "tests": "one folder per room and per kind of test",
+}
 SIBLINGS = 14  # about a dozen
 LINES = 600
 
@@ -94,16 +98,21 @@ def test_a_circle_is_found() -> None:
 
 
 def folders() -> list[Path]:
-    """Every folder of the rooms that holds code."""
-    return sorted({path.parent for path in MODULES.values()})
+    """Every folder of the rooms and of the tests that holds code, or folders with code."""
+    tests = [path for path in (ROOT / "tests").rglob("*.py") if "node_modules" not in path.parts]
+    above = {folder for path in [*MODULES.values(), *tests] for folder in path.parents}
+    return sorted(folder for folder in above if folder.is_relative_to(ROOT) and folder != ROOT)
 
 
-@pytest.mark.parametrize("folder", folders(), ids=lambda path: str(path.relative_to(ROOT)))
+FOLDERS = folders()
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_a_folder_holds_about_a_dozen(folder: Path) -> None:
     if str(folder.relative_to(ROOT)) in CROWDED:
         return
     files = [path for path in folder.glob("*.py") if not path.name.startswith("__")]
-    inner = [path for path in folders() if path.parent == folder]
+    inner = [path for path in FOLDERS if path.parent == folder]
     assert len(files) + len(inner) <= SIBLINGS
 
 

@@ -1,6 +1,6 @@
 """The client for programs that use asyncio.
 
-`synchronous.py` is made from this file: python -m tests.support.sync_client
+`synchronous.py` is made from this file: python -m tests.support.generated.sync_client
 """
 
 import json

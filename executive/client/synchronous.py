@@ -1,6 +1,6 @@
 """The client for ordinary programs.
 
-`python -m tests.support.sync_client` makes this file from `asynchronous.py`.
+`python -m tests.support.generated.sync_client` makes this file from `asynchronous.py`.
 """
 
 import json

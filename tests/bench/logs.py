@@ -35,7 +35,7 @@ from executive.replay.verification import verify_all
 from hardware import RealClock, load_robot
 from logs.writing.journal import Journal
 from tests.bench.table import Row, arguments, show
-from tests.support.file_damage import FOOTER_BYTES, Damage, failure, take
+from tests.support.recordings.file_damage import FOOTER_BYTES, Damage, failure, take
 
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 JOINTS = ("joint_1", "joint_2", "joint_3", "joint_4")

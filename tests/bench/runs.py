@@ -51,9 +51,9 @@ from hardware.drivers.arduino.serial_servo import FIRMWARES
 from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
-from tests.support.network_ports import in_a_flood, over_http, rosbridge_results, served
-from tests.support.recordings_finished import at_rest, finished, rest, sweep
+from tests.support.recordings.finished import at_rest, finished, rest, sweep
 from tests.support.resources import descriptors_used, memory_used, threads_used
+from tests.support.servers.network_ports import in_a_flood, over_http, rosbridge_results, served
 from trees.live_library import LiveLibrary
 
 Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]

@@ -22,8 +22,8 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from tests.support.command_line.typed import typed
 from tests.support.paths import EXAMPLES, ROBOT_FILE, ROOT
-from tests.support.typed import typed
 
 pytestmark = pytest.mark.slow
 

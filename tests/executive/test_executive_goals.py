@@ -18,7 +18,7 @@ from hardware.errors import PortMissing
 from skills.leaves.plan_group import PlanGripper
 from tests.conftest import RigMaker
 from tests.support.paths import EXAMPLES
-from tests.support.server_acts import at_frame, history, run
+from tests.support.servers.server_acts import at_frame, history, run
 
 # Goals and the arm
 

@@ -17,7 +17,7 @@ from skills.leaves.execute import Execute
 from skills.leaves.plan_group import PlanGripper
 from skills.motion import Pool
 from tests.conftest import Rig, RigMaker
-from tests.support.hardware_rigs import left, threads
+from tests.support.arms.hardware_rigs import left, threads
 
 
 def percentages(rig: Rig) -> list[int | None]:

@@ -17,8 +17,8 @@ import logs
 from logs import Description, LogLine, Record, Sent
 from tests.logs.test_run import RUNS, lifecycle, record
 from tests.logs.writing.test_compaction import run_journal
-from tests.support.javascript import without_node
 from tests.support.paths import EXAMPLES, PEERS, ROBOT_FILE
+from tests.support.servers.javascript import without_node
 
 pytestmark = pytest.mark.slow
 

@@ -27,7 +27,7 @@ from skills.joint_targets import (
 from skills.leaves.check_bounds import CheckBounds
 from skills.leaves.target import Shift, Target
 from tests.conftest import Bench
-from tests.support.arms import foreign
+from tests.support.arms.robots import foreign
 
 ZERO = {"arm": {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0}, "gripper": {"joint_4": 0.0}}
 

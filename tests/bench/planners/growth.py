@@ -19,7 +19,7 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.bench.planners.problems import POST
-from tests.support.arms import robot_of
+from tests.support.arms.robots import robot_of
 
 Array = NDArray[np.float64]
 Case = Callable[[int], tuple[Robot, World, int]]

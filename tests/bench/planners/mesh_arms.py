@@ -16,8 +16,8 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from tests.bench.planners.problems import POSTS
 from tests.bench.planners.worker_pool import ask
-from tests.support.arms import free_poses
-from tests.support.real_arms import FILES, real
+from tests.support.arms.real_arms import FILES, real
+from tests.support.arms.robots import free_poses
 
 _TIMEOUTS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # [s]
 

@@ -13,7 +13,7 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from tests.bench.planners.padded import padded
 from tests.bench.planners.reference_checker import ReferenceChecker
-from tests.support.arms import foreign, robot_of
+from tests.support.arms.robots import foreign, robot_of
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[2] / "data"

@@ -8,9 +8,9 @@ import pytest
 
 import logs
 from armtree import Client, ServerUnreachable
-from tests.support.serving import Served, Typed
+from tests.support.servers.serving import Served, Typed
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 FAR = """\
 task: 15

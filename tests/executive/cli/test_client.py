@@ -18,11 +18,11 @@ from executive.cli.log_handler import LogHandler
 from logs import LogLine, Recording
 from tests.logs.writing.test_compaction import run_journal
 from tests.support.paths import ROBOT_FILE
-from tests.support.serving import TASKS, Served, Typed
+from tests.support.servers.serving import TASKS, Served, Typed
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 EVERYTHING_HEAVY = ("numpy", "pinocchio", "matplotlib", "starlette", "uvicorn", "httpx", "mcap")

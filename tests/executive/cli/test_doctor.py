@@ -10,7 +10,7 @@ from click.testing import CliRunner, Result
 
 from executive.cli.main import cli
 from hardware import SerialLink, load_robot
-from tests.support.hardware_rigs import Pty
+from tests.support.arms.hardware_rigs import Pty
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,7 @@ import pytest
 from executive.goals.outcome import GoalState
 from hardware.arm.connection import Connection
 from tests.conftest import RigMaker
-from tests.support.server_acts import at_frame, run
+from tests.support.servers.server_acts import at_frame, run
 
 pytestmark = pytest.mark.slow
 

@@ -5,10 +5,10 @@ import asyncio
 import pytest
 
 from armtree import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
-from tests.support.serving import Serve
-from tests.support.sync_client import TARGET, synchronous
+from tests.support.generated.sync_client import TARGET, synchronous
+from tests.support.servers.serving import Serve
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 
 def test_the_synchronous_client(serve: Serve) -> None:

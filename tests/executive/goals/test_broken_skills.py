@@ -12,8 +12,8 @@ from executive.goals.queue import Policy
 from hardware import Clock, RealClock, State
 from skills import Skill, skill
 from tests.conftest import RigMaker
-from tests.support.recordings_finished import finished
-from tests.support.server_acts import at_frame, run
+from tests.support.recordings.finished import finished
+from tests.support.servers.server_acts import at_frame, run
 
 _NAMES = (
     *("leaves", "Leaves", "Doubts", "Hangs", "Unsure", "Lost", "Restless", "Unmade", "Timeless"),

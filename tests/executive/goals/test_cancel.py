@@ -13,7 +13,7 @@ from hardware import State
 from skills import Skill
 from skills.leaves.plan_group import PlanGripper
 from tests.conftest import Rig, RigMaker
-from tests.support.server_acts import at_frame, history, run
+from tests.support.servers.server_acts import at_frame, history, run
 
 
 def check_ended(arm: Rig, outcome: Outcome, sent_before: int) -> None:

@@ -15,7 +15,7 @@ from executive.goals.queue import Policy
 from executive.goals.start_pose import find_start_pose
 from hardware import DescriptionError, Robot, State, load_robot
 from tests.conftest import Rig, RigMaker
-from tests.support.server_acts import at_frame
+from tests.support.servers.server_acts import at_frame
 
 
 @pytest.fixture

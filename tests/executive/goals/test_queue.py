@@ -8,7 +8,7 @@ import pytest
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goals.outcome import Acceptance, CancelCode, GoalState, Outcome
 from executive.goals.queue import KEPT, WAITING, Policy
-from tests.support.goals_table import Table
+from tests.support.generated.goals_table import Table
 
 S, C = GoalState, CancelCode
 NOBODY = "0" * 32

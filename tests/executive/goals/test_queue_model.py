@@ -9,7 +9,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from executive.errors import ResultTimeout
 from executive.goals.outcome import CancelCode, GoalState
 from executive.goals.queue import Policy
-from tests.support.goals_table import Table
+from tests.support.generated.goals_table import Table
 
 S, C = GoalState, CancelCode
 NOBODY = "0" * 32

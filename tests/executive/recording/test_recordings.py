@@ -29,8 +29,8 @@ from logs.writing.compactor import compactor
 from logs.writing.journal import Journal
 from tests.conftest import RigMaker
 from tests.logs.test_run import fail
-from tests.support.server_acts import run
-from tests.support.typed import typed
+from tests.support.command_line.typed import typed
+from tests.support.servers.server_acts import run
 
 
 def test_another_process_finishes_the_recordings(

@@ -5,7 +5,7 @@ from pathlib import Path
 import logs
 from executive.replay.verification import verify
 from tests.conftest import RigMaker
-from tests.support.alterations import altered, replace
+from tests.support.recordings.alterations import altered, replace
 
 CLOSE = """
 task: 7

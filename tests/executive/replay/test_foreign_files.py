@@ -13,10 +13,10 @@ from executive.replay.verification import verify
 from hardware import load_robot
 from logs.records.ros_types import ros_types
 from tests.executive.replay.test_verification import field
-from tests.support.alterations import Change, each, records_of, retold, rewritten
-from tests.support.bombs import bombs
+from tests.support.command_line.typed import typed
 from tests.support.paths import EXAMPLES
-from tests.support.typed import typed
+from tests.support.recordings.alterations import Change, each, records_of, retold, rewritten
+from tests.support.recordings.bombs import bombs
 
 pytestmark = pytest.mark.slow
 

@@ -27,9 +27,9 @@ from logs.views.table import export
 from logs.views.timeline import timeline
 from tests.conftest import RigMaker
 from tests.end_to_end.test_command_line import events, robot as quick, sent_frames, start
-from tests.support.alterations import altered, lacking, replace, retold
+from tests.support.command_line.typed import typed as finish
 from tests.support.paths import ROOT
-from tests.support.typed import typed as finish
+from tests.support.recordings.alterations import altered, lacking, replace, retold
 
 pytestmark = pytest.mark.slow
 

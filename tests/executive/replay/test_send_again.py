@@ -14,9 +14,9 @@ from hardware import load_robot
 from skills.errors import NotReplayable
 from tests.conftest import RigMaker
 from tests.end_to_end.test_command_line import events, robot as quick, sent_frames, start
-from tests.support.alterations import Change, altered, retold
+from tests.support.command_line.typed import typed
 from tests.support.paths import EXAMPLES
-from tests.support.typed import typed
+from tests.support.recordings.alterations import Change, altered, retold
 
 pytestmark = pytest.mark.slow
 

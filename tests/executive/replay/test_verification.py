@@ -16,8 +16,16 @@ from logs import Recording
 from logs.records.ros_types import ros_types
 from tests.conftest import Rig, RigMaker
 from tests.executive.test_executive import reach
-from tests.support.alterations import Change, altered, each, lacking, moved, replace, retold
 from tests.support.paths import DATA
+from tests.support.recordings.alterations import (
+    Change,
+    altered,
+    each,
+    lacking,
+    moved,
+    replace,
+    retold,
+)
 
 pytestmark = pytest.mark.slow
 

@@ -13,9 +13,16 @@ from logs.reading.digests import changed_part as changed_in
 from logs.records.ros_types import ros_types
 from tests.conftest import RigMaker
 from tests.executive.replay.test_verification import checks, field, picked
-from tests.support.alterations import Change, altered, each, records_of, retold, rewritten
 from tests.support.paths import EXAMPLES
-from tests.support.single_changes import single_changes
+from tests.support.recordings.alterations import (
+    Change,
+    altered,
+    each,
+    records_of,
+    retold,
+    rewritten,
+)
+from tests.support.recordings.single_changes import single_changes
 
 pytestmark = pytest.mark.slow
 

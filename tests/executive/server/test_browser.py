@@ -15,11 +15,11 @@ from urllib.parse import urlencode
 import pytest
 
 from tests.support.paths import PEERS
-from tests.support.serving import Serve, Served
+from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 PAGE = PEERS / "page.html"
 CHROMIUM = shutil.which("chromium")

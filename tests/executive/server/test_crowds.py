@@ -12,12 +12,12 @@ from executive.goals.outcome import CancelResult
 from executive.server import event_hub
 from executive.server.http import answers as api, app
 from executive.server.limits import connections, fair_queue
-from tests.support.foreign_clients import GOAL, answer, head, raw, stops
-from tests.support.serving import Serve
+from tests.support.servers.foreign_clients import GOAL, answer, head, raw, stops
+from tests.support.servers.serving import Serve
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 
 def test_idle_connections_are_closed_to_make_room(serve: Serve) -> None:

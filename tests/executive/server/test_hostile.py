@@ -17,12 +17,12 @@ from executive.server import token_file
 from executive.server.http import app
 from executive.server.http.operations import OPERATIONS
 from executive.server.limits import connections
-from tests.support.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
-from tests.support.serving import Serve
+from tests.support.servers.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
+from tests.support.servers.serving import Serve
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 
 def path_of(template: str) -> str:

@@ -10,11 +10,11 @@ from armtree import Client
 from executive.client.values import OpenQuestion
 from executive.errors import Refused
 from executive.goals.events import QuestionStatus
-from tests.support.serving import Serve, Served
+from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 
 def asked(client: Client) -> tuple[str, str]:

@@ -6,9 +6,9 @@ from starlette.datastructures import Headers
 from executive.errors import RequestError
 from executive.server.limits.token_bucket import TokenBucket
 from executive.server.security import AccessRules, host_names, is_loopback
-from tests.support.serving import Serve
+from tests.support.servers.serving import Serve
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 RULES = AccessRules(
     host_names(("127.0.0.1", "localhost", "::1"), 8765),

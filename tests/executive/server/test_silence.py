@@ -12,12 +12,12 @@ import pytest
 from armtree import AsyncClient, Client, Refused, ServerUnreachable
 from executive.client import transport
 from executive.server import event_hub
-from tests.support.foreign_clients import head, raw
-from tests.support.serving import Serve
+from tests.support.servers.foreign_clients import head, raw
+from tests.support.servers.serving import Serve
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import time
 
 from tests.faults.row import Scene, last_line, row
-from tests.support.bombs import bombs
+from tests.support.recordings.bombs import bombs
 
 
 @row(

@@ -21,7 +21,7 @@ from hardware import (
 )
 from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.errors import InterfaceClaimed, TooFast
-from tests.support.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
+from tests.support.arms.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 
 
 @pytest.fixture

@@ -34,7 +34,7 @@ from hardware.arm.acknowledgements import ANSWER_TIMEOUT
 from hardware.drivers.arduino.frames import Codec
 from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.errors import BoardReset, BoardSilent, FrameLost, PoseOutsideLimits, WrongFirmware
-from tests.support.hardware_rigs import HOME, PICK, motion
+from tests.support.arms.hardware_rigs import HOME, PICK, motion
 from tests.support.paths import ROOT
 
 OURS = FIRMWARES["armtree"]
@@ -291,7 +291,7 @@ STALLED = """
 import dataclasses, os, signal, threading
 from hardware import Arm, PlaybackState, RealClock, load_robot
 from hardware.drivers.arduino.serial_servo import FIRMWARES
-from tests.support.hardware_rigs import PICK, motion
+from tests.support.arms.hardware_rigs import PICK, motion
 
 robot = dataclasses.replace(load_robot(), firmware=FIRMWARES["armtree"])
 link, ended = robot.link("virtual"), threading.Event()

@@ -23,7 +23,7 @@ from hardware import (
 from hardware.arm.connection import Connection
 from hardware.arm.write_guard import WriteGuard
 from hardware.errors import LinkError, PortBusy, PortLost, PortStalled
-from tests.support.hardware_rigs import (
+from tests.support.arms.hardware_rigs import (
     HOME,
     PICK,
     ROBOT,
@@ -371,7 +371,7 @@ def test_an_arm_is_shut_down_when_the_interpreter_exits() -> None:
     program = """
 from hardware.arm.connection import Connection
 from hardware.arm.write_guard import WriteGuard
-from tests.support.hardware_rigs import Rig
+from tests.support.arms.hardware_rigs import Rig
 from hardware import StateChanged
 rig = Rig()
 rig.start()

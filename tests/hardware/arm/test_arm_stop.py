@@ -22,7 +22,7 @@ from hardware import (
 from hardware.arm.connection import Connection
 from hardware.arm.streamer import Streamer
 from hardware.errors import PortLost, StaleGeneration
-from tests.support.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing
+from tests.support.arms.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from hardware.arm.reconnect import ReconnectWatcher
 from hardware.drivers.arduino.virtual.arduino import VirtualArduino
 from hardware.errors import PortMissing
 from hardware.link import serial_ports as ports_module
-from tests.support.hardware_rigs import settled_for
+from tests.support.arms.hardware_rigs import settled_for
 
 ROBOT = load_robot()
 BOARD = ("bseg", (90, 90, 90, 0), dataclasses.replace(ROBOT.firmware, boot_time=0.0), 115200)

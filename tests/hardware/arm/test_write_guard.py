@@ -11,7 +11,7 @@ from hardware.drivers.arduino.frames import Codec
 from hardware.drivers.arduino.serial_servo import FIRMWARES, SerialServo
 from hardware.drivers.driver import Frame
 from hardware.errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration, TooFast
-from tests.support.write_guard_rig import HOME, Rig, degrees
+from tests.support.arms.write_guard_rig import HOME, Rig, degrees
 
 
 def test_a_frame_is_sent_and_reported() -> None:

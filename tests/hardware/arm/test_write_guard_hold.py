@@ -11,7 +11,7 @@ from hardware import ArmEvent, FrameSent, NotActive
 from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.errors import DriverFailed, PortLost, PortStalled, StaleGeneration, WriteRefused
 from hardware.link.timed_link import TimedLink
-from tests.support.write_guard_rig import HOME, Rig, degrees
+from tests.support.arms.write_guard_rig import HOME, Rig, degrees
 
 
 def test_a_hold_repeats_the_last_frame_exactly_once() -> None:

@@ -10,7 +10,7 @@ from hardware import Schedule, compile_schedule
 from hardware.drivers.arduino.serial_servo import ARMTREE, STOCK
 from hardware.drivers.firmware_profile import Firmware
 from hardware.errors import JointTooFast, TooFast
-from tests.support.write_guard_rig import HOME, Rig
+from tests.support.arms.write_guard_rig import HOME, Rig
 
 LIMIT = 1.0  # [rad/s]
 POSES = st.tuples(*[st.floats(-1.5, 1.5)] * 3, st.floats(-1.5, 0.0))

@@ -16,7 +16,7 @@ from hardware import (
     load_robot,
 )
 from hardware.drivers.arduino.serial_servo import SerialServo
-from tests.support.hardware_rigs import motion
+from tests.support.arms.hardware_rigs import motion
 
 DRIVER = '''
 """Servos on a bus that take their positions in ticks, such as `1:0512 2:0300;`."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hardware import Arm, DescriptionError, NoDriver, RealClock, compile_schedule, load_robot
-from tests.support.arms import ARMS, foreign
+from tests.support.arms.robots import ARMS, foreign
 from tests.support.paths import DATA
 
 

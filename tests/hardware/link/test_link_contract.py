@@ -6,11 +6,11 @@ import pytest
 
 from hardware import Firmware, Link
 from hardware.errors import PortLost
-from tests.support.virtual_shells import BAUD, BOOT, PATIENCE, Process, Shell
+from tests.support.command_line.virtual_shells import BAUD, BOOT, PATIENCE, Process, Shell
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.virtual_shell_fixtures"]
+pytest_plugins = ["tests.support.command_line.virtual_shell_fixtures"]
 
 
 def test_opening_resets_the_board_and_bytes_are_lost_while_it_boots(shell: Shell) -> None:

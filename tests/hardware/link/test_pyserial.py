@@ -22,7 +22,7 @@ from serial import serialposix
 from hardware import LinkError, SerialLink
 from hardware.errors import PortBusy, PortDenied, PortLost, PortMissing, PortStalled
 from hardware.link.serial_ports import owner_of
-from tests.support.hardware_rigs import Pty
+from tests.support.arms.hardware_rigs import Pty
 
 FRAME = b"b090,s090,e090,g000,"
 NOBODY = 65534

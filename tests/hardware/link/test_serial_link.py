@@ -17,7 +17,7 @@ import serial
 from hardware import LinkError, SerialLink
 from hardware.errors import PortBusy, PortDenied, PortLost, PortMissing, PortStalled
 from hardware.link.serial_ports import owner_of
-from tests.support.hardware_rigs import Pty, open_files
+from tests.support.arms.hardware_rigs import Pty, open_files
 from tests.support.paths import ROOT
 
 BAUD = 115200

@@ -9,7 +9,7 @@ import pytest
 from hardware import Check, SerialLink, check_port
 from hardware.link import serial_ports as module
 from hardware.link.serial_ports import SerialPort
-from tests.support.hardware_rigs import Pty
+from tests.support.arms.hardware_rigs import Pty
 
 NOBODY = 65534
 

@@ -9,7 +9,7 @@ import pytest
 from hardware import LinkError, SerialLink
 from hardware.errors import PortLost, PortStalled
 from hardware.link.timed_link import TimedLink
-from tests.support.hardware_rigs import Pty, left, open_files, threads
+from tests.support.arms.hardware_rigs import Pty, left, open_files, threads
 
 FRAME = b"b090,s090,e090,g000,"
 

@@ -13,9 +13,9 @@ import logs
 from logs.reading.tolerant_reader import TolerantReader
 from logs.views.narrative import narrative, overview
 from tests.logs.test_run import RUNS, record
-from tests.support.alterations import records_of
-from tests.support.bombs import bombs
 from tests.support.paths import EXAMPLES
+from tests.support.recordings.alterations import records_of
+from tests.support.recordings.bombs import bombs
 
 BOMBS = bombs()
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 import logs
 from logs import recover
 from tests.logs.writing.test_compaction import run_journal
-from tests.support.file_damage import piece_ends
+from tests.support.recordings.file_damage import piece_ends
 
 
 @pytest.fixture(scope="module")

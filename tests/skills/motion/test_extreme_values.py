@@ -14,7 +14,7 @@ from skills.motion import Body, ModelUnusable, PlanTimeout, Query, Sphere, World
 from skills.motion.path.motion_validator import _coarse_to_fine
 from skills.motion.planner import Planner
 from skills.motion.timing.explain import limits_met
-from tests.support.arms import foreign
+from tests.support.arms.robots import foreign
 
 HOME, PICK = (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07)
 

@@ -13,8 +13,8 @@ from skills.motion import Body, Box, MotionError, PlanTimeout, Query, ToolQuery,
 from skills.motion.collision.checker import MAX_MESH_PAIRS, CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
-from tests.support.arms import free_poses
-from tests.support.real_arms import real
+from tests.support.arms.real_arms import real
+from tests.support.arms.robots import free_poses
 
 pytestmark = pytest.mark.slow
 

@@ -23,7 +23,7 @@ from skills.motion.kinematics.inverse import ToolChain
 from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.path.blend import VIA_TOLERANCE
 from skills.motion.planner import Planner
-from tests.support.arms import ARMS, foreign, free_poses
+from tests.support.arms.robots import ARMS, foreign, free_poses
 
 POST = World((Body("post", Box((0.1, 0.1, 1.2)), (0.4, 0.0, 0.4)),))
 TURN = 2.0 * np.pi

@@ -27,8 +27,8 @@ from skills.motion.kinematics.inverse import ToolChain
 from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.kinematics.robot_model import RobotModel
 from skills.motion.planner import Planner
-from tests.support.arms import free_poses
-from tests.support.real_arms import FILES, real
+from tests.support.arms.real_arms import FILES, real
+from tests.support.arms.robots import free_poses
 
 pytestmark = pytest.mark.slow
 

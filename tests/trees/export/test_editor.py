@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.javascript import without_node
-from tests.support.language_server import LanguageServer
+from tests.support.command_line.language_server import LanguageServer
 from tests.support.paths import EXAMPLES, TASKS
+from tests.support.servers.javascript import without_node
 
 pytestmark = pytest.mark.slow
 

@@ -13,11 +13,11 @@ from executive.server.http import answers as api
 from executive.server.http.operations import OPERATIONS
 from hardware import State
 from logs.writing import recorder
-from tests.support.serving import Serve, Served
+from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 NOBODY = "0123456789abcdef" * 2
 

@@ -16,11 +16,11 @@ from executive.server.http.answers import Answers
 from executive.server.http.operations import OPERATIONS, Operation
 from hardware import TRANSITIONS
 from tests.executive.server.rosbridge.test_bridge import GOAL, heard, say, websocket
-from tests.support.serving import Serve
+from tests.support.servers.serving import Serve
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 # These last as long as their client stays.
 STREAMS = ("/api/events", "/api/goals/{goal_id}/hold")

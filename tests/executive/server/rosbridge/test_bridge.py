@@ -18,14 +18,14 @@ from websockets.sync.client import ClientConnection, connect
 from executive.goals import queue as goals
 from executive.server.limits import connections, fair_queue
 from executive.server.rosbridge import bridge, protocol as ros
-from tests.support.foreign_clients import UPGRADE, raw
-from tests.support.javascript import without_node
 from tests.support.paths import PEERS
-from tests.support.serving import Serve, Served
+from tests.support.servers.foreign_clients import UPGRADE, raw
+from tests.support.servers.javascript import without_node
+from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.server_fixtures"]
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 NODE = ["node", "with_roslib.mjs"]
 WITHOUT = without_node("roslib")

@@ -24,7 +24,7 @@ from skills.motion import (
 )
 from skills.motion.kinematics.geometry import EnclosedVolume
 from skills.motion.planner import Planner
-from tests.support.arms import foreign
+from tests.support.arms.robots import foreign
 
 pytestmark = pytest.mark.slow
 

@@ -15,7 +15,7 @@ from skills.motion.collision.scene import PlanningScene
 from skills.motion.kinematics.geometry import corners
 from skills.motion.kinematics.lever_arms import floor_lever_arms
 from skills.motion.planner import Planner
-from tests.support.arms import pair_file
+from tests.support.arms.robots import pair_file
 
 Array = NDArray[np.float64]
 

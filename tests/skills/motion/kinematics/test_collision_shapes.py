@@ -8,7 +8,7 @@ import pytest
 from hardware import Robot, load_robot
 from skills.motion import ModelUnusable
 from skills.motion.kinematics.robot_model import RobotModel
-from tests.support.arms import pair_file
+from tests.support.arms.robots import pair_file
 
 BOX = '<geometry><box size="0.1 0.1 0.1"/></geometry>'
 _LINK = '<link name="{0}"><collision>{1}</collision></link>'

@@ -12,7 +12,7 @@ from skills.motion import Body, Box, NotFinite, Query, ToolQuery, Unreachable, W
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
-from tests.support.arms import foreign
+from tests.support.arms.robots import foreign
 
 HOME = (0.0, 0.0, 0.0, 0.0)
 WITHIN, FAR = (0.1, 0.05, 0.08), (0.0575, -0.2841, -0.0468)

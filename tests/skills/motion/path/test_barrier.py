@@ -11,7 +11,7 @@ from hardware import CollisionRules, Robot, load_robot
 from skills.motion import Barred, Body, Box, MotionError, NoPath, PlanTimeout, Query, World
 from skills.motion.path import barrier
 from skills.motion.planner import Planner
-from tests.support.arms import foreign, pair_file
+from tests.support.arms.robots import foreign, pair_file
 
 UPRIGHT = (0.0,) * 6
 # The column of the arm that turns without end holds a bar, and posts stand where that would pass.

@@ -13,8 +13,8 @@ from hardware import Robot, load_robot
 from skills.motion import Body, MotionError, Plan, Query, Sphere, World
 from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.planner import Planner
-from tests.support.arms import ARMS, foreign, free_poses
-from tests.support.real_arms import FILES, real
+from tests.support.arms.real_arms import FILES, real
+from tests.support.arms.robots import ARMS, foreign, free_poses
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,7 @@ from hardware import Robot, load_robot
 from skills.motion import EMPTY, Body, Box, MotionError, Plan, Query, World
 from skills.motion.planner import Planner
 from skills.motion.timing.explain import limits_met
-from tests.support.arms import ARMS, foreign, free_poses
+from tests.support.arms.robots import ARMS, foreign, free_poses
 
 POST = World((Body("post", Box((0.03, 0.03, 0.2)), (0.115, 0.115, 0.1)),))
 PILLAR = World((Body("pillar", Box((0.1, 0.1, 0.9)), (0.35, 0.25, 0.45)),))

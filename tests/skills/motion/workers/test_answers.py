@@ -30,7 +30,7 @@ from skills.motion.planner import Planner
 from skills.motion.timing.time_law import TimeLaw
 from skills.motion.workers.answers import AnswerChecker
 from skills.motion.workers.messages import InvalidMessage
-from tests.support.arms import ARMS, foreign
+from tests.support.arms.robots import ARMS, foreign
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
 BENT = dataclasses.replace(PICK, via=((-0.7, 0.2, 0.0), (-1.0, -0.2, 0.1)))

@@ -18,7 +18,7 @@ from tests.avr.rig import (
     pulse_us,
     status,
 )
-from tests.support.frame_damage import CORRUPTIONS, Corruptions, pieces
+from tests.support.arms.frame_damage import CORRUPTIONS, Corruptions, pieces
 from tests.support.paths import FIRMWARE
 
 pytest_plugins = ["tests.avr.fixtures"]

@@ -15,8 +15,8 @@ from hardware.drivers.driver import Frame
 from hardware.drivers.pacing import PacingModel
 from tests.avr import rig
 from tests.avr.rig import BAUD, BOOT, MakeBoard, frame
-from tests.support.frame_damage import damaged
-from tests.support.hardware_rigs import motion
+from tests.support.arms.frame_damage import damaged
+from tests.support.arms.hardware_rigs import motion
 
 pytest_plugins = ["tests.avr.fixtures"]
 pytestmark = [

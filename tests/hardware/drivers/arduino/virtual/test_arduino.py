@@ -19,7 +19,7 @@ from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.drivers.arduino.virtual.arduino import VirtualArduino, VirtualLink
 from hardware.drivers.arduino.virtual.board import BoardState
 from hardware.errors import PortMissing
-from tests.support.hardware_rigs import ROBOT, left, open_files, threads
+from tests.support.arms.hardware_rigs import ROBOT, left, open_files, threads
 from tests.support.paths import ROOT
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,7 @@ from hardware import BoardLink, SimulatedClock
 from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.drivers.arduino.virtual.board import Board
 from tests.avr.rig import frame
-from tests.support.frame_damage import CORRUPTIONS, Corruptions, pieces, spelled
+from tests.support.arms.frame_damage import CORRUPTIONS, Corruptions, pieces, spelled
 
 OURS = FIRMWARES["armtree"]
 BOOT = (90, 90, 90, 0)

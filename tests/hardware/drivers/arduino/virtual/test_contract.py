@@ -7,11 +7,11 @@ import pytest
 from hardware import Firmware
 from hardware.drivers.arduino.virtual.board import Board
 from tests.avr.rig import checksum, frame
-from tests.support.virtual_shells import BAUD, BOOT, BOOT_TIME, Process, Shell
+from tests.support.command_line.virtual_shells import BAUD, BOOT, BOOT_TIME, Process, Shell
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.virtual_shell_fixtures"]
+pytest_plugins = ["tests.support.command_line.virtual_shell_fixtures"]
 
 NEAR = (91, 89, 91, 1)
 COMMANDS = [b"bA01;", b"bA00;", b"bW05;", b"bV09;", b"sV09;", b"eV09;", b"gV09;"]

@@ -13,7 +13,7 @@ from executive.server import token_file
 from executive.testing import SharedPool
 from hardware import RealClock, load_robot
 from skills.motion import Pool
-from tests.support.serving import Serve, Served, Typed
+from tests.support.servers.serving import Serve, Served, Typed
 
 
 @pytest.fixture(scope="session")

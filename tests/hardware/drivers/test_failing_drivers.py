@@ -20,7 +20,7 @@ from hardware import (
     virtual_board,
 )
 from hardware.errors import DriverFailed, PortLost, PortStalled, StaleGeneration
-from tests.support.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
+from tests.support.arms.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_an_exception_of_a_driver_ends_the_motion_and_is_its_cause(
     deaf: bool, error: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In the reading thread, or in the writing one."""
-    monkeypatch.setattr("tests.support.hardware_rigs.BoardLink", Foreign)
+    monkeypatch.setattr("tests.support.arms.hardware_rigs.BoardLink", Foreign)
     with Rig.alone() as rig:
         assert isinstance(rig.link, Foreign)
         rig.link.error, rig.link.deaf = error, deaf

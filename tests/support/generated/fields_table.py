@@ -1,6 +1,6 @@
 """The table of the fields of every JSON topic, as `logs/README.md` has it, made of the code.
 
-`python -m tests.support.fields_table` prints it.
+`python -m tests.support.generated.fields_table` prints it.
 """
 
 import re

@@ -4,7 +4,7 @@ import contextlib
 import socket
 from collections.abc import Iterator
 
-from tests.support.serving import Served
+from tests.support.servers.serving import Served
 
 GOAL = "0123456789abcdef" * 2
 

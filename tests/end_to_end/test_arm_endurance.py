@@ -12,7 +12,7 @@ import pytest
 from hardware import Arm, ArmEvent, Faulted, FrameSent, RealClock, SerialLink, State, load_robot
 from hardware.drivers.arduino.virtual.arduino import VirtualArduino
 from hardware.errors import PortLost
-from tests.support.hardware_rigs import left, motion, nothing, open_files, settled_for, threads
+from tests.support.arms.hardware_rigs import left, motion, nothing, open_files, settled_for, threads
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ import pytest
 from hardware import Firmware, SimulatedClock
 from hardware.drivers.arduino.serial_servo import FIRMWARES
 from tests.avr import rig
-from tests.support.virtual_shells import Avr, InProcess, Port, Process, Shell, quick
+from tests.support.command_line.virtual_shells import Avr, InProcess, Port, Process, Shell, quick
 
 pytest_plugins = ["tests.avr.fixtures"]
 

@@ -11,7 +11,7 @@ TARGET = ROOT / "executive/client/synchronous.py"
 
 HEADER = '''"""The client for ordinary programs.
 
-`python -m tests.support.sync_client` makes this file from `asynchronous.py`.
+`python -m tests.support.generated.sync_client` makes this file from `asynchronous.py`.
 """'''
 
 # Pattern and replacement, applied in this order
