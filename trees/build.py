@@ -1,7 +1,7 @@
 """From a task file to a tree that can run: compiled, analysed and wired, but not ticked."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -83,9 +83,9 @@ def build(
     given = arguments or {}
     tree = TreeCompiler(library, context).task(*draft, f"/{namespace}", given)
     refusals(tree, context.robot)
-    found = mistakes_of(tree, draft, library, context)
+    check_outcomes(tree)
     refused = tree.hooks.refused  # includes refusals of hooks that the analysis has called
-    if found:
+    if found := tree.mistakes.found:
         raise wrong([*found, *(refusal.mistake for refusal in refused)], given)
     if refused:
         raise _cause(refused, dict(paths(tree.root)))
@@ -95,35 +95,6 @@ def build(
     files |= {**tree.files, RESOLVED: resolved(tree)}
     skills = tuple(leaf.skill for leaf in tree.leaves.values())
     return Tree(tree.root, skills, files, namespace)
-
-
-def mistakes_of(
-    tree: CompiledTree, draft: Draft, library: Library, context: Context
-) -> list[Mistake]:
-    """Analyse a compiled task; return its mistakes, and those that its defaults hide."""
-    check_outcomes(tree)
-    hidden = _hidden(draft, library, context)
-    mistyped = {
-        declared.default.place: f"the default of {name}: "
-        for name, declared in draft[0].parameters.items()
-        if isinstance(declared.default, Located)
-        and any(f"${name} is " in mistake.message for mistake in hidden)
-    }
-    # If a parameter is mistyped, its uses are reported for every value, not for its default.
-    reported = (m for m in tree.mistakes.found if m.message.startswith(mistyped.get(m.place, "")))
-    return [*reported, *hidden]
-
-
-def _hidden(draft: Draft, library: Library, context: Context) -> list[Mistake]:
-    """Return the mistakes of a task without the defaults of its parameters."""
-    task, known = draft
-    if all(declared.needed for declared in task.parameters.values()):
-        return []
-    bare = {name: replace(each, default=None) for name, each in task.parameters.items()}
-    compiler = TreeCompiler(library, context)
-    tree = compiler.task(replace(task, parameters=bare), known, "/hidden", None)
-    check_outcomes(tree)
-    return tree.mistakes.found
 
 
 def refusals(tree: CompiledTree, robot: Robot) -> list[Refusal]:

@@ -12,7 +12,7 @@ from skills.motion import Body, Carry, Pool, Reached, ToolQuery, World
 from .analysis.collisions import CollisionChecks
 from .analysis.predicted_motion import Motion, predict_motions
 from .analysis.reachability import check_outcomes
-from .build import mistakes_of, refusals
+from .build import refusals
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.node_paths import paths
 from .compile.skill_hooks import Pose
@@ -88,11 +88,12 @@ def compile_task(robot: Robot, library: Library, number: int) -> CompiledTree:
         FileError: The files have mistakes.
     """
     context = _context(robot)
-    draft = library.draft(number)
-    tree = TreeCompiler(library, context).task(*draft, "/show", None)
-    found = mistakes_of(tree, draft, library, context)
-    if found or tree.hooks.refused:
-        raise FileError([*found, *(refusal.mistake for refusal in refusals(tree, robot))])
+    tree = TreeCompiler(library, context).task(*library.draft(number), "/show", None)
+    check_outcomes(tree)
+    if tree.mistakes.found or tree.hooks.refused:
+        raise FileError(
+            [*tree.mistakes.found, *(refusal.mistake for refusal in refusals(tree, robot))]
+        )
     return tree
 
 
@@ -205,20 +206,17 @@ class _Checker:
                 return [*found, *self._poses(next(f for f in files if f.path == path))]
             compiler = TreeCompiler(self._library, self._context)
             if isinstance(name, int):
-                draft = self._library.draft(name)
-                tree = compiler.task(*draft, "/check", None)
-                found = mistakes_of(tree, draft, self._library, self._context)
+                tree = compiler.task(*self._library.draft(name), "/check", None)
                 self._collisions.tasks.append(tree)
             else:
                 place = Place(self._library.subtree_path(name), 1, 1)
                 tree = compiler.subtree(*self._library.subtree(name, place), "/check")
-                check_outcomes(tree)
-                found = tree.mistakes.found
         except TreeError as error:
             return _mistakes(error)
+        check_outcomes(tree)
         refusals(tree, self._context.robot)  # reported at the end, with those of other hooks
         self._collisions.trees.append(tree)
-        return found
+        return tree.mistakes.found
 
     def _poses(self, file: PosesFile) -> list[Mistake]:
         """Return mistakes of poses, whether or not a task uses them."""

@@ -152,6 +152,16 @@ ONCE = [
         "5:32 repeat: times: $a is a number, not a whole number",
     ),
     (
+        "parameters: {a: {type: integer, default: 3}}\n",
+        "{Compare: {left: $a, is: '==', right: abc}}",
+        "5:45 Compare.right: 'abc' is not a whole number",
+    ),
+    (
+        "parameters: {a: {type: length, default: 0.1}}\n",
+        "{timeout: {Wait: {duration: 3}}, after: $a}",
+        "5:47 timeout: after: $a is a length in m, cm or mm, not a duration",
+    ),
+    (
         "",
         "{Wait: 5}",
         "4:14 the ports of Wait must be a mapping, not 5; say which, as in {port: 5}",

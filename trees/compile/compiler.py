@@ -98,8 +98,7 @@ class TreeCompiler:
         self._sources.files[task.path.name] = task.text
         self._sources.load_poses(self._mistakes)
         given = self._arguments(task, arguments)
-        unknown = {name: p for name, p in task.parameters.items() if name not in given}
-        stand_ins = self._stand_ins(unknown, namespace)
+        stand_ins = self._stand_ins(task.parameters, namespace)
         scope = Scope(namespace, given, (), stand_ins, fixed(task.parameters, "parameter"))
         return self._compiled(self._node(task.tree, scope, task.name), namespace)
 
@@ -143,7 +142,7 @@ class TreeCompiler:
         self._mistakes.add(place, message)
 
     def _stand_ins(self, declared: Mapping[str, Declaration], namespace: str) -> dict[str, StandIn]:
-        """Return placeholders for values that are not given yet, by full names of keys."""
+        """Return placeholders of the declared types, by full names of keys."""
         kinds = {name: port.type or ANY for name, port in declared.items()}
         self._keys.written |= {f"{namespace}/{name}": kind for name, kind in kinds.items()}
         return {f"{namespace}/{name}": StandIn(name, kind) for name, kind in kinds.items()}
@@ -419,7 +418,8 @@ class TreeCompiler:
             elif value is not None:
                 fitted = self._fit(value, wanted, what)
                 inputs[port] = REFUSED if fitted is None else port_value(fitted)
-                types[port] = type_of(inputs[port]) if wanted.type == ANY else wanted.type
+                literal = type_of(inputs[port]) if wanted.type == ANY else wanted.type
+                types[port] = value.declared or literal
             elif wanted.needed:
                 self._wrong(spec.place, f"{spec.skill} needs {port}: {info.description}")
         if why := kind.mistyped(inputs, types):

@@ -18,7 +18,8 @@ class Scope:
         namespace: Namespace of its keys.
         ports: Values of its ports or parameters.
         within: Names of the files that use it, and its own name.
-        stand_ins: Placeholders for keys that are not known before the task is called, by full name.
+        stand_ins: Placeholders for parameters of the task, and for ports without a value, by full
+            name of the key.
         fixed: Names that must not be written, and the reason.
     """
 
@@ -54,8 +55,14 @@ def resolve(value: Value, scope: Scope, wrong: Callable[[Place, str], None]) -> 
         return _without_names(value, scope, wrong)
     given = scope.ports.get(value.name)
     if isinstance(given, Located):
-        return Located(given.place, given.value, value.label)
+        return _used(given, value, scope.stand_ins.get(f"{scope.namespace}/{value.name}"))
     return given or Key(value.place, f"{scope.namespace}/{value.name}", value.label)
+
+
+def _used(given: Located, user: Value, stand_in: StandIn | None) -> Located:
+    """Return the value of a parameter or port at a place that uses it."""
+    use = Located(user.place, stand_in, user.label) if stand_in else given.use
+    return Located(given.place, given.value, user.label, use)
 
 
 def _without_names(
@@ -73,10 +80,11 @@ def _without_names(
         return value
     given = scope.ports.get(inner[1:])
     key = given.name if isinstance(given, Key) else f"{scope.namespace}/{inner[1:]}"
-    if key in scope.stand_ins:
-        return Located(value.place, scope.stand_ins[key], value.label)
+    stand_in = scope.stand_ins.get(key)
     if isinstance(given, Located):
-        return Located(given.place, given.value, value.label)
+        return _used(given, value, stand_in)
+    if stand_in:
+        return Located(value.place, stand_in, value.label)
     wrong(
         value.place,
         f"{inner} has no value before the run; a mapping or a list may contain values, and "

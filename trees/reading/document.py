@@ -66,11 +66,19 @@ class Located:
         place: Where it begins.
         value: A scalar, a list of Located, or a dict of Located by text key.
         label: Place of its key; the same as `place` if it has none.
+        use: For the value of a parameter: `$name` where it is used, as a StandIn of the declared
+            type. None for a value that is written where it is used.
     """
 
     place: Place
     value: "Scalar | StandIn | list[Located] | dict[str, Located]"
     label: Place
+    use: "Located | None" = None
+
+    @property
+    def declared(self) -> str:
+        """Declared type of the parameter; empty for a value that is written where it is used."""
+        return self.use.value.type if self.use and isinstance(self.use.value, StandIn) else ""
 
     def plain(self) -> Any:
         """Return the value without places."""

@@ -24,7 +24,9 @@ Wrong = Callable[[Place, str], None]
 
 
 def measured(value: Located) -> str:
-    """Return the type of a number with a unit; empty if it has no known unit."""
+    """Return the type of a quantity; empty if it is a number without a unit, or none."""
+    if value.use:
+        return value.declared if value.declared in UNITS else ""
     plain = value.value
     found = _QUANTITY.fullmatch(plain) if isinstance(plain, str) else None
     return next((kind for kind, units in UNITS.items() if found and found[2] in units), "")
@@ -46,6 +48,8 @@ def fit(
         these; None if the value is wrong. A value that is not known yet is a StandIn. In a dict or
         a list, a wrong value is REFUSED.
     """
+    if value.use and fit(value.use, wanted, poses, wrong) is None:
+        return None  # no value of this parameter fits
     if isinstance(value.value, StandIn):
         return _known_type(value, value.value, wanted.type, wrong)
     if wanted.type.startswith(LIST):
@@ -98,6 +102,8 @@ def _known_type(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> S
 
 def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> float | StandIn | None:
     plain = value.value
+    if value.use and _number(value.use, kind, wrong) is None:
+        return None
     if isinstance(plain, StandIn):
         return _known_type(value, plain, kind, wrong)
     if type(plain) in (int, float):
