@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,7 @@ from executive.server.http import schemas
 from executive.server.http.answers import Answers
 from executive.server.http.operations import OPERATIONS, Access, Operation
 from executive.testing import SimulatedArm
-from hardware import load_robot
-from tests.support.paths import ROBOT_FILE, ROOT
+from tests.support.paths import ROOT
 from tests.support.servers.serving import Serve
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
@@ -116,13 +116,47 @@ def test_a_topic_is_a_record_and_a_row(tmp_path: Path) -> None:
     assert done.stdout.splitlines() == ["[7.4] Battery(time=1.0, volts=7.4)"], done.stderr
 
 
+# Five servos, joints and links of other names, another size, boxes for shapes.
+CRANE = {"waist": "0 0 1", "shoulder": "0 1 0", "elbow": "0 1 0", "roll": "1 0 0", "jaw": "0 0 1"}
+LINKS = ["stand", "post", "boom", "jib", "hook", "finger"]
+
+
+def crane(folder: Path) -> Path:
+    """A robot file in a folder, beside its URDF."""
+    box = '<collision><origin xyz="0 0 0.02"/><geometry><box size="0.02 0.02 0.03"/></geometry>'
+    links = "".join(f'<link name="{link}">{box}</collision></link>' for link in LINKS)
+    limit = '<limit lower="-1.5" upper="1.5" effort="9" velocity="2"/>'
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{above}"/><child link="{below}"/>'
+        f'<origin xyz="0 0 0.08"/><axis xyz="{axis}"/>{limit}</joint>'
+        for (name, axis), above, below in zip(CRANE.items(), LINKS, LINKS[1:], strict=False)
+    )
+    (folder / "crane.urdf").write_text(f'<robot name="crane">{links}{joints}</robot>')
+    tables = "".join(
+        f"[joints.{name}]\nvelocity = 2.0\nacceleration = 4.0\nboot = 0.0\n"
+        f'wire = {{ letter = "{name[0]}", sign = 1, offset_deg = 90, span_deg = 180, '
+        "reversed = false }\n"
+        for name in CRANE
+    )
+    neighbours = [list(pair) for pair in pairwise(LINKS)]
+    (folder / "crane.toml").write_text(
+        'name = "crane"\ndriver = "serial_servo"\nurdf = "crane.urdf"\n'
+        '[serial]\nport = "virtual"\nbaud = 9600\nboot_wait_s = 2.0\nfirmware = "stock"\n'
+        f'[groups]\narm = {[*CRANE][:-1]}\ngripper = ["jaw"]\n{tables}'
+        f"[collision]\nmargin_m = 0.002\nfloor_ignores = []\nallowed = {neighbours}\n"
+    )
+    return folder / "crane.toml"
+
+
 def test_an_arm_is_one_robot_file_with_its_urdf(tmp_path: Path) -> None:
-    text = ROBOT_FILE.read_text().replace('name = "arduinobot"', 'name = "mine"')
-    (tmp_path / "mine.toml").write_text(text)
-    (tmp_path / "arduinobot.urdf").write_bytes(ROBOT_FILE.with_suffix(".urdf").read_bytes())
-    assert load_robot(tmp_path / "mine.toml").name == "mine"
-    with SimulatedArm(robot=tmp_path / "mine.toml") as arm:
-        assert arm.run(0).success
+    robot = crane(tmp_path)
+    target = "{waist: 30 deg, shoulder: 40 deg, elbow: -20 deg, roll: 10 deg}"
+    reach = f"{{subtree: reach, with: {{arm: {target}, gripper: {{jaw: -20 deg}}}}}}"
+    (tmp_path / "23_lift.yaml").write_text(TASK.format(number=23, name="lift", tree=reach))
+    with SimulatedArm(robot=robot, trees=tmp_path) as arm:
+        assert arm.run(23).success
+    servos = [(field[0], round(int(field[1:]), -1)) for field in arm.frames[-1].split(",")[:-1]]
+    assert servos == [("w", 120), ("s", 130), ("e", 70), ("r", 100), ("j", 70)]
 
 
 def test_a_server_operation_is_a_row_and_an_answer(
