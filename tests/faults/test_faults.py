@@ -10,6 +10,7 @@ import pytest
 from tests.faults.row import compare
 from tests.faults.soaking.figures import Sample, growth
 
+PROGRAM = Path(__file__).with_name("run.py")
 ONE, TWO, THREE = b"b090,s090,e090,g000,", b"b091,s090,e090,g000,", b"b092,s090,e090,g000,"
 
 
@@ -31,11 +32,18 @@ def test_a_difference_between_board_and_recording_is_found(
     assert compare(board, recording) == found
 
 
+def test_every_row_has_its_name() -> None:
+    command = [sys.executable, str(PROGRAM), "--list"]
+    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+    names = [line.split()[0] for line in lines]
+    assert len(set(names)) == len(names) > 40
+
+
 @pytest.mark.slow
 def test_the_quick_selection_holds(tmp_path: Path) -> None:
     """What holds is asserted, not how quickly: other tests run at the same time."""
-    found, program = tmp_path / "found.json", Path(__file__).with_name("run.py")
-    command = [sys.executable, str(program), "--quick", "--jobs", "1", "--json", str(found)]
+    found = tmp_path / "found.json"
+    command = [sys.executable, str(PROGRAM), "--quick", "--jobs", "1", "--json", str(found)]
     run = subprocess.run(command, check=False, capture_output=True, text=True)
     assert found.exists(), run.stdout + run.stderr
     rows = json.loads(found.read_text())

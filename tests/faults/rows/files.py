@@ -93,7 +93,7 @@ BOMBS: dict[str, Callable[[], str]] = {
 
 
 @row(
-    "bombs",
+    "task-bombs",
     "task files made to exhaust memory or time: aliases, depth, size, numbers, tags",
     "`armtree check` refuses each with exit status 3 and its line; memory stays below 400 MiB",
     limit=20,
