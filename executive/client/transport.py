@@ -22,8 +22,6 @@ SILENCE_TIMEOUT = 45.0  # longest silence of an event stream [s]; the server sen
 POLL_PERIOD = 15.0  # longest time to wait for a result in one request [s]
 BEAT_PERIOD = 0.2  # time between two bytes that hold a goal [s]
 
-_THIS_MACHINE = ("127.0.0.1", "localhost", "::1")
-
 
 def http_options(url: str | None, token: str | None) -> dict[str, Any]:
     """Find a server, and return the arguments of an httpx client for it.
@@ -33,18 +31,24 @@ def http_options(url: str | None, token: str | None) -> dict[str, Any]:
         token: Token; default ARMTREE_TOKEN, then the token file of the server.
     """
     port = os.environ.get("ARMTREE_TCP_PORT", PORT)
-    url = (url or os.environ.get("ARMTREE_SERVER") or f"http://127.0.0.1:{port}").rstrip("/")
-    token = token or os.environ.get("ARMTREE_TOKEN") or _token_in_file(url)
+    url = (url or os.environ.get("ARMTREE_SERVER") or f"http://localhost:{port}").rstrip("/")
+    token = token or os.environ.get("ARMTREE_TOKEN")
+    if own := _own_server(url):
+        url, token = own.url, token or own.token
     headers = {"authorization": f"Bearer {token}"} if token else {}
     return {"base_url": url, "headers": headers, "timeout": ANSWER_TIMEOUT, "trust_env": False}
 
 
-def _token_in_file(url: str) -> str:
-    """Return the token of a server of this user on this machine; empty if there is none."""
+def _own_server(url: str) -> token_file.ServerInfo | None:
+    """Return the server of this user that a URL means: its exact address, or `localhost`.
+
+    Another user's program may listen at other addresses of this machine, such as ::1.
+    """
     parts = urlsplit(url)
-    port = parts.port or (token_file.HTTP_PORT if parts.scheme == "http" else 0)
-    info = token_file.read(port) if parts.hostname in _THIS_MACHINE else None
-    return info.token if info else ""
+    if parts.scheme != "http":
+        return None
+    own = token_file.read(parts.port or token_file.HTTP_PORT)
+    return own if own and parts.hostname in ("localhost", urlsplit(own.url).hostname) else None
 
 
 @contextmanager

@@ -32,6 +32,7 @@ logger = logging.getLogger(__name__)
 
 _BACKLOG = 1024  # connections that the kernel keeps until they are accepted
 _ACCEPTED_AT_ONCE = 4  # so that a crowd of new connections does not hold up those with a stop
+_LOOPBACK = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # by the address of all interfaces
 _ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # as browsers send it
 _SEND_BUFFER = 128 * 1024  # bytes in flight to a client that does not read
 _SHUTDOWN_TIMEOUT = 0.05  # longest time for open answers at shutdown [s]
@@ -86,8 +87,8 @@ class ListenOptions:
             token: Its token.
         """
         known = [*self.hosts, self.address]
-        if is_loopback(self.address) or self.address in ("0.0.0.0", "::"):
-            known += ["127.0.0.1", "localhost"]
+        if is_loopback(self.address) or self.address in _LOOPBACK:
+            known += ["localhost", "127.0.0.1", _LOOPBACK.get(self.address, self.address)]
         hosts = host_names(known, port)
         origins = {f"http://{host}" for host in hosts} | set(self.origins)
         # A proxy may pass on Host without our port. Pages of that name may be of another server,
@@ -133,7 +134,7 @@ class Server:
         questions: Open questions of tasks.
 
     Attributes:
-        url: URL of the server.
+        url: URL of the server, for clients on this machine.
         port: TCP port.
         token: Token for every request that changes something.
 
@@ -149,7 +150,8 @@ class Server:
         self.port: int = self._socket.getsockname()[1]
         self._executive, self._library = executive, executive.library
         self._clock, self._options, self._questions = executive.clock, listen, questions
-        host = next(iter(host_names((listen.address,), self.port)))
+        address = _LOOPBACK.get(listen.address, listen.address)
+        host = next(iter(host_names((address,), self.port)))
         self.url, self.token = f"http://{host}", token_file.new_token()
         self._info = token_file.ServerInfo(self.url, self.token, os.getpid())
         try:

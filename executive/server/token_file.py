@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 HTTP_PORT = 80  # clients leave it out
+_MOST = 4096  # characters of a file that are read
 
 # For both ends of a connection: a machine that disappeared is noticed within 30 s.
 KEEPALIVE = (
@@ -25,7 +26,7 @@ class ServerInfo:
     """How to reach a server: the content of its file.
 
     Attributes:
-        url: URL, such as http://127.0.0.1:8765.
+        url: URL at which clients on this machine connect, such as http://127.0.0.1:8765.
         token: Token for every request that changes something.
         pid: Process id of the server.
     """
@@ -58,7 +59,7 @@ def write(port: int, info: ServerInfo) -> None:
     """
     folder = _folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    found = folder.stat()
+    found = folder.lstat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
         raise PermissionError(f"other users have access to {folder}; chmod 700 it, or remove it")
     for other in folder.glob("server-*.json"):
@@ -87,9 +88,11 @@ def read(port: int) -> ServerInfo | None:
 
 def _read(file: Path) -> ServerInfo | None:
     try:
-        with file.open() as stream:
-            is_own = os.fstat(stream.fileno()).st_uid == os.getuid()
-            return ServerInfo(**json.load(stream)) if is_own else None
+        handle = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)  # may be a pipe
+        with os.fdopen(handle) as stream:
+            found = os.fstat(handle)
+            is_own = found.st_uid == os.getuid() and stat.S_ISREG(found.st_mode)
+            return ServerInfo(**json.loads(stream.read(_MOST))) if is_own else None
     except (OSError, ValueError, TypeError):
         return None
 

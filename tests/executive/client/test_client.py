@@ -1,10 +1,16 @@
 """The clients in Python, sync and async."""
 
 import asyncio
+import os
+import socket
+import threading
+from pathlib import Path
 
 import pytest
 
 from armtree import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
+from executive.client import transport
+from executive.server import token_file
 from tests.support.generated.sync_client import TARGET, synchronous
 from tests.support.servers.serving import Serve
 
@@ -49,6 +55,65 @@ def test_the_asynchronous_client(serve: Serve) -> None:
                 await arm.pause(goal)
 
     asyncio.run(drive())
+
+
+def test_the_token_is_sent_only_to_the_address_of_the_server(serve: Serve) -> None:
+    """Another user's program may listen on the same port of another address."""
+    served = serve()
+    port, heads = served.server.port, list[bytes]()
+
+    def record(listener: socket.socket) -> None:
+        for _ in range(2):
+            connection, _ = listener.accept()
+            with connection:
+                heads.append(connection.recv(65_536))
+                connection.sendall(b"HTTP/1.1 404 Not Found\r\ncontent-length: 0\r\n\r\n")
+
+    with (
+        socket.create_server(("::1", port), family=socket.AF_INET6) as six,
+        socket.create_server(("127.0.0.2", port)) as other,
+    ):
+        threads = [
+            threading.Thread(target=record, args=(each,), daemon=True) for each in (six, other)
+        ]
+        for thread in threads:
+            thread.start()
+        for host in ("localhost", "LOCALHOST", "127.0.0.1"):
+            with Client(f"http://{host}:{port}/") as client:
+                assert (client.url, client.run(11).success) == (served.server.url, True)
+        for host in ("[::1]", "127.0.0.2", "[::1]", "127.0.0.2"):
+            with Client(f"http://{host}:{port}") as client, pytest.raises(Refused):
+                client.status()
+        for thread in threads:
+            thread.join(10)
+    assert len(heads) == 4
+    assert not any(b"authorization" in head.lower() for head in heads)
+
+
+@pytest.mark.parametrize(
+    ("address", "url"), [("0.0.0.0", "http://127.0.0.1"), ("::", "http://[::1]")]
+)
+def test_a_server_of_all_addresses_names_one_of_this_machine(
+    serve: Serve, address: str, url: str
+) -> None:
+    served = serve(address=address, expose=True)
+    port = served.server.port
+    assert served.server.url == f"{url}:{port}"
+    with Client(f"http://localhost:{port}") as client:
+        assert client.run(11).success
+
+
+def test_the_token_is_read_from_a_regular_file_only(serve: Serve, tmp_path: Path) -> None:
+    port = serve().server.port
+    file = token_file.file_of(port)
+    aside = file.rename(tmp_path / "aside")
+    file.symlink_to(aside)
+    assert token_file.read(port) is None
+    file.unlink()
+    os.mkfifo(file)
+    assert transport.http_options(f"http://localhost:{port}", None)["headers"] == {}
+    aside.replace(file)
+    assert token_file.read(port)
 
 
 def test_the_synchronous_client_is_made_from_the_other() -> None:

@@ -7,7 +7,7 @@ from tests.support.recordings.bombs import bombs
 
 
 @row(
-    "bombs",
+    "recording-bombs",
     "small recordings that unpack to 0.3 GB, claim any length, or are nested 100,000 deep",
     "a server whose folder they are in starts; every command ends with a code of its own",
     limit=10,
