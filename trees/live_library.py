@@ -135,6 +135,15 @@ class LiveLibrary:
         with self._lock:
             return self._updated()[0].library.number(task)
 
+    def names(self) -> dict[str, int]:
+        """Return the numbers of the current tasks by their names, in the order of the numbers.
+
+        Raises:
+            FileError: The folder cannot be read.
+        """
+        with self._lock:
+            return self._updated()[0].library.names()
+
     def listed(self) -> list[dict[str, Any]]:
         """Return the current tasks as JSON objects.
 

@@ -23,9 +23,9 @@ def check_node(library: LiveLibrary, path: str) -> None:
 
     Raises:
         NoSuchNode: No task has such a node.
-        FileError: The folder of the tasks cannot be read.
+        TreeError: The folder of the tasks cannot be read, or the task is not valid.
     """
-    tasks = {row["name"]: row["task"] for row in library.listed() if not row["wrong"]}
+    tasks = library.names()
     name = path.partition("/")[0]
     if name not in tasks:
         likely = suggestion(name, tasks) or f"; it begins with a task's name: {', '.join(tasks)}"

@@ -40,7 +40,7 @@ def explain(request: PlanRequest, world: Path | None, output: Path) -> Iterator[
         yield from _explain_motions(request, planner, bodies, output, watch)
     except BadWorld:
         if world:  # otherwise the task adds the invalid body
-            check_world(world, bodies, request.robot, planner)
+            check_world(world, bodies, request.robot)
         raise
 
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from executive.errors import BadWorldFile
 from hardware import Robot
-from skills.motion import BadWorld, MotionError, Verify, World
-from skills.motion.planner import Planner
+from skills.motion import BadWorld, World
+from skills.motion.collision.scene import PlanningScene
 from trees import Mistake, Place
 
 
@@ -32,18 +32,16 @@ def read_world(file: Path) -> World:
         raise _wrong(Place(file, 0, 0), f"is not JSON: {error}") from error
 
 
-def check_world(file: Path, world: World, robot: Robot, planner: Planner) -> None:
+def check_world(file: Path, world: World, robot: Robot) -> None:
     """Check that the bodies of a file fit the robot.
 
     Raises:
         BadWorldFile: A body names an unknown link or body, or a file that is not a mesh.
     """
     try:
-        planner.verify(Verify([robot.boot_pose], 0.0, world=world))
+        PlanningScene(robot, world)
     except BadWorld as error:
         raise _wrong(Place(file, 0, 0), str(error)) from error
-    except MotionError:  # a collision in the boot pose says nothing about the file
-        pass
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
