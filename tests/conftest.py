@@ -44,7 +44,7 @@ RigMaker = Callable[..., "Rig"]
 
 
 class Rig:
-    """An executive on the in-process board, and all that it told."""
+    """An executive on the in-process board, and everything that it reported."""
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class Rig:
             self.records.append(event)
             self.on_record(event)
 
-    def told(self, kind: type[R]) -> list[R]:
+    def recorded(self, kind: type[R]) -> list[R]:
         """The records of a kind."""
         return [record for record in self.records if isinstance(record, kind)]
 
@@ -105,7 +105,7 @@ class Rig:
         """Every frame that was sent, holds in brackets."""
         return [
             f"({record.data.decode()})" if record.hold else record.data.decode()
-            for record in self.told(logs.Sent)
+            for record in self.recorded(logs.Sent)
         ]
 
     @property
@@ -205,7 +205,7 @@ class Bench:
         self.robot, self.clock, self.desk = robot, clock, Desk()
         self.link = BoardLink(virtual_board(robot), clock)
         self.events: list[Any] = []
-        self.told: list[SkillEvent] = []
+        self.reported: list[SkillEvent] = []
         self.wakes = 0
         self.deadlines: list[float] = []
         self.arm = Arm(robot, self.link, clock, self.events.append)
@@ -217,7 +217,7 @@ class Bench:
             1,
             5.0,
             self._wake,
-            self.told.append,
+            self.reported.append,
             clock,
             self.deadlines.append,
         )

@@ -143,7 +143,7 @@ def test_a_wrong_argument_is_rejected_at_once(options: dict[str, Any], words: st
     assert "--" not in str(raised.value)  # options of the command line do not help here
 
 
-def test_a_broken_skill_is_told(tmp_path: Path) -> None:
+def test_a_broken_skill_is_reported(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("import there_is_no_such_module\n")
     with pytest.raises(ValueError, match="there_is_no_such_module"):
         armtree.Arm(skills=tmp_path)

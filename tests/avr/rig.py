@@ -104,7 +104,7 @@ def _symbol(program: Path, name: str) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Servo:
-    """What a pin told since the start, or since the last look.
+    """What a pin reported since the start, or since the last call.
 
     Attributes:
         angle: The whole degree its last pulse stands for, or None [deg].
@@ -134,7 +134,7 @@ class Report:
 
     Attributes:
         time: Since it was switched on [s].
-        opened: Whether somebody has its port open.
+        opened: True while its port is open.
         resets: How often it was reset.
         lost: Bytes that came while it booted, or found its ring full.
         refused: Bytes that its parser dropped.
@@ -201,7 +201,7 @@ class _Host:
 
 
 class AvrBoard(_Host):
-    """A board in simulated time, which passes only when it is told to: exact and repeatable."""
+    """A board in simulated time, which only the test advances: exact and repeatable."""
 
     def __init__(self, built: Built, firmware: str, boot_time: float = 1.0) -> None:
         super().__init__(built, firmware, boot_time, "--fast")

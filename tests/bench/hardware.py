@@ -130,11 +130,11 @@ def stop_times(count: int) -> list[float]:
 
 
 def unplug_times(count: int, streaming: bool) -> list[float]:
-    """From the port gone to the fault told [ms]."""
+    """From the loss of the port to the report of the fault [ms]."""
     times = []
     robot = robot_with()
     serial = dataclasses.replace(robot.serial, boot_wait=0.0)
-    silent = dataclasses.replace(robot.firmware, banner=b"")  # nobody is at the other end
+    silent = dataclasses.replace(robot.firmware, banner=b"")  # no board is at the other end
     robot = dataclasses.replace(robot, serial=serial, firmware=silent)
     for _ in range(count):
         master, slave = pty.openpty()

@@ -190,7 +190,7 @@ def directly(arm: Executive, robot: Robot, folder: Path) -> Iterator[Callable[[]
 def cancel_times(count: int, way: Way = directly) -> list[float]:
     """From a cancel to the hold frame at the other end, streaming at full rate [ms]."""
     robot, rng, times = quick_robot(), random.Random(1), list[float]()
-    silent = dataclasses.replace(robot.firmware, banner=b"")  # nobody answers on that line
+    silent = dataclasses.replace(robot.firmware, banner=b"")  # no board answers on that line
     serial = dataclasses.replace(robot.serial, boot_wait=0.1)
     robot = dataclasses.replace(
         robot, firmware=dataclasses.replace(silent, boot_time=0.0), serial=serial
@@ -254,7 +254,7 @@ class _TappedLink(BoardLink):
 def leftovers(cancels: int) -> tuple[int, int, int]:
     """Cancels at random instants: nodes or work left alive, frames after a hold, and holds.
 
-    What comes after a hold is looked for until long after the result, told or written.
+    Frames after a hold are searched for until long after the result, reported or written.
     """
     clock, robot, rng = SimulatedClock(), load_robot(), random.Random(1)
     zombies = after_hold = stopped = 0

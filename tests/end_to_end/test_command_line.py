@@ -123,9 +123,9 @@ def listener() -> Iterator[Listener]:
 def test_tasks_run_and_leave_recordings(tmp_path: Path, robot: Path) -> None:
     status, out, err = finish(tmp_path, "run", "0", "1", "2", "--robot", str(robot), "--json")
     assert (status, err) == (0, "")
-    told = events(out)
-    results = [event for event in told if event["event"] == "result"]
-    assert told[-1] is results[-1]
+    reported = events(out)
+    results = [event for event in reported if event["event"] == "result"]
+    assert reported[-1] is results[-1]
     assert [r["task"] for r in results] == [0, 1, 2]
     assert {r["state"] for r in results} == {"SUCCEEDED"}
     assert all(r["success"] and r["code"] == "ok" for r in results)
@@ -133,9 +133,9 @@ def test_tasks_run_and_leave_recordings(tmp_path: Path, robot: Path) -> None:
     frames = [sent_frames(Path(r["recording"])) for r in results]
     assert [lines[-1] for lines in frames] == last
     assert [len(lines) for lines in frames] == [r["frames"] for r in results]
-    goals = [event["goal_id"] for event in told if event["event"] == "goal"]
+    goals = [event["goal_id"] for event in reported if event["event"] == "goal"]
     assert len(goals) == 3
-    feedback = [event for event in told if event["event"] == "feedback"]
+    feedback = [event for event in reported if event["event"] == "feedback"]
     for goal in goals:
         rises = [event["percentage"] for event in feedback if event["goal_id"] == goal]
         shown = [percentage for percentage in rises if percentage is not None]
@@ -170,13 +170,13 @@ def test_a_signal_in_a_move_sends_the_hold_frame_and_no_other(
 ) -> None:
     with start(tmp_path, "run", "1", "--robot", str(robot), "--json") as process:
         assert process.stdout
-        told = []
+        reported = []
         for line in process.stdout:
-            told.append(json.loads(line))
-            moved = sum(event["event"] == "sent" for event in told)
-            if moved == 4 and told[-1]["event"] == "sent":
+            reported.append(json.loads(line))
+            moved = sum(event["event"] == "sent" for event in reported)
+            if moved == 4 and reported[-1]["event"] == "sent":
                 process.send_signal(number)
-    result = told[-1]
+    result = reported[-1]
     assert process.returncode == 7
     assert (result["state"], result["code"], result["success"]) == (
         "CANCELED",
@@ -184,7 +184,7 @@ def test_a_signal_in_a_move_sends_the_hold_frame_and_no_other(
         False,
     )
     frames = sent_frames(Path(result["recording"]))
-    holds = [event["hold"] for event in told if event["event"] == "sent"]
+    holds = [event["hold"] for event in reported if event["event"] == "sent"]
     assert frames[-1] == frames[-2]
     assert holds.count(True) == 1
     assert holds[-1]
@@ -200,25 +200,25 @@ def test_the_end_of_the_shell_changes_nothing_where_nohup_says_so(
         signal.signal(signal.SIGHUP, before)
     with process:
         assert process.stdout
-        told = []
+        reported = []
         for line in process.stdout:
-            told.append(json.loads(line))
-            if told[-1]["event"] == "sent":
+            reported.append(json.loads(line))
+            if reported[-1]["event"] == "sent":
                 process.send_signal(signal.SIGHUP)
-    assert (process.returncode, told[-1]["state"]) == (0, "SUCCEEDED")
+    assert (process.returncode, reported[-1]["state"]) == (0, "SUCCEEDED")
 
 
 def test_ctrl_c_while_the_board_boots_sends_nothing(tmp_path: Path, robot: Path) -> None:
     with start(tmp_path, "run", "1", "--robot", str(robot), "--json") as process:
         assert process.stdout
-        told = []
+        reported = []
         for line in process.stdout:
-            told.append(json.loads(line))
-            if told[-1].get("label") == "activate":
+            reported.append(json.loads(line))
+            if reported[-1].get("label") == "activate":
                 process.send_signal(signal.SIGINT)
     assert process.returncode == 7
-    assert told[-1]["state"] == "CANCELED"
-    assert sent_frames(Path(told[-1]["recording"])) == []
+    assert reported[-1]["state"] == "CANCELED"
+    assert sent_frames(Path(reported[-1]["recording"])) == []
 
 
 def test_a_reader_that_goes_away_leaves_the_goal_running(tmp_path: Path, robot: Path) -> None:
@@ -250,7 +250,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("arguments", "exit_status", "words"), BAD)
-def test_bad_input_is_told_and_nothing_moves(
+def test_bad_input_is_reported_and_nothing_moves(
     tmp_path: Path, arguments: list[str], exit_status: int, words: str
 ) -> None:
     status, out, err = typed(tmp_path, *arguments, "--json")
@@ -290,7 +290,7 @@ def test_a_target_out_of_bounds_names_every_joint(tmp_path: Path) -> None:
     assert "joint_2" not in message
 
 
-def test_a_wrong_task_file_is_told_with_its_line(tmp_path: Path) -> None:
+def test_a_wrong_task_file_is_reported_with_its_line(tmp_path: Path) -> None:
     write_task(tmp_path, 7, "{joint_1: 0, joint_2: 0, joint_3: zero}", "{joint_4: 0}")
     status, out, _ = typed(tmp_path, "run", "7", "--trees", str(tmp_path), "--json")
     assert status == 3

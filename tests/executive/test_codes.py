@@ -64,7 +64,7 @@ def test_the_document_shows_the_table() -> None:
         ("server.of_my_own", "server"),
         ("request.of_my_own", "request"),
         ("plan", "plan.error"),
-        ("nobody.knows", INTERNAL),
+        ("unknown.code", INTERNAL),
         ("", INTERNAL),
     ],
 )

@@ -42,7 +42,7 @@ def tasks(tmp_path: Path) -> Path:
 
 
 def percentages(rig: Rig) -> list[int]:
-    return [f.percentage for f in rig.told(logs.Feedback) if f.percentage is not None]
+    return [f.percentage for f in rig.recorded(logs.Feedback) if f.percentage is not None]
 
 
 def last_frames(recordings: list[str]) -> list[bytes]:
@@ -69,8 +69,8 @@ def test_the_four_tasks(rig: RigMaker) -> None:
         (*ends, ends[0]), last_frames([outcome.recording for outcome in outcomes]), strict=True
     ):
         assert end in data
-    assert [record.state for record in arm.told(logs.Result)] == ["SUCCEEDED"] * 4
-    assert arm.told(logs.Transition)[-1].goal == "finalized"
+    assert [record.state for record in arm.recorded(logs.Result)] == ["SUCCEEDED"] * 4
+    assert arm.recorded(logs.Transition)[-1].goal == "finalized"
 
 
 def test_success_is_reported_when_the_board_has_finished(rig: RigMaker) -> None:
@@ -128,7 +128,7 @@ def test_the_same_goal_twice_gives_the_same_bytes(rig: RigMaker) -> None:
     first.run(1)
     second.run(1)
     assert first.frames == second.frames
-    due = [[sent.scheduled for sent in r.told(logs.Sent)] for r in (first, second)]
+    due = [[sent.scheduled for sent in r.recorded(logs.Sent)] for r in (first, second)]
     starts = [d[0] for d in due if d[0] is not None]
     assert [round(t - starts[0], 9) for t in due[0] if t is not None] == [
         round(t - starts[1], 9) for t in due[1] if t is not None
@@ -154,12 +154,12 @@ def test_a_task_again_sends_nothing(rig: RigMaker) -> None:
 def test_progress_only_grows_and_100_means_done(rig: RigMaker, number: int) -> None:
     arm = rig()
     arm.run(number)
-    told = percentages(arm)
-    assert told == sorted(told)
-    assert told.count(100) == 1
-    assert arm.told(logs.Feedback)[-1].phase == "succeeded"
-    assert len(set(told)) > 15
-    planning = [f.percentage for f in arm.told(logs.Feedback) if f.phase == "planning"]
+    reported = percentages(arm)
+    assert reported == sorted(reported)
+    assert reported.count(100) == 1
+    assert arm.recorded(logs.Feedback)[-1].phase == "succeeded"
+    assert len(set(reported)) > 15
+    planning = [f.percentage for f in arm.recorded(logs.Feedback) if f.phase == "planning"]
     assert planning
     assert set(planning) == {None}
 
@@ -182,10 +182,10 @@ def test_progress_of_two_motions(rig: RigMaker, tasks: Path) -> None:
     arm = rig(tasks)
     (outcome,) = arm.run(12)
     assert outcome.success
-    told = percentages(arm)
-    assert told == sorted(told)
-    assert 49 <= told[len(told) // 2] <= 60
-    paths = [node.path for node in arm.told(logs.NodeStatus)]
+    reported = percentages(arm)
+    assert reported == sorted(reported)
+    assert 49 <= reported[len(reported) // 2] <= 60
+    paths = [node.path for node in arm.recorded(logs.NodeStatus)]
     assert {"twice/reach/Execute", "twice/1:reach/Execute"} <= set(paths)
 
 
@@ -198,7 +198,7 @@ def test_an_unknown_task(rig: RigMaker) -> None:
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "goal.unknown_task")
     assert outcome.message == "Invalid task number 7; there are 0, 1, 2"
     assert not outcome.success
-    assert (arm.opened, arm.frames, arm.told(logs.Transition)) == (0, [], [])
+    assert (arm.opened, arm.frames, arm.recorded(logs.Transition)) == (0, [], [])
     assert Path(outcome.recording).exists()
 
 
@@ -289,7 +289,7 @@ def test_both_planners_fail(rig: RigMaker, tasks: Path) -> None:
     arm_says, gripper_says = causes.split("; PlanGripper: ")
     assert arm_says.startswith("PlanArm: ")
     assert gripper_says
-    plans = arm.told(logs.Plan)
+    plans = arm.recorded(logs.Plan)
     assert [(plan.group, bool(plan.code)) for plan in plans] == [("arm", True), ("gripper", True)]
     assert arm.frames == []
 
@@ -324,7 +324,7 @@ def test_one_planner_fails(
     (outcome,) = arm.run(1)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "plan.no_path")
     assert outcome.message == f"One or more planners failed: {name}: {NoPath(9)}"
-    ended = {plan.group: plan.code for plan in arm.told(logs.Plan)}
+    ended = {plan.group: plan.code for plan in arm.recorded(logs.Plan)}
     assert ended == {"arm": "", "gripper": "", fails: "plan.no_path"}
     assert arm.frames == []
 
@@ -358,9 +358,9 @@ def test_the_request_to_acknowledge_is_not_a_frame(
     ours = dataclasses.replace(robot, firmware=FIRMWARES["armtree"])
     arm = Rig(ours, shared_clock, shared_pool, tmp_path)
     (outcome,) = arm.run(1)
-    (schedule,) = arm.told(logs.Schedule)
+    (schedule,) = arm.recorded(logs.Schedule)
     assert outcome.success
     assert outcome.frames == len(schedule.frames)
-    first, *frames = arm.told(logs.Sent)
+    first, *frames = arm.recorded(logs.Sent)
     assert (first.data, first.joints, first.hold) == (b"bA01;", (), False)
     assert [frame.data.decode() for frame in frames] == list(schedule.frames)

@@ -192,7 +192,7 @@ def test_the_status(server: RigMaker) -> None:
 
 def test_a_subscriber_that_fails_or_leaves(server: RigMaker) -> None:
     arm = server()
-    told: list[object] = []
+    reported: list[object] = []
     failed: list[object] = []
 
     def fail(event: object) -> None:
@@ -202,17 +202,17 @@ def test_a_subscriber_that_fails_or_leaves(server: RigMaker) -> None:
     handler = LogHandler(arm.executive)  # its log is an event as well
     logging.getLogger().addHandler(handler)
     arm.executive.subscribe(fail)
-    leave = arm.executive.subscribe(told.append)
+    leave = arm.executive.subscribe(reported.append)
     assert run(arm, 1).success
     logging.getLogger().removeHandler(handler)
     assert len(failed) == 1
-    assert any(isinstance(event, GoalStatus) for event in told)
-    assert any(isinstance(event, logs.Sent) for event in told)
+    assert any(isinstance(event, GoalStatus) for event in reported)
+    assert any(isinstance(event, logs.Sent) for event in reported)
     leave()
     leave()
-    count = len(told)
+    count = len(reported)
     assert run(arm, 0).success
-    assert len(told) == count
+    assert len(reported) == count
 
 
 # Second goals
@@ -231,7 +231,7 @@ def test_queue(server: RigMaker) -> None:
     arm = server(policy=Policy.QUEUE)
     sent = [arm.executive.send(task).identity for task in (1, 2, 0)]
     assert all(arm.executive.result(goal).success for goal in sent)
-    order = [record.task for record in arm.told(logs.Goal)]
+    order = [record.task for record in arm.recorded(logs.Goal)]
     assert order == [1, 2, 0]
 
 
@@ -247,8 +247,8 @@ def test_preempt(server: RigMaker, number: int) -> None:
     assert arm.executive.result(second).success
     held = [i for i, frame in enumerate(arm.frames) if frame.startswith("(")]
     assert held == [number]  # the arm stopped before the second motion
-    plan = next(p for p in arm.told(logs.Plan)[2:] if p.group == "arm")
-    stood = arm.told(logs.Sent)[number]
+    plan = next(p for p in arm.recorded(logs.Plan)[2:] if p.group == "arm")
+    stood = arm.recorded(logs.Sent)[number]
     assert plan.start == dict(zip(stood.joints, stood.positions, strict=True))
     arm.executive.close()
     assert verify(Path(arm.executive.result(second).recording)).holds
@@ -291,16 +291,16 @@ def test_an_invalid_goal_is_not_refused_as_busy(
 ) -> None:
     arm = server(policy=policy)
     asked: list[tuple[int, dict[str, str]]] = [(99, {}), (2, {"nonsense": "3"}), (2, {})]
-    told: list[str] = []
+    reported: list[str] = []
 
     def act() -> None:
         monkeypatch.setattr("executive.goals.queue.WAITING", 0)
-        told.extend(arm.executive.send(*each, strict=True).code for each in asked)
+        reported.extend(arm.executive.send(*each, strict=True).code for each in asked)
 
     at_frame(arm, 10, act)
     assert run(arm, 1).success
     last = "goal.busy" if policy is Policy.REJECT else "goal.queue_full"
-    assert told == ["goal.unknown_task", "goal.bad_arguments", last]
+    assert reported == ["goal.unknown_task", "goal.bad_arguments", last]
 
 
 # Results and recordings

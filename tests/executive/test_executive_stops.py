@@ -21,12 +21,12 @@ from tests.support.arms.hardware_rigs import left, threads
 
 
 def percentages(rig: Rig) -> list[int | None]:
-    return [feedback.percentage for feedback in rig.told(logs.Feedback)]
+    return [feedback.percentage for feedback in rig.recorded(logs.Feedback)]
 
 
 def busy(rig: Rig) -> list[str]:
     """Paths of nodes that were reported as running and never as ended."""
-    last = {node.path: node.status for node in rig.told(logs.NodeStatus)}
+    last = {node.path: node.status for node in rig.recorded(logs.NodeStatus)}
     return [path for path, status in last.items() if status == "RUNNING"]
 
 
@@ -44,7 +44,7 @@ def at_frame(rig: Rig, number: int, act: Callable[[], None]) -> None:
     """Do something, on another thread, when that many frames were sent."""
 
     def watch(record: logs.Record) -> None:
-        if isinstance(record, logs.Sent) and len(rig.told(logs.Sent)) == number:
+        if isinstance(record, logs.Sent) and len(rig.recorded(logs.Sent)) == number:
             rig.soon(act)
 
     rig.on_record = watch
@@ -57,7 +57,7 @@ def check_canceled(arm: Rig, frames: int) -> None:
     outcome = arm.outcomes[-1]
     assert (outcome.state, outcome.code) == (GoalState.CANCELED, "goal.canceled"), outcome
     assert busy(arm) == []
-    sent, holds = arm.told(logs.Sent), [f for f in arm.frames if f.startswith("(")]
+    sent, holds = arm.recorded(logs.Sent), [f for f in arm.frames if f.startswith("(")]
     assert len(sent) == frames + bool(frames)
     assert holds == ([f"({arm.frames[-2]})"] if frames else [])
     assert 100 not in percentages(arm)
@@ -87,7 +87,7 @@ def test_cancel_during_boot(rig: RigMaker) -> None:
     arm.on_record = watch
     arm.run(1)
     check_canceled(arm, 0)
-    assert arm.told(logs.Result)[0].duration == pytest.approx(0.5)
+    assert arm.recorded(logs.Result)[0].duration == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("node", ["PlanArm", "PlanGripper"])
@@ -234,7 +234,7 @@ def test_unplugged_while_it_moves(rig: RigMaker, number: int) -> None:
 
 def check_given_up(arm: Rig) -> None:
     assert busy(arm) == []
-    goals = [transition.goal for transition in arm.told(logs.Transition)]
+    goals = [transition.goal for transition in arm.recorded(logs.Transition)]
     assert goals[goals.index("active") + 1 :][:2] == ["errorprocessing", "unconfigured"]
     assert 100 not in percentages(arm)
 

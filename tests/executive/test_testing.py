@@ -27,7 +27,7 @@ def test_a_task_and_its_functions() -> None:
             rehearsal.replace("Wait", lambda: None)
 
 
-def test_each_time_a_leaf_ends_is_told(tmp_path: Path) -> None:
+def test_each_time_a_leaf_ends_is_reported(tmp_path: Path) -> None:
     (tmp_path / "9_thrice.yaml").write_text(
         "task: 9\nname: thrice\ndescription: Say it again.\ntree:\n  sequence:\n"
         "    - {repeat: {Say: {text: hi}}, times: 3}\n"

@@ -211,14 +211,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     say(f"seed {given.seed}, folder {folder}, {site.words}")
     say(header())
     end = soak.begin + 60 * given.minutes
-    told = 0
+    reported = 0
     try:
         person.works(site)
         while site.server.popen.poll() is None:
             say(line(soak.round(min(ROUND_S, max(5.0, end - time.monotonic())))))
-            for problem in site.problems[told:]:
+            for problem in site.problems[reported:]:
                 say(f"    {problem}")
-            told = len(site.problems)
+            reported = len(site.problems)
             if time.monotonic() > end:
                 break
         site.problems += growth(soak.samples)
@@ -228,7 +228,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     found = report(soak)
     if given.json:
         given.json.write_text(json.dumps(found, indent=1))
-    for problem in site.problems[told:]:
+    for problem in site.problems[reported:]:
         say(f"    {problem}")
     for name in ("acts", "faults", "codes", "stop_ms"):
         words = ", ".join(f"{key} {value}" for key, value in found[name].items())  # type: ignore[attr-defined]

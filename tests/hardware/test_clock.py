@@ -39,10 +39,10 @@ def test_a_notified_thread_wakes_and_a_past_time_does_not_wait(make: Callable[[]
     thread = clock.spawn(wait, "waiter")
     with signal:
         signal.wait(clock.now() - 1)
-        woken.append("told")
+        woken.append("reported")
         signal.notify()
     thread.join(5)
-    assert woken == ["told", "seen"]
+    assert woken == ["reported", "seen"]
     assert thread.daemon
 
 
@@ -105,19 +105,19 @@ def test_everyone_wakes_in_the_order_of_their_deadlines() -> None:
 def test_a_notified_thread_acts_before_time_continues() -> None:
     """A notified thread counts as working at once, although it has not run yet."""
     clock = SimulatedClock()
-    signal, state = clock.signal(), {"told": False}
+    signal, state = clock.signal(), {"reported": False}
     seen: list[float] = []
 
     def listen() -> None:
         with signal:
-            while not state["told"]:
+            while not state["reported"]:
                 signal.wait(None)
             seen.append(clock.now())
 
     def tell() -> None:
         until(clock, 1.0)
         with signal:
-            state["told"] = True
+            state["reported"] = True
             signal.notify()
         until(clock, 2.0)
 

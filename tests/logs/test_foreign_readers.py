@@ -43,8 +43,8 @@ URDF = (ROBOT_FILE.with_suffix(".urdf")).read_text()
 
 def between_runs() -> list[Record]:
     """A server's own recording."""
-    told = LogLine(0.5, 20, "executive.server", "Listening on 127.0.0.1, grüß Gott \ud800 \0")
-    return [Description(0.0, URDF), *lifecycle(0.1), told]
+    reported = LogLine(0.5, 20, "executive.server", "Listening on 127.0.0.1, grüß Gott \ud800 \0")
+    return [Description(0.0, URDF), *lifecycle(0.1), reported]
 
 
 def killed(path: Path) -> None:
@@ -58,9 +58,9 @@ def killed(path: Path) -> None:
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Recordings of runs with every outcome, and some of real runs."""
     folder = tmp_path_factory.mktemp("runs")
-    told = {**RUNS, "server": between_runs()}
-    made = {name: folder / f"{name}.mcap" for name in [*told, "killed"]}
-    for name, records in told.items():
+    reported = {**RUNS, "server": between_runs()}
+    made = {name: folder / f"{name}.mcap" for name in [*reported, "killed"]}
+    for name, records in reported.items():
         record(made[name], records)
     killed(made["killed"])
     return made | {path.stem: path for path in EXAMPLES.glob("*.mcap")}
@@ -143,11 +143,11 @@ def test_the_readers_of_foxglove(files: dict[str, Path]) -> None:
         command, cwd=PEERS, capture_output=True, text=True, timeout=60, check=False
     )
     assert ran.returncode == 0, ran.stderr
-    for path, told in zip(files.values(), json.loads(ran.stdout), strict=True):
-        assert (told["counts"], told["frames"], told["positions"]) == ours(path), path
-        assert told["indexed"] == sum(told["counts"].values())
+    for path, reported in zip(files.values(), json.loads(ran.stdout), strict=True):
+        assert (reported["counts"], reported["frames"], reported["positions"]) == ours(path), path
+        assert reported["indexed"] == sum(reported["counts"].values())
         kept = logs.Recording(path).files
-        assert told["attached"] == {name: len(data) for name, data in kept.items()}
+        assert reported["attached"] == {name: len(data) for name, data in kept.items()}
 
 
 @pytest.mark.skipif(not shutil.which("rerun"), reason="rerun is not installed: rerun-sdk")

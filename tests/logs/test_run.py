@@ -367,15 +367,15 @@ def test_received_bytes_of_any_kind_have_a_text(tmp_path: Path) -> None:
 def test_a_setting_of_the_board_moves_no_joint(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     moved = [item for item in RUNS["ok"] if isinstance(item, Sent)]
-    told: list[Record] = [Sent(1.0, b"bA01;", None, False, (), ()), *moved]
-    record(path, told)
-    assert list(logs.Recording(path).records()) == told
+    reported: list[Record] = [Sent(1.0, b"bA01;", None, False, (), ()), *moved]
+    record(path, reported)
+    assert list(logs.Recording(path).records()) == reported
     assert len(logs.table(path, "/joint_states")["joint_1"]) == len(moved)
 
 
 def test_the_narrative_mentions_a_hold(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["canceled"])
-    told = [words for _, words in narrative(path, everything=False)]
-    assert len([words for words in told if words.startswith("hold: ")]) == 1
-    assert not [words for words in told if words.startswith("sent: ")]
+    reported = [words for _, words in narrative(path, everything=False)]
+    assert len([words for words in reported if words.startswith("hold: ")]) == 1
+    assert not [words for words in reported if words.startswith("sent: ")]

@@ -17,20 +17,20 @@ async function read(path) {
   for (const [id, schema] of file.schemasById) {
     readers.set(id, new MessageReader(parse(new TextDecoder().decode(schema.data), { ros2: true })));
   }
-  const told = { counts: {}, frames: [], positions: [], attached: {} };
+  const reported = { counts: {}, frames: [], positions: [], attached: {} };
   for await (const message of file.readMessages({ validateCrcs: true })) {
     const channel = file.channelsById.get(message.channelId);
     const decoded = readers.get(channel.schemaId).readMessage(message.data);
-    told.counts[channel.topic] = (told.counts[channel.topic] ?? 0) + 1;
-    if (channel.topic === "/serial/tx") told.frames.push(decoded.text);
-    if (channel.topic === "/joint_states") told.positions.push([...decoded.position]);
+    reported.counts[channel.topic] = (reported.counts[channel.topic] ?? 0) + 1;
+    if (channel.topic === "/serial/tx") reported.frames.push(decoded.text);
+    if (channel.topic === "/joint_states") reported.positions.push([...decoded.position]);
   }
   for await (const file_ of file.readAttachments({ validateCrcs: true })) {
-    told.attached[file_.name] = file_.data.length;
+    reported.attached[file_.name] = file_.data.length;
   }
-  return { ...told, indexed: Number(file.statistics.messageCount) };
+  return { ...reported, indexed: Number(file.statistics.messageCount) };
 }
 
-const told = [];
-for (const path of process.argv.slice(2)) told.push(await read(path));
-console.log(JSON.stringify(told));
+const reported = [];
+for (const path of process.argv.slice(2)) reported.push(await read(path));
+console.log(JSON.stringify(reported));

@@ -10,16 +10,16 @@ await new Promise((connected, failed) => {
 const taskServer = (actionType) => new ROSLIB.Action({ ros, name: "/task_server", actionType });
 
 function goal(client, task) {
-  const told = { feedback: [], end: null };
+  const reported = { feedback: [], end: null };
   let begun;
   const moving = new Promise((resolve) => (begun = resolve));
   let identity;
   const ended = new Promise((resolve) => {
     identity = client.sendGoal(
       { task_number: task },
-      (values) => resolve({ ...told, end: { kind: "result", status: 4, values } }),
-      (feedback) => begun(told.feedback.push(feedback.percentage)),
-      (error) => resolve({ ...told, end: { kind: "error", values: error } }),
+      (values) => resolve({ ...reported, end: { kind: "result", status: 4, values } }),
+      (feedback) => begun(reported.feedback.push(feedback.percentage)),
+      (error) => resolve({ ...reported, end: { kind: "error", values: error } }),
     );
   });
   return { identity, moving, ended };
@@ -35,21 +35,21 @@ const first = (name, messageType) =>
   });
 
 const client = taskServer("arduinobot_msgs/action/ArduinobotTask");
-const told = { moved: await goal(client, 1).ended, failed: await goal(client, 99).ended };
+const reported = { moved: await goal(client, 1).ended, failed: await goal(client, 99).ended };
 const waiting = goal(client, 10);
 await waiting.moving;
-told.busy = await goal(client, 11).ended;
+reported.busy = await goal(client, 11).ended;
 client.cancelGoal(waiting.identity);
-told.canceled = await waiting.ended;
+reported.canceled = await waiting.ended;
 const moving = goal(client, 0);
 await moving.moving;
 client.cancelAllGoals();
-told.stopped = await moving.ended;
-told.other = await goal(taskServer("arduinobot_msgs/action/Other"), 1).ended;
-told.many = [];
-for (let n = 0; n < 50; n++) told.many.push((await goal(client, 11).ended).end.values);
-told.joints = await first("/joint_states", "sensor_msgs/JointState");
-told.status = await first("/task_server/_action/status", "action_msgs/GoalStatusArray");
-console.log(JSON.stringify(told));
+reported.stopped = await moving.ended;
+reported.other = await goal(taskServer("arduinobot_msgs/action/Other"), 1).ended;
+reported.many = [];
+for (let n = 0; n < 50; n++) reported.many.push((await goal(client, 11).ended).end.values);
+reported.joints = await first("/joint_states", "sensor_msgs/JointState");
+reported.status = await first("/task_server/_action/status", "action_msgs/GoalStatusArray");
+console.log(JSON.stringify(reported));
 ros.close();
 process.exit(0);

@@ -13,7 +13,7 @@ class Goal:
     """One goal, and what came of it."""
 
     def __init__(self, client: roslibpy.ActionClient, task: int, until: str = "result") -> None:
-        self.told: dict[str, Any] = {"feedback": [], "end": None}
+        self.reported: dict[str, Any] = {"feedback": [], "end": None}
         self._events = {"result": threading.Event(), "feedback": threading.Event()}
         self.identity = client.send_goal(
             roslibpy.Goal({"task_number": task}), self._done, self._feedback, self._refused
@@ -24,19 +24,19 @@ class Goal:
         """What came, once there is something of that kind."""
         if not self._events[until].wait(20):
             raise TimeoutError(until)
-        return self.told
+        return self.reported
 
     def _done(self, result: Any) -> None:
         end = {"kind": "result", "status": result["status"].value, "values": result["values"]}
-        self.told["end"] = end
+        self.reported["end"] = end
         self._events["result"].set()
 
     def _feedback(self, feedback: Any) -> None:
-        self.told["feedback"].append(feedback["percentage"])
+        self.reported["feedback"].append(feedback["percentage"])
         self._events["feedback"].set()
 
     def _refused(self, error: Any) -> None:
-        self.told["end"] = {"kind": "error", "values": error["values"]}
+        self.reported["end"] = {"kind": "error", "values": error["values"]}
         self._events["result"].set()
 
 
@@ -63,20 +63,23 @@ def main(port: int) -> None:
     ros.run(20)
     kind = "arduinobot_msgs/action/ArduinobotTask"
     client = roslibpy.ActionClient(ros, "/task_server", kind)
-    told: dict[str, Any] = {"moved": Goal(client, 1).told, "failed": Goal(client, 99).told}
+    reported: dict[str, Any] = {
+        "moved": Goal(client, 1).reported,
+        "failed": Goal(client, 99).reported,
+    }
     waiting = Goal(client, 10, "feedback")
-    told["busy"] = Goal(client, 11).told
+    reported["busy"] = Goal(client, 11).reported
     client.cancel_goal(waiting.identity)
-    told["canceled"] = waiting.wait()
+    reported["canceled"] = waiting.wait()
     moving = Goal(client, 0, "feedback")
     client.cancel_goal(moving.identity)
-    told["stopped"] = moving.wait()
+    reported["stopped"] = moving.wait()
     other = roslibpy.ActionClient(ros, "/task_server", "arduinobot_msgs/action/Other")
-    told["other"] = Goal(other, 1).told
-    told["many"] = [Goal(client, 11).told["end"]["values"] for _ in range(50)]
-    told["joints"] = first(ros, "/joint_states", "sensor_msgs/JointState")
-    told["status"] = first(ros, "/task_server/_action/status", "action_msgs/GoalStatusArray")
-    sys.stdout.write(json.dumps(told) + "\n")
+    reported["other"] = Goal(other, 1).reported
+    reported["many"] = [Goal(client, 11).reported["end"]["values"] for _ in range(50)]
+    reported["joints"] = first(ros, "/joint_states", "sensor_msgs/JointState")
+    reported["status"] = first(ros, "/task_server/_action/status", "action_msgs/GoalStatusArray")
+    sys.stdout.write(json.dumps(reported) + "\n")
     sys.stdout.flush()
     os._exit(0)  # how its reactor's thread ends is not what is tried here
 

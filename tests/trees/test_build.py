@@ -177,7 +177,7 @@ def test_a_subtree_that_needs_more_is_not_blamed_itself(shop: Shop) -> None:
     assert {mistake.place.path.name for mistake in caught.value.mistakes} == {"3_x.yaml"}
 
 
-def test_a_broken_subtree_is_told_once(shop: Shop) -> None:
+def test_a_broken_subtree_is_reported_once(shop: Shop) -> None:
     shop.subtree("a", "", "Sukseed")
     shop.write("b.yaml", "subtree: b\n")
     with pytest.raises(FileError) as caught:

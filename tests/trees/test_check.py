@@ -228,7 +228,9 @@ def test_wrong_parameters(robot: Robot, tmp_path: Path, text: str, words: str) -
     assert any(words in mistake for mistake in mistakes), mistakes
 
 
-def test_one_joint_misspelt_in_several_files_is_told_in_each(robot: Robot, tmp_path: Path) -> None:
+def test_one_joint_misspelt_in_several_files_is_reported_in_each(
+    robot: Robot, tmp_path: Path
+) -> None:
     for number in (3, 4, 5):
         text = tree("{subtree: move_joints, with: {joints: {joint1: 0}}}")
         (tmp_path / f"{number}_x.yaml").write_text(text.replace("task: 3", f"task: {number}"))
@@ -236,7 +238,7 @@ def test_one_joint_misspelt_in_several_files_is_told_in_each(robot: Robot, tmp_p
     assert [m.place.path.name for m in mistakes] == ["3_x.yaml", "4_x.yaml", "5_x.yaml"]
 
 
-def test_a_mistake_that_two_skills_see_is_told_once(robot: Robot, tmp_path: Path) -> None:
+def test_a_mistake_that_two_skills_see_is_reported_once(robot: Robot, tmp_path: Path) -> None:
     assert len(found(robot, tmp_path, tree(f"{GO}goal: upright}}}}]}}"))) == 1
 
 
@@ -247,7 +249,7 @@ def test_all_kinds_of_mistakes_of_a_file_at_once(robot: Robot, tmp_path: Path) -
     assert lines == ["4", "7", "8", "9", "10"]
 
 
-def test_one_mistake_is_told_once(robot: Robot, tmp_path: Path) -> None:
+def test_one_mistake_is_reported_once(robot: Robot, tmp_path: Path) -> None:
     text = tree("{sequence: [{Meter: {height: $h}}, {Say: {text: a, value: $h}}]}")
     assert len(found(robot, tmp_path, text)) == 1
 
@@ -340,14 +342,14 @@ def test_a_subtree_by_itself_may_put_its_ports_into_a_mapping(robot: Robot, tmp_
     assert "$torn has no value before the run" in unused.message
 
 
-def test_a_subtree_written_like_a_skill_is_told_how_to_write_it(
+def test_a_subtree_written_like_a_skill_is_reported_with_the_right_form(
     robot: Robot, tmp_path: Path
 ) -> None:
     (mistake,) = found(robot, tmp_path, tree("open_gripper"))
     assert mistake == "4:7 open_gripper is a subtree, not a skill: write subtree: open_gripper"
 
 
-def test_two_files_of_one_number_are_told_with_a_place(robot: Robot, tmp_path: Path) -> None:
+def test_two_files_of_one_number_are_reported_with_a_place(robot: Robot, tmp_path: Path) -> None:
     for name in ("3_x.yaml", "3_y.yaml"):
         (tmp_path / name).write_text(tree("Succeed"))
     (mistake,) = check(robot, tmp_path, []).mistakes

@@ -265,7 +265,9 @@ ONCE = [
 
 
 @pytest.mark.parametrize(("above", "text", "words"), ONCE)
-def test_what_is_told_once(robot: Robot, tmp_path: Path, above: str, text: str, words: str) -> None:
+def test_what_is_reported_once(
+    robot: Robot, tmp_path: Path, above: str, text: str, words: str
+) -> None:
     (tmp_path / "writes.yaml").write_text(
         "subtree: writes\ndescription: x\nports: {to: {type: number, output: true}}\n"
         "tree: {Set: {value: 1, key: $to}}\n"
@@ -307,8 +309,8 @@ def test_a_file_that_is_misnamed_hides_no_other(robot: Robot, tmp_path: Path) ->
     for name in ("3-x.yaml", "4_x.yaml"):
         (tmp_path / name).write_text(tree("Sukseed").replace("task: 3", "task: 4"))
     findings = check(robot, None, [tmp_path / "3-x.yaml", tmp_path / "4_x.yaml"])
-    told = [(mistake.place.path.name, mistake.place.line) for mistake in findings.mistakes]
-    assert told == [("3-x.yaml", 1), ("4_x.yaml", 4)]
+    reported = [(mistake.place.path.name, mistake.place.line) for mistake in findings.mistakes]
+    assert reported == [("3-x.yaml", 1), ("4_x.yaml", 4)]
     assert [path.name for path in findings.files] == ["3-x.yaml", "4_x.yaml"]
 
 

@@ -1,4 +1,4 @@
-"""Mistakes that do not depend on each other are told in the same check, and nothing besides.
+"""Independent mistakes are reported in the same check, and nothing else is.
 
 What is wrong alone is put beside, into and around what else is wrong. ARMTREE_PAIRS tries more.
 """
@@ -43,7 +43,7 @@ NODES = [text for text in nodes() if text not in ("{task: 3}", "{task: 99}")]
 NODES = [text for text in NODES if not re.search(r"\{Set: .*\{Set: .*key: \$a\}\}[],]", text)]
 
 
-def told(robot: Robot, folder: Path, files: Mapping[str, str]) -> dict[str, set[str]]:
+def reported(robot: Robot, folder: Path, files: Mapping[str, str]) -> dict[str, set[str]]:
     """What is wrong with files, in words that do not depend on where it stands, by file."""
     for name, text in files.items():
         (folder / name).write_text(text)
@@ -64,9 +64,9 @@ def own(text: str, number: int) -> str:
 
 @pytest.fixture(scope="module")
 def alone(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, set[str]]:
-    """What is told of every node alone."""
+    """What is reported of every node alone."""
     files = {f"{n}_x.yaml": f"{HEAD.format(n)}tree: {text}\n" for n, text in enumerate(NODES, 1000)}
-    found = told(robot, tmp_path_factory.mktemp("alone"), files)
+    found = reported(robot, tmp_path_factory.mktemp("alone"), files)
     assert all(found.values())
     return dict(zip(NODES, found.values(), strict=True))
 
@@ -99,7 +99,7 @@ def test_pairs(robot: Robot, tmp_path: Path, alone: dict[str, set[str]], where: 
             tree = f"{{sequence: [{{Say: {{text: $port}}}}, {{force_success: {second}}}]}}"
             files[sub] = SUB.format(f"s{number}", "{port: text}", tree)
         files[task] = HEAD.format(number) + BESIDE[where].format(first, inner)
-    assert told(robot, tmp_path, files) == wanted
+    assert reported(robot, tmp_path, files) == wanted
 
 
 AROUND = [
@@ -154,7 +154,7 @@ def test_around(robot: Robot, tmp_path: Path, alone: dict[str, set[str]]) -> Non
             number = 1000 + len(made)
             made.append((around, words, text))
             files[f"{number}_x.yaml"] = f"{HEAD.format(number)}tree: {around.replace('X', text)}\n"
-    found = told(robot, tmp_path, files)
+    found = reported(robot, tmp_path, files)
     for (around, words, text), messages in zip(made, found.values(), strict=True):
         assert any(words in message for message in messages), (around, text)
         lost = alone[text] - messages
@@ -186,7 +186,7 @@ def test_above(robot: Robot, tmp_path: Path, alone: dict[str, set[str]]) -> None
             nodes = f"{{force_success: {text}}}, {use if 'param' in head else 'Succeed'}"
             tree = f"tree: {{sequence: [{nodes}]}}\n"
             files[f"{number}_x.yaml"] = HEAD.format(number) + head + tree
-    found = told(robot, tmp_path, files)
+    found = reported(robot, tmp_path, files)
     for (words, text), messages in zip(made, found.values(), strict=True):
         (own,) = messages - alone[text]
         assert words in own, text
@@ -320,12 +320,12 @@ def test_together(robot: Robot, tmp_path: Path) -> None:
         assert all(map(str.startswith, messages, wanted)), messages
 
 
-def test_one_slip_is_told_once(robot: Robot, tmp_path: Path) -> None:
+def test_one_slip_is_reported_once(robot: Robot, tmp_path: Path) -> None:
     files = {
         f"{number}_x.yaml": f"{HEAD.format(number)}tree: {text}\n"
         for number, text in enumerate(ONE_SLIP, 1000)
     }
-    for text, messages in zip(ONE_SLIP, told(robot, tmp_path, files).values(), strict=True):
+    for text, messages in zip(ONE_SLIP, reported(robot, tmp_path, files).values(), strict=True):
         assert len(messages) == 1, (text, messages)
 
 
@@ -348,8 +348,8 @@ class Picky(Skill):
 
 def test_a_skill_of_ones_own_may_refuse_several_values(robot: Robot, tmp_path: Path) -> None:
     (tmp_path / "3_x.yaml").write_text(f"{HEAD.format(3)}tree: {{Picky: {{litres: 1, bars: 2}}}}\n")
-    told = [(m.place.column, m.message) for m in check(robot, tmp_path).mistakes]
-    assert told == [(24, "Picky: litres is odd"), (33, "Picky: bars is odd")]
+    reported = [(m.place.column, m.message) for m in check(robot, tmp_path).mistakes]
+    assert reported == [(24, "Picky: litres is odd"), (33, "Picky: bars is odd")]
 
 
 def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
@@ -363,7 +363,7 @@ def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
         "3_y.yaml": "task: 4\nname: x\ndescription: y\n"
         f"tree: {{sequence: [{calls}, {moves % 'lfet'}, {moves % 'left'}]}}\n",
     }
-    assert told(robot, tmp_path, files) == {
+    assert reported(robot, tmp_path, files) == {
         "poses.yaml": {
             "'x' is not an angle in rad or deg",
             "far: joint_1 = 515.66 deg is outside its limits, -90 deg to 90 deg",

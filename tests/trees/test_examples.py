@@ -21,7 +21,7 @@ Near = Callable[[float, float], None]
 
 @pytest.fixture
 def near(monkeypatch: pytest.MonkeyPatch) -> Near:
-    """Says from when to when somebody is near [s]."""
+    """Says from when to when a person is near [s]."""
     assert load_skills(EXAMPLES / "skills") == []
     names = known_skills()["nobody_near"].function.__globals__  # type: ignore[attr-defined]
 
@@ -33,14 +33,14 @@ def near(monkeypatch: pytest.MonkeyPatch) -> Near:
 
 @pytest.fixture
 def examples(rig: RigMaker, near: Near) -> Rig:
-    """The examples, while nobody is near: the clock does not stand at 0 when a test begins."""
+    """The examples, while no person is near: the clock is not at 0 when a test begins."""
     near(0.0, 0.0)
     return rig(EXAMPLES)
 
 
 def said(rig: Rig, name: str) -> list[str]:
     """What a node said when it ended."""
-    records = rig.told(logs.NodeStatus)
+    records = rig.recorded(logs.NodeStatus)
     return [r.message for r in records if r.name == name and r.status in ("SUCCESS", "FAILURE")]
 
 
@@ -95,9 +95,9 @@ def test_the_watchful_one_holds_and_goes_on(
     near(begin := shared_clock.now() + 4.0, end := begin + 1.5)
     (outcome,) = examples.run(6)
     assert outcome.success
-    executed = [r.status for r in examples.told(logs.NodeStatus) if r.name == "Execute"]
+    executed = [r.status for r in examples.recorded(logs.NodeStatus) if r.name == "Execute"]
     assert [s for s in executed if s != "INVALID"] == ["RUNNING", "RUNNING", "SUCCESS"]  # anew
-    sent = examples.told(logs.Sent)
+    sent = examples.recorded(logs.Sent)
     moved = [record.time for record in sent if record.joints and not record.hold]
     assert min(moved) < begin < end < max(moved)
     assert not [time for time in moved if begin + 0.1 < time < end]

@@ -68,7 +68,7 @@ def test_a_change_by_renaming_too(files: Files, tmp_path: Path) -> None:
     "wrong",
     ["task: 7\nname: [", TASK % "$unknown", "task: 8\n", "", "task: 7\nname: x\ntree: {}\n"],
 )
-def test_a_wrong_one_is_told_of_and_the_last_good_one_kept(files: Files, wrong: str) -> None:
+def test_a_wrong_one_is_reported_and_the_last_good_one_kept(files: Files, wrong: str) -> None:
     files.path.write_text(wrong)
     assert files.says() == "one"
     assert "Task 7 runs in its last valid version" in files.warning

@@ -22,7 +22,7 @@ tree:
 """
 
 
-def test_a_failure_is_told_the_same_everywhere(
+def test_a_failure_is_reported_the_same_everywhere(
     typed: tuple[Served, Typed], caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)
@@ -35,8 +35,8 @@ def test_a_failure_is_told_the_same_everywhere(
         *("goal.out_of_bounds", "far/CheckBounds", "joint_1", 9.0),
         *(pytest.approx(1.5707963), "choose a target within the limits"),
     ]
-    told = type_in("send", "15", "--wait", "--json")[1].splitlines()
-    assert json.loads(told[-1])["cause"] == cause
+    reported = type_in("send", "15", "--wait", "--json")[1].splitlines()
+    assert json.loads(reported[-1])["cause"] == cause
     words = f"{cause['message']} [goal.out_of_bounds at far/CheckBounds]"
     assert "joint_1 = 515.66 deg is outside its limits" in words
     hint = "choose a target within the limits"
@@ -63,7 +63,7 @@ def test_what_is_refused_has_its_code(typed: tuple[Served, Typed]) -> None:
     )
 
 
-def test_a_refused_goal_is_told_with_its_hint(typed: tuple[Served, Typed]) -> None:
+def test_a_refused_goal_is_reported_with_its_hint(typed: tuple[Served, Typed]) -> None:
     served, type_in = typed
     served.executive.arm_to("activate")
     cause = served.ask("POST", "/api/goals", {"task": 9999})[1]
@@ -72,27 +72,27 @@ def test_a_refused_goal_is_told_with_its_hint(typed: tuple[Served, Typed]) -> No
     for words in (("send", "9999"), ("send", "9999", "--wait")):
         assert type_in(*words) == (4, "", said)
     status, out, _ = type_in("send", "9999", "--wait", "--json")
-    told = json.loads(out.splitlines()[-1])
+    reported = json.loads(out.splitlines()[-1])
     wanted = {"event": "result", "task": 9999, "state": "ABORTED", "success": False}
-    assert (status, told) == (4, told | wanted | {"code": cause["code"], "cause": cause})
+    assert (status, reported) == (4, reported | wanted | {"code": cause["code"], "cause": cause})
 
 
-def test_an_error_is_told_in_json_too(typed: tuple[Served, Typed]) -> None:
+def test_an_error_is_reported_in_json_too(typed: tuple[Served, Typed]) -> None:
     served, type_in = typed
     served.executive.arm_to("activate")
 
-    def told(*words: str) -> tuple[int, str, str]:
+    def reported(*words: str) -> tuple[int, str, str]:
         status, out, error = type_in(*words, "--json")
         (event,) = map(json.loads, out.splitlines())
         assert (event["event"], event["cause"]["message"]) == ("error", event["message"])
         assert event["message"] in error
         return status, event["code"], event["cause"]["code"]
 
-    assert told("send", "9999") == (4, *["goal.unknown_task"] * 2)
-    assert told("send", "11", "--wait", "--set", "x") == (4, *["goal.bad_arguments"] * 2)
+    assert reported("send", "9999") == (4, *["goal.unknown_task"] * 2)
+    assert reported("send", "11", "--wait", "--set", "x") == (4, *["goal.bad_arguments"] * 2)
     served.stop()
     for words in (("status",), ("watch",), ("cancel",), ("send", "1", "--wait")):
-        assert told(*words) == (13, *["server.unreachable"] * 2)
+        assert reported(*words) == (13, *["server.unreachable"] * 2)
 
 
 @pytest.mark.parametrize("url", ["localhost:1", "127.0.0.1", "ftp://localhost"])

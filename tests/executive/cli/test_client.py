@@ -117,8 +117,8 @@ def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
     assert (status, error) == (0, "")
     assert re.search(r"Execute +success +\d+ of \d+ frames", out)
     assert "task 1 SUCCEEDED" in out
-    told = type_in("send", "11", "--json", "--wait")[1]
-    events = [json.loads(line) for line in told.splitlines()]
+    reported = type_in("send", "11", "--json", "--wait")[1]
+    events = [json.loads(line) for line in reported.splitlines()]
     assert events[-1]["event"] == "result"
     assert {"goal", "node", "feedback"} <= {event["event"] for event in events}
 
@@ -126,19 +126,19 @@ def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
 def test_in_json_too(typed: tuple[Served, Typed]) -> None:
     _, type_in = typed
 
-    def told(*words: str) -> dict[str, Any]:
+    def reported(*words: str) -> dict[str, Any]:
         (line,) = type_in(*words, "--json")[1].splitlines()
         answer: dict[str, Any] = json.loads(line)
         return answer
 
-    assert told("arm", "activate") == {"arm": "active"}
-    assert told("arm", "activate")["code"] == "hw.transition_refused"
-    assert told("step")["code"] == "goal.not_executing"
-    assert told("break") == {"breakpoints": []}
-    assert told("break", "pick") == {"breakpoints": ["pick"]}
-    assert told("answer") == {"questions": []}
-    goal = told("send", "10")["goal_id"]
-    assert told("pause")["goal_id"] == told("resume", goal)["goal_id"] == goal
+    assert reported("arm", "activate") == {"arm": "active"}
+    assert reported("arm", "activate")["code"] == "hw.transition_refused"
+    assert reported("step")["code"] == "goal.not_executing"
+    assert reported("break") == {"breakpoints": []}
+    assert reported("break", "pick") == {"breakpoints": ["pick"]}
+    assert reported("answer") == {"questions": []}
+    goal = reported("send", "10")["goal_id"]
+    assert reported("pause")["goal_id"] == reported("resume", goal)["goal_id"] == goal
 
 
 def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
@@ -241,8 +241,8 @@ def test_a_changed_task_is_picked_up_and_a_wrong_one_is_not(
     )
     assert "12_say.yaml:2:8" in said
     events = map(json.loads, type_in("send", "12", "--wait", "--json")[1].splitlines())
-    told = [e["event"] for e in events if e.get("level", logging.WARNING) == logging.WARNING]
-    assert [event for event in told if event in ("goal", "log", "result")] == [
+    reported = [e["event"] for e in events if e.get("level", logging.WARNING) == logging.WARNING]
+    assert [event for event in reported if event in ("goal", "log", "result")] == [
         "goal",
         "log",
         "result",
@@ -262,9 +262,9 @@ def test_a_signal_ends_a_motion_and_the_server(
         assert any('"event": "sent"' in line for line in waiting.stdout)
         arm.send(0)
     assert shell.end(number) == 0
-    told = [json.loads(line) for line in waiting.communicate(timeout=30)[0].splitlines()]
-    assert (waiting.returncode, told[-1]["state"]) == (7, "CANCELED")
-    holds = [event for event in told if event["event"] == "sent" and event["hold"]]
+    reported = [json.loads(line) for line in waiting.communicate(timeout=30)[0].splitlines()]
+    assert (waiting.returncode, reported[-1]["state"]) == (7, "CANCELED")
+    holds = [event for event in reported if event["event"] == "sent" and event["hold"]]
     assert len(holds) == 1
     log = "".join(shell.log)
     assert log.count("ended CANCELED") == 1  # the other one had not started
@@ -285,8 +285,8 @@ def test_ctrl_c_in_a_client_cancels_its_goal(shell: Shell) -> None:
     assert waiting.stdout
     assert any('"event": "sent"' in line for line in waiting.stdout)
     waiting.send_signal(signal.SIGINT)
-    told = waiting.communicate(timeout=30)[0].splitlines()
-    assert (waiting.returncode, json.loads(told[-1])["state"]) == (7, "CANCELED")
+    reported = waiting.communicate(timeout=30)[0].splitlines()
+    assert (waiting.returncode, json.loads(reported[-1])["state"]) == (7, "CANCELED")
 
 
 @pytest.mark.parametrize(
@@ -336,14 +336,14 @@ def test_what_a_server_says_first_is_recorded_but_for_the_token(shell: Shell) ->
     assert shell.end(signal.SIGTERM) == 0
     (own,) = folder.glob("*-server.mcap")
     lines = [line for line in Recording(own).records(LogLine) if isinstance(line, LogLine)]
-    told = "\n".join(line.message for line in lines)
+    reported = "\n".join(line.message for line in lines)
     for words in (f"{left.name}: recovered", "Port virtual", "Listening on", "EXPOSED: a machine"):
-        assert words in told
+        assert words in reported
         assert words in "".join(shell.log)
     token = re.search(r"Token .*: (\S+)", "".join(shell.log))
     assert token
     assert token[1].encode() not in own.read_bytes()
-    assert token[1] not in told
+    assert token[1] not in reported
 
 
 def test_a_person_is_asked_for_the_pose_when_the_arm_is_activated(shell: Shell) -> None:

@@ -87,7 +87,7 @@ def test_what_stands_in_the_environment_need_not_be_typed(tmp_path: Path, robot:
         ),
     ],
 )
-def test_it_opens_when_told_to_and_says_before_what_that_does(
+def test_it_opens_only_with_the_option_and_says_before_what_that_does(
     tmp_path: Path, robot: Path, firmware: str, pose: str, opening: str
 ) -> None:
     answers = {
@@ -169,7 +169,7 @@ def test_recordings_that_cannot_be_written(tmp_path: Path) -> None:
     assert "NO  recorder    /proc/nowhere: " in result.output
 
 
-def test_a_board_that_does_not_start_is_told_with_the_way_out_once(
+def test_a_board_that_does_not_start_is_reported_with_the_way_out_once(
     tmp_path: Path, robot: Path
 ) -> None:
     line = Pty()  # no program at the other end

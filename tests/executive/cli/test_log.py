@@ -24,8 +24,8 @@ def test_what_is_wrong_with_one_of_many_keeps_none_of_the_others(
     wrong.write_text("no recording")
     run_journal(good, finish=False)
     typed = CliRunner().invoke(cli, ["log", command, str(wrong), str(gone), str(good)])
-    told = [line for line in typed.output.splitlines() if line.startswith("Error: ")]
-    assert [line.split(".mcap")[0] for line in told] == [
+    reported = [line for line in typed.output.splitlines() if line.startswith("Error: ")]
+    assert [line.split(".mcap")[0] for line in reported] == [
         *(f"Error: {tmp_path}/wrong", f"Error: {tmp_path}/gone")
     ]
     assert typed.output.splitlines()[-1].endswith(last)

@@ -221,7 +221,7 @@ def test_a_task_that_moves_nothing(tmp_path: Path) -> None:
     assert "Motion" not in said
 
 
-def test_how_long_it_took_to_get_ready_is_told(tmp_path: Path) -> None:
+def test_how_long_it_took_to_get_ready_is_reported(tmp_path: Path) -> None:
     ready, _, _, _, found, *_ = plan(tmp_path, "0.1", "0.05", "0.08").output.splitlines()
     milliseconds = re.match(r"Prepared  in (\S+) ms \(model (\S+), goal (\S+)\)$", ready)
     assert milliseconds

@@ -77,10 +77,10 @@ def test_a_broken_plugin_costs_only_itself(tmp_path: Path) -> None:
     )
     result = armtree("skills", "--skills", str(tmp_path))
     assert result.exit_code == 0
-    told = [line for line in result.stderr.splitlines() if "left out" in line]
-    assert len(told) == len(BROKEN)
-    assert any("raises.py:6: ZeroDivisionError" in line for line in told)
-    assert any("taken.py: Wait: there is a skill of that name already" in line for line in told)
+    reported = [line for line in result.stderr.splitlines() if "left out" in line]
+    assert len(reported) == len(BROKEN)
+    assert any("raises.py:6: ZeroDivisionError" in line for line in reported)
+    assert any("taken.py: Wait: there is a skill of that name already" in line for line in reported)
     assert set(known_skills()) - set(before) == {"whole"}
     assert known_skills()["Wait"] is before["Wait"]
 
@@ -158,11 +158,11 @@ def test_show_a_task_by_its_name() -> None:
 def test_show_a_run(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["canceled"])
-    told = armtree("show", str(path)).output.splitlines()
-    assert told[0].startswith("■ Reach  +0.640 s, 1.6")
-    assert "│  ├─ ✓ PlanArm  +0.640 s, 0.080 s  straight" in told
-    assert told[-1] == "└─ · Succeed"
-    assert any(line.startswith("├─ ■ Execute  +0.750 s, 1.5") for line in told)
+    reported = armtree("show", str(path)).output.splitlines()
+    assert reported[0].startswith("■ Reach  +0.640 s, 1.6")
+    assert "│  ├─ ✓ PlanArm  +0.640 s, 0.080 s  straight" in reported
+    assert reported[-1] == "└─ · Succeed"
+    assert any(line.startswith("├─ ■ Execute  +0.750 s, 1.5") for line in reported)
     assert "style=filled" in armtree("show", str(path), "--format", "dot").output
     refused = armtree("show", str(path), "--ports")
     assert "--ports and --format groot need a task" in refused.output
@@ -204,8 +204,8 @@ def test_groot_tells_keys_from_values(tmp_path: Path) -> None:
     assert target.attrib["start"] == "{s}"
     assert target.attrib["joints"] == "joint_1:-1.4;joint_2:0.5"
     assert said.attrib["text"] == "$5"
-    told = [node.attrib["_description"] for node in root.iter("RetryUntilSuccessful")]
-    assert told == ["after 2 s, which doubles each time", "checked every 0.5 s"]
+    reported = [node.attrib["_description"] for node in root.iter("RetryUntilSuccessful")]
+    assert reported == ["after 2 s, which doubles each time", "checked every 0.5 s"]
 
 
 @pytest.mark.parametrize("number", [0, 3, 4, 5, 6, 7, 8])

@@ -56,7 +56,7 @@ def test_answers_come_from_a_pipe(command: list[str]) -> None:
     assert status == 0
 
 
-def test_a_pipe_that_ends_leaves_nobody(command: list[str]) -> None:
+def test_a_pipe_that_ends_leaves_no_operator(command: list[str]) -> None:
     status, out, _ = piped(command, "yes\n")
     assert "Name?: no answer is possible: standard input has ended" in out
     assert status == 11

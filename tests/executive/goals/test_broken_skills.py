@@ -183,7 +183,7 @@ def test_a_goal_whose_validation_fails_preempts_nothing(server: RigMaker, tasks:
     at_frame(arm, 10, lambda: refused.append(arm.executive.send(42)))
     assert run(arm, 1).success
     assert [each.code for each in refused] == ["skill.broken"]
-    assert not any(frame.hold for frame in arm.told(logs.Sent))
+    assert not any(frame.hold for frame in arm.recorded(logs.Sent))
 
 
 def test_a_cancel_ends_a_goal_whose_skill_does_not_return(server: RigMaker, tasks: Path) -> None:

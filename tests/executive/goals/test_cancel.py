@@ -19,7 +19,7 @@ from tests.support.servers.server_acts import at_frame, history, run
 def check_ended(arm: Rig, outcome: Outcome, sent_before: int) -> None:
     """No node runs, nothing works on, nothing was sent after the hold."""
     last = {}
-    for node in arm.told(logs.NodeStatus):
+    for node in arm.recorded(logs.NodeStatus):
         last[node.path] = node.status
     assert "RUNNING" not in last.values(), last
     frames = arm.frames[sent_before:]

@@ -25,7 +25,7 @@ def killed(server: RigMaker, tmp_path: Path) -> tuple[Path, str]:
     arm = server()
 
     def watch(record: logs.Record) -> None:
-        if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 12:
+        if isinstance(record, logs.Sent) and len(arm.recorded(logs.Sent)) == 12:
             arm.executive._recordings.caught_up(5.0)
             folder.mkdir()
             for path in tmp_path.glob("*.mcap"):
@@ -70,7 +70,7 @@ def test_open_recordings_are_not_read(server: RigMaker, rig: RigMaker, tmp_path:
     seen: list[int] = []
 
     def watch(record: logs.Record) -> None:
-        if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 12:
+        if isinstance(record, logs.Sent) and len(arm.recorded(logs.Sent)) == 12:
             seen.append(len(list(logs.closed_recordings(tmp_path, 0.0))))
 
     arm.on_record = watch
@@ -138,7 +138,7 @@ def test_a_pose_is_offered_and_confirmed(robot: Robot, rig: RigMaker, tmp_path: 
     with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* pose \"last\" .* pose \"boot\""):
         find_start_pose(unreset(robot), "/dev/ttyX", None, tmp_path)
     confirmed = find_start_pose(unreset(robot), "/dev/ttyX", "last", tmp_path)
-    last = arm.told(logs.Sent)[-1]
+    last = arm.recorded(logs.Sent)[-1]
     assert confirmed == last.positions
     assert find_start_pose(unreset(robot), "/dev/ttyX", "boot", tmp_path) == robot.boot_pose
     assert str(outcome.recording)
@@ -158,7 +158,7 @@ def test_a_later_activation_starts_from_the_last_commanded_pose(
 ) -> None:
     arm = server(robot=unreset(robot), pose="boot")
     assert arm.executive.result(arm.executive.send(1).identity).success
-    left = arm.told(logs.Sent)[-1].positions
+    left = arm.recorded(logs.Sent)[-1].positions
     arm.executive.arm_to("deactivate")
     with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* pose \"last\" .* pose \"boot\""):
         arm.executive.arm_to("activate")

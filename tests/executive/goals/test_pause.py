@@ -62,7 +62,7 @@ def at_frame(rig: Rig, number: int, act: Callable[[], None]) -> None:
     """Do something, on another thread, when that many frames were sent."""
 
     def watch(record: logs.Record) -> None:
-        if isinstance(record, logs.Sent) and len(rig.told(logs.Sent)) == number:
+        if isinstance(record, logs.Sent) and len(rig.recorded(logs.Sent)) == number:
             rig.soon(act)
 
     rig.on_record = watch
@@ -100,10 +100,10 @@ def test_a_pause_at_a_frame(rig: RigMaker, number: int) -> None:
     assert arm.frames[-1].strip("()") == straight.frames[-1]
     held = [frame for frame in arm.frames if frame.startswith("(")]
     assert held == [f"({arm.frames[number - 1]})"]
-    first, *others = arm.told(logs.Schedule)
+    first, *others = arm.recorded(logs.Schedule)
     assert first.resumed is None
     assert [schedule.resumed is None for schedule in others] == [False]
-    times = [sent.time for sent in arm.told(logs.Sent)]
+    times = [sent.time for sent in arm.recorded(logs.Sent)]
     assert max(b - a for a, b in pairwise(times)) >= 60.0 or number == 31
     verification = verify(Path(outcome.recording))
     assert verification.holds, verification.text()
@@ -114,14 +114,14 @@ def test_a_pause_is_recorded_and_drawn(rig: RigMaker) -> None:
     at_frame(arm, 9, pause_for(arm, 4.0))
     (outcome,) = arm.run(1)
     path = Path(outcome.recording)
-    told = [
+    reported = [
         (time, words) for time, words in narrative(path, False) if words in ("paused", "resumed")
     ]
-    assert [words for _, words in told] == ["paused", "resumed"]
-    assert told[1][0] - told[0][0] == pytest.approx(4.0, abs=0.1)
+    assert [words for _, words in reported] == ["paused", "resumed"]
+    assert reported[1][0] - reported[0][0] == pytest.approx(4.0, abs=0.1)
     marks = [mark for mark in timeline(path).marks if mark[1] in ("paused", "resumed")]
-    assert [words for _, words in marks] == [words for _, words in told]
-    assert [time for time, _ in marks] == pytest.approx([time for time, _ in told])
+    assert [words for _, words in marks] == [words for _, words in reported]
+    assert [time for time, _ in marks] == pytest.approx([time for time, _ in reported])
 
 
 @pytest.mark.parametrize("together", ["true", "false"])
@@ -153,11 +153,11 @@ def test_many_pauses(rig: RigMaker, tasks: Path) -> None:
     (outcome,) = arm.run(12)
     assert outcome.success, outcome.message
     assert arm.frames[-1].strip("()") == straight.frames[-1]  # a pause may come after it
-    assert len(arm.told(logs.Schedule)) > 5
-    told = [f.percentage for f in arm.told(logs.Feedback) if f.percentage is not None]
-    assert told == sorted(told)
-    assert told.count(100) == 1
-    assert "paused" in {feedback.phase for feedback in arm.told(logs.Feedback)}
+    assert len(arm.recorded(logs.Schedule)) > 5
+    reported = [f.percentage for f in arm.recorded(logs.Feedback) if f.percentage is not None]
+    assert reported == sorted(reported)
+    assert reported.count(100) == 1
+    assert "paused" in {feedback.phase for feedback in arm.recorded(logs.Feedback)}
     verification = verify(Path(outcome.recording))
     assert verification.holds, verification.text()
 
@@ -179,7 +179,7 @@ def test_the_rest_of_a_motion_starts_from_standstill(rig: RigMaker) -> None:
     arm = rig()
     at_frame(arm, 15, pause_for(arm, 1.0))
     arm.run(1)
-    _, again = arm.told(logs.Schedule)
+    _, again = arm.recorded(logs.Schedule)
     steps = [
         max(abs(b - a) for a, b in zip(one, other, strict=True))
         for one, other in pairwise(again.samples)
@@ -257,7 +257,7 @@ def test_steps(rig: RigMaker) -> None:
 
     def begins() -> list[str]:
         """Started nodes, and those at a breakpoint."""
-        last = {node.name: node for node in arm.told(logs.NodeStatus)}
+        last = {node.name: node for node in arm.recorded(logs.NodeStatus)}
         return [n for n, node in last.items() if node.message == "waits to begin"]
 
     def watch(record: logs.Record) -> None:
@@ -357,7 +357,7 @@ def test_a_step_in_the_middle_of_a_motion_ends_before_the_next_skill(rig: RigMak
         arm.executive.step(goal)
 
     def watch(record: logs.Record) -> None:
-        if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 10:
+        if isinstance(record, logs.Sent) and len(arm.recorded(logs.Sent)) == 10:
             arm.soon(act)
         if isinstance(record, logs.NodeStatus) and record.message == "waits to begin":
             waited.append(record.name)
@@ -383,10 +383,10 @@ def test_a_running_step_can_be_resumed(rig: RigMaker) -> None:
             arm.executive.resume(goal)
 
     def watch(record: logs.Record) -> None:
-        if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 10:
+        if isinstance(record, logs.Sent) and len(arm.recorded(logs.Sent)) == 10:
             arm.soon(act)
 
     arm.on_record = watch
     (outcome,) = arm.run(1)
     assert outcome.success
-    assert "waits to begin" not in {node.message for node in arm.told(logs.NodeStatus)}
+    assert "waits to begin" not in {node.message for node in arm.recorded(logs.NodeStatus)}

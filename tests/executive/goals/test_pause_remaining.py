@@ -106,7 +106,7 @@ def test_a_replay_resumes_from_standstill(rig: RigMaker, tasks: Path, number: in
     assert verification.holds, verification.text()
     assert len(_setpoints(Path(outcome.recording), arm.robot.path)) == len(straight.frames)
 
-    first, rest = arm.told(logs.Schedule)
+    first, rest = arm.recorded(logs.Schedule)
     gaps = [b - a for a, b in pairwise(first.times[number - 1 :])]
     slow = [b - a for a, b in pairwise((0.0, *rest.times))]
     ratios = [b / a for a, b in zip(gaps, slow, strict=True)]

@@ -66,29 +66,29 @@ def tasks(tmp_path: Path) -> Path:
 
 def check(rig: Rig) -> list[logs.Feedback]:
     """Check what holds for every run; returns the recorded progress."""
-    told = rig.told(logs.Feedback)
-    attempts = [feedback.attempt for feedback in told]
+    reported = rig.recorded(logs.Feedback)
+    attempts = [feedback.attempt for feedback in reported]
     assert attempts == sorted(attempts)
-    for _, within in groupby(told, key=lambda feedback: feedback.attempt):
+    for _, within in groupby(reported, key=lambda feedback: feedback.attempt):
         shares = [feedback.percentage for feedback in within]
         numbers = [share for share in shares if share is not None]
         assert shares[: len(shares) - len(numbers)] == [None] * (len(shares) - len(numbers))
         assert numbers == sorted(numbers)
-    for feedback in told:
+    for feedback in reported:
         assert (feedback.phase == "planning") == (feedback.percentage is None)
         assert (feedback.percentage == 100) == (feedback.phase == "succeeded")
         assert feedback.node
-    return told
+    return reported
 
 
 def test_one_motion(rig: RigMaker) -> None:
     arm = rig()
     arm.run(1)
-    told = check(arm)
-    assert told[0].percentage is None
-    assert told[-1].percentage == 100
-    frames = len(arm.told(logs.Sent))
-    executing = {f.percentage for f in told if f.phase == "executing"}
+    reported = check(arm)
+    assert reported[0].percentage is None
+    assert reported[-1].percentage == 100
+    frames = len(arm.recorded(logs.Sent))
+    executing = {f.percentage for f in reported if f.phase == "executing"}
     assert executing == {min(99, 100 * n // frames) for n in range(frames + 1)}
 
 
@@ -96,11 +96,11 @@ def test_rounds_of_a_loop(rig: RigMaker, tasks: Path) -> None:
     arm = rig(tasks)
     (outcome,) = arm.run(15)
     assert outcome.success, outcome.message
-    told = check(arm)
-    assert {feedback.attempt for feedback in told} == {1}
-    assert told[-1].percentage == 100
+    reported = check(arm)
+    assert {feedback.attempt for feedback in reported} == {1}
+    assert reported[-1].percentage == 100
     # Each round is a third, and each motion of a round half of that.
-    ends = [f.percentage for f, after in pairwise(told) if f.node != after.node]
+    ends = [f.percentage for f, after in pairwise(reported) if f.node != after.node]
     for share in (16, 33, 50, 66, 83):
         assert any(abs((end or 0) - share) <= 1 for end in ends), (share, ends)
 
@@ -109,12 +109,12 @@ def test_a_retry_is_another_attempt(rig: RigMaker, tasks: Path) -> None:
     arm = rig(tasks)
     (outcome,) = arm.run(16)
     assert outcome.state is GoalState.ABORTED
-    told = check(arm)
-    assert {feedback.attempt for feedback in told} == {1, 2, 3}
+    reported = check(arm)
+    assert {feedback.attempt for feedback in reported} == {1, 2, 3}
     for attempt in (1, 2, 3):
-        within = [f.percentage for f in told if f.attempt == attempt]
+        within = [f.percentage for f in reported if f.attempt == attempt]
         assert max(share or 0 for share in within) >= 95
-    assert 100 not in {feedback.percentage for feedback in told}
+    assert 100 not in {feedback.percentage for feedback in reported}
 
 
 def test_acknowledged_frames_count(rig: RigMaker, robot: Robot) -> None:
@@ -123,7 +123,7 @@ def test_acknowledged_frames_count(rig: RigMaker, robot: Robot) -> None:
 
     def watch(record: logs.Record) -> None:
         if isinstance(record, logs.Feedback) and record.phase == "executing":
-            sent = sum(bool(frame.joints) for frame in arm.told(logs.Sent))
+            sent = sum(bool(frame.joints) for frame in arm.recorded(logs.Sent))
             seen.append((sent, record.percentage))
 
     arm.on_record = watch
@@ -138,7 +138,7 @@ def test_a_canceled_goal_keeps_its_progress(rig: RigMaker) -> None:
     arm = rig()
 
     def watch(record: logs.Record) -> None:
-        if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 15:
+        if isinstance(record, logs.Sent) and len(arm.recorded(logs.Sent)) == 15:
             arm.soon(arm.cancel)
 
     arm.on_record = watch
@@ -149,5 +149,5 @@ def test_a_canceled_goal_keeps_its_progress(rig: RigMaker) -> None:
 def test_a_wait_is_no_planning(rig: RigMaker, tasks: Path) -> None:
     arm = rig(tasks=tasks)
     arm.run(17)
-    told = [(each.percentage, each.phase, each.node) for each in arm.told(logs.Feedback)]
-    assert told == [(None, "waiting", "Wait")]
+    reported = [(each.percentage, each.phase, each.node) for each in arm.recorded(logs.Feedback)]
+    assert reported == [(None, "waiting", "Wait")]

@@ -11,7 +11,7 @@ from executive.goals.queue import KEPT, WAITING, Policy
 from tests.support.generated.goals_table import Table
 
 S, C = GoalState, CancelCode
-NOBODY = "0" * 32
+UNKNOWN_ID = "0" * 32
 UNKNOWN = "f" * 32
 
 
@@ -51,7 +51,7 @@ def test_cancels_that_cancel_nothing() -> None:
     table = Table()
     assert table.cancel(UNKNOWN) == (C.UNKNOWN_GOAL_ID, [])
     assert table.cancel() == (C.NONE, [])
-    assert table.cancel(NOBODY) == (C.NONE, [])
+    assert table.cancel(UNKNOWN_ID) == (C.NONE, [])
     done = table.send().identity
     table.begin()
     table.end(S.SUCCEEDED)
@@ -116,24 +116,24 @@ def test_a_goal_that_is_being_canceled_may_end_in_any_way(end: GoalState) -> Non
 def test_results_for_waiting_threads_and_later_ones() -> None:
     table = Table()
     goal = table.send().identity
-    told: list[Outcome] = []
+    reported: list[Outcome] = []
     table.begin()
 
     def ask() -> None:
-        told.append(table.goals.result(goal, None))
+        reported.append(table.goals.result(goal, None))
 
     with table.clock.working():
         clients = [table.clock.spawn(ask, "client") for _ in range(2)]
-        assert told == []
+        assert reported == []
         table.end(S.SUCCEEDED)
         for client in clients:
             client.join()
     ask()
-    assert [one.state.value for one in told] == [4] * 3
+    assert [one.state.value for one in reported] == [4] * 3
 
 
 def test_the_all_zero_name_is_one_like_any_other() -> None:
-    assert Table().send(NOBODY).accepted
+    assert Table().send(UNKNOWN_ID).accepted
 
 
 def test_a_late_joiner_gets_all_goals() -> None:
@@ -167,14 +167,16 @@ def test_results_can_be_kept_for_ever_or_not_at_all(keep: float, known: int) -> 
     table = Table(keep=keep)
     goal = table.send().identity
     table.begin()
-    told: list[Outcome] = []
+    reported: list[Outcome] = []
     with table.clock.working():
-        client = table.clock.spawn(lambda: told.append(table.goals.result(goal, None)), "client")
+        client = table.clock.spawn(
+            lambda: reported.append(table.goals.result(goal, None)), "client"
+        )
         table.pass_time(1.0)  # the thread waits by now
         table.end(S.SUCCEEDED)
         client.join()
     table.pass_time(1e6)
-    assert len(told) == 1  # threads that wait already get the result
+    assert len(reported) == 1  # threads that wait already get the result
     assert len(table.goals.all()) == known
 
 

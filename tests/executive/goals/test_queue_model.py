@@ -12,7 +12,7 @@ from executive.goals.queue import Policy
 from tests.support.generated.goals_table import Table
 
 S, C = GoalState, CancelCode
-NOBODY = "0" * 32
+UNKNOWN_ID = "0" * 32
 UNKNOWN = "f" * 32
 
 
@@ -96,11 +96,11 @@ class Model(RuleBasedStateMachine):
     @rule(data=st.data(), by_time=st.booleans(), off=st.integers(-1, 1))
     def cancel(self, data: st.DataObject, by_time: bool, off: int) -> None:
         self.forget()
-        names = ["", NOBODY, UNKNOWN, *self.known]
+        names = ["", UNKNOWN_ID, UNKNOWN, *self.known]
         name = data.draw(st.sampled_from(names))
         stamps = [goal.stamp_ns + off for goal in self.known.values()]
         stamp = data.draw(st.sampled_from(stamps)) if by_time and stamps else 0
-        wanted = "" if name == NOBODY else name
+        wanted = "" if name == UNKNOWN_ID else name
         code, listed = C.NONE, []
         if wanted and not stamp:
             goal = self.known.get(wanted)
@@ -132,8 +132,8 @@ class Model(RuleBasedStateMachine):
     @invariant()
     def the_same(self) -> None:
         self.forget()
-        told = [(s.identity, s.state, s.stamp_ns) for s in self.table.goals.all()]
-        assert told == [(name, goal.state, goal.stamp_ns) for name, goal in self.known.items()]
+        reported = [(s.identity, s.state, s.stamp_ns) for s in self.table.goals.all()]
+        assert reported == [(name, goal.state, goal.stamp_ns) for name, goal in self.known.items()]
         assert list(self.table.goals.waiting) == self.waiting
         running = self.table.goals.running
         assert (running.identity if running else "") == self.running

@@ -111,7 +111,7 @@ def test_a_run_without_bodies_has_no_scenes(rig: RigMaker, tmp_path: Path) -> No
     assert scenes_of(Path(outcome.recording)) == []
 
 
-def test_bodies_that_cannot_be_drawn_are_told(tmp_path: Path) -> None:
+def test_bodies_that_cannot_be_drawn_are_reported(tmp_path: Path) -> None:
     ball = {"name": "ball", "sphere": {"radius": 0.1}, "position": [1, 1, 1], "link": ""}
     among = [
         dataclasses.replace(item, world=(ball,)) if isinstance(item, logs.Plan) else item
@@ -136,6 +136,6 @@ def test_a_picture_of_many_worlds_ends_somewhere(tmp_path: Path) -> None:
 
 
 def test_the_story_tells_what_is_around(rig: RigMaker, tmp_path: Path) -> None:
-    told = CliRunner().invoke(cli, ["log", "show", str(recorded(rig, tmp_path, TASK))]).output
-    assert "; around it: post, beam, ball\n" in told
-    assert "; around it: post, beam, ball on claw_support\n" in told
+    reported = CliRunner().invoke(cli, ["log", "show", str(recorded(rig, tmp_path, TASK))]).output
+    assert "; around it: post, beam, ball\n" in reported
+    assert "; around it: post, beam, ball on claw_support\n" in reported

@@ -73,7 +73,7 @@ def test_what_is_asked_wrongly_is_named_with_its_option(goal: tuple[str, ...], w
         ("file/plan.png", "there is no folder"),
     ],
 )
-def test_where_nothing_can_be_drawn_is_told_before_planning(
+def test_where_nothing_can_be_drawn_is_reported_before_planning(
     tmp_path: Path, output: str, why: str
 ) -> None:
     (tmp_path / "file").write_text("")

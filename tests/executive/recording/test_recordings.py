@@ -53,8 +53,8 @@ def test_a_servers_own_recording_mentions_goals_of_other_recordings(
     (own,) = (path for path in tmp_path.glob("*.mcap") if recordings.is_server_recording(path))
     verification = verify(own)
     assert verification.holds, verification.text()
-    told = [words for _, words in narrative(own, everything=False)]
-    assert "goal: task 1" in told
+    reported = [words for _, words in narrative(own, everything=False)]
+    assert "goal: task 1" in reported
     found = overview(own)
     assert (found.goal, found.result, found.outcome) == (None, None, "-")
     run_drawn = timeline(own)

@@ -151,19 +151,19 @@ def test_watching_shows_what_the_run_showed(tmp_path: Path, picked: Path) -> Non
     assert "Execute      success  31 of 31 frames" in out
     assert "task 1 SUCCEEDED" in out
     status, out, _ = finish(tmp_path, "replay", str(picked), "--watch", "--at", "0", "--json")
-    told = [event["event"] for event in events(out)]
-    assert told[0] == "goal"  # and what happened in the same instant of simulated time
-    assert set(told) <= {"goal", "lifecycle", "log"}
+    reported = [event["event"] for event in events(out)]
+    assert reported[0] == "goal"  # and what happened in the same instant of simulated time
+    assert set(reported) <= {"goal", "lifecycle", "log"}
 
 
 class Seen:
     """A view that only keeps its input."""
 
     def __init__(self) -> None:
-        self.told: list[logs.Record] = []
+        self.reported: list[logs.Record] = []
 
     def watch(self, record: logs.Record) -> None:
-        self.told.append(record)
+        self.reported.append(record)
 
     def report(self, outcome: object) -> None:
         """Does nothing."""
@@ -174,8 +174,8 @@ def test_every_recording_starts_with_the_state_of_the_arm(tmp_path: Path, rig: R
     for path, state in (first, "unconfigured"), (second, "active"):
         seen = Seen()
         Player(logs.Recording(path), seen, 1.0).show_until(1e-6)  # type: ignore[arg-type]
-        told = [record for record in seen.told if isinstance(record, logs.Transition)]
-        assert (told[0].label, told[0].goal) == ("", state)
+        reported = [record for record in seen.reported if isinstance(record, logs.Transition)]
+        assert (reported[0].label, reported[0].goal) == ("", state)
         lines = narrative(path, everything=False)
         at = next(at for at, words in lines if words == f"arm: {state}")
         assert at == pytest.approx(0.0, abs=1e-6)
@@ -188,24 +188,25 @@ def test_moving_back_starts_from_the_beginning(picked: Path) -> None:
     seen = Seen()
     player = Player(logs.Recording(picked), seen, 1.0)  # type: ignore[arg-type]
     player.show_until(3.0)
-    first = list(seen.told)
-    seen.told.clear()
+    first = list(seen.reported)
+    seen.reported.clear()
     player.show_until(1.0)
-    assert 0 < len(seen.told) < len(first)
+    assert 0 < len(seen.reported) < len(first)
     player.show_until(3.0)
-    assert seen.told == first
+    assert seen.reported == first
     player.show_until(1e9)
     assert player.over
-    assert isinstance(seen.told[-1], logs.Transition | logs.Result | logs.LogLine)
+    assert isinstance(seen.reported[-1], logs.Transition | logs.Result | logs.LogLine)
 
 
 def test_recordings_are_listed_shown_and_exported(tmp_path: Path, picked: Path) -> None:
     folder = str(picked.parent)
     assert "1 pick" in finish(tmp_path, "log", "ls", folder)[1]
     assert "task 1 pick, seed 1" in finish(tmp_path, "log", "info", str(picked))[1]
-    told = finish(tmp_path, "log", "info", str(picked))[1]
+    reported = finish(tmp_path, "log", "info", str(picked))[1]
     assert (
-        "configured  port board, seed 1, planning_timeout_s 5.0, policy reject, solo True" in told
+        "configured  port board, seed 1, planning_timeout_s 5.0, policy reject, solo True"
+        in reported
     )
     story = finish(tmp_path, "log", "show", str(picked))[1].splitlines()
     assert story[0].split() == ["+0.000", "goal:", "task", "1", "pick,", "seed", "1"]
@@ -262,8 +263,8 @@ def test_every_topic_is_a_table() -> None:
 
 
 def test_the_narrative_has_late_frames_and_no_node_that_never_ran(picked: Path) -> None:
-    told = [words for _, words in narrative(picked, everything=False)]
-    assert not [words for words in told if "INVALID" in words or "late" in words]
+    reported = [words for _, words in narrative(picked, everything=False)]
+    assert not [words for words in reported if "INVALID" in words or "late" in words]
     types = ros_types()
 
     def change(record: Any) -> None:
@@ -275,8 +276,8 @@ def test_the_narrative_has_late_frames_and_no_node_that_never_ran(picked: Path) 
             record.data = types.encode(text)
 
     path = altered(picked, change)
-    told = [words for _, words in narrative(path, everything=False)]
-    assert "frame 31 left 25.0 ms late" in told
+    reported = [words for _, words in narrative(path, everything=False)]
+    assert "frame 31 left 25.0 ms late" in reported
     assert overview(path).late == {25.0: 31}
 
 

@@ -47,15 +47,15 @@ def test_a_replay_is_stopped_as_any_run(tmp_path: Path, picked: Path, quick: Pat
     arguments += ["--recordings", str(tmp_path), "--json"]
     with start(tmp_path, *arguments) as process:
         assert process.stdout
-        told = []
+        reported = []
         for line in process.stdout:
-            told.append(json.loads(line))
-            moved = sum(event["event"] == "sent" for event in told)
-            if moved == 5 and told[-1]["event"] == "sent":
+            reported.append(json.loads(line))
+            moved = sum(event["event"] == "sent" for event in reported)
+            if moved == 5 and reported[-1]["event"] == "sent":
                 process.send_signal(signal.SIGINT)
     assert process.returncode == 7
-    assert [event["hold"] for event in told if event["event"] == "sent"].count(True) == 1
-    assert typed(tmp_path, "replay", told[-1]["recording"], "--verify")[0] == 0
+    assert [event["hold"] for event in reported if event["event"] == "sent"].count(True) == 1
+    assert typed(tmp_path, "replay", reported[-1]["recording"], "--verify")[0] == 0
 
 
 def test_frames_that_mean_something_else_on_this_arm_are_refused(
@@ -69,20 +69,22 @@ def test_frames_that_mean_something_else_on_this_arm_are_refused(
     assert not [event for event in events(out) if event["event"] == "sent"]
 
 
-def shortened(told: dict[str, Any]) -> None:
+def shortened(reported: dict[str, Any]) -> None:
     """A schedule with fewer frames."""
-    told.update({name: told[name][:9] for name in ("times", "frames", "delays_s")})
+    reported.update({name: reported[name][:9] for name in ("times", "frames", "delays_s")})
 
 
 def change(name: str, make: Callable[[Any], Any], number: int = 1) -> Change:
     """Change the value of a field of a schedule."""
-    return retold("/schedule", lambda told: told.update({name: make(told[name])}), number)
+    return retold(
+        "/schedule", lambda reported: reported.update({name: make(reported[name])}), number
+    )
 
 
 def test_a_replay_goes_by_the_times_of_the_schedule(picked: Path) -> None:
     times = [setpoint.time for setpoint in _setpoints(picked, ROBOT)]
     assert len(times) == 31
-    hasty = altered(picked, retold("/serial/timing", lambda told: told.update(time=0.0), 9))
+    hasty = altered(picked, retold("/serial/timing", lambda reported: reported.update(time=0.0), 9))
     assert [setpoint.time for setpoint in _setpoints(hasty, ROBOT)] == times
 
 

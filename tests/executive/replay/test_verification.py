@@ -51,13 +51,13 @@ def test_a_canceled_run_holds_with_its_hold_frame(rig: RigMaker) -> None:
     arm = rig()
     arm.on_record = lambda record: (
         arm.soon(arm.cancel)
-        if isinstance(record, logs.Sent) and len(arm.told(logs.Sent)) == 4
+        if isinstance(record, logs.Sent) and len(arm.recorded(logs.Sent)) == 4
         else None
     )
     (outcome,) = arm.run(1)
     verification = verify(Path(outcome.recording))
     assert outcome.state.name == "CANCELED"
-    assert any(record.hold for record in arm.told(logs.Sent))
+    assert any(record.hold for record in arm.recorded(logs.Sent))
     assert verification.holds, verification.text()
 
 
@@ -68,7 +68,7 @@ def test_a_run_that_was_held_up_holds(rig: RigMaker) -> None:
         arm.rest(0.35) if isinstance(record, logs.Sent) and next(sent) == 4 else None
     )
     verification = verify(picked(arm))
-    late = [record.time - (record.scheduled or 0.0) for record in arm.told(logs.Sent)]
+    late = [record.time - (record.scheduled or 0.0) for record in arm.recorded(logs.Sent)]
     assert max(late) > 0.2
     assert max(late[6:]) < 0.01
     assert verification.holds, verification.text()
@@ -385,7 +385,7 @@ def test_a_canceled_plan_records_its_world(rig: RigMaker, tmp_path: Path) -> Non
     )
     (outcome,) = arm.run(7)
     assert outcome.state.name == "CANCELED"
-    (plan,) = arm.told(logs.Plan)
+    (plan,) = arm.recorded(logs.Plan)
     assert plan.code == "plan.canceled"
     assert len(plan.world) == 2
     assert plan.via
@@ -405,4 +405,4 @@ def test_the_mesh_of_a_body_is_in_the_recording(rig: RigMaker, tmp_path: Path) -
     verification = verify(Path(outcome.recording))
     assert verification.holds, verification.text()
     (name,) = [name for name in Recording(verification.path).files if name.endswith("_beam.stl")]
-    assert name in {body["mesh"]["path"] for body in made.told(logs.Plan)[0].world[:1]}
+    assert name in {body["mesh"]["path"] for body in made.recorded(logs.Plan)[0].world[:1]}

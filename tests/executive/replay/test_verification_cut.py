@@ -19,7 +19,7 @@ def begun(rig: Rig, folder: Path) -> bytes:
     found: list[bytes] = []
 
     def take(record: logs.Record) -> None:
-        if isinstance(record, logs.Sent) and len(rig.told(logs.Sent)) == 10:
+        if isinstance(record, logs.Sent) and len(rig.recorded(logs.Sent)) == 10:
             (path,) = folder.glob("*.mcap")
             found.append(path.read_bytes())
 

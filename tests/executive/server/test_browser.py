@@ -29,7 +29,7 @@ class Site(ThreadingHTTPServer):
     """Serves the page, and receives its report."""
 
     def __init__(self) -> None:
-        self.told: Queue[dict[str, Any]] = Queue()
+        self.reported: Queue[dict[str, Any]] = Queue()
         super().__init__(("127.0.0.1", 0), _Handler)
 
 
@@ -42,7 +42,7 @@ class _Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         body = self.rfile.read(int(self.headers["content-length"]))
         self._answer(200, b"")
-        self.server.told.put(json.loads(body))
+        self.server.reported.put(json.loads(body))
 
     def _answer(self, status: int, body: bytes) -> None:
         self.send_response(status)
@@ -79,27 +79,34 @@ def opened(site: Site, served: Served, host: str, profile: Path) -> dict[str, An
     """The report of the page, opened under a name of its site."""
     facts = urlencode({"server": served.server.url, "token": served.server.token})
     with browser(f"http://{host}:{site.server_port}/page?{facts}", profile):
-        return site.told.get(timeout=50)
+        return site.reported.get(timeout=50)
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 def test_an_accepted_and_a_foreign_page(serve: Serve, site: Site, tmp_path: Path) -> None:
     served = serve(rosbridge=True, origins=(f"http://localhost:{site.server_port}",))
-    told = opened(site, served, "localhost", tmp_path / "friend")
-    assert told["stream"] == "open"
-    assert told["status"]["json"]["arm"] == "active"
-    assert (told["stranger"]["status"], told["stranger"]["json"]["code"]) == (401, "request.token")
-    assert told["send"]["status"] == 201
-    assert told["result"]["json"]["state"] == "SUCCEEDED"
-    assert {"goal", "node", "status"} <= set(told["events"])
-    assert told["stop"]["json"] == {"return_code": 0, "goals": []}
-    assert told["socket"] == "open"
+    reported = opened(site, served, "localhost", tmp_path / "friend")
+    assert reported["stream"] == "open"
+    assert reported["status"]["json"]["arm"] == "active"
+    assert (reported["stranger"]["status"], reported["stranger"]["json"]["code"]) == (
+        401,
+        "request.token",
+    )
+    assert reported["send"]["status"] == 201
+    assert reported["result"]["json"]["state"] == "SUCCEEDED"
+    assert {"goal", "node", "status"} <= set(reported["events"])
+    assert reported["stop"]["json"] == {"return_code": 0, "goals": []}
+    assert reported["socket"] == "open"
 
     goal = served.executive.send(10).identity
-    told = opened(site, served, "127.0.0.1", tmp_path / "foreign")
+    reported = opened(site, served, "127.0.0.1", tmp_path / "foreign")
     refused = {"error": "TypeError"}
     asked = ("status", "stranger", "send", "stop", "form")
-    assert [told[name] for name in asked] == [refused] * 5
-    assert (told["stream"], told["events"], told["socket"]) == ("refused", [], "refused")
+    assert [reported[name] for name in asked] == [refused] * 5
+    assert (reported["stream"], reported["events"], reported["socket"]) == (
+        "refused",
+        [],
+        "refused",
+    )
     assert [status.state.name for status in served.executive.goals()] == ["SUCCEEDED", "EXECUTING"]
     assert served.executive.status().goal.identity == goal  # type: ignore[union-attr]

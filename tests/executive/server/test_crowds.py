@@ -232,8 +232,10 @@ def test_a_list_of_goals_is_limited(serve: Serve, monkeypatch: pytest.MonkeyPatc
         assert [goal.identity for goal in client.goals()] == identities
 
     def listed(query: str) -> list[str]:
-        status, told = served.ask("GET", f"/api/goals{query}")
-        return [goal["goal_id"] for goal in told["goals"]] if status == 200 else [told["code"]]
+        status, reported = served.ask("GET", f"/api/goals{query}")
+        return (
+            [goal["goal_id"] for goal in reported["goals"]] if status == 200 else [reported["code"]]
+        )
 
     assert listed("") == identities[-2:]
     assert listed(f"?before={known[-2].stamp_ns}") == identities[-4:-2]

@@ -48,9 +48,9 @@ def test_the_phase_while_a_question_is_open(serve: Serve) -> None:
     served = serve()
     with served.client() as client, client.events("feedback") as events:
         goal = client.send(14)
-        told = next(event for event in events if getattr(event, "phase", "") == "asking")
+        reported = next(event for event in events if getattr(event, "phase", "") == "asking")
         assert client.status().phase == "asking"
-        assert getattr(told, "goal_id", "") == goal
+        assert getattr(reported, "goal_id", "") == goal
 
 
 def test_an_unwanted_answer_fails_the_task_and_an_invalid_one_is_refused(serve: Serve) -> None:

@@ -67,12 +67,12 @@ def test_behind_a_proxy_host_is_the_configured_name(serve: Serve) -> None:
     for host in ("robot.example", f"robot.example:{port}", "robot.example:8443"):
         assert served.ask("GET", status, headers={"host": host})[0] == 200
     for host in ("127.0.0.1", "robot.example:443", "evil.example"):
-        refused, told = served.ask("GET", status, headers={"host": host})
-        assert (refused, told["code"]) == (403, "request.host")
+        refused, reported = served.ask("GET", status, headers={"host": host})
+        assert (refused, reported["code"]) == (403, "request.host")
     # Another server may run on this machine; its pages are foreign.
     for page in ("http://robot.example", "https://robot.example"):
-        told = served.ask("GET", status, headers={"origin": page})[1]
-        assert told["code"] == "request.origin"
+        reported = served.ask("GET", status, headers={"origin": page})[1]
+        assert reported["code"] == "request.origin"
 
 
 def test_a_missing_or_doubled_host_is_refused() -> None:

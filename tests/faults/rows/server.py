@@ -11,7 +11,7 @@ STOPS = 120  # per flood, so that one late answer is not the 99th percentile
 
 
 def flood(kind: str, fault: str, clients: int = 80, quick: int = 0) -> Row:
-    """A row: hostile clients of one kind, and stops of somebody else meanwhile."""
+    """A row: hostile clients of one kind, and stops of another client meanwhile."""
 
     @row(
         f"flood-{kind.replace(' ', '-')}",

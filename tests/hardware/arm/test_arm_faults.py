@@ -276,7 +276,7 @@ def test_a_port_that_does_not_open_leaves_the_arm_inactive(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def busy() -> None:
-        raise PortBusy("board", "somebody")
+        raise PortBusy("board", "another program")
 
     rig.arm.configure()
     with monkeypatch.context() as patch:
@@ -284,9 +284,7 @@ def test_a_port_that_does_not_open_leaves_the_arm_inactive(
         with pytest.raises(PortBusy):
             rig.arm.activate()
     assert rig.arm.state is State.INACTIVE
-    assert (
-        "The arm on port board did not start: The port board is in use by somebody" in caplog.text
-    )
+    assert "The arm on port board did not start: The port board is in use by another" in caplog.text
     rig.arm.activate()
 
 

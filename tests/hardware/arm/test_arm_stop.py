@@ -144,10 +144,10 @@ def test_a_refused_activation_takes_no_stop_back(rig: Rig) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("told", ["observer", "watcher"])
+@pytest.mark.parametrize("reported", ["observer", "watcher"])
 @pytest.mark.parametrize("act", [Arm.stop, lambda arm: arm.fault(PortLost("board", "gone"))])
 def test_an_observer_may_wait_for_a_lock_whose_owner_stops_the_arm(
-    told: str, act: Callable[[Arm], None]
+    reported: str, act: Callable[[Arm], None]
 ) -> None:
     theirs, entered, rig = threading.RLock(), threading.Event(), Rig()
 
@@ -157,13 +157,13 @@ def test_an_observer_may_wait_for_a_lock_whose_owner_stops_the_arm(
             pass
 
     def observe(event: ArmEvent) -> None:
-        if told == "observer" and isinstance(event, FrameSent):
+        if reported == "observer" and isinstance(event, FrameSent):
             wants()
 
     arm = Arm(ROBOT, rig.link, rig.clock, observe)
     arm.configure()
     arm.activate()
-    watch = wants if told == "watcher" else nothing
+    watch = wants if reported == "watcher" else nothing
 
     def own() -> None:
         with theirs:
@@ -179,20 +179,20 @@ def test_an_observer_may_wait_for_a_lock_whose_owner_stops_the_arm(
 
 
 def test_the_hold_is_reported_before_the_end_of_its_motion() -> None:
-    rig, told, ended = Rig(), list[str](), threading.Event()
+    rig, reported, ended = Rig(), list[str](), threading.Event()
 
     def observe(event: ArmEvent) -> None:
         if not isinstance(event, FrameSent):
             return
         if event.scheduled is None:
-            told.append("hold")
+            reported.append("hold")
         elif not stopper.ident:
             stopper.start()
             ended.wait(0.1)  # as long as this takes, the hold must wait, and so must the end
 
     def changed() -> None:
         if playback and playback[0].state is not PlaybackState.PLAYING and not ended.is_set():
-            told.append("end")
+            reported.append("end")
             ended.set()
 
     arm = Arm(ROBOT, rig.link, rig.clock, observe)
@@ -203,7 +203,7 @@ def test_the_hold_is_reported_before_the_end_of_its_motion() -> None:
     assert ended.wait(5)
     stopper.join(5)
     arm.shutdown()
-    assert told == ["hold", "end"]
+    assert reported == ["hold", "end"]
 
 
 def test_stops_at_any_instant_leave_one_hold_and_lose_nothing() -> None:

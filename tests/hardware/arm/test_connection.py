@@ -36,17 +36,17 @@ class Watch:
     def __init__(self) -> None:
         self.events: list[ArmEvent] = []
         self.faults: list[BaseException] = []
-        self.told, self.leave = threading.Event(), threading.Event()
+        self.reported, self.leave = threading.Event(), threading.Event()
 
     def connect(self, line: Line) -> Connection:
-        told = self.observe, lambda: True, self.faults.append, lambda: None
-        connection = Connection(load_robot(), line, RealClock(), *told)
+        reported = self.observe, lambda: True, self.faults.append, lambda: None
+        connection = Connection(load_robot(), line, RealClock(), *reported)
         connection.open()
         return connection
 
     def observe(self, event: ArmEvent) -> None:
         self.events.append(event)
-        self.told.set()
+        self.reported.set()
         self.leave.wait(5)
 
 
@@ -67,7 +67,7 @@ def test_a_closed_connection_does_not_take_bytes_of_the_next_one(line: Line) -> 
     watch = Watch()
     line.said.put(b"first")
     connection = watch.connect(line)
-    assert watch.told.wait(5)
+    assert watch.reported.wait(5)
     connection.close()
     line.said.put(b"for the next")
     watch.leave.set()

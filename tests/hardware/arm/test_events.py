@@ -15,11 +15,11 @@ class Watch:
     """Records events, and acts at the first one."""
 
     def __init__(self) -> None:
-        self.told: list[ArmEvent] = []
+        self.reported: list[ArmEvent] = []
         self.first: Callable[[], None] = lambda: None
 
     def __call__(self, event: ArmEvent) -> None:
-        self.told.append(event)
+        self.reported.append(event)
         first, self.first = self.first, lambda: None
         first()
 
@@ -45,7 +45,7 @@ class Held:
         self.leave.set()
         self.thread.join(5)
         assert not self.thread.is_alive()
-        return self.watch.told
+        return self.watch.reported
 
 
 def test_events_are_delivered_in_order() -> None:
@@ -54,17 +54,17 @@ def test_events_are_delivered_in_order() -> None:
     outbox.deliver()
     outbox.put(FIRST)
     outbox.put(SECOND)
-    assert watch.told == []
+    assert watch.reported == []
     outbox.deliver()
     outbox.deliver()
-    assert watch.told == [FIRST, SECOND]
+    assert watch.reported == [FIRST, SECOND]
 
 
 def test_a_thread_leaves_its_events_to_the_one_that_delivers() -> None:
     held = Held()
     held.outbox.put(SECOND)
     held.outbox.deliver()
-    assert held.watch.told == [FIRST]
+    assert held.watch.reported == [FIRST]
     assert held.end() == [FIRST, SECOND]
 
 
@@ -78,7 +78,7 @@ def test_a_delivery_with_a_timeout_waits_until_all_is_delivered() -> None:
     held.end()
     patient.join(5)
     assert not patient.is_alive()
-    assert held.watch.told == [FIRST, SECOND]
+    assert held.watch.reported == [FIRST, SECOND]
 
 
 def test_the_timeout_of_a_delivery_ends() -> None:
@@ -99,7 +99,7 @@ def test_an_observer_may_bring_about_the_next_event() -> None:
     outbox.put(FIRST)
     outbox.put(SECOND)
     outbox.deliver()
-    assert watch.told == [FIRST, SECOND, THIRD]
+    assert watch.reported == [FIRST, SECOND, THIRD]
 
 
 def test_an_observer_that_fails_does_not_keep_the_next_event() -> None:
@@ -115,7 +115,7 @@ def test_an_observer_that_fails_does_not_keep_the_next_event() -> None:
         outbox.deliver()
     outbox.put(SECOND)
     outbox.deliver()
-    assert watch.told == [FIRST, SECOND]
+    assert watch.reported == [FIRST, SECOND]
 
 
 def test_events_of_many_threads_are_delivered_once_and_in_the_order_of_each_thread() -> None:
@@ -132,7 +132,7 @@ def test_events_of_many_threads_are_delivered_once_and_in_the_order_of_each_thre
         thread.start()
     for thread in threads:
         thread.join()
-    events = [event for event in watch.told if isinstance(event, CommandSent)]
+    events = [event for event in watch.reported if isinstance(event, CommandSent)]
     for number in range(4):
         times = [event.time for event in events if event.data == b"%d" % number]
         assert times == list(range(500))

@@ -137,10 +137,10 @@ def test_a_closed_guard_stays_closed() -> None:
 def test_an_observer_of_a_frame_may_hold_at_once() -> None:
     rig = Rig()
     rig.then = lambda _: rig.guard.hold()
-    told = threading.Thread(target=lambda: rig.write(degrees(1)), daemon=True)
-    told.start()
-    told.join(5)
-    assert not told.is_alive()
+    reported = threading.Thread(target=lambda: rig.write(degrees(1)), daemon=True)
+    reported.start()
+    reported.join(5)
+    assert not reported.is_alive()
     assert len(rig.events) == 2
 
 
@@ -276,8 +276,8 @@ def test_a_closed_guard_has_reported_everything() -> None:
         done.append(True)
 
     rig.then = observe
-    told = threading.Thread(target=rig.write, args=(degrees(1),))
-    told.start()
+    reported = threading.Thread(target=rig.write, args=(degrees(1),))
+    reported.start()
     assert entered.wait(5)
     close = threading.Thread(target=rig.guard.close)
     close.start()
@@ -286,7 +286,7 @@ def test_a_closed_guard_has_reported_everything() -> None:
     leave.set()
     close.join(5)
     assert done == [True]
-    told.join()
+    reported.join()
 
 
 def test_many_holds_at_once_write_one_frame() -> None:

@@ -166,7 +166,7 @@ WRONG_URDF = {
     "joint without a name": ('<joint name="joint_2"', "<joint", r"joint \d of \d+ has no name; give it one"),
     "link without a name": ("</robot>", "<link/></robot>", r"link (\d+) of \1 has no name; give it one"),
     "two roots": ("</robot>", '<link name="lost"/></robot>', "links world and lost have no parent joint, which only one link may lack; let"),
-    "mimic of nobody": ('<mimic joint="joint_4"', '<mimic joint="joint_8"', "joint_5 follows joint_8; let it follow one of those described: joint_1, joint_2"),
+    "mimic of an unknown joint": ('<mimic joint="joint_4"', '<mimic joint="joint_8"', "joint_5 follows joint_8; let it follow one of those described: joint_1, joint_2"),
     "mimic of itself": ('<mimic joint="joint_4"', '<mimic joint="joint_5"', "joint joint_5: it mimics itself; let it mimic another joint, or none"),
     "mimic by no number": ('multiplier="-1"', 'multiplier="nan"', "joint joint_5: the multiplier of its mimic is 'nan'; give a finite number"),
     "no leader": ('<mimic joint="joint_4"', "<mimic", "joint joint_5: the joint of its mimic is missing; give the name of the joint to follow"),
@@ -183,7 +183,7 @@ WRONG_URDF = {
     "no such parent": ('<parent link="base_link"/>', '<parent link="base"/>', "joint joint_1: there is no link 'base'; there are world, base_link"),
     "no child": ('<child link="base_plate"/>', "", "joint joint_1: there is no link ''; there are"),
     "no such encoding": ('<?xml version="1.0"?>', '<?xml version="1.0" encoding="foo"?>', "cannot be read: unknown encoding: foo"),
-    "joint nobody describes": ('name="joint_1"', 'name="joint_x"', "the URDF has no such joint"),
+    "joint without a description": ('name="joint_1"', 'name="joint_x"', "the URDF has no such joint"),
 }  # fmt: skip
 
 

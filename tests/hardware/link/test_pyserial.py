@@ -25,7 +25,7 @@ from hardware.link.serial_ports import owner_of
 from tests.support.arms.hardware_rigs import Pty
 
 FRAME = b"b090,s090,e090,g000,"
-NOBODY = 65534
+UNKNOWN_ID = 65534
 
 
 class Scene:
@@ -49,7 +49,7 @@ class Scene:
     def denied(self) -> str:
         os.chmod(self.line.slave, 0)
         if os.geteuid() == 0:  # root ignores the mode
-            os.seteuid(NOBODY)
+            os.seteuid(UNKNOWN_ID)
         return self.line.port
 
     def busy(self) -> str:

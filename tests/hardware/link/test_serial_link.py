@@ -22,7 +22,7 @@ from tests.support.paths import ROOT
 
 BAUD = 115200
 FRAME = b"b090,s090,e090,g000,"
-NOBODY = 65534
+UNKNOWN_ID = 65534
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_a_port_that_is_denied(line: Pty) -> None:
     os.chmod(line.slave, 0)
     root = os.geteuid() == 0
     if root:  # root ignores the mode
-        os.seteuid(NOBODY)
+        os.seteuid(UNKNOWN_ID)
     try:
         said = str(refused(line.port, PortDenied))
     finally:
@@ -116,7 +116,7 @@ def test_the_port_of_another_user_is_busy(line: Pty) -> None:
     os.chmod(line.slave, 0o666)
     link = SerialLink(line.port, BAUD)
     link.open()
-    os.seteuid(NOBODY)
+    os.seteuid(UNKNOWN_ID)
     try:
         said = str(refused(line.port, PortBusy))
     finally:

@@ -11,7 +11,7 @@ from hardware.link import serial_ports as module
 from hardware.link.serial_ports import SerialPort
 from tests.support.arms.hardware_rigs import Pty
 
-NOBODY = 65534
+UNKNOWN_ID = 65534
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def line() -> Iterator[Pty]:
     os.close(line.slave)
 
 
-def told(port: str) -> Check:
+def reported(port: str) -> Check:
     """The last check of a port."""
     return check_port(port)[-1]
 
@@ -36,18 +36,18 @@ def test_a_port_that_is_there_and_free(line: Pty) -> None:
 
 def test_a_name_that_leads_to_a_port_is_one(line: Pty, tmp_path: Path) -> None:
     (tmp_path / "by-id").symlink_to(line.port)
-    assert told(str(tmp_path / "by-id")).ok
+    assert reported(str(tmp_path / "by-id")).ok
 
 
 def test_a_missing_port() -> None:
-    check = told("/dev/ttyNONE9")
+    check = reported("/dev/ttyNONE9")
     assert (check.ok, check.code) == (False, "hw.port_missing")
     assert check.detail == "/dev/ttyNONE9: No such file or directory"
 
 
 @pytest.mark.parametrize("port", ["/dev/null", "/dev/zero", "/etc/passwd", "/tmp"])
 def test_a_path_that_is_no_serial_port(port: str) -> None:
-    check = told(port)
+    check = reported(port)
     assert (check.ok, check.code) == (False, "hw.link")
     assert check.detail == f"{port} is no serial port"
 
@@ -65,7 +65,7 @@ def test_the_error_of_a_denied_port_has_the_group_and_a_udev_rule(
     os.chmod(line.slave, 0)
     user = os.geteuid()
     if user == 0:  # root ignores the mode
-        os.setresuid(NOBODY, NOBODY, 0)
+        os.setresuid(UNKNOWN_ID, UNKNOWN_ID, 0)
     try:
         check = check_port(line.port)[1]
     finally:
@@ -79,11 +79,11 @@ def test_the_error_of_a_denied_port_has_the_group_and_a_udev_rule(
 def test_the_error_of_a_port_of_another_armtree_has_its_process_id(line: Pty) -> None:
     link = SerialLink(line.port, 115200)
     link.open()
-    check = told(line.port)
+    check = reported(line.port)
     assert (check.ok, check.code) == (False, "hw.port_busy")
     assert f"process id {os.getpid()} has it" in check.detail
     link.close()
-    assert told(line.port).ok
+    assert reported(line.port).ok
 
 
 def test_a_lock_of_another_file_system_is_ignored(

@@ -96,11 +96,11 @@ for number in range(300):
     recorder.put(Sent(number / 100, b"%d," % number, None, False, (), ()))
 send = socket.send_fds
 
-def told(*what):
+def reported(*what):
     send(*what)
     print(compactor.pid, flush=True)
 
-socket.send_fds = told
+socket.send_fds = reported
 recorder.close(compactor)
 """
 

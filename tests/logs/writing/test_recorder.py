@@ -207,8 +207,8 @@ def test_a_slow_disk_is_logged_once_and_delays_nothing(
         assert disk.synced.get(timeout=5) == recorder.path.stat().st_ino
     monkeypatch.setattr(os, "fsync", sync)
     recorder.close()
-    (told,) = caplog.records
-    assert "took 3.0 s to sync the recording to the disk" in told.getMessage()
+    (reported,) = caplog.records
+    assert "took 3.0 s to sync the recording to the disk" in reported.getMessage()
 
 
 def test_a_failing_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -254,17 +254,17 @@ def test_a_full_disk_is_reported_once_and_the_records_before_are_valid(
 ) -> None:
     path = tmp_path / "run.mcap"
     failures: list[Exception] = []
-    told = threading.Event()
+    reported = threading.Event()
 
     def on_failure(cause: Exception) -> None:
         failures.append(cause)
-        told.set()
+        reported.set()
 
     with room_for(size):
         recorder = Recorder(path, EPOCH_NS, on_failure)
         for number in range(300):
             recorder.put(sent(number))
-        assert told.wait(5)
+        assert reported.wait(5)
         recorder.put(sent(300))
         with pytest.raises(RecordingIncomplete, match="run the task again") as caught:
             recorder.close()
@@ -280,8 +280,8 @@ def test_a_full_disk_is_reported_once_and_the_records_before_are_valid(
 def test_a_full_disk_that_loses_nothing_is_reported_as_such(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: list[Exception] = []
-    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, told.append)
+    reported: list[Exception] = []
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, reported.append)
     assert recorder.wait()
     refused = iter([OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))])
     real = os.write
@@ -295,7 +295,7 @@ def test_a_full_disk_that_loses_nothing_is_reported_as_such(
     recorder.put(sent(1))
     with pytest.raises(DiskFull, match="its end was still recorded"):
         recorder.close()
-    assert len(told) == 1
+    assert len(reported) == 1
     assert is_complete(recorder.path, every_byte=True)
 
 
@@ -362,8 +362,8 @@ def test_kill_9_loses_nothing_that_was_written(tmp_path: Path) -> None:
             child.stdout.readline()
         child.send_signal(signal.SIGKILL)
         rest = child.stdout.read().splitlines(keepends=True)
-    told = 300 + sum(line.endswith(b"\n") for line in rest)
+    reported = 300 + sum(line.endswith(b"\n") for line in rest)
     compact(path)
     frames = [bytes(message.data.data) for message in read(path, ["/serial/tx"])]
     assert frames == [b"%d," % number for number in range(len(frames))]
-    assert told <= len(frames) <= told + 1
+    assert reported <= len(frames) <= reported + 1

@@ -56,7 +56,7 @@ def test_another_answer_than_wanted_fails(bench: Bench) -> None:
     assert str(skill.failure) == "Free?: no, and not yes"
 
 
-def test_nobody_answers_in_time(bench: Bench) -> None:
+def test_no_answer_in_time(bench: Bench) -> None:
     desk = Desk()
     skill = asking(bench, desk, within=0.0)
     skill.tick_once()
@@ -79,7 +79,7 @@ def test_time_stands_still_while_the_run_is_paused(bench: Bench) -> None:
     assert isinstance(skill.failure, Unanswered)
 
 
-def test_nobody_is_there(bench: Bench) -> None:
+def test_no_operator(bench: Bench) -> None:
     skill = bench.skill(Ask, question="Free?", choices=["yes"], wanted="", within=5.0)
     skill.tick_once()
     assert str(skill.failure) == "Free?: there is no operator here"

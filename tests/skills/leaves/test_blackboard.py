@@ -36,8 +36,8 @@ def test_measures_compare_by_what_they_measure(
     named = "$a" if from_key else left
     write = f"{{Set: {{value: {left}, key: $a}}}}, " if from_key else ""
     compare = f"{{Compare: {{left: {named}, is: '{relation}', right: {right}}}}}"
-    told = state(rig, tmp_path, f"tree: {{sequence: [{write}{compare}]}}\n")
-    assert told == ("ok" if so else "task.condition")
+    reported = state(rig, tmp_path, f"tree: {{sequence: [{write}{compare}]}}\n")
+    assert reported == ("ok" if so else "task.condition")
 
 
 @pytest.mark.parametrize(("given", "so"), [("1", False), ("1 s", False), ("100 ms", True)])
@@ -45,8 +45,8 @@ def test_a_parameter_compares_by_what_it_measures(
     rig: RigMaker, tmp_path: Path, given: str, so: bool
 ) -> None:
     tree = "parameters: {t: duration}\ntree: {Compare: {left: $t, is: '<', right: 200 ms}}\n"
-    told = state(rig, tmp_path, tree, f"t={given}")
-    assert told == ("ok" if so else "task.condition")
+    reported = state(rig, tmp_path, tree, f"t={given}")
+    assert reported == ("ok" if so else "task.condition")
 
 
 def test_an_order_of_texts_that_is_asked_for_late_is_refused(rig: RigMaker, tmp_path: Path) -> None:

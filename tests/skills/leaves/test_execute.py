@@ -49,9 +49,9 @@ def test_nothing_moves_before_the_check(bench: Bench, skill: Execute) -> None:
     assert isinstance(job.request, Verify)
     rows = np.asarray(job.request.configurations)
     assert np.abs(rows[0]).max() < 0.01  # the decoded frame of the boot pose
-    (told,) = bench.told
-    assert isinstance(told, Scheduled)
-    assert len(rows) > len(told.schedule.setpoints)
+    (reported,) = bench.reported
+    assert isinstance(reported, Scheduled)
+    assert len(rows) > len(reported.schedule.setpoints)
     assert sent(bench) == []
 
 
@@ -59,9 +59,9 @@ def test_to_the_end(bench: Bench, skill: Execute) -> None:
     moving(bench, skill)
     assert to_the_end(bench, skill) is Status.SUCCESS
     assert (skill.busy, skill.progress) == (False, 1.0)
-    (told,) = bench.told
-    assert isinstance(told, Scheduled)
-    frames = [setpoint.frame.data for setpoint in told.schedule.setpoints]
+    (reported,) = bench.reported
+    assert isinstance(reported, Scheduled)
+    frames = [setpoint.frame.data for setpoint in reported.schedule.setpoints]
     assert [event.data for event in sent(bench)] == frames
     assert skill.feedback_message == f"{len(frames)} of {len(frames)} frames"
     assert bench.arm.commanded == (0.3, 0.0, 0.0, -0.2)
@@ -148,9 +148,9 @@ def test_together(bench: Bench, plans: Plans) -> None:
     for together in (False, True):
         skill = bench.skill(Execute, arm_plan=plans[0], gripper_plan=plans[1], together=together)
         skill.tick_once()
-        told = bench.told[-1]
-        assert isinstance(told, Scheduled)
-        durations.append(told.schedule.duration)
+        reported = bench.reported[-1]
+        assert isinstance(reported, Scheduled)
+        durations.append(reported.schedule.duration)
         skill.stop(Status.INVALID)
     assert durations[1] < durations[0]
 
@@ -188,7 +188,9 @@ def test_what_is_left_of_unplanned_frames_starts_from_standstill(
         skill.tick_once()
     moving(bench, skill)
     assert to_the_end(bench, skill) is Status.SUCCESS
-    whole, left = (told.schedule for told in bench.told if isinstance(told, Scheduled))
+    whole, left = (
+        reported.schedule for reported in bench.reported if isinstance(reported, Scheduled)
+    )
     assert left.setpoints[0].time > 4 * (whole.setpoints[5].time - whole.setpoints[4].time)
     assert [s.frame for s in left.setpoints] == [s.frame for s in whole.setpoints[5:]]
     frames = [event.data for event in sent(bench) if event.scheduled is not None]

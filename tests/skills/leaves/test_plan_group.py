@@ -72,9 +72,9 @@ def test_it_waits_for_the_answer(bench: Bench, skill: PlanArm, plans: Plans) -> 
     assert (skill.status, skill.busy) == (Status.SUCCESS, False)
     assert bench.output("plan") is plans[0]
     assert len(bench.desk.jobs) == 1
-    (told,) = bench.told
-    assert isinstance(told, Planned)
-    assert told.answer is plans[0]
+    (reported,) = bench.reported
+    assert isinstance(reported, Planned)
+    assert reported.answer is plans[0]
     assert "s of motion, found in" in skill.feedback_message
 
 
@@ -84,9 +84,9 @@ def test_a_planner_that_fails(bench: Bench, skill: PlanArm) -> None:
     bench.desk.jobs[0].answer(error)
     skill.tick_once()
     assert (skill.status, skill.failure) == (Status.FAILURE, error)
-    (told,) = bench.told
-    assert isinstance(told, Planned)
-    assert told.answer is error
+    (reported,) = bench.reported
+    assert isinstance(reported, Planned)
+    assert reported.answer is error
 
 
 def test_the_gripper_blames_the_arms_goal_where_it_begins(bench: Bench) -> None:
@@ -106,9 +106,9 @@ def test_halted(bench: Bench, skill: PlanArm) -> None:
     bench.desk.jobs[0].answer(NoPath(9))
     assert not skill.busy
     assert (skill.status, skill.failure) == (Status.INVALID, None)
-    (told,) = bench.told  # also for a canceled plan
-    assert isinstance(told, Planned)
-    assert isinstance(told.answer, PlanCanceled)
+    (reported,) = bench.reported  # also for a canceled plan
+    assert isinstance(reported, Planned)
+    assert isinstance(reported.answer, PlanCanceled)
 
 
 def test_a_late_answer_is_dropped(bench: Bench, skill: PlanArm, plans: Plans) -> None:
@@ -121,7 +121,7 @@ def test_a_late_answer_is_dropped(bench: Bench, skill: PlanArm, plans: Plans) ->
         skill.tick_once()
         statuses.append(skill.status)
     assert statuses == [Status.RUNNING, Status.SUCCESS]
-    assert [type(event) for event in bench.told] == [Planned, Planned]
+    assert [type(event) for event in bench.reported] == [Planned, Planned]
 
 
 def test_a_finished_planner_is_not_canceled(bench: Bench, skill: PlanArm, plans: Plans) -> None:
@@ -160,11 +160,11 @@ def detour(bench: Bench, planner: Planner) -> tuple[PlanArm, Plan]:
     return skill, plan
 
 
-def told_of(bench: Bench) -> tuple[float, object]:
+def planned_by(bench: Bench) -> tuple[float, object]:
     """The extra distance and the answer of the only published plan."""
-    (told,) = bench.told
-    assert isinstance(told, Planned)
-    return told.query.spare, told.answer
+    (reported,) = bench.reported
+    assert isinstance(reported, Planned)
+    return reported.query.spare, reported.answer
 
 
 def test_a_wider_way_where_frames_would_touch(
@@ -184,7 +184,7 @@ def test_a_wider_way_where_frames_would_touch(
     bench.desk.jobs[2].answer(wider)
     skill.tick_once()
     assert (skill.status, bench.output("plan"), len(bench.desk.jobs)) == (Status.SUCCESS, wider, 3)
-    assert told_of(bench) == (query.spare, wider)
+    assert planned_by(bench) == (query.spare, wider)
     assert first.duration < wider.duration < 1.2 * first.duration
     merged = MergedMotion(bench.robot, query.start, [wider], together=False)
     schedule = compile_schedule(bench.robot, query.start, merged.sample, merged.duration)
@@ -200,7 +200,7 @@ def test_the_first_way_where_there_is_no_wider_one(
     bench.desk.jobs[2].answer(NoPath(9))
     skill.tick_once()
     assert (skill.status, bench.output("plan")) == (Status.SUCCESS, first)  # Execute rejects it
-    assert told_of(bench) == (0.0, first)
+    assert planned_by(bench) == (0.0, first)
 
 
 def test_a_way_whose_frames_are_free(bench: Bench, detour: tuple[PlanArm, Plan]) -> None:
@@ -208,7 +208,7 @@ def test_a_way_whose_frames_are_free(bench: Bench, detour: tuple[PlanArm, Plan])
     bench.desk.jobs[1].answer(None)
     skill.tick_once()
     assert (skill.status, bench.output("plan"), len(bench.desk.jobs)) == (Status.SUCCESS, first, 2)
-    assert told_of(bench) == (0.0, first)
+    assert planned_by(bench) == (0.0, first)
 
 
 @pytest.mark.parametrize("answer", [None, HIT])
@@ -219,7 +219,7 @@ def test_halted_while_its_frames_are_checked(
     if answer:
         bench.desk.jobs[1].answer(answer)
     skill.stop(Status.INVALID)
-    assert told_of(bench) == (0.0, first)
+    assert planned_by(bench) == (0.0, first)
 
 
 def test_halted_while_a_wider_way_is_looked_for(bench: Bench, detour: tuple[PlanArm, Plan]) -> None:
@@ -227,7 +227,7 @@ def test_halted_while_a_wider_way_is_looked_for(bench: Bench, detour: tuple[Plan
     bench.desk.jobs[1].answer(HIT)
     skill.tick_once()
     skill.stop(Status.INVALID)
-    spare, answer = told_of(bench)
+    spare, answer = planned_by(bench)
     assert (spare > 0.0, type(answer)) == (True, PlanCanceled)
 
 

@@ -36,7 +36,7 @@ def run(rig: RigMaker, folder: Path, text: str) -> tuple[Outcome, Rig]:
 
 
 def plan_of(made: Rig) -> logs.Plan:
-    return next(plan for plan in made.told(logs.Plan) if plan.group == "arm")
+    return next(plan for plan in made.recorded(logs.Plan) if plan.group == "arm")
 
 
 def test_a_target_relative_to_now(rig: RigMaker, tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_a_point_for_the_tool(rig: RigMaker, tmp_path: Path) -> None:
     assert plan_of(made).goal[0] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_point_out_of_reach_is_told(rig: RigMaker, tmp_path: Path) -> None:
+def test_a_point_out_of_reach_is_reported(rig: RigMaker, tmp_path: Path) -> None:
     step = "    - ReachPoint: {start: $start, point: [0.5, 0, 0.1], target: $target}"
     outcome, made = run(rig, tmp_path, HEAD + step + CHECK + GO)
     assert outcome.code == "plan.unreachable"

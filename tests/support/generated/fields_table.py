@@ -29,9 +29,9 @@ def _rows(topic: Topic) -> Iterator[str]:
     if topic.type != _JSON or topic.name == _URDF:
         return
     kind: type = Timing if topic.convert is sent_timing else topic.record
-    told = dict(_ATTRIBUTE.findall(cleandoc(kind.__doc__ or "")))
+    reported = dict(_ATTRIBUTE.findall(cleandoc(kind.__doc__ or "")))
     for name, of in get_type_hints(kind).items():
-        words = " ".join(told[name].split())
+        words = " ".join(reported[name].split())
         unit = ", ".join(_UNIT.findall(words)) or "-"
         meaning = _UNIT.sub("", words).rstrip(".").replace("None", "null")
         place = topic.name.replace("record.", "")

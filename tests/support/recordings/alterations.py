@@ -104,7 +104,9 @@ def retold(topic: str, change: Callable[[dict[str, Any]], object], number: int =
 
 def moved(number: int, field: str, by: float, stamped: bool) -> Change:
     """Moves a time of one frame [s], and the stamps of its messages too."""
-    tell = retold("/serial/timing", lambda told: told.update({field: told[field] + by}), number)
+    tell = retold(
+        "/serial/timing", lambda reported: reported.update({field: reported[field] + by}), number
+    )
 
     def stamp(record: Any) -> None:
         record.log_time += round(by * 1e9) * stamped

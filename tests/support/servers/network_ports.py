@@ -123,9 +123,9 @@ def rosbridge_results(
             }
             begun = time.monotonic()
             socket.send(json.dumps(goal))
-            while (told := json.loads(socket.recv()))["op"] != "action_result":
+            while (reported := json.loads(socket.recv()))["op"] != "action_result":
                 pass
             times.append((time.monotonic() - begun) * 1000)
-            assert told["values"] == {"success": True}
+            assert reported["values"] == {"success": True}
             between()
     return times

@@ -9,7 +9,7 @@ def at_frame(rig: Rig, number: int, act: object) -> None:
     """Call a function, on another thread, when that many frames were sent."""
 
     def watch(record: logs.Record) -> None:
-        if isinstance(record, logs.Sent) and len(rig.told(logs.Sent)) == number:
+        if isinstance(record, logs.Sent) and len(rig.recorded(logs.Sent)) == number:
             rig.on_record = lambda _: None
             rig.soon(act)  # type: ignore[arg-type]
 

@@ -59,7 +59,7 @@ def written(folder: Path, *steps: str, above: str = "") -> Path:
         ((POST, POST.replace("0.12", "-0.22"), GO), 0, ""),
         ((POST, MAYBE.format("post"), GO), 0, ""),
         ((f"parallel: [{{{POST}}}, {GO}]",), 0, ""),
-        ((BALL, HOLD, BLOCK, GO), 0, ""),  # nobody knows where the arm stands at first
+        ((BALL, HOLD, BLOCK, GO), 0, ""),  # the first position of the arm is unknown
         ((POST.replace("post,", "post, touches: [later],"), GO), 0, ""),
     ],
 )  # fmt: skip
@@ -98,13 +98,13 @@ def test_plan_shows_a_round_again_only_where_it_differs(tmp_path: Path) -> None:
     same = f"{{repeat: {{sequence: [{COME}, {GO}]}}, times: 3}}"
     assert len(planned(tmp_path, same)) == 2
     differs = f"{{repeat: {{sequence: [{COME}, {GO}, {{{TALL}}}]}}, times: 3}}"
-    told = planned(tmp_path, differs)
-    assert ["Around    tall" in motion for motion in told] == [False, False, True, True]
+    reported = planned(tmp_path, differs)
+    assert ["Around    tall" in motion for motion in reported] == [False, False, True, True]
 
 
-def goals(told: list[str]) -> list[float]:
+def goals(reported: list[str]) -> list[float]:
     """Of the first joint, motion by motion [deg]."""
-    found = [re.search(r"Goal +joint_1 (\S+),", motion) for motion in told]
+    found = [re.search(r"Goal +joint_1 (\S+),", motion) for motion in reported]
     return [round(float(each[1]) / radians(1.0), 1) for each in found if each]
 
 
@@ -115,7 +115,7 @@ def goals(told: list[str]) -> list[float]:
         ((TURN,), [-80]),
         ((TURN, FURTHER, TURN.replace("joint_1: -80 deg", "joint_2: 0.1")), [-80, -90, -90]),
         ((GO, FURTHER.replace("-10", "40")), [-80.2, -40.2]),
-        ((f"{{selector: [{TURN}, {FURTHER}]}}", FURTHER), [-80]),  # nobody knows where it is then
+        ((f"{{selector: [{TURN}, {FURTHER}]}}", FURTHER), [-80]),  # its position is unknown then
         (("{SetStart: {start: $s}}", f"{{repeat: {{sequence: [{FURTHER}]}}, times: 2}}",
           "{Target: {start: $s, joints: {joint_2: 0.1}, goal: $g}}",
           "{subtree: go, with: {start: $s, goal: $g}}"), [-10, -20, 0]),
@@ -128,10 +128,10 @@ def test_plan_follows_targets_of_some_joints(
 
 
 def test_plan_tells_all_of_a_task_that_carries(tmp_path: Path) -> None:
-    told = planned(tmp_path, TALL, BALL, HOLD, TURN)
-    assert goals(told) == [-80]
-    assert "Path      around an obstacle" in told[0]
-    assert "Around    tall, ball on claw_support\n" in told[0]
+    reported = planned(tmp_path, TALL, BALL, HOLD, TURN)
+    assert goals(reported) == [-80]
+    assert "Path      around an obstacle" in reported[0]
+    assert "Around    tall, ball on claw_support\n" in reported[0]
 
 
 def test_plan_names_what_a_task_spells_out_wrong(tmp_path: Path) -> None:
@@ -206,10 +206,10 @@ def test_plan_takes_along_what_the_task_holds(tmp_path: Path) -> None:
 def test_plan_says_what_it_leaves_out(
     tmp_path: Path, steps: tuple[str, ...], above: str, names: str
 ) -> None:
-    told = planned(tmp_path, *steps, above=above)[-1]
-    assert "Path      straight" in told
-    assert f"Left out  {names}: their place is known only in a run" in told
-    assert f"Around    {names}" not in told
+    reported = planned(tmp_path, *steps, above=above)[-1]
+    assert "Path      straight" in reported
+    assert f"Left out  {names}: their place is known only in a run" in reported
+    assert f"Around    {names}" not in reported
 
 
 CUBE = "AddBox: {body: cube, size: [6 cm, 6 cm, 6 cm], position: [0, 0.1, 0.16]}"  # round the hand

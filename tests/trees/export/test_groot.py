@@ -66,11 +66,11 @@ def exported(robot: Robot, folder: Path, number: int) -> str:
     return as_groot(outline(compile_task(robot, Library(folder), number)), number)
 
 
-def same(text: str, told: list[str]) -> None:
-    """Hold every node, with its ports, against what was told of it."""
+def same(text: str, reported: list[str]) -> None:
+    """Compare every node, with its ports, with the expected lines."""
     tree = ET.fromstring(text).find("BehaviorTree")
     assert tree is not None
-    for node, line in zip(list(tree.iter())[1:], told, strict=True):
+    for node, line in zip(list(tree.iter())[1:], reported, strict=True):
         kind, name, *ports = line.split("\t")
         assert (kind, name) == (node.tag, node.get("name"))
         heard = dict(port.split(" is ", 1) for port in ports)
@@ -87,8 +87,8 @@ def test_every_task_that_ships_is_loaded_whole(robot: Robot, tmp_path: Path, num
     text = exported(robot, EXAMPLES, number)
     said = load(text, tmp_path)
     assert (said.returncode, said.stderr) == (0, "")
-    *told, end = said.stdout.splitlines()
-    same(text, told)
+    *reported, end = said.stdout.splitlines()
+    same(text, reported)
     assert end == "SUCCESS"
 
 
@@ -97,11 +97,11 @@ def test_every_kind_of_node_and_value(robot: Robot, tmp_path: Path) -> None:
     text = exported(robot, tmp_path, 3)
     said = load(text, tmp_path)
     assert (said.returncode, said.stderr) == (0, "")
-    *told, end = said.stdout.splitlines()
-    same(text, told)
+    *reported, end = said.stdout.splitlines()
+    same(text, reported)
     assert end == "SUCCESS"
-    assert 'Say\tSay\ttext is a < b & "c"\tvalue is 1.5' in told
-    assert "Say\tSay\ttext is $key" in told
+    assert 'Say\tSay\ttext is a < b & "c"\tvalue is 1.5' in reported
+    assert "Say\tSay\ttext is $key" in reported
 
 
 @pytest.mark.parametrize(

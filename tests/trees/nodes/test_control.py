@@ -1,4 +1,4 @@
-"""Loops, timeouts, guards and races, ticked on a clock that stands still until it is told."""
+"""Loops, timeouts, guards and races, ticked on a clock that only the test advances."""
 
 import pytest
 from py_trees.behaviour import Behaviour
@@ -17,7 +17,7 @@ S, F, R, INVALID = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALI
 
 
 class Scripted(Behaviour):
-    """Answers as it is told, the last answer again and again."""
+    """Gives prepared answers, the last one again and again."""
 
     def __init__(self, *answers: Status) -> None:
         super().__init__("scripted")

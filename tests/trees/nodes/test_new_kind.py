@@ -103,20 +103,20 @@ def test_it_is_read(robot: Robot, folder: Path) -> None:
     assert mistakes(robot, folder, "      failures: 2\n", "") == [
         "keep_going needs failures: how often"
     ]
-    (told,) = mistakes(robot, folder, "failures", "failuers")
-    assert told.endswith("beside keep_going there are failures, name; did you mean failures?")
-    (told,) = mistakes(robot, folder, "keep_going", "keep_gonig")
-    assert "did you mean keep_going?" in told
-    (told,) = mistakes(robot, folder, "failures: 2", "failures: 0")
-    assert told == "keep_going: failures: 0 is less than 1"
+    (reported,) = mistakes(robot, folder, "failures", "failuers")
+    assert reported.endswith("beside keep_going there are failures, name; did you mean failures?")
+    (reported,) = mistakes(robot, folder, "keep_going", "keep_gonig")
+    assert "did you mean keep_going?" in reported
+    (reported,) = mistakes(robot, folder, "failures: 2", "failures: 0")
+    assert reported == "keep_going: failures: 0 is less than 1"
 
 
 def test_it_is_analysed(robot: Robot, folder: Path) -> None:
-    told = mistakes(robot, folder, "{Fail: {reason: so it is}}", "Succeed")
-    assert told == ["keep_going hides nothing: its child never fails"]
+    reported = mistakes(robot, folder, "{Fail: {reason: so it is}}", "Succeed")
+    assert reported == ["keep_going hides nothing: its child never fails"]
     never = "    - Fail: {reason: now}\n    - Say: {text: after it}\n"
-    told = mistakes(robot, folder, "    - Say: {text: after it}\n", never)
-    assert told == ["Say is never reached: Fail before it never succeeds"]
+    reported = mistakes(robot, folder, "    - Say: {text: after it}\n", never)
+    assert reported == ["Say is never reached: Fail before it never succeeds"]
     writes = "{sequence: [{Set: {value: 1, key: $k}}, {Fail: {reason: so}}]}"
     says = ("Say: {text: after it}", "Say: {text: it, value: $k}")
     assert mistakes(robot, folder, "{Fail: {reason: so it is}}", writes, *says) == []

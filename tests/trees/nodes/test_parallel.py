@@ -12,7 +12,7 @@ S, F, R, INVALID = Status.SUCCESS, Status.FAILURE, Status.RUNNING, Status.INVALI
 
 
 class Scripted(Behaviour):
-    """Answers as it is told, and notes what is done to it."""
+    """Gives prepared answers, and notes what is done to it."""
 
     def __init__(self, *answers: Status) -> None:
         super().__init__("scripted")

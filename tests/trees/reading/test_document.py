@@ -142,7 +142,7 @@ def test_what_is_wrong_has_its_place(text: str, line: int, column: int, words: s
 @pytest.mark.parametrize(
     "text", ['"\\ud800": 1\n', 'a: {"\\e[2J": [1, "\\e"]}\n', '"\\ud800": *x\n']
 )
-def test_what_is_told_of_an_odd_key_can_be_printed(text: str) -> None:
+def test_what_is_reported_of_an_odd_key_can_be_printed(text: str) -> None:
     with pytest.raises(FileError) as caught:
         read(text)
     for mistake in caught.value.mistakes:
@@ -164,12 +164,12 @@ ANY = st.recursive(
 @settings(max_examples=300, deadline=None)
 @given(ANY)
 def test_any_json_is_read_or_refused_in_words_that_can_be_written(value: Any) -> None:
-    told = ""
+    reported = ""
     try:
         read(json.dumps(value))
     except FileError as error:
-        told = str(error)
-    told.encode("utf-8")  # else UnicodeEncodeError
+        reported = str(error)
+    reported.encode("utf-8")  # else UnicodeEncodeError
 
 
 def test_of_what_is_too_long_the_middle_is_left_out() -> None:
@@ -179,17 +179,17 @@ def test_of_what_is_too_long_the_middle_is_left_out() -> None:
     assert str(mistake).endswith("; there are a, b")
 
 
-def test_a_mistake_is_one_line_whoever_named_the_thing() -> None:
+def test_a_mistake_is_one_line_for_any_name() -> None:
     mistake = Mistake(Place(Path("argument a\nINFO all is well"), 0, 0), "no \x1b[2J")
     assert str(mistake) == "argument a?INFO all is well: no ?[2J"
 
 
-def test_so_many_mistakes_that_nobody_reads_on() -> None:
+def test_too_many_mistakes_end_the_check() -> None:
     with pytest.raises(FileError) as caught:
         read("{" + ":," * 100_000 + "}")
-    told = [mistake.message for mistake in caught.value.mistakes]
-    assert len(told) == MAX_MISTAKES + 1
-    assert "1000 mistakes so far; what follows is not read" in told
+    reported = [mistake.message for mistake in caught.value.mistakes]
+    assert len(reported) == MAX_MISTAKES + 1
+    assert "1000 mistakes so far; what follows is not read" in reported
 
 
 @settings(max_examples=300, deadline=None)

@@ -146,7 +146,7 @@ def test_all_mistakes_at_once_in_the_order_of_lines() -> None:
     assert len(str(caught.value).splitlines()) == 15  # each with its line and a caret
 
 
-def test_very_many_mistakes_are_not_all_told() -> None:
+def test_very_many_mistakes_are_not_all_reported() -> None:
     text = f"{T}  sequence: [{', '.join(['[]'] * 1000)}]\n"
     with pytest.raises(FileError) as caught:
         parse_task(FILE, text)
@@ -156,18 +156,18 @@ def test_very_many_mistakes_are_not_all_told() -> None:
 
 @pytest.mark.parametrize("text", ["1: 7\ndescription: y\ntree: Succeed\n", "1: 7\n"])
 def test_a_wrong_first_key_hides_nothing_of_what_it_stands_in(text: str) -> None:
-    told = [(m.place.line, m.place.column, m.message) for m in task_mistakes(FILE, text)]
+    reported = [(m.place.line, m.place.column, m.message) for m in task_mistakes(FILE, text)]
     lacks = ["the key name is missing", "the key task is missing"]
     if "tree" not in text:
         lacks = ["expected the keys task, name, description, tree"]
     messages = sorted([*lacks, "the key 1 is not a text"])
-    assert sorted(told) == [(1, 1, message) for message in messages]
+    assert sorted(reported) == [(1, 1, message) for message in messages]
 
 
-def test_a_value_that_is_refused_is_told_once() -> None:
+def test_a_value_that_is_refused_is_reported_once() -> None:
     for text in (HEAD.replace("3", "!!int 3"), HEAD.replace("3", "*a"), "!!map\n" + HEAD):
-        (told,) = task_mistakes(FILE, text + "tree: Succeed\n")
-        assert "not allowed" in told.message
+        (reported,) = task_mistakes(FILE, text + "tree: Succeed\n")
+        assert "not allowed" in reported.message
 
 
 def test_a_long_value_is_shortened() -> None:

@@ -23,7 +23,7 @@ tree:
 """
 
 
-def test_the_tool_goes_where_it_is_told_and_the_arm_where_it_is_led(tmp_path: Path) -> None:
+def test_the_tool_goes_to_its_target_and_the_arm_along_its_path(tmp_path: Path) -> None:
     (tmp_path / "9_moves.yaml").write_text(TASK)
     with SimulatedArm(trees=tmp_path) as rehearsal:
         outcome = rehearsal.run(9)

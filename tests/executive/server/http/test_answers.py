@@ -19,13 +19,13 @@ pytestmark = pytest.mark.slow
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 
-NOBODY = "0123456789abcdef" * 2
+UNKNOWN_ID = "0123456789abcdef" * 2
 
 
 def send(served: Served, task: int, **body: Any) -> str:
-    status, told = served.ask("POST", "/api/goals", {"task": task, **body})
-    assert status == 201, told
-    return str(told["goal_id"])
+    status, reported = served.ask("POST", "/api/goals", {"task": task, **body})
+    assert status == 201, reported
+    return str(reported["goal_id"])
 
 
 def test_a_goal_from_its_start_to_its_result(serve: Serve) -> None:
@@ -60,7 +60,7 @@ def test_a_goal_that_moves_the_arm_reports_progress(serve: Serve) -> None:
     assert served.ask("POST", f"/api/goals/{goal}/cancel")[1] == {"return_code": 0, "goals": [goal]}
     assert served.ask("GET", f"/api/goals/{goal}/result")[1]["state"] == "CANCELED"
     assert served.ask("POST", f"/api/goals/{goal}/cancel")[1]["return_code"] == 3
-    assert served.ask("POST", f"/api/goals/{NOBODY}/cancel")[1]["return_code"] == 2
+    assert served.ask("POST", f"/api/goals/{UNKNOWN_ID}/cancel")[1]["return_code"] == 2
     assert served.ask("POST", "/api/stop")[1] == {"return_code": 0, "goals": []}
 
 
@@ -68,17 +68,17 @@ def test_cancel_by_time_and_all(serve: Serve) -> None:
     served = serve(Policy.QUEUE)
     goals = [send(served, 10) for _ in range(3)]
     stamps = {g["goal_id"]: g["stamp_ns"] for g in served.ask("GET", "/api/goals")[1]["goals"]}
-    told = served.ask("POST", "/api/cancel", {"stamp_ns": stamps[goals[1]]})[1]
-    assert told == {"return_code": 0, "goals": goals[:2]}
+    reported = served.ask("POST", "/api/cancel", {"stamp_ns": stamps[goals[1]]})[1]
+    assert reported == {"return_code": 0, "goals": goals[:2]}
     assert served.ask("POST", "/api/cancel", {})[1] == {"return_code": 0, "goals": goals[2:]}
 
 
 def test_goal_ids_chosen_by_clients(serve: Serve) -> None:
     served = serve()
-    assert send(served, 11, goal_id=NOBODY) == NOBODY
-    status, error = served.ask("POST", "/api/goals", {"task": 11, "goal_id": NOBODY})
+    assert send(served, 11, goal_id=UNKNOWN_ID) == UNKNOWN_ID
+    status, error = served.ask("POST", "/api/goals", {"task": 11, "goal_id": UNKNOWN_ID})
     assert (status, error["code"]) == (409, "goal.duplicate")
-    for wrong in ("", "x", NOBODY.upper(), NOBODY + "0"):
+    for wrong in ("", "x", UNKNOWN_ID.upper(), UNKNOWN_ID + "0"):
         status, error = served.ask("POST", "/api/goals", {"task": 11, "goal_id": wrong})
         words = "goal_id must be 32 lower-case hexadecimal digits"
         assert (status, error["message"]) == (422, words)
@@ -97,7 +97,7 @@ def test_a_full_queue_refuses_goals(serve: Serve, monkeypatch: pytest.MonkeyPatc
     served = serve(Policy.QUEUE)
     send(served, 10)
     answers = [served.ask("POST", "/api/goals", {"task": 11}) for _ in range(9)]
-    assert {(status, told.get("code")) for status, told in answers[5:]} == {
+    assert {(status, reported.get("code")) for status, reported in answers[5:]} == {
         (429, "goal.queue_full")
     }
     assert served.ask("POST", "/api/stop")[1]["return_code"] == 0
@@ -186,7 +186,7 @@ def test_pause_and_resume(serve: Serve) -> None:
     status, error = served.ask("POST", f"/api/goals/{goal}/resume")
     assert (status, error["code"]) == (409, "goal.not_paused")
     assert served.ask("GET", f"/api/goals/{goal}/result")[1]["success"]
-    assert served.ask("POST", f"/api/goals/{NOBODY}/pause")[0] == 404
+    assert served.ask("POST", f"/api/goals/{UNKNOWN_ID}/pause")[0] == 404
 
 
 def test_a_breakpoint_and_a_step(serve: Serve) -> None:
@@ -265,12 +265,12 @@ def test_a_held_goal_is_canceled_when_its_hold_ends(serve: Serve) -> None:
     status, error = served.ask("POST", "/api/goals", {"task": 10, "deadman": True})
     assert (status, error["code"]) == (409, "goal.not_held")
     with served.client() as client:
-        with client.events() as events, client.hold(NOBODY):
-            client.send(10, goal_id=NOBODY, deadman=True)
-            told = (event for event in events if isinstance(event, GoalStatus))
-            states = [next(told).state.name for _ in range(2)]
+        with client.events() as events, client.hold(UNKNOWN_ID):
+            client.send(10, goal_id=UNKNOWN_ID, deadman=True)
+            reported = (event for event in events if isinstance(event, GoalStatus))
+            states = [next(reported).state.name for _ in range(2)]
             assert states == ["ACCEPTED", "EXECUTING"]
-        assert client.result(NOBODY, 5.0).state.name == "CANCELED"
+        assert client.result(UNKNOWN_ID, 5.0).state.name == "CANCELED"
         assert client.run(11, deadman=True).success
 
 
@@ -287,14 +287,14 @@ def test_a_hold_that_ends_while_its_goal_is_sent(
 
     monkeypatch.setattr(served.executive, "send", late)
     with served.client() as client:
-        body = {"task": 10, "goal_id": NOBODY, "deadman": True}
+        body = {"task": 10, "goal_id": UNKNOWN_ID, "deadman": True}
         sending = threading.Thread(target=served.ask, args=("POST", "/api/goals", body))
-        with client.hold(NOBODY):
+        with client.hold(UNKNOWN_ID):
             sending.start()
             assert reached.wait(10)
         let_go.set()
         sending.join()
-        assert client.result(NOBODY, 5.0).state.name == "CANCELED"
+        assert client.result(UNKNOWN_ID, 5.0).state.name == "CANCELED"
 
 
 def test_a_goal_continues_when_its_client_leaves(serve: Serve) -> None:
@@ -362,8 +362,8 @@ def test_a_goal_is_answered_after_it_is_recorded(serve: Serve) -> None:
     held.set()
     asking.join(10)
     (path,) = (served.folder / "recordings").glob("*-server.mcap")
-    told = next(logs.read(path, ["/goal"])).fields()  # it is still being written
-    assert answered == [told["goal_id"]]
+    reported = next(logs.read(path, ["/goal"])).fields()  # it is still being written
+    assert answered == [reported["goal_id"]]
 
 
 def test_subscribers_are_limited(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:

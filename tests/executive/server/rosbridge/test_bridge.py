@@ -43,31 +43,31 @@ def test_foreign_clients(serve: Serve, client: list[str]) -> None:
         command, cwd=PEERS, capture_output=True, text=True, timeout=60, check=False
     )
     assert ran.returncode == 0, ran.stderr
-    told = json.loads(ran.stdout)
-    moved = told["moved"]
+    reported = json.loads(ran.stdout)
+    moved = reported["moved"]
     assert moved["end"] == {"kind": "result", "status": 4, "values": {"success": True}}
     assert moved["feedback"] == sorted(set(moved["feedback"]))
     assert moved["feedback"][0] == 0
     assert moved["feedback"][-1] == 100
     assert len(moved["feedback"]) > 10
-    assert told["busy"]["end"]["kind"] == "error"
-    assert "goal.busy" in told["busy"]["end"]["values"]
-    assert told["other"]["end"]["kind"] == "error"
+    assert reported["busy"]["end"]["kind"] == "error"
+    assert "goal.busy" in reported["busy"]["end"]["values"]
+    assert reported["other"]["end"]["kind"] == "error"
     for name, status in (("failed", 6), ("canceled", 5), ("stopped", 5)):
-        end = told[name]["end"]
+        end = reported[name]["end"]
         if client is NODE:  # it reports all but SUCCEEDED as an error text
             assert end["kind"] == "error"
             assert '{"success":false}' in end["values"]
         else:
             assert end == {"kind": "result", "status": status, "values": {"success": False}}
-    assert told["many"] == [{"success": True}] * 50
-    joints = told["joints"]
+    assert reported["many"] == [{"success": True}] * 50
+    joints = reported["joints"]
     assert joints["name"] == [joint.name for joint in served.robot.joints]
     assert len(joints["position"]) == len(joints["name"])
     assert joints["header"]["stamp"]["sec"] > 1_600_000_000
-    statuses = [each["status"] for each in told["status"]["status_list"]]
+    statuses = [each["status"] for each in reported["status"]["status_list"]]
     assert statuses == [4, 6, 5, 5] + [4] * 50
-    uuid = told["status"]["status_list"][0]["goal_info"]["goal_id"]["uuid"]
+    uuid = reported["status"]["status_list"][0]["goal_info"]["goal_id"]["uuid"]
     assert base64.b64decode(uuid).hex() == served.executive.goals()[0].identity
 
 
@@ -94,10 +94,10 @@ def statuses(connection: ClientConnection) -> list[int]:
 
 def statuses_until_error(connection: ClientConnection) -> list[list[int]]:
     """All messages of the status topic until the answer to an invalid message."""
-    told: list[list[int]] = []
+    reported: list[list[int]] = []
     while (message := json.loads(connection.recv(10)))["op"] == "publish":
-        told.append([goal["status"] for goal in message["msg"]["status_list"]])
-    return told
+        reported.append([goal["status"] for goal in message["msg"]["status_list"]])
+    return reported
 
 
 GOAL = {
@@ -229,8 +229,8 @@ def test_every_status_is_published_even_if_several_come_at_once(serve: Serve) ->
                 assert served.executive.result(served.executive.send(11).identity).success
         finally:
             ended.set()
-        told = [statuses(first) for _ in range(6)]
-        assert told == [[1], [2], [4], [4, 1], [4, 2], [4, 4]]
+        reported = [statuses(first) for _ in range(6)]
+        assert reported == [[1], [2], [4], [4, 1], [4, 2], [4, 4]]
         say(late, op="subscribe", topic=ros.STATUS)
         assert statuses(late) == [4, 4]
 
@@ -241,8 +241,8 @@ def test_the_status_topic_lists_all_known_goals(serve: Serve) -> None:
         served.executive.result(served.executive.send(11).identity)
     with websocket(served) as connection:
         say(connection, op="subscribe", topic=ros.STATUS)
-        while (told := statuses(connection)) != [6] * 160:
-            assert len(told) <= 160
+        while (reported := statuses(connection)) != [6] * 160:
+            assert len(reported) <= 160
 
 
 def test_a_throttled_topic_sends_its_last_message(serve: Serve) -> None:

@@ -96,8 +96,8 @@ def test_messages_that_need_no_answer_are_ignored() -> None:
 
 
 def test_a_result() -> None:
-    told = json.loads(ros.result("7", 6, success=False))
-    assert told == {
+    reported = json.loads(ros.result("7", 6, success=False))
+    assert reported == {
         "op": "action_result",
         "id": "7",
         "action": "/task_server",
@@ -108,8 +108,8 @@ def test_a_result() -> None:
 
 
 def test_a_refusal() -> None:
-    told = json.loads(ros.refusal("7", "no task 9"))
-    assert (told["result"], told["status"], told["values"]) == (False, 0, "no task 9")
+    reported = json.loads(ros.refusal("7", "no task 9"))
+    assert (reported["result"], reported["status"], reported["values"]) == (False, 0, "no task 9")
 
 
 def test_topics() -> None:
@@ -129,8 +129,8 @@ def test_topics() -> None:
 def test_a_cancel_by_service_takes_ids_of_the_status_topic(
     identity: bytes, stamp_ns: int, as_list: bool
 ) -> None:
-    told = json.loads(ros.status_array([ros.goal_status(identity.hex(), stamp_ns, 2)]))
-    info = told["msg"]["status_list"][0]["goal_info"]
+    reported = json.loads(ros.status_array([ros.goal_status(identity.hex(), stamp_ns, 2)]))
+    info = reported["msg"]["status_list"][0]["goal_info"]
     if as_list:
         info["goal_id"]["uuid"] = list(base64.b64decode(info["goal_id"]["uuid"]))
     wanted = identity.hex() if any(identity) else ""

@@ -231,7 +231,7 @@ def test_a_worker_that_dies_while_idle_is_replaced(robot: Robot) -> None:
     assert other.job is job
     assert isinstance(answer.wait(), Plan)
     assert other.process.pid == living
-    while dead.process is None or dead.process.pid == worker:  # with nobody asking it
+    while dead.process is None or dead.process.pid == worker:  # without a request
         nap.wait(0.001)
     pool.close()
 
@@ -332,7 +332,7 @@ def test_an_unusable_model_is_reported(robot: Robot, tmp_path: Path) -> None:
     worker = pid(pool)
     for _ in range(5):
         assert isinstance(ask(pool, PICK), ModelUnusable)
-    assert pid(pool) == worker  # it knows, so nobody need find out again
+    assert pid(pool) == worker  # it is known, so no second probe is needed
     pool.close()
 
 

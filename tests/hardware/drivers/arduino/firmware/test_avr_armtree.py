@@ -132,8 +132,8 @@ def test_the_status_has_everything(board: MakeBoard) -> None:
         b"status frames=0000 refused=0000 lost=0000 sum=0000 holds=00 acks=0 watchdog_ms=0000 "
         b"speeds=000,000,000,000 at=b090,s090,e090,g000,\n"
     )
-    told = status(ours.feed(b"bA01;bW12;sV09;gV50;junk" + frame(TASKS[0]) + b"?", wait=1.0))
-    assert told == {
+    reported = status(ours.feed(b"bA01;bW12;sV09;gV50;junk" + frame(TASKS[0]) + b"?", wait=1.0))
+    assert reported == {
         "frames": "0001",
         "refused": "0004",
         "lost": "0000",

@@ -65,9 +65,9 @@ def test_a_reset_forgets_settings_and_counters_and_keeps_the_angles() -> None:
     made.reset(0.5)
     assert made.read_output(2.0).endswith(b" kept b009,s099,e085,g000,\n")
     made.receive(b"?", 2.0)
-    told = status(made.read_output(3.0))
-    assert told.pop(b"at") == b"b009,s099,e085,g000,"
-    assert {value.strip(b"0,") for value in told.values()} == {b""}
+    reported = status(made.read_output(3.0))
+    assert reported.pop(b"at") == b"b009,s099,e085,g000,"
+    assert {value.strip(b"0,") for value in reported.values()} == {b""}
 
 
 def test_an_acknowledgement_comes_when_its_frame_is_there_and_it_has_been_sent() -> None:

@@ -91,8 +91,8 @@ def test_a_damaged_frame_is_dropped_whole_and_counted(ours: Shell) -> None:
     for number, (data, count) in enumerate(damage.items()):
         angles = (91 + number, 89, 91, 1 + number)
         refused += count
-        told = words(ours.ask(data + frame(angles) + b"?", "status"))
-        assert (int(told["frames"], 16), int(told["refused"], 16)) == (number + 1, refused)
+        reported = words(ours.ask(data + frame(angles) + b"?", "status"))
+        assert (int(reported["frames"], 16), int(reported["refused"], 16)) == (number + 1, refused)
         state = ours.until(lambda state, angles=angles: state.servos == angles)  # type: ignore[misc]
         assert (state.lost, state.refused) == (0, refused)
 
@@ -174,8 +174,8 @@ def test_the_watchdog_holds_the_arm_and_sends_a_status(ours: Shell) -> None:
     assert 1 <= gripper <= 3  # 0.2 s at 10 deg/s
     ours.wait(3 * 0.02 + BOOT_TIME)
     assert round(ours.state().servos[3]) == gripper
-    told = words(ours.ask(b"gV00;" + frame(NEAR), "status"))
-    assert (told["holds"], told["watchdog_ms"]) == ("01", "0200")
+    reported = words(ours.ask(b"gV00;" + frame(NEAR), "status"))
+    assert (reported["holds"], reported["watchdog_ms"]) == ("01", "0200")
     ours.until(lambda state: state.servos == NEAR)
 
 
@@ -186,8 +186,8 @@ def test_a_question_often_enough_keeps_the_watchdog_from_holding(ours: Shell) ->
     """
     ours.link.write(b"bW01;" + (b"\n" * 700 + b"?") * 5)
     lines = ours.hear(lambda lines: "holds=01" in lines[-1])
-    told = [words(line)["holds"] for line in lines if line.startswith("status")]
-    assert told == ["00"] * 6 + ["01"]
+    reported = [words(line)["holds"] for line in lines if line.startswith("status")]
+    assert reported == ["00"] * 6 + ["01"]
 
 
 def test_a_speed_limit_is_kept_by_its_servo_alone(ours: Shell) -> None:
