@@ -86,7 +86,7 @@ WRONG = {
     "unknown key in serial": ("baud = 115200", "baud = 115200\nparity = 1", "parity", "serial.parity: unknown key; there are baud"),
     "joint in no group": ('"joint_1", "joint_2"', '"joint_2"', "[groups]", "groups: joint joint_1 is in 0 groups, not in one"),
     "joint in two groups": ('["joint_4", "joint_5"]', '["joint_4", "joint_5", "joint_1"]', "[groups]", "joint joint_1 is in 2 groups"),
-    "unknown joint in a group": ('"joint_5"]', '"joint_6"]', "gripper =", "groups.gripper: 'joint_6' is not one of joint_1, .*did you mean joint_"),
+    "unknown joint in a group": ('"joint_5"]', '"joint_6"]', "gripper =", "groups.gripper: 'joint_6' is not one of joint_1, .*joint_5"),
     "joint twice in a group": ('"joint_1", "joint_2"', '"joint_1", "joint_1", "joint_2"', "arm =", "groups.arm: .* contains a name twice"),
     "group is no list": ('arm = ["joint_1", "joint_2", "joint_3"]', 'arm = "joint_1"', "arm =", "groups.arm: 'joint_1' is not a list"),
     "group of lists": ('"joint_5"]', '["joint_5"]]', "gripper =", r"groups.gripper: \['joint_5'\] is not one of"),
