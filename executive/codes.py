@@ -20,6 +20,7 @@ DIFFERS = "replay.differs"
 CLOSING = "server.closing"
 
 INTERRUPTED_EXIT = 130  # Ctrl-C before the first goal, or pressed twice
+READER_ENDED_EXIT = 141  # the shell's status of a program that SIGPIPE ends
 
 # Cheap ones first: a code is searched in one module after the other.
 _MODULES = (

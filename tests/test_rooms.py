@@ -14,7 +14,7 @@ from py_trees.ports import get_ports_registry
 
 import skills  # noqa: F401  registers the skills
 from executive.cli.main import cli
-from executive.codes import INTERRUPTED_EXIT, all_codes
+from executive.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT, all_codes
 from executive.goals.events import EVENTS, UNITS
 from tests.support.paths import ROBOT_FILE, ROOT
 
@@ -125,7 +125,7 @@ def test_the_locks_agree_and_what_runs_needs_no_tool_of_tests() -> None:
 
 def test_the_documents_list_every_exit_status() -> None:
     statuses = {code.exit_status for code in all_codes().values()}
-    statuses |= {click.UsageError.exit_code, INTERRUPTED_EXIT}
+    statuses |= {click.UsageError.exit_code, INTERRUPTED_EXIT, READER_ENDED_EXIT}
     table = re.findall(r"^\| (\d+) \| [\w`]", (ROOT / "README.md").read_text(), re.MULTILINE)
     assert {int(number) for number in table} == statuses
     words = " ".join((cli.help or "").split())

@@ -1,8 +1,9 @@
 """The live view of a run in a terminal: tree, progress and outcome."""
 
+import sys
 import threading
 from dataclasses import replace
-from typing import Self
+from typing import Self, TextIO, cast
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -14,6 +15,8 @@ from rich.tree import Tree as Branch
 import logs
 from executive.goals.events import QuestionStatus
 from executive.goals.outcome import Outcome
+
+from .streams import LastingStream
 
 _HALTED = "HALTED"  # INVALID after RUNNING
 
@@ -35,7 +38,7 @@ class LiveView:
     """
 
     def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console()
+        self._console = console or Console(file=cast(TextIO, LastingStream(sys.stdout)))
         self._lock = threading.Lock()
         self._live: Live | None = None
         self._percentage: int | None = None

@@ -1,13 +1,12 @@
 """The command line. Each command imports slow libraries only when it runs."""
 
 import logging
-import os
 import sys
 from typing import Any
 
 import click
 
-from executive.codes import INTERRUPTED_EXIT, look_up
+from executive.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT, look_up
 from executive.server import PORT
 
 from .client import COMMANDS as CLIENT_COMMANDS
@@ -30,6 +29,7 @@ from .options import (
 )
 from .plan import plan
 from .replay import replay
+from .streams import open_closed_streams
 from .tasks import COMMANDS as TASK_COMMANDS, task_number
 
 
@@ -55,7 +55,7 @@ def cli(verbose: bool, debug: bool) -> None:
       4 goal rejected         12 a replay differs
       5 planning failed       13 no server, or it ended
       6 hardware fault       130 Ctrl-C before a goal started, or a second Ctrl-C
-      7 canceled
+      7 canceled             141 the reader of the output ended
     """  # noqa: D301
     root = logging.getLogger()
     root.setLevel(logging.INFO)
@@ -199,6 +199,8 @@ for command in (doctor, plan, replay, log, *TASK_COMMANDS, *CLIENT_COMMANDS):
 
 def main() -> None:
     """Entry point of `armtree`."""
+    open_closed_streams()
+    output = sys.stdout
     try:
         cli.main(prog_name="armtree", standalone_mode=False)
     except click.ClickException as error:
@@ -206,8 +208,10 @@ def main() -> None:
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED_EXIT)
-    except BrokenPipeError:  # the reader of a pipe has ended
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except SystemExit:
+        if sys.stdout is not output:  # click replaces it if its reader has ended, and exits with 1
+            sys.exit(READER_ENDED_EXIT)
+        raise
     except Exception as error:
         if "--debug" in sys.argv:
             raise

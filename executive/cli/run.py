@@ -16,6 +16,7 @@ from trees.compile.arguments import read_arguments
 from .interrupts import Interrupts
 from .log_handler import recorded_log
 from .sequence import TaskSequence
+from .streams import LastingStream
 from .terminal import Terminal
 from .view import View, view_for
 
@@ -67,5 +68,6 @@ def _show(view: View, event: Event) -> None:
 
 
 def _to_errors(text: str) -> None:
-    sys.stderr.write(f"{text}\n")
-    sys.stderr.flush()
+    errors = LastingStream(sys.stderr)
+    errors.write(f"{text}\n")
+    errors.flush()

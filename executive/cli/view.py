@@ -1,7 +1,6 @@
 """Views of a run: a live picture, plain lines, or JSON."""
 
 import json
-import os
 import sys
 import threading
 from collections.abc import Callable
@@ -11,6 +10,8 @@ from typing import Protocol, Self
 import logs
 from executive.goals.events import QuestionStatus, event_to_json
 from executive.goals.outcome import Outcome
+
+from .streams import LastingStream
 
 _Item = logs.Record | QuestionStatus | Outcome | str
 
@@ -40,7 +41,7 @@ class _Lines:
     """
 
     def __init__(self, line: Callable[[_Item], str]) -> None:
-        self._line, self._stream = line, sys.stdout
+        self._line, self._stream = line, LastingStream(sys.stdout)
         self._queue: SimpleQueue[_Item | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="view", daemon=True)
 
@@ -67,16 +68,8 @@ class _Lines:
     def _run(self) -> None:
         while (item := self._queue.get()) is not None:
             if line := self._line(item):
-                self._print(line)
-
-    def _print(self, line: str) -> None:
-        try:
-            self._stream.write(line + "\n")
-            self._stream.flush()
-        except OSError:  # the reader has ended; the goal continues, and the rest is discarded
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, self._stream.fileno())
-            os.close(nowhere)
+                self._stream.write(line + "\n")
+                self._stream.flush()
 
 
 def _json_line(item: _Item) -> str:
