@@ -23,7 +23,7 @@ from .arguments import MISSING
 from .data_flow import Keys
 from .leaf import Leaf
 from .port_types import declaration, declarations, known_skills, port_value, type_of, wanted_at
-from .scope import Scope, fixed, resolve
+from .scope import Scope, resolve
 from .skill_hooks import SkillHooks
 from .sources import Source, Sources
 
@@ -31,6 +31,10 @@ MAX_NODES = 10_000
 MAX_SUBTREES = 8  # nesting depth
 
 _UNKNOWN = UnknownKind()
+_FIXED = {
+    "parameter": "a parameter, which must not be written",
+    "port": "an input port; declare it with output: true to write it",
+}
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,7 @@ class TreeCompiler:
         self._sources.load_poses(self._mistakes)
         given = self._arguments(task, arguments)
         stand_ins = self._stand_ins(task.parameters, namespace)
-        scope = Scope(namespace, given, (), stand_ins, fixed(task.parameters, "parameter"))
+        scope = Scope(namespace, given, (), stand_ins, task.parameters, "parameter")
         return self._compiled(self._node(task.tree, scope, task.name), namespace)
 
     def subtree(
@@ -116,7 +120,7 @@ class TreeCompiler:
         self._sources.load_poses(self._mistakes)
         inputs = {name: port for name, port in subtree.ports.items() if not port.output}
         stand_ins = self._stand_ins(inputs, namespace)
-        scope = Scope(namespace, {}, (subtree.name,), stand_ins, fixed(subtree.ports, "port"))
+        scope = Scope(namespace, {}, (subtree.name,), stand_ins, subtree.ports)
         root = self._node(subtree.tree, scope, subtree.name)
         for name, port in subtree.ports.items():
             self._given(name, port, None)
@@ -304,27 +308,38 @@ class TreeCompiler:
         what = f"subtree {spec.source}" if isinstance(spec.source, str) else f"task {spec.source}"
         label = spec.source if isinstance(spec.source, str) else what
         way = (*scope.within, label)
-        if label in scope.within:
+        source = self._source(spec, scope, way, what)
+        if source is None:
+            self._forgive(spec.values.values(), scope)
+            return self._placeholder(label or "subtree", spec.place)
+        ports = self._ports(spec, source, scope, what)
+        missing = {
+            name: declared
+            for name, declared in source.declared.items()
+            if name not in ports and not declared.output
+        }
+        namespace = f"{scope.namespace}/{source.name}_{self._nodes}"
+        stand_ins = {**scope.stand_ins, **self._stand_ins(missing, namespace)}
+        inner = Scope(namespace, ports, way, stand_ins, source.declared, source.what)
+        node = self._node(source.tree, inner, shown or source.name)
+        self._calls[node] = spec.place
+        for name, declared in source.declared.items():
+            key = ports.get(name)
+            if declared.output and isinstance(key, Key):
+                self._check_output(spec.place, what, name, declared, key.name)
+        return node
+
+    def _source(
+        self, spec: SubtreeNode, scope: Scope, way: Sequence[str], what: str
+    ) -> Source | None:
+        """Return the file of a node, or None if it cannot be used, which is reported."""
+        if way[-1] in scope.within:
             self._wrong(spec.place, f"{what} would contain itself: {' -> '.join(way)}")
         elif len(way) > MAX_SUBTREES:
             self._wrong(spec.place, f"more than {MAX_SUBTREES} nested subtrees")
-        elif spec.source != "" and (source := self._sources.get(spec, self._mistakes)):
-            ports = self._ports(spec, source, scope, what)
-            missing = {
-                name: declared
-                for name, declared in source.declared.items()
-                if name not in ports and not declared.output
-            }
-            namespace = f"{scope.namespace}/{source.name}_{self._nodes}"
-            stand_ins = {**scope.stand_ins, **self._stand_ins(missing, namespace)}
-            unwritten = fixed(source.declared, source.what)
-            inner = Scope(namespace, ports, way, stand_ins, unwritten)
-            node = self._node(source.tree, inner, shown or source.name)
-            self._check_written(spec, source, ports, what)
-            self._calls[node] = spec.place
-            return node
-        self._forgive(spec.values.values(), scope)
-        return self._placeholder(label or "subtree", spec.place)
+        elif spec.source != "":
+            return self._sources.get(spec, self._mistakes)
+        return None
 
     def _ports(
         self, spec: SubtreeNode, source: Source, scope: Scope, what: str
@@ -348,14 +363,6 @@ class TreeCompiler:
             if reads and isinstance(given, Key) and given.name in self._keys.written:
                 self._keys.copy().read(given, declared.type, f"{what}: {name}", self._mistakes)
         return ports
-
-    def _check_written(
-        self, spec: SubtreeNode, source: Source, ports: Mapping[str, Value], what: str
-    ) -> None:
-        for name, declared in source.declared.items():
-            key = ports.get(name)
-            if declared.output and isinstance(key, Key):
-                self._check_output(spec.place, what, name, declared, key.name)
 
     def _check_output(
         self, place: Place, what: str, name: str, declared: Declaration, key: str
@@ -451,9 +458,11 @@ class TreeCompiler:
 
     def _fixed(self, value: Value | None, scope: Scope, what: str) -> bool:
         """Report a value that is a key that must not be written; return True for one."""
-        if not isinstance(value, Key) or value.name not in scope.fixed:
+        if not isinstance(value, Key) or not (declared := scope.declared.get(value.name)):
             return False
-        self._wrong(value.place, f"{what}: ${value.name} is {scope.fixed[value.name]}")
+        if declared.type == UNTYPED or declared.output:
+            return False
+        self._wrong(value.place, f"{what}: ${value.name} is {_FIXED[scope.what]}")
         return True
 
     # Values

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from trees.declarations import Declaration
 from trees.errors import Place
 from trees.reading.document import Located, StandIn
-from trees.reading.grammar import UNTYPED
 from trees.reading.specs import Key, Value
 
 
@@ -20,24 +19,16 @@ class Scope:
         within: Names of the files that use it, and its own name.
         stand_ins: Placeholders for parameters of the task, and for ports without a value, by full
             name of the key.
-        fixed: Names that must not be written, and the reason.
+        declared: Declarations of its ports or parameters.
+        what: `port` or `parameter`.
     """
 
     namespace: str
     ports: Mapping[str, Value] = field(default_factory=dict)
     within: tuple[str, ...] = ()
     stand_ins: Mapping[str, StandIn] = field(default_factory=dict)
-    fixed: Mapping[str, str] = field(default_factory=dict)
-
-
-def fixed(declared: Mapping[str, Declaration], what: str) -> dict[str, str]:
-    """Return the parameters or ports that must not be written, and the reason."""
-    why = {
-        "parameter": "a parameter, which must not be written",
-        "port": "an input port; declare it with output: true to write it",
-    }
-    names = (name for name, each in declared.items() if each.type != UNTYPED and not each.output)
-    return dict.fromkeys(names, why[what])
+    declared: Mapping[str, Declaration] = field(default_factory=dict)
+    what: str = "port"
 
 
 def resolve(value: Value, scope: Scope, wrong: Callable[[Place, str], None]) -> Value:
