@@ -325,7 +325,7 @@ class RecordingBehind(LinkError):
         super().__init__(
             port,
             f"The recording is more than {most * 1000:.0f} ms behind, so nothing more "
-            f"was sent to {port}. Record to a faster disk, or let other programs use it less",
+            f"was sent to {port}. Record to a faster disk, or end other programs that use it",
         )
 
 

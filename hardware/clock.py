@@ -139,7 +139,7 @@ class SimulatedClock:
 
     @contextmanager
     def working(self) -> Iterator[None]:
-        """Let the calling thread count as working. Does nothing if it does already."""
+        """Mark the calling thread as working. Does nothing if it is marked already."""
         if self._counts():
             yield
             return

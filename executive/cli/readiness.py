@@ -158,7 +158,7 @@ def _open(robot: Robot, port: str) -> Check:
     except HardwareError as error:
         return Check("board", False, str(error), code=error.code)
     if not robot.firmware.banner:
-        silent = f"opened; {robot.firmware.name} answers nothing, so a board may be there or not"
+        silent = f"opened; {robot.firmware.name} never answers, so armtree cannot see a board"
         known = f"assumed: {positions} rad" if _resets(robot, port) else "known only to a person"
         return Check("board", None, f"{silent}; the pose is {known}")
     return Check("board", True, f"booted; commanded to {positions} rad")

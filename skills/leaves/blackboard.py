@@ -20,7 +20,7 @@ _RELATIONS: Mapping[str, Callable[[Any, Any], bool]] = {
 }
 
 _ORDER = ("<", "<=", ">", ">=")
-_NO_ORDER = "texts have no order; numbers have one, and numbers with a known unit such as 200 ms"
+_NO_ORDER = "texts have no order; compare numbers, or numbers with a known unit such as 200 ms"
 
 
 class Set(Skill):

@@ -14,7 +14,7 @@
     ├── Unreachable             the tool cannot reach the point, or not in that direction
     ├── Barred                  proved: every path passes a position of a joint in collision
     ├── NoPath                  the search found no path within its iterations
-    ├── TooLong                 the motion would take longer than any may
+    ├── TooLong                 the motion would take longer than the limit
     ├── PlanTimeout             the deadline passed
     ├── MotionCollides          the final check of the motion found a collision
     ├── TooLittleMemory         the operating system allows less memory than planners need

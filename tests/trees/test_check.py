@@ -69,11 +69,11 @@ WRONG = [
     ("{wait_for: {inverter: {force_success: CheckHardware}}}", "never ends: its condition never"),
     (
         "{sequence: [CheckHardware, {Wait: {duration: 1}}, Succeed], memory: false}",
-        "4:34 Wait acts, and without memory would be restarted",
+        "4:34 Wait acts; without memory it would be restarted",
     ),
     (
         f"{{selector: [{MOVE}, Succeed], memory: false}}",
-        "4:19 SetStart acts, and without memory would be restarted",
+        "4:19 SetStart acts; without memory it would be restarted",
     ),
     (
         "{timeout: {Wait: {duration: 3}}, after: 2 s}",

@@ -127,7 +127,7 @@ ONCE = [
     (
         "",
         "{sequence: [{subtree: open_gripper}, {Wait: {duration: 1 s}}], memory: false}",
-        "4:19 SetStart acts, and without memory would be restarted",
+        "4:19 SetStart acts; without memory it would be restarted",
     ),
     (
         "",

@@ -99,8 +99,8 @@ class _InTurn(ControlNodeKind, register=False):
         for child in [] if options["memory"] else children[:-1]:
             if name := child.action():
                 child.wrong(
-                    f"{name} acts, and without memory would be restarted while a later node runs; "
-                    "only conditions may come before the last node"
+                    f"{name} acts; without memory it would be restarted while a later node runs. "
+                    "Put only conditions before the last node"
                 )
 
 

@@ -91,7 +91,7 @@ def test_it_opens_only_with_the_option_and_says_before_what_that_does(
     tmp_path: Path, robot: Path, firmware: str, pose: str, opening: str
 ) -> None:
     answers = {
-        "stock": ("?", "opened; stock answers nothing, so a board may be there or not"),
+        "stock": ("?", "opened; stock never answers, so armtree cannot see a board"),
         "armtree": ("ok", "booted; commanded to joint_1/position 0.000, "),
     }
     text = robot.read_text().replace('firmware = "stock"', f'firmware = "{firmware}"')
@@ -140,7 +140,7 @@ def test_a_board_that_opening_does_not_reset(tmp_path: Path, robot: Path) -> Non
     said = lines(result)
     assert said["pose"] == "nothing resets the board: a run needs --pose"
     assert said["opening"] == "the board is not reset, and the arm stays where it is"
-    assert "so a board may be there or not; the pose is known only to a person" in said["board"]
+    assert "so armtree cannot see a board; the pose is known only to a person" in said["board"]
 
 
 def test_a_port_of_another_armtree(tmp_path: Path) -> None:
