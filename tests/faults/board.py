@@ -9,7 +9,7 @@ one a line, and answers each with a line of JSON:
 | `stall` | read nothing more |
 | `take N` | read N bytes although it is stalled; they are not logged |
 | `go` | read again |
-| `damage` | change one bit of the next byte that it reads, after it is logged |
+| `damage N` | change one bit of the Nth byte that it reads next, after it is logged |
 | `garbage N` | send N random bytes |
 | `mute` | send nothing more |
 | `send TEXT` | send this line, as a firmware does |
@@ -198,7 +198,7 @@ class Terminal:
         self.port, self.boot_s = port, boot_s
         self.firmware = OwnFirmware() if firmware == "armtree" else Sketch()
         self.log = log.open("a", buffering=1)
-        self.stalled, self.open, self.resets, self.damage = False, False, 0, 0
+        self.stalled, self.open, self.resets, self.damage = False, False, 0, -1
         self.ready_at, self.unsent, self.mute = 0.0, b"", False
         self.plug()
 
@@ -234,7 +234,9 @@ class Terminal:
             data = os.read(self.master, budget)
             now, count = time.monotonic(), len(data)
             self.log.write(f"{now:.6f} {data.hex()}\n")
-            data, self.damage = bytes([data[0] ^ self.damage]) + data[1:], 0
+            if 0 <= self.damage < len(data):
+                data = bytes(byte ^ (index == self.damage) for index, byte in enumerate(data))
+            self.damage -= len(data)
             if now < self.ready_at:
                 self.firmware.lost += count
             else:
@@ -278,8 +280,8 @@ class Terminal:
     def do_mute(self, _: str) -> None:
         self.mute = True
 
-    def do_damage(self, _: str) -> None:
-        self.damage = 1
+    def do_damage(self, index: str) -> None:
+        self.damage = int(index)
 
     def do_reset(self, _: str) -> None:
         self.reset()

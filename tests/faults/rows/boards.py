@@ -132,7 +132,7 @@ def damaged_byte(scene: Scene) -> None:
     board = own_board(scene)
     run = scene.run("20", board=board)
     run.until_event("sent", scene.random.randint(2, 60))
-    begin = board.ask("damage")["time"]
+    begin = board.ask(f"damage {scene.random.randrange(20)}")["time"]
     scene.figure(1000 * (ends_with(scene, run, "hw.frame_lost") - begin))
     scene.verified()
 

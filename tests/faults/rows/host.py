@@ -1,11 +1,11 @@
-"""The computer is busy, stops the command for a while, or turns its clock; a skill is wrong."""
+"""The computer is busy, freezes the command, or turns its clock; skills and drivers are wrong."""
 
 import signal
 import subprocess
 import sys
 import time
 
-from tests.faults.process import Command, kill
+from tests.faults.process import Command, kill, until
 from tests.faults.row import Scene, last_line, row
 from tests.faults.wrong_calls import WallClock
 
@@ -164,3 +164,147 @@ def too_fast(scene: Scene) -> None:
                 # The guard accepts three periods of 20 ms at once, because frames may be late.
                 most = 1.2 * (end - begin + 0.06) * 1.0
                 scene.check(abs(after - before) < most, f"{after - before} in {end - begin} s")
+
+
+DRIVER = """
+import time
+
+from hardware import SerialLink
+from hardware.drivers.arduino.serial_servo import SerialServo
+
+
+class WrongLink(SerialLink):
+    calls = 0
+
+    def {call}(self, *arguments):
+        self.calls += 1
+        if self.calls > {after}:
+            {how}
+        return super().{call}(*arguments)
+
+
+class Wrong(SerialServo):
+    def link(self, joints, firmware, baud, port):
+        return WrongLink(port, baud)
+"""
+
+
+@row(
+    "wrong-driver",
+    "a driver of another package raises any exception, returns nothing, or does not return",
+    "the goal ends with a code of the hardware and exit status 6; nothing is sent afterwards",
+    times=4,
+)
+def wrong_driver(scene: Scene) -> None:
+    scene.robot({'driver = "serial_servo"': 'driver = "wrong"'})
+    info = scene.folder / "wrong_driver-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wrong-driver\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[armtree.hardware]\nwrong = wrong_driver:Wrong\n")
+    board = scene.board()
+    call, how = scene.random.choice(
+        [
+            *(
+                ("write", f"raise {error}")
+                for error in ("KeyError(1)", "SystemExit", "MemoryError")
+            ),
+            *(("write", how) for how in ("time.sleep(30)", "raise UnicodeError('\\n')")),
+            *(("read", how) for how in ("raise ZeroDivisionError", "return b''", "return None")),
+        ]
+    )
+    after = scene.random.randint(1, 12) if call == "write" else 0
+    text = DRIVER.format(call=call, how=how, after=after)
+    (scene.folder / "wrong_driver.py").write_text(text)
+    scene.unreceived = 1
+    run = scene.run("20", board=board, environment={"PYTHONPATH": str(scene.folder)})
+    if call == "read":
+        run.until_event("lifecycle", 4)
+        board.ask("send something to read")
+    scene.check(run.wait() == 6, f"{call}, {how}: exit status {run.wait()}: {last_line(run)}")
+    (result,) = run.events("result")
+    scene.check(result["code"].startswith("hw."), f"{call}, {how}: {result['code']}")
+    most = after if call == "write" else 1
+    scene.check(len(board.frames()) <= most, f"{call}, {how}: {len(board.frames())} frames")
+
+
+STUCK = """
+import time
+from pathlib import Path
+
+from skills import Skill
+
+
+class Stuck(Skill):
+    '''Never return.'''
+
+    def on_start(self):
+        Path("stuck").touch()
+        time.sleep(600)
+"""
+
+STUCK_TASK = """
+task: 31
+name: stuck
+description: Move, and run code that does not return.
+tree:
+  parallel:
+    - subtree: move_joints
+      with: {joints: {joint_1: 1.4}}
+    - sequence:
+        - Wait: {duration: 0.5 s}
+        - Stuck
+"""
+
+
+@row(
+    "stuck-skill",
+    "the code of a skill does not return while the arm moves; then a stop",
+    "the arm stops at once; the goal ends `hw.cancel_timeout`; a stop is still answered, and new"
+    " goals are refused as `server.held`; a second SIGTERM ends the server",
+    limit=150,
+    unit="ms",
+    times=3,
+)
+def stuck_skill(scene: Scene) -> None:
+    for name, text in (("skills/stuck.py", STUCK), ("trees/31_stuck.yaml", STUCK_TASK)):
+        (scene.folder / name).parent.mkdir()
+        (scene.folder / name).write_text(text)
+    board = scene.board()
+    server = scene.serve("--activate", "--skills", scene.folder / "skills", board=board)
+    goal = server.goal(31)
+    until("the skill is stuck", (scene.folder / "stuck").exists)
+    until("the arm moves", lambda: len(board.frames()) >= scene.random.randint(1, 8))
+    begin = time.monotonic()
+    server.stop()
+    result = server.result(goal)
+    scene.check(result["code"] == "hw.cancel_timeout", f"the goal ends {result['code']}")
+    scene.figure(1000 * (board.frames()[-1].time - begin))
+    scene.check(server.state() == "unconfigured", f"the arm is {server.state()}")
+    scene.check(server.post("/api/goals", {"task": 31})["code"] == "server.held", "a new goal")
+    server.stop()
+    server.signal(signal.SIGTERM)
+    time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
+    if server.popen.poll() is None:
+        server.signal(signal.SIGTERM)
+    server.wait()
+
+
+@row(
+    "frozen-server",
+    "a server is stopped (SIGSTOP) while a client waits for a goal, and others ask",
+    "each client ends with exit status 13, and does not hang",
+    limit=50,
+    unit="s",
+    times=1,
+)
+def frozen_server(scene: Scene) -> None:
+    server = scene.serve("--activate")
+    waiting = scene.armtree("send", "22", "--wait", "--server", server.url)
+    until("the goal", lambda: server.get("/api/status")["goal"])
+    stopped = server.signal(signal.SIGSTOP)
+    others = [scene.armtree(name, "--server", server.url) for name in ("status", "cancel")]
+    for client in (*others, waiting):
+        scene.check(client.wait() == 13, f"exit status {client.wait()}: {last_line(client)}")
+        scene.figure(time.monotonic() - stopped)
+    kill(server.pid, signal.SIGCONT)
+    scene.check(server.stop() < 10, "it does not go on")

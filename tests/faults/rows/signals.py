@@ -2,9 +2,11 @@
 
 import signal
 import time
+from itertools import pairwise
 
-from tests.faults.process import until
-from tests.faults.row import Scene, row
+from tests.faults.process import kill, until
+from tests.faults.row import Scene, last_line, row
+from tests.faults.wrong_calls import WrongCalls
 
 
 @row(
@@ -78,3 +80,72 @@ def kill_server(scene: Scene) -> None:
     other.post("/api/arm/activate")
     result = other.result(other.goal(21))
     scene.check(result["code"] == "ok", f"after the activation: {result['code']}")
+
+
+@row(
+    "kill-9-children",
+    "`kill -9` of random child processes of a server: planners, and what finishes recordings",
+    "goals succeed or end `plan.worker_died`, the next one succeeds; no recording is lost",
+    times=3,
+)
+def kill_children(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", board=board)
+    for task in (21, 23, 23, 21):
+        goal = server.goal(task)
+        time.sleep(scene.random.uniform(0.0, 0.8))  # noqa: TID251, a random moment
+        if children := server.family():
+            kill(scene.random.choice(children), signal.SIGKILL)
+            scene.injections += 1
+        result = server.result(goal)
+        scene.check(result["code"] in ("ok", "plan.worker_died"), f"a goal ends {result['code']}")
+    result = server.result(server.goal(21))
+    scene.check(result["code"] == "ok", f"the last goal ends {result['code']}")
+    server.signal(signal.SIGINT)
+    scene.check(server.wait() == 0, f"exit status {server.wait()}: {last_line(server)}")
+    recover = scene.armtree("log", "recover", *scene.recordings())
+    scene.check(recover.wait() == 0, f"log recover: {last_line(recover)}")
+    scene.check(len(scene.recordings()) == 6, f"{len(scene.recordings())} recordings")
+    scene.verified()
+
+
+@row(
+    "stop-travel",
+    "Ctrl-C at a random time of a motion, on a board with the published sketch, which has read"
+    " frames ahead",
+    "from then on, the servos turn by at most 32 degrees in total",
+    limit=32,
+    unit="deg",
+    times=6,
+)
+def stop_travel(scene: Scene) -> None:
+    board = scene.board()
+    run = scene.run("20", board=board)
+    run.until_event("sent", scene.random.randint(5, 30))
+    run.signal(signal.SIGINT)
+    before = board.ask("state")["angles"]
+    run.wait()
+    until("the board has read all", lambda: board.ask("state")["backlog"] == 0)
+    after = board.ask("state")["angles"]
+    scene.figure(sum(abs(b - a) for a, b in zip(before, after, strict=True)))
+
+
+@row(
+    "sync",
+    "count the syncs (fsync, fdatasync) of the recording of a run; the power is not cut",
+    "there is one about every second, so a power failure should not lose more",
+    limit=2,
+    unit="s",
+    times=2,
+)
+def sync(scene: Scene) -> None:
+    calls = WrongCalls(scene.folder, ".mcap", "sync")
+    calls.start("delay 0")
+    run = scene.run("20", board=scene.board(), environment=calls.environment)
+    run.until_event("sent", scene.random.randint(30, 50))
+    end = run.signal(signal.SIGINT)
+    run.wait()
+    times = [each for each in calls.calls() if each < end]
+    scene.check(len(times) > 2, f"{len(times)} syncs")
+    for first, second in pairwise([*times, end]):
+        scene.figure(second - first)
