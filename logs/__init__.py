@@ -7,6 +7,7 @@ from .errors import (
     DiskFull as DiskFull,
     LogError as LogError,
     NoSpace as NoSpace,
+    RecordingCut as RecordingCut,
     RecordingError as RecordingError,
     RecordingExists as RecordingExists,
     RecordingIncomplete as RecordingIncomplete,

@@ -8,7 +8,8 @@
     ├── RecordingIncomplete        something of a run could not be written
     ├── RecordingInUse             it is still being written
     └── RecordingError             ValueError: a file cannot be read
-        └── RecordingTruncated     its end is missing; the valid part was read
+        ├── RecordingTruncated     its end is missing; the valid part was read
+        └── RecordingCut           it was recovered after a crash; the end of the run is missing
 
 Each error has a stable `code`; its message says what to do.
 """
@@ -153,3 +154,15 @@ class RecordingTruncated(RecordingError):
             f"cut off or damaged after {messages} valid messages; "
             "`armtree log recover` makes a complete file of these",
         )
+
+
+class RecordingCut(RecordingError):
+    """A crash cut the run off; the recording was recovered, but lacks the end of the run."""
+
+    code = "log.cut"
+    exit_status = 10
+    meaning = "A crash cut the run off"
+    hint = "nothing: what was recorded is kept"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "was recovered after a crash; the end of the run is missing")

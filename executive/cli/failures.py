@@ -41,15 +41,15 @@ def for_each(recordings: Iterable[Path], act: Callable[[Path], int]) -> int:
 
 
 def print_incomplete(*recordings: Path) -> int:
-    """Print which recordings are incomplete. Return the exit status.
+    """Print which recordings lack the end of their run. Return the exit status.
 
     Raises:
         RecordingError: A recording cannot be read.
     """
-    from logs import Recording, RecordingTruncated
+    from logs import Recording
     from logs.reading.file_state import why_incomplete
 
     reasons = [why_incomplete(Recording(recording)) for recording in recordings]
     for reason in filter(None, reasons):
         click.echo(reason, err=True)
-    return RecordingTruncated.exit_status if any(reasons) else 0
+    return max((reason.exit_status for reason in reasons if reason), default=0)

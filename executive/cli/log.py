@@ -71,12 +71,14 @@ def _recordings_in(folder: Path) -> list[Path]:
 def info(recording: Path) -> None:
     """Summarise a recording: task, outcome, timing, files and versions."""
     from logs import RecordingTruncated
+    from logs.records.file_format import RECOVERED
     from logs.views.narrative import overview
 
     found = overview(recording)
     for name, value in _facts(found):
         click.echo(f"{name:<12}{value}")
-    sys.exit(0 if found.complete else RecordingTruncated.exit_status)
+    whole = found.complete and RECOVERED not in found.notes
+    sys.exit(0 if whole else RecordingTruncated.exit_status)
 
 
 def _facts(found: "Overview") -> list[tuple[str, str]]:

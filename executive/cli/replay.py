@@ -67,9 +67,9 @@ def replay(
     --verify plans and compiles each run again, and compares. --watch shows a run as it was shown.
     --on PORT sends the frames of a run to an arm.
 
-    Exit status of --verify: 12 if a recording differs, else 10 if one is cut off, else 3 if one
-    cannot be read, else 0. Recordings that are being written are skipped; if there is no other, the
-    exit status is 10.
+    Exit status of --verify: 12 if a recording differs, else 10 if one lacks the end of its run,
+    also if it was recovered, else 3 if one cannot be read, else 0. Recordings that are being
+    written are skipped; if there is no other, the exit status is 10.
 
     Keys of --watch in a terminal: space pauses, left and right move by 1 s, up and down change the
     speed, q quits.
@@ -143,7 +143,7 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
 def _sum_up(verified: int, written: int, wrong: Sequence[tuple[Path, str]]) -> None:
     skipped = f", {written} still being written" if written else ""
     held = f"{verified - len(wrong)} of {verified} recordings hold{skipped}"
-    click.echo(f"{held}{'; different:' if wrong else ''}")
+    click.echo(f"{held}{'; the others:' if wrong else ''}")
     for path, code in wrong:
         click.echo(f"  {path}  {code}")
 

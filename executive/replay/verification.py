@@ -25,14 +25,12 @@ from logs import (
     Recording,
     RecordingError,
     RecordingInUse,
-    RecordingTruncated,
     Result,
     Schedule,
     Sent,
 )
 from logs.reading.consistency import inconsistency
-from logs.reading.file_state import being_written
-from logs.records.file_format import RECOVERED
+from logs.reading.file_state import why_incomplete
 from skills.motion import ModelUnusable
 from skills.motion.planner import Planner
 from trees.export.resolved import RESOLVED
@@ -115,19 +113,19 @@ def verify(path: Path) -> Verification:
     try:
         recording = Recording(path)
         records = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
-        if not recording.complete and being_written(path):
-            raise RecordingInUse(path)
+        if isinstance(cut := why_incomplete(recording), RecordingInUse):
+            raise cut
         checks = _checks(recording, records)
     except (LogError, HardwareError, ModelUnusable) as error:
         return Verification(path, (), str(error), error.code, 0.0)
     except OSError as error:
         return Verification(path, (), str(error), RecordingError.code, 0.0)
     motion = sum(record.duration for record in records if isinstance(record, Schedule))
-    if not recording.complete:
-        torn = RecordingTruncated(path, recording.messages)
-        return Verification(path, checks, str(torn), torn.code, motion)
-    if part := recording.changed:
-        return Verification(path, checks, f"{part} was changed after the run", DIFFERS, motion)
+    if recording.complete and (part := recording.changed):
+        words = f"{part} was changed or removed after the run"
+        return Verification(path, checks, words, DIFFERS, motion)
+    if cut:
+        return Verification(path, checks, str(cut), cut.code, motion)
     return Verification(path, checks, "", "", motion)
 
 
@@ -158,7 +156,7 @@ def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterato
 
 def _checks(recording: Recording, records: Sequence[Record]) -> tuple[Check, ...]:
     topic, wrong = inconsistency(recording)
-    if not records and not _whole(recording):  # it may lack its robot
+    if not records and not recording.whole:  # it may lack its robot
         words = wrong or "the file was cut before the first record"
         return tuple(Check(question, not wrong, words) for question in (_FRAMES, _PLANS))
     robot, planned = restore_robot(recording), topic.startswith(_PLAN)
@@ -168,14 +166,9 @@ def _checks(recording: Recording, records: Sequence[Record]) -> tuple[Check, ...
     )
 
 
-def _whole(recording: Recording) -> bool:
-    """Return whether the recording holds everything that was recorded."""
-    return recording.complete and RECOVERED not in recording.notes
-
-
 def _frames(recording: Recording, robot: Robot, records: Sequence[Record], wrong: str) -> Check:
     words = _goal_difference(recording, records) or joints_difference(robot, records)
-    words = words or frames_difference(robot, records, _whole(recording))
+    words = words or frames_difference(robot, records, recording.whole)
     words = words or result_difference(records) or wrong
     if words:
         return Check(_FRAMES, False, words, source(recording, robot, records, ("frames",)))
@@ -185,14 +178,18 @@ def _frames(recording: Recording, robot: Robot, records: Sequence[Record], wrong
 
 
 def _goal_difference(recording: Recording, records: Sequence[Record]) -> str:
-    """Find a missing goal; only a server's own recording has none, and nothing of a run."""
-    if not _whole(recording):
+    """Find a missing goal or result; only a server's own recording has neither."""
+    if not recording.whole:
         return ""
     if not recording.messages:
         return "nothing is recorded"
     ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in records)
     if ran and not any(isinstance(record, Goal) for record in records):
         return "no goal is recorded"
+    ended = {record.goal_id for record in records if isinstance(record, Result)}
+    goals = (record for record in records if isinstance(record, Goal) and not record.elsewhere)
+    if goal := next((goal for goal in goals if goal.goal_id not in ended), None):
+        return f"the goal of task {goal.task} has no result"
     return ""
 
 

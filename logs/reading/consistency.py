@@ -20,7 +20,6 @@ import numpy as np
 from hardware.description.kinematics import ForwardKinematics
 from logs.errors import RecordingError, RecordingTruncated
 from logs.records.conversions import Stamp
-from logs.records.file_format import RECOVERED
 from logs.records.records import Description, LogLine, Plan, Received, Record, Transition
 from logs.records.ros_types import ros_types
 from logs.records.topics import TOPICS, topics_of
@@ -76,7 +75,7 @@ def _groups(recording: Recording) -> Iterator[list[Message]]:
             group = []
         group.append(message)
         before = place
-    if group and recording.complete and RECOVERED not in recording.notes:
+    if group and recording.whole:
         yield group
 
 

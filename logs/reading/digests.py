@@ -14,11 +14,14 @@ from typing import Any
 
 from mcap import records as mcap
 
-from logs.records.file_format import DIGESTS
+from logs.records.file_format import DIGESTS, UNFINISHED
 
 from .tolerant_reader import TolerantReader
 
 _BYTES = 8
+
+# Notes in every recording of the versions that write digests; the older ones have neither.
+_SINCE = {"note configuration", "note rosbag2"}
 _TIMES = Struct("<QQQQ")
 
 
@@ -27,10 +30,12 @@ class Digests:
 
     Attributes:
         noted: The digests that the file itself holds, by name; empty if it holds none.
+        journal: True if the file is a journal, which holds none yet.
     """
 
     def __init__(self) -> None:
         self.noted: dict[str, str] = {}
+        self.journal = False
         self._digests: dict[str, Any] = {}
         self._types: dict[int, bytes] = {0: b""}
         self._channels: dict[int, tuple[str, bytes]] = {}
@@ -47,6 +52,8 @@ class Digests:
 
     def _add_record(self, record: Any) -> None:
         match record:
+            case mcap.Header():
+                self.journal = record.library.endswith(UNFINISHED)
             case mcap.Message():
                 topic, type_ = self._channels[record.channel_id]
                 times = record.log_time, record.publish_time, record.sequence
@@ -75,7 +82,8 @@ def changed_part(path: Path) -> str:
     """Return the first topic, attachment or note that changed after the recording was finished.
 
     Returns:
-        Its name; empty if nothing changed, or if the file holds no digests.
+        Its name, which is that of the digests if they are missing. Empty if nothing changed, or if
+        the file never held digests.
 
     Raises:
         RecordingError: The file cannot be read.
@@ -84,8 +92,9 @@ def changed_part(path: Path) -> str:
     for _ in digests.watch(TolerantReader(path)):
         pass
     made, noted = digests.made(), digests.noted
-    every = chain(noted, made)
-    return next((name for name in every if noted and made.get(name) != noted.get(name)), "")
+    if not noted:
+        return f"note {DIGESTS}" if made.keys() & _SINCE and not digests.journal else ""
+    return next((name for name in chain(noted, made) if made.get(name) != noted.get(name)), "")
 
 
 def _joined(*parts: str | bytes) -> bytes:

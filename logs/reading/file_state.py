@@ -7,7 +7,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from logs.errors import LogError, RecordingError, RecordingInUse, RecordingTruncated
+from logs.errors import (
+    LogError,
+    RecordingCut,
+    RecordingError,
+    RecordingInUse,
+    RecordingTruncated,
+)
 from logs.records.file_format import MAGIC, is_journal
 
 from .recording import Recording
@@ -96,13 +102,15 @@ def is_complete(path: Path, every_byte: bool) -> bool:
     return True
 
 
-def why_incomplete(recording: Recording) -> str:
-    """Return why a recording lacks its end, with its path; empty if it is complete."""
+def why_incomplete(recording: Recording) -> LogError | None:
+    """Return why a recording lacks the end of its run; None if it does not."""
+    if recording.whole:
+        return None
     if recording.complete:
-        return ""
+        return RecordingCut(recording.path)
     if being_written(recording.path):
-        return str(RecordingInUse(recording.path))
-    return str(RecordingTruncated(recording.path, recording.messages))
+        return RecordingInUse(recording.path)
+    return RecordingTruncated(recording.path, recording.messages)
 
 
 def closed_recordings(folder: Path, since: float) -> Iterator[Recording]:

@@ -112,11 +112,16 @@ class Recording:
         """True if the file has its end and no damage."""
         return self._facts().complete
 
+    @property
+    def whole(self) -> bool:
+        """True if it is complete, and was not recovered after a crash."""
+        return self.complete and RECOVERED not in self.notes
+
     @cached_property
     def changed(self) -> str:
         """First topic, attachment or note that changed after the recording was finished.
 
-        Empty if nothing changed, or if the file holds no digests: an unfinished recording, or one
+        Empty if nothing changed, or if the file never held digests: an unfinished recording, or one
         of an older armtree.
         """
         from .digests import changed_part

@@ -10,6 +10,7 @@ import pytest
 import logs
 from executive.replay.verification import verify
 from logs.reading.digests import changed_part as changed_in
+from logs.records.file_format import DIGESTS
 from logs.records.ros_types import ros_types
 from tests.conftest import RigMaker
 from tests.executive.replay.test_verification import checks, field, picked
@@ -37,6 +38,33 @@ file .*\\.yaml (data|left out)|note (configuration|versions) .*
 /plan/\\w+ \\.data\\.(milliseconds\\..*|message)|/plan/gripper \\.data\\.start\\.joint_[123]
 /schedule \\.data\\.(groups\\[-1\\] left out|together)
 /result \\.data\\.(message|duration|node|joint|value|limit|hint)"""
+
+
+def test_every_single_change_of_a_finished_recording_is_found(rig: RigMaker) -> None:
+    path = picked(rig())
+    records, count, held = records_of(path), 0, []
+    for name, changed in single_changes(records):
+        count += 1
+        if not changed_in(rewritten(path, changed, digests=True)):
+            held.append(name)
+    assert count > 90
+    assert held == []
+
+
+@pytest.mark.parametrize("digests", [True, False])
+def test_a_finished_recording_needs_its_digests_and_its_result(
+    rig: RigMaker, digests: bool
+) -> None:
+    path = picked(rig())
+    records = records_of(path)
+    bare = verify(rewritten(path, records))
+    assert (checks(bare), bare.holds, bare.code) == ([True, True], False, "replay.differs")
+    assert bare.error == "note digests was changed or removed after the run"
+    result = next(each.id for each in records if getattr(each, "topic", "") == "/result")
+    kept = [each for each in records if getattr(each, "channel_id", -1) != result]
+    unended = verify(rewritten(path, kept, digests))
+    assert (checks(unended), unended.code) == ([False, True], "replay.differs")
+    assert unended.checks[0].words == "the goal of task 1 has no result"
 
 
 def test_every_single_change_is_found(tmp_path: Path) -> None:
@@ -204,13 +232,15 @@ def test_a_change_after_the_run_is_named(rig: RigMaker, tmp_path: Path) -> None:
     verification = verify(altered(path, log, digests=True))
     assert checks(verification) == [True, True]
     assert (verification.holds, verification.code) == (False, "replay.differs")
-    assert verification.text().endswith("  /plan/arm was changed after the run")
+    assert verification.text().endswith("  /plan/arm was changed or removed after the run")
     verification = verify(altered(path, retold("/plan/arm", field("seed", to=2)), digests=True))
     assert verification.checks[1].source == "seed: the goal has 1, the arm was planned with 2"
     verification = verify(
         altered(path, retold("/plan/arm", field("duration", to=9.0)), digests=True)
     )
-    assert verification.checks[1].source == "the recording: /plan/arm was changed after the run"
+    assert verification.checks[1].source == (
+        "the recording: /plan/arm was changed or removed after the run"
+    )
 
 
 def test_topics_that_an_older_armtree_did_not_know_are_not_missing(rig: RigMaker) -> None:
@@ -219,11 +249,12 @@ def test_topics_that_an_older_armtree_did_not_know_are_not_missing(rig: RigMaker
     gone = {
         r.id for r in records if type(r).__name__ == "Channel" and r.topic in ("/tf", "/rosout")
     }
+    new = ("configuration", "rosbag2", DIGESTS)  # notes
     kept = [
         r
         for r in records
-        if type(r).__name__ not in ("Channel", "Message")
-        or (r.id if type(r).__name__ == "Channel" else r.channel_id) not in gone
+        if (r.id if type(r).__name__ == "Channel" else getattr(r, "channel_id", -1)) not in gone
+        and not (type(r).__name__ == "Metadata" and r.name in new)
     ]
     verification = verify(rewritten(path, kept))
     assert verification.holds, verification.text()
