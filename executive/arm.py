@@ -20,7 +20,7 @@ from .codes import OK
 from .errors import GoalFailed, ResultTimeout, UnknownGoal
 from .executive import Executive
 from .goals.outcome import GoalState, Outcome
-from .session import finish_recording, open_executive
+from .session import finish_recording, load_own_skills, open_executive
 from .setup import Setup
 
 OWN_TREES = Path("trees")  # as on the command line
@@ -66,11 +66,12 @@ class Arm:
         _check("seed", seed, type(seed) is int and seed > 0, "a whole number from 1")
         _check("pose", pose, pose in (None, "boot", "last"), "boot, last or None")
         own_trees = OWN_TREES if OWN_TREES.is_dir() else None
+        if skills is not None:
+            load_own_skills(Path(skills))
         setup = Setup(
             port=port,
             robot=load_robot(None if robot is None else Path(robot)),
             trees=own_trees if trees is None else Path(trees),
-            skills=None if skills is None else Path(skills),
             recordings=Path(recordings),
             seed=seed,
             pose=pose,

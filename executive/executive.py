@@ -62,6 +62,7 @@ class Executive:
 
     Attributes:
         setup, robot, library, clock: The same.
+        start_pose: Finds the start pose of an activation.
         port: Name of the port; empty for none.
     """
 
@@ -88,7 +89,7 @@ class Executive:
             self._interrupt,
             configuration_note(self.port, setup),
         )
-        self._start_pose = StartPose(robot, self.port, setup.recordings, setup.pose)
+        self.start_pose = StartPose(robot, self.port, setup.recordings, setup.pose)
         recorded = RecordedLink(link, self._recordings, clock) if link else None
         self._arm = Arm(robot, recorded, clock, self._arm_changed)
         self._queue = GoalQueue(clock, setup.policy, setup.result_timeout, self._goal_changed)
@@ -112,7 +113,7 @@ class Executive:
             self._recordings,
             context,
             self._breakpoints,
-            self._start_pose,
+            self.start_pose,
             setup.single_user,
         )
 
@@ -277,7 +278,7 @@ class Executive:
 
         Args:
             transition: configure, activate, deactivate, cleanup or shutdown.
-            pose: Confirmed start pose of an activation, `boot` or `last`; see `find_start_pose`.
+            pose: Confirmed start pose of an activation, `boot` or `last`; see `StartPose`.
 
         Returns:
             State of the arm.
@@ -292,7 +293,7 @@ class Executive:
         if transition == "activate":
             self._recordings.check_space()
             self._recordings.wait()  # the board boots next, and may move the arm
-            self._start_pose.activate(self._arm, pose)
+            self.start_pose.activate(self._arm, pose)
             return self._arm.state
         if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
             self._interrupt(
@@ -364,7 +365,7 @@ class Executive:
         self._recordings.on_arm_event(event)
         match event:
             case FrameSent():
-                self._start_pose.note(event.positions)
+                self.start_pose.note(event.positions)
             case Faulted():
                 self._interrupt(event.error)
             case StateChanged(start=State.ACTIVE, goal=State.DEACTIVATING | State.SHUTTINGDOWN):

@@ -18,7 +18,6 @@ from trees.live_library import LiveLibrary
 from .executive import Executive
 from .goals.events import Event
 from .goals.outcome import Outcome
-from .goals.start_pose import find_start_pose
 from .setup import Setup
 
 logger = logging.getLogger(__name__)
@@ -52,16 +51,11 @@ def open_executive(
     Raises:
         HardwareError: The robot file is wrong, names no driver, or the start pose is not confirmed.
         TreeError: The folder of tasks cannot be read.
-        ValueError: A skill in the set-up's folder is broken.
         LogError: At the end: a recording could not be finished.
     """
-    if setup.skills:
-        load_own_skills(setup.skills)
     robot, clock = setup.load_robot(), clock or RealClock()
     library = LiveLibrary(setup.trees, robot) if setup.reload else Library(setup.trees)
     port = robot.serial.port if setup.port is None else setup.port
-    if setup.single_user or setup.activate or setup.pose:  # rejected before the port is opened
-        find_start_pose(robot, port, setup.pose, setup.recordings)
     if link is None and port:
         link = robot.link(port)
     early = list(_tidy(setup, clock))
@@ -76,6 +70,8 @@ def open_executive(
         for line in early:
             executive.record(line)
         with closing(executive):
+            if setup.single_user or setup.activate or setup.pose:
+                executive.start_pose.find()  # rejected before the port is opened
             yield executive
 
 

@@ -16,7 +16,6 @@ class Setup:
         robot: Robot file, or a robot; None for the shipped Arduinobot.
         port: Serial port, or `virtual`; empty for none, None for the port of the robot file.
         trees: Folder with task files of your own; None for the shipped tasks only.
-        skills: Folder with skills of your own; None for the shipped and installed skills only.
         reload: True if each goal takes the latest valid task files, False if they are read once.
         recordings: Folder for recordings.
         keep_days: Age at which a recording is deleted [days]; None for never.
@@ -36,7 +35,6 @@ class Setup:
     robot: Path | Robot | None = None
     port: str | None = None
     trees: Path | None = None
-    skills: Path | None = None
     reload: bool = True
     recordings: Path = Path("recordings")
     keep_days: float | None = None

@@ -23,60 +23,51 @@ class LastCommand:
     source: str
 
 
-def find_start_pose(
-    robot: Robot,
-    port: str,
-    confirmed: str | None,
-    recordings: Path,
-    last: LastCommand | None = None,
-) -> tuple[float, ...]:
-    """Return the pose of the arm when its port opens, one value per actuated joint [rad].
-
-    Args:
-        robot: Description of the robot.
-        port: Serial port.
-        confirmed: Pose that a person confirms: `boot`, `last` for the last commanded one, or None.
-        recordings: Folder of recordings, to find the last commanded pose.
-        last: Last pose that this program commanded; default: that of the newest recording.
-
-    Raises:
-        PoseUnconfirmed: Opening the port does not reset the board, and no pose is confirmed; or
-            the confirmed pose is unknown or impossible.
-    """
-    if robot.serial.resets or port == VIRTUAL:
-        if confirmed == "last":
-            raise PoseUnconfirmed(
-                f"Opening the port {port} resets the board, which moves the arm to its boot pose; "
-                'the pose "last" is for robots whose file says reset_on_open = false'
-            )
-        return robot.boot_pose
-    if confirmed == "boot":
-        return robot.boot_pose
-    last = last or last_command(robot, recordings)
-    if confirmed is None:
-        raise PoseUnconfirmed(_offer(robot, last))
-    if last is None:
-        raise PoseUnconfirmed(
-            f"No recording in {recordings} holds a commanded pose; move the arm to its boot pose, "
-            'then confirm the pose "boot"'
-        )
-    return last.positions
-
-
 class StartPose:
-    """Finds the start pose of each activation.
+    """Finds the pose of the arm when its port opens.
 
     Args:
         robot: Description of the robot.
         port: Serial port.
-        recordings: Folder of recordings.
-        confirmed: Pose that a person confirms for the first activation.
+        recordings: Folder of recordings, to find the last commanded pose.
+        confirmed: Pose that a person confirms for the first activation: `boot`, `last` for the last
+            commanded one, or None.
     """
 
     def __init__(self, robot: Robot, port: str, recordings: Path, confirmed: str | None) -> None:
         self._robot, self._port, self._recordings = robot, port, recordings
         self._confirmed = confirmed
-        self._last: LastCommand | None = None
+        self._last: LastCommand | None = None  # by this program
+
+    def find(self, confirmed: str | None = None) -> tuple[float, ...]:
+        """Return the start pose of an activation, one value per actuated joint [rad].
+
+        Args:
+            confirmed: Pose that a person confirms now.
+
+        Raises:
+            PoseUnconfirmed: Opening the port does not reset the board, and no pose is confirmed; or
+                the confirmed pose is unknown or impossible.
+        """
+        robot, confirmed = self._robot, confirmed or self._confirmed
+        if robot.serial.resets or self._port == VIRTUAL:
+            if confirmed == "last":
+                raise PoseUnconfirmed(
+                    f"Opening the port {self._port} resets the board, which moves the arm to its "
+                    'boot pose; the pose "last" is for robots whose file says reset_on_open = false'
+                )
+            return robot.boot_pose
+        if confirmed == "boot":
+            return robot.boot_pose
+        last = self._last or last_command(robot, self._recordings)
+        if confirmed is None:
+            raise PoseUnconfirmed(_offer(robot, last))
+        if last is None:
+            raise PoseUnconfirmed(
+                f"No recording in {self._recordings} holds a commanded pose; move the arm to its "
+                'boot pose, then confirm the pose "boot"'
+            )
+        return last.positions
 
     def activate(self, arm: Arm, confirmed: str | None = None) -> None:
         """Activate the arm in its start pose.
@@ -86,12 +77,10 @@ class StartPose:
             confirmed: Pose that a person confirms now.
 
         Raises:
-            PoseUnconfirmed: As `find_start_pose`.
+            PoseUnconfirmed: As `find`.
             HardwareError: The activation failed.
         """
-        pose = confirmed or self._confirmed
-        robot, port, folder = self._robot, self._port, self._recordings
-        arm.activate(find_start_pose(robot, port, pose, folder, self._last))
+        arm.activate(self.find(confirmed))
         self.note(arm.commanded)
 
     def note(self, positions: tuple[float, ...]) -> None:

@@ -12,7 +12,7 @@ from executive.cli.main import cli
 from executive.errors import PoseUnconfirmed
 from executive.goals.outcome import GoalState
 from executive.goals.queue import Policy
-from executive.goals.start_pose import find_start_pose
+from executive.goals.start_pose import StartPose
 from hardware import DescriptionError, Robot, State, load_robot
 from tests.conftest import Rig, RigMaker
 from tests.support.servers.server_acts import at_frame
@@ -136,11 +136,11 @@ def test_a_pose_is_offered_and_confirmed(robot: Robot, rig: RigMaker, tmp_path: 
     arm = rig()
     (outcome,) = arm.run(1)
     with pytest.raises(PoseUnconfirmed, match=r"joint_1 -1\.399.* pose \"last\" .* pose \"boot\""):
-        find_start_pose(unreset(robot), "/dev/ttyX", None, tmp_path)
-    confirmed = find_start_pose(unreset(robot), "/dev/ttyX", "last", tmp_path)
+        StartPose(unreset(robot), "/dev/ttyX", tmp_path, None).find()
+    confirmed = StartPose(unreset(robot), "/dev/ttyX", tmp_path, "last").find()
     last = arm.recorded(logs.Sent)[-1]
     assert confirmed == last.positions
-    assert find_start_pose(unreset(robot), "/dev/ttyX", "boot", tmp_path) == robot.boot_pose
+    assert StartPose(unreset(robot), "/dev/ttyX", tmp_path, "boot").find() == robot.boot_pose
     assert str(outcome.recording)
 
 
@@ -178,16 +178,16 @@ def test_a_later_activation_starts_from_the_last_commanded_pose(
 
 def test_there_is_nothing_to_confirm(robot: Robot, tmp_path: Path) -> None:
     with pytest.raises(PoseUnconfirmed, match="no recording holds a commanded pose"):
-        find_start_pose(unreset(robot), "/dev/ttyX", None, tmp_path)
+        StartPose(unreset(robot), "/dev/ttyX", tmp_path, None).find()
     with pytest.raises(PoseUnconfirmed, match='confirm the pose "boot"'):
-        find_start_pose(unreset(robot), "/dev/ttyX", "last", tmp_path)
+        StartPose(unreset(robot), "/dev/ttyX", tmp_path, "last").find()
 
 
 def test_a_board_that_resets_starts_in_its_boot_pose(robot: Robot, tmp_path: Path) -> None:
-    assert find_start_pose(robot, "/dev/ttyX", None, tmp_path) == robot.boot_pose
-    assert find_start_pose(unreset(robot), "virtual", None, tmp_path) == robot.boot_pose
+    assert StartPose(robot, "/dev/ttyX", tmp_path, None).find() == robot.boot_pose
+    assert StartPose(unreset(robot), "virtual", tmp_path, None).find() == robot.boot_pose
     with pytest.raises(PoseUnconfirmed, match="resets the board"):
-        find_start_pose(robot, "/dev/ttyX", "last", tmp_path)
+        StartPose(robot, "/dev/ttyX", tmp_path, "last").find()
 
 
 def robot_file(folder: Path, robot: Robot, line: str) -> Path:
