@@ -194,9 +194,9 @@ def test_progress_of_two_motions(rig: RigMaker, tasks: Path) -> None:
 
 def test_an_unknown_task(rig: RigMaker) -> None:
     arm = rig()
-    (outcome,) = arm.run(7)
+    (outcome,) = arm.run(77)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "goal.unknown_task")
-    assert outcome.message == "Invalid task number 7; there are 0, 1, 2"
+    assert outcome.message == "Invalid task number 77; there are 0, 1, 2"
     assert not outcome.success
     assert (arm.opened, arm.frames, arm.recorded(logs.Transition)) == (0, [], [])
     assert Path(outcome.recording).exists()
