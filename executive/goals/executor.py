@@ -2,6 +2,7 @@
 
 import dataclasses
 import logging
+import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from threading import Lock, Thread
@@ -21,7 +22,7 @@ from trees.live_library import LiveLibrary
 from .breakpoints import Breakpoints
 from .goal import Goal
 from .mailbox import Mailbox
-from .queue import NO_GOAL, GoalQueue
+from .queue import GoalQueue
 from .run import Run, decide_outcome
 from .start_pose import StartPose
 from .stop import GoalStopper
@@ -106,7 +107,8 @@ class GoalExecutor:
         Returns:
             The error, or None.
         """
-        attempt = _Attempt(Goal(NO_GOAL, task, arguments, 0.0, 0, Mailbox(self._clock)))
+        identity = uuid.uuid4().hex  # its tree shares no keys with that of any goal
+        attempt = _Attempt(Goal(identity, task, arguments, 0.0, 0, Mailbox(self._clock)))
         self._try(attempt, self._build)
         self._discard(attempt)
         return attempt.error

@@ -2,13 +2,16 @@
 
 import math
 import threading
+from pathlib import Path
 
 import pytest
 
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goals.outcome import Acceptance, CancelCode, GoalState, Outcome
 from executive.goals.queue import KEPT, WAITING, Policy
+from tests.conftest import RigMaker
 from tests.support.generated.goals_table import Table
+from tests.support.servers.server_acts import at_frame
 
 S, C = GoalState, CancelCode
 UNKNOWN_ID = "0" * 32
@@ -304,3 +307,25 @@ def test_closed() -> None:
     table.goals.close()
     assert table.send().code == "server.closing"
     assert table.goals.take() is None
+
+
+TWO_MOVES = """\
+task: 15
+name: two_moves
+description: Move there and back.
+tree:
+  sequence:
+    - {subtree: move_joints, with: {joints: {joint_1: 0.1}}}
+    - {subtree: move_joints, with: {joints: {joint_1: 0.0}}}
+"""
+
+
+def test_a_goal_may_have_any_identity_while_others_are_validated(
+    server: RigMaker, tmp_path: Path
+) -> None:
+    (tmp_path / "15_two_moves.yaml").write_text(TWO_MOVES)
+    arm = server(tasks=tmp_path)
+    at_frame(arm, 3, lambda: arm.executive.send(15, strict=True))
+    assert arm.executive.send(15, identity=UNKNOWN_ID, strict=True).accepted
+    outcome = arm.executive.result(UNKNOWN_ID)
+    assert outcome.success, outcome

@@ -15,14 +15,14 @@ from .site import Site
 
 
 def unplug(site: Site, random: random.Random) -> None:
-    site.spoiled = True
+    site.spoiled += 1
     site.board.ask("unplug")
     site.plugged = False
 
 
 def stall(site: Site, random: random.Random) -> None:
     """The board reads nothing for a while; the reader of the messages lets it go on."""
-    site.spoiled = True
+    site.spoiled += 1
     site.board.ask("stall")
 
 
@@ -40,7 +40,7 @@ def reset(site: Site, random: random.Random) -> None:
 
 def wrong_writes(site: Site, random: random.Random) -> None:
     """The kernel refuses writes to the port, takes long, or takes a part."""
-    site.spoiled = True
+    site.spoiled += 1
     how = ["errno 5", "errno 19 once", "errno 11", "delay 40", "delay 4000 once", "hang 200"]
     site.calls.start(random.choice([*how, "zero", "zero once", "short 7", "short 1"]))
     pause(random, 2.0)

@@ -33,7 +33,8 @@ class Site:
     Attributes:
         codes: How often each code came.
         problems: What does not hold.
-        spoiled: Whether this round has a fault of the port; it may cost frames on the way.
+        spoiled: How many faults of the port this round has. Each may cost frames on the way, and
+            the record of one frame that was written too late.
         stops: How long each stop took [s].
     """
 
@@ -44,7 +45,7 @@ class Site:
         self.problems: list[str] = []
         self.stops: list[float] = []
         self.goals: list[str] = []
-        self.spoiled = False
+        self.spoiled = 0
         self.plugged = True
         self.unreceived = self.verified = self.incomplete = self.recorded_bytes = 0
         self._lock, self._commands = threading.Lock(), 0
@@ -170,11 +171,11 @@ class Site:
         wrote = b"".join(each.data for each in sorted(frames, key=lambda each: each.time))
         unrecorded, unreceived = compare(read, wrote)
         self.unreceived += unreceived
-        if unrecorded:
+        if unrecorded > self.spoiled:
             self.problem(f"{unrecorded} frames reached the board unrecorded")
         if unreceived and not self.spoiled:
             self.problem(f"{unreceived} recorded frames missed the board")
-        self.spoiled = False
+        self.spoiled = 0
 
     def verify(self, last: bool = False) -> None:
         """Verify the recordings that ended, and delete them; at last also the server's own."""
