@@ -14,7 +14,8 @@ GoalError
 ├── ExecutorBlocked     the code of a skill does not return, so no goal can be executed
 └── ServerRestarted     the server ended before the goal did
 ServerError             the server cannot start with these options
-└── AddressInUse        another program listens at that address
+├── AddressInUse        another program listens at that address
+└── TooFewFiles         the limit of open files is too low
 RequestError            a request that the server refuses before it reads the goal
 ├── BadRequest          400, 422: malformed
 ├── NotFound            404: no such address
@@ -201,6 +202,25 @@ class AddressInUse(ServerError):
 
     code = "server.address_in_use"
     hint = "end it, or give --tcp-port"
+
+
+class TooFewFiles(ServerError):
+    """The operating system lets the server open too few files.
+
+    Args:
+        limit: Its limit.
+        least: Limit with which the server can start.
+        enough: Limit with which it can serve as many clients as it ever does.
+    """
+
+    code = "server.files"
+    hint = "raise the limit, such as with ulimit -n 1024"
+
+    def __init__(self, limit: int, least: int, enough: int) -> None:
+        super().__init__(
+            f"this process may open {limit} files, and the server needs {least} of them to answer "
+            f"a stop, {enough} to serve all clients; raise the limit: ulimit -n {max(1024, enough)}"
+        )
 
 
 class RequestError(Exception):

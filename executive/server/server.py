@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import uvicorn
 
-from executive.errors import AddressInUse, ServerError
+from executive.errors import AddressInUse, ServerError, TooFewFiles
 from executive.executive import Executive
 from executive.goals.questions import Questions, ignore
 from executive.server import PORT
@@ -24,6 +24,7 @@ from .http.app import App
 from .http.strict_json import MAX_BYTES
 from .limits.cancel_thread import CancelThread
 from .limits.connections import MAX_HEAD, HttpConnection, SharedState, WebSocketConnection
+from .limits.descriptors import max_connections
 from .limits.fair_queue import FairQueue
 from .rosbridge.bridge import Bridge
 from .security import AccessRules, host_names, is_loopback
@@ -31,7 +32,9 @@ from .security import AccessRules, host_names, is_loopback
 logger = logging.getLogger(__name__)
 
 _BACKLOG = 1024  # connections that the kernel keeps until they are accepted
-_ACCEPTED_AT_ONCE = 4  # so that a crowd of new connections does not hold up those with a stop
+# A crowd of new connections does not hold up those with a stop, nor use up all descriptors. If one
+# cannot be accepted, asyncio tries each of the others too, and logs and repeats each of the tries.
+_ACCEPTED_AT_ONCE = 1
 _LOOPBACK = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # by the address of all interfaces
 _ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # as browsers send it
 _SEND_BUFFER = 128 * 1024  # bytes in flight to a client that does not read
@@ -100,9 +103,9 @@ class ListenOptions:
 class _Uvicorn(uvicorn.Server):
     """uvicorn that waits for its end instead of polling ten times a second."""
 
-    def __init__(self, config: uvicorn.Config, queue: FairQueue, rules: AccessRules) -> None:
+    def __init__(self, config: uvicorn.Config, state: SharedState) -> None:
         super().__init__(config)
-        self.server_state = SharedState(queue, rules)
+        self.server_state = state
         self.ready, self.ending = threading.Event(), asyncio.Event()
 
     async def main_loop(self) -> None:
@@ -141,6 +144,7 @@ class Server:
     Raises:
         ServerError: The options are unsafe or invalid, or the token file cannot be written.
         AddressInUse: Another program listens on the port.
+        TooFewFiles: The limit of open files is too low.
     """
 
     def __init__(self, executive: Executive, listen: ListenOptions, questions: Questions) -> None:
@@ -162,6 +166,11 @@ class Server:
         self._loop = asyncio.new_event_loop()
         self._hub = EventHub(self._loop)
         self._thread: threading.Thread | None = None
+        try:
+            self._max_connections = max_connections(executive.setup.workers)
+        except TooFewFiles:
+            self.stop()
+            raise
 
     def __enter__(self) -> Self:
         return self
@@ -184,7 +193,8 @@ class Server:
         serve_rosbridge = bridge.serve if self._options.rosbridge else None
         rules = self._options.rules(self.port, self.token)
         app = App(answers, rules, self._clock, serve_rosbridge)
-        self._server = _Uvicorn(_config(app), FairQueue(self._loop), rules)
+        state = SharedState(FairQueue(self._loop), rules, self._max_connections)
+        self._server = _Uvicorn(_config(app), state)
         self._thread = self._clock.spawn(self._run, "network")
         self._server.ready.wait()
         self._socket.listen(_BACKLOG)  # asyncio has set it to what it accepts at once

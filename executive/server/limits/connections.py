@@ -24,7 +24,6 @@ from executive.server.security import AccessRules, is_authenticated
 
 from .fair_queue import CHUNK, FairQueue
 
-MAX_CONNECTIONS = 128  # more than all streams, subscribers and rosbridge clients together
 MAX_HEAD = 8 * 1024  # bytes of a request's head
 MAX_HEAD_LINES = 100  # parsing a line takes 5 us
 MAX_STOP_HEAD = 2 * 1024  # bytes of the head of a stop that is not queued
@@ -54,22 +53,25 @@ class SharedState(ServerState):
     Args:
         queue: Queue of received data.
         rules: Who may call.
+        max_connections: Most connections; if there are more, one is closed.
     """
 
-    def __init__(self, queue: FairQueue, rules: AccessRules) -> None:
+    def __init__(self, queue: FairQueue, rules: AccessRules, max_connections: int) -> None:
         super().__init__()
-        self.fair_queue, self.rules = queue, rules
+        self.fair_queue, self.rules, self.max_connections = queue, rules, max_connections
 
 
 class _QueuedProtocol(asyncio.Protocol):
     """Queues received data, and disconnects a client that does not read."""
 
     transport: asyncio.Transport
+    idle_since = 0.0  # when it was accepted or last answered [s]
     _stall_timer: asyncio.TimerHandle | None = None
 
     def __init__(self, *, server_state: SharedState, **more: Any) -> None:
         super().__init__(server_state=server_state, **more)  # type: ignore[call-arg]
         self.fair_queue, self._rules = server_state.fair_queue, server_state.rules
+        self._max_connections = server_state.max_connections
 
     def data_received(self, data: bytes) -> None:
         """Process a stop at once, unless other data is queued before it; queue all other data."""
@@ -98,6 +100,16 @@ class _QueuedProtocol(asyncio.Protocol):
     def is_full(self) -> bool:
         """True while uvicorn does not want to read more."""
         raise NotImplementedError
+
+    @property
+    def awaits_answer(self) -> bool:
+        """True if a request has arrived completely and is not answered yet."""
+        return True
+
+    @property
+    def has_token(self) -> bool:
+        """True if its last request contained the token."""
+        return False
 
     def pause_writing(self) -> None:
         """Start the timer when the transport's buffer is full."""
@@ -160,19 +172,19 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
 class HttpConnection(_QueuedProtocol, H11Protocol):
     """An HTTP connection.
 
-    If there are too many connections, an idle one is closed, first one without the token.
+    If there are too many connections, another one is closed: one without the token before one
+    with it, an idle one before a stream, and the oldest first.
     """
 
     _head_timer: asyncio.TimerHandle | None = None
-    idle_since = 0.0  # when it was accepted or last answered [s]
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Start to wait for a request, and close an idle connection if there are too many."""
+        """Start to wait for a request, and close another connection if there are too many."""
         super().connection_made(transport)
         self.idle_since = self.loop.time()
         self._update_head_timer()
-        if len(self.connections) > MAX_CONNECTIONS:
-            self._close_an_idle_connection()
+        if len(self.connections) > self._max_connections:
+            self._close_another()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End the timer when the connection ends."""
@@ -268,15 +280,17 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
             self._head_timer.cancel()
             self._head_timer = None
 
-    def _close_an_idle_connection(self) -> None:
-        idle = [
+    def _close_another(self) -> None:
+        others = [
             each
             for each in self.connections
-            if isinstance(each, HttpConnection)
-            and not (each is self or each.awaits_answer or each.transport.is_closing())
+            if isinstance(each, HttpConnection | WebSocketConnection)
+            and each is not self
+            and not each.transport.is_closing()
         ]
-        oldest = min(idle, key=lambda each: (each.has_token, each.idle_since), default=self)
-        oldest.transport.abort()
+        if others:
+            oldest = min(others, key=lambda e: (e.has_token, e.awaits_answer, e.idle_since))
+            oldest.transport.abort()
 
 
 def _too_many_lines(data: bytes) -> bool:

@@ -2,17 +2,20 @@
 
 import contextlib
 import logging
+import os
+import resource
 import threading
 
 import pytest
 
 import logs
+from executive.errors import TooFewFiles
 from executive.goals.events import Event
 from executive.goals.outcome import CancelResult
 from executive.server import event_hub
 from executive.server.http import answers as api, app
-from executive.server.limits import connections, fair_queue
-from tests.support.servers.foreign_clients import GOAL, answer, head, raw, stops
+from executive.server.limits import connections, descriptors, fair_queue
+from tests.support.servers.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
 from tests.support.servers.serving import Serve
 
 pytestmark = pytest.mark.slow
@@ -31,7 +34,7 @@ def test_idle_connections_are_closed_to_make_room(serve: Serve) -> None:
         assert stops(served)
         goal = served.ask("POST", "/api/goals", {"task": 11})[1]["goal_id"]
         assert served.ask("GET", f"/api/goals/{goal}/result")[1]["success"]
-        assert served.server.connections <= connections.MAX_CONNECTIONS
+        assert served.server.connections <= descriptors.MAX_CONNECTIONS
 
 
 def test_a_stop_is_not_queued(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -126,6 +129,34 @@ def test_stops_that_come_together_share_one(serve: Serve, monkeypatch: pytest.Mo
     assert goal in served.ask("POST", "/api/stop", token=False)[1]["goals"]
 
 
+def test_a_stop_is_answered_if_streams_take_all_connections(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 2)
+    served = serve(rosbridge=True)
+    own = f"host: 127.0.0.1:{served.server.port}"
+    watch = ("GET /api/events HTTP/1.1", own, "")
+    with raw(served, "GET / HTTP/1.1", own, *UPGRADE, "") as socket, raw(served, *watch) as stream:
+        assert b" 101 " in socket.recv(1000)
+        assert b" 200 " in stream.recv(1000)
+        assert stops(served)
+        with raw(served, *watch) as newer:
+            assert b" 200 " in newer.recv(1000)
+            assert stops(served)
+            assert served.server.connections <= 2
+
+
+def test_the_limit_of_open_files_is_checked_at_the_start(serve: Serve) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    taken = len(os.listdir("/proc/self/fd"))
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (taken + 20, hard))
+        with pytest.raises(TooFewFiles, match=f"may open {taken + 20} files.*ulimit -n 1024"):
+            serve()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
 def test_idle_strangers_do_not_end_a_hold(serve: Serve) -> None:
     served = serve()
     with contextlib.ExitStack() as stack:
@@ -142,7 +173,7 @@ def test_idle_strangers_do_not_end_a_hold(serve: Serve) -> None:
         assert served.ask("GET", "/api/health")[0] == 200
         holding.sendall(b"0\r\n\r\n")
         assert b'"canceled":true' in answer(holding)
-        assert served.server.connections <= connections.MAX_CONNECTIONS
+        assert served.server.connections <= descriptors.MAX_CONNECTIONS
 
 
 def test_a_flood_does_not_disturb_a_motion(serve: Serve) -> None:

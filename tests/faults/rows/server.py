@@ -1,5 +1,8 @@
 """Hostile clients of a server: a stop is answered in every flood."""
 
+import contextlib
+import resource
+import socket
 import sys
 from pathlib import Path
 
@@ -60,3 +63,37 @@ flood_chunks = flood("chunks", "stops whose bodies have a thousand chunks and do
 flood_cancels = flood("long cancels", "cancels with 11,000 header lines")
 flood_goals = flood("rosbridge goals", "goals through rosbridge", clients=16)
 flood_rosbridge = flood("rosbridge cancels", "cancels through rosbridge", clients=16)
+
+
+@row(
+    "descriptors",
+    "`ulimit -n 30`, and 40 idle connections",
+    "stops and goals are answered, and the log stays below 10 KiB; with 20, the server does not "
+    "start, and one line says what it needs",
+    limit=100,
+    unit="ms",
+    times=3,
+    quick=1,
+)
+def descriptors(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", board=board, limits={resource.RLIMIT_NOFILE: 30})
+    until("the arm to be active", lambda: server.state() == "active")
+    with contextlib.ExitStack() as stack:
+        for _ in range(40):
+            stack.enter_context(socket.create_connection(server.address))
+        for _ in range(3):
+            goal = server.goal(20)
+            until("a goal in motion", lambda: server.get("/api/status")["percentage"])
+            for _ in range(10):
+                stack.enter_context(socket.create_connection(server.address))
+                scene.figure(1000 * server.stop())
+            state = server.result(goal)["state"]
+            scene.check(state == "CANCELED", f"the goal ended {state}")
+    size = len(server.text())
+    scene.check(size < 10_240, f"the log has {size} bytes")
+    fewer = scene.armtree("serve", "--port", "virtual", limits={resource.RLIMIT_NOFILE: 20})
+    scene.check(fewer.wait() == 13, f"with 20, exit status {fewer.wait()}")
+    said = fewer.text().splitlines()
+    scene.check(len(said) == 1 and "ulimit -n" in said[0], f"with 20, it says {said}")
+    scene.verified()
