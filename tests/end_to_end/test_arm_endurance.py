@@ -58,7 +58,7 @@ def test_a_cable_pulled_at_any_instant_is_a_fault_and_no_frame_follows() -> None
         assert not [frame for frame in frames if frame.scheduled is None]
         written += len(frames)
     assert written > 100
-    assert open_files() == files
+    assert open_files() <= files
     assert not left(before)
 
 
@@ -70,6 +70,6 @@ def test_a_thousand_activations_leave_nothing_behind() -> None:
             for _ in range(1000):
                 arm.activate()
                 arm.deactivate()
-            assert open_files() == files
+            assert open_files() <= files
             assert not left(before)
         assert arduino.state().lost == 0

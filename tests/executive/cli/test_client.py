@@ -239,7 +239,7 @@ def test_a_changed_task_is_picked_up_and_a_wrong_one_is_not(
         "\nwarning: Task 12 runs in its last valid version, because its changed files are wrong:"
         in said
     )
-    assert "12_say.yaml:2:8" in said
+    assert "12_say.yaml:2:7" in said
     events = map(json.loads, type_in("send", "12", "--wait", "--json")[1].splitlines())
     reported = [e["event"] for e in events if e.get("level", logging.WARNING) == logging.WARNING]
     assert [event for event in reported if event in ("goal", "log", "result")] == [

@@ -102,7 +102,7 @@ def test_a_write_without_progress_is_a_stalled_port(
         with pytest.raises(PortStalled):
             link.write(FRAME)
     link.close()
-    assert open_files() == before
+    assert open_files() <= before
 
 
 def test_bytes_that_the_kernel_does_not_send_do_not_delay_closing(

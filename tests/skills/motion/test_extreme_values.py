@@ -107,15 +107,15 @@ def test_a_tool_absurdly_far_away(odd: tuple[float, float, float]) -> None:
         Planner(dataclasses.replace(robot, tool=tool))
 
 
-def test_the_limits_of_a_motion_of_days() -> None:
+def test_the_limits_of_a_motion_of_ten_minutes() -> None:
     robot = load_robot()
-    slow = tuple(dataclasses.replace(joint, velocity=1e-6) for joint in robot.joints)
+    slow = tuple(dataclasses.replace(joint, velocity=2.4e-3) for joint in robot.joints)
     plan = Planner(dataclasses.replace(robot, joints=slow)).plan(Query("arm", HOME, PICK))
-    assert plan.duration == pytest.approx(1.4e6, rel=1e-3)
+    assert plan.duration == pytest.approx(583, rel=1e-3)
     tracemalloc.start()
-    (limit,) = limits_met(plan)
+    limit = max(limits_met(plan), key=lambda limit: limit.seconds)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert (limit.joint, limit.kind) == ("joint_1", "speed")
-    assert limit.seconds == pytest.approx(1.4e6, rel=1e-3)
+    assert limit.seconds == pytest.approx(583, rel=1e-3)
     assert most < 50e6
