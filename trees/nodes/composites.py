@@ -34,35 +34,28 @@ _MEMORY = {
 }
 
 
-class ReactiveSequence(composites.Sequence):
+class _Reactive:
+    """What nodes without memory add: ticks while a later child runs, to repeat the children."""
+
+    status: Status
+
+    def __init__(self, name: str, children: list[Behaviour], context: Context) -> None:
+        super().__init__(name, memory=False, children=children)  # type: ignore[call-arg]
+        self._context = context
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick from the first child on."""
+        yield from super().tick()  # type: ignore[misc]
+        if self.status is Status.RUNNING:
+            self._context.wake_at(self._context.now() + RECHECK_PERIOD)
+
+
+class ReactiveSequence(_Reactive, composites.Sequence):
     """A sequence without memory: it repeats children that succeeded while a later one runs."""
 
-    def __init__(self, name: str, children: list[Behaviour], context: Context) -> None:
-        super().__init__(name, memory=False, children=children)
-        self._context = context
 
-    def tick(self) -> Iterator[Behaviour]:
-        """Tick from the first child on."""
-        yield from super().tick()
-        _recheck(self, self._context)
-
-
-class ReactiveSelector(composites.Selector):
+class ReactiveSelector(_Reactive, composites.Selector):
     """A selector without memory: it repeats children that failed while a later one runs."""
-
-    def __init__(self, name: str, children: list[Behaviour], context: Context) -> None:
-        super().__init__(name, memory=False, children=children)
-        self._context = context
-
-    def tick(self) -> Iterator[Behaviour]:
-        """Tick from the first child on."""
-        yield from super().tick()
-        _recheck(self, self._context)
-
-
-def _recheck(node: Behaviour, context: Context) -> None:
-    if node.status is Status.RUNNING:
-        context.wake_at(context.now() + RECHECK_PERIOD)
 
 
 class _InTurn(ControlNodeKind, register=False):
@@ -108,7 +101,6 @@ class SequenceKind(_InTurn):
     """Runs its children one after the other, until one fails."""
 
     name = "sequence"
-    description = "runs its children one after the other, until one fails"
     with_memory, reactive = composites.Sequence, ReactiveSequence
     groot_tag = "Sequence"
 
@@ -123,7 +115,6 @@ class SelectorKind(_InTurn):
     """Runs its children one after the other, until one succeeds."""
 
     name = "selector"
-    description = "runs its children one after the other, until one succeeds"
     order = Flow.ALTERNATIVES
     with_memory, reactive = composites.Selector, ReactiveSelector
     groot_tag = "Fallback"

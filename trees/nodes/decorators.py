@@ -1,6 +1,7 @@
 """Timeout, inverter and force_success: nodes that change the result of their child."""
 
 import math
+from typing import ClassVar
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -49,7 +50,6 @@ class TimeoutKind(ControlNodeKind):
     """Halts its child, and fails, if it takes too long."""
 
     name = "timeout"
-    description = "halts its child, and fails, if it takes too long"
     options = {"after": duration("longest time that the child may take", least=0.001)}
     placeholders = {"after": math.inf}
     may_halt = True
@@ -69,19 +69,29 @@ class TimeoutKind(ControlNodeKind):
         return [("Timeout", {"msec": str(round(after * 1000) if math.isfinite(after) else 0)})]
 
 
-class InverterKind(ControlNodeKind):
-    """Fails if its child succeeds, and succeeds if it fails."""
+class _ResultKind(ControlNodeKind, register=False):
+    """A node of py_trees that changes the result of its child.
 
-    name = "inverter"
-    description = "fails if its child succeeds, and succeeds if it fails"
+    Attributes:
+        decorator: Class of the node.
+    """
+
     order = Flow.UNCERTAIN
-    groot_tag = "Inverter"
+    decorator: ClassVar[type[Decorator]]
 
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
         """Return a new node."""
-        return Inverter(name, children[0])
+        return self.decorator(name, children[0])
+
+
+class InverterKind(_ResultKind):
+    """Fails if its child succeeds, and succeeds if it fails."""
+
+    name = "inverter"
+    decorator = Inverter
+    groot_tag = "Inverter"
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return the possible outcomes of the node."""
@@ -89,19 +99,12 @@ class InverterKind(ControlNodeKind):
         return PossibleOutcomes(child.fails, child.succeeds, 0.0)
 
 
-class ForceSuccessKind(ControlNodeKind):
+class ForceSuccessKind(_ResultKind):
     """Succeeds when its child has ended."""
 
     name = "force_success"
-    description = "succeeds when its child has ended"
-    order = Flow.UNCERTAIN
+    decorator = FailureIsSuccess
     groot_tag = "ForceSuccess"
-
-    def make(
-        self, name: str, children: list[Behaviour], options: Options, context: Context
-    ) -> Behaviour:
-        """Return a new node."""
-        return FailureIsSuccess(name, children[0])
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
         """Return the possible outcomes of the node."""

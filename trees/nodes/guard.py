@@ -56,10 +56,9 @@ class Guard(Composite):
 
 
 class GuardKind(ControlNodeKind):
-    """Runs a node only while a condition holds."""
+    """Runs its child while a condition holds."""
 
     name = "guard"
-    description = "runs its child while a condition holds"
     options = {
         "otherwise": Declaration(
             "text",

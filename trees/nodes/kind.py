@@ -101,9 +101,10 @@ class Outcomes(Protocol):
 class ControlNodeKind(ABC):
     """A kind of node that has children. Subclasses are registered in `KINDS` by their name.
 
+    The first line of a subclass's docstring says what it does, for schemas and messages.
+
     Attributes:
         name: Its key in task files.
-        description: What it does, in a few words.
         options: Keys that may be written beside it.
         placeholders: Values of options that are not known before the task is called, for the
             analysis of a task. An option that is missing here has its default.
@@ -119,7 +120,6 @@ class ControlNodeKind(ABC):
     """
 
     name: ClassVar[str]
-    description: ClassVar[str]
     options: ClassVar[Mapping[str, Declaration]] = {}
     placeholders: ClassVar[Mapping[str, Any]] = {}
     many: ClassVar[bool] = False
@@ -135,6 +135,12 @@ class ControlNodeKind(ABC):
         """Register the kind."""
         if register:
             KINDS[cls.name] = cls()
+
+    @property
+    def description(self) -> str:
+        """What it does, in a few words."""
+        first = (type(self).__doc__ or "").partition("\n")[0].rstrip(".")
+        return first[:1].lower() + first[1:]
 
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context

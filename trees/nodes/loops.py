@@ -110,7 +110,6 @@ class RetryKind(ControlNodeKind):
     """Runs its child until it succeeds."""
 
     name = "retry"
-    description = "runs its child until it succeeds"
     options = {
         "attempts": count("largest number of attempts"),
         "backoff": duration("pause before the second attempt; it doubles each time", 0.0),
@@ -168,7 +167,6 @@ class RepeatKind(ControlNodeKind):
     """Runs its child until it fails."""
 
     name = "repeat"
-    description = "runs its child until it fails"
     options = {"times": count("number of rounds; no limit without it", optional=True)}
     placeholders = {"times": 1}
     lasting = True
@@ -223,7 +221,6 @@ class WaitForKind(ControlNodeKind):
     """Checks a condition until it holds."""
 
     name = "wait_for"
-    description = "checks a condition until it holds"
     options = {"every": duration("period of the checks", 0.1, least=0.01)}
     only_asks = True
     lasting = True

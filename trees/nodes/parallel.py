@@ -73,7 +73,6 @@ class ParallelKind(ControlNodeKind):
     """Runs its children at the same time."""
 
     name = "parallel"
-    description = "runs its children at the same time"
     options = {
         "policy": Declaration(
             "text",

@@ -12,7 +12,6 @@ class UnknownKind(ControlNodeKind, register=False):
     """May do anything with its children."""
 
     name = "?"
-    description = ""
     many = True
     may_halt = True
     order = Flow.UNKNOWN

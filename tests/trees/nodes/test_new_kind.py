@@ -39,10 +39,9 @@ class KeepGoing(Decorator):
 
 
 class KeepGoingKind(ControlNodeKind, register=False):
-    """Hides a number of failures."""
+    """Succeeds although the node fails, a few times."""
 
     name = "keep_going"
-    description = "succeeds although the node fails, a few times"
     options = {"failures": Declaration("integer", least=1, description="how often")}
     placeholders = {"failures": 1}
 
