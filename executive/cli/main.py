@@ -13,20 +13,7 @@ from .client import COMMANDS as CLIENT_COMMANDS
 from .doctor import doctor
 from .failures import print_error
 from .log import log
-from .options import (
-    Finite,
-    keep_days_option,
-    keep_mb_option,
-    port_option,
-    pose_option,
-    recordings_option,
-    robot_option,
-    seed_option,
-    set_option,
-    skills_option,
-    trees_option,
-    workers_option,
-)
+from .options import Finite, run_options, set_option, source_options
 from .plan import plan
 from .replay import replay
 from .streams import open_closed_streams
@@ -66,23 +53,14 @@ def cli(verbose: bool, debug: bool) -> None:
 
 @cli.command()
 @click.argument("tasks", metavar="TASK...", nargs=-1, required=True)
-@port_option
-@robot_option
-@trees_option
-@skills_option
-@recordings_option
+@source_options
 @set_option
-@seed_option
-@workers_option
-@keep_days_option
-@keep_mb_option
-@pose_option
+@run_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event.")
 def run(
     tasks: tuple[str, ...],
     settings: tuple[str, ...],
     as_json: bool,
-    skills: object,  # loaded by its option
     **options: Any,
 ) -> None:
     """Run tasks, one after the other, and record each run.
@@ -107,11 +85,7 @@ def run(
 
 
 @cli.command()
-@port_option
-@robot_option
-@trees_option
-@skills_option
-@recordings_option
+@source_options
 @click.option("--activate", is_flag=True, help="Activate the arm at once. This may move it.")
 @click.option(
     "--policy",
@@ -151,11 +125,7 @@ def run(
     help="Accept other machines. Everything but a stop needs the token.",
 )
 @click.option("--rosbridge", is_flag=True, help="Accept rosbridge clients too, without a token.")
-@pose_option
-@seed_option
-@workers_option
-@keep_days_option
-@keep_mb_option
+@run_options
 def serve(
     address: str,
     tcp_port: int,
@@ -164,7 +134,6 @@ def serve(
     expose: bool,
     rosbridge: bool,
     policy: str,
-    skills: object,  # loaded by its option
     **options: Any,
 ) -> None:
     """Run a server that executes goals of other programs, until Ctrl-C.

@@ -2,10 +2,13 @@
 
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 PATH = click.Path(path_type=Path)
 OWN_TREES = Path("trees")
@@ -91,26 +94,6 @@ set_option = click.option(
 seed_option = click.option(
     "--seed", type=click.IntRange(1), default=1, show_default=True, help="Seed of the planner."
 )
-workers_option = click.option(
-    "--workers",
-    type=click.IntRange(1),
-    envvar="ARMTREE_WORKERS",
-    default=1,
-    show_default=True,
-    help="Number of planner processes.",
-)
-keep_days_option = click.option(
-    "--keep-days",
-    type=AT_LEAST_0,
-    envvar="ARMTREE_KEEP_DAYS",
-    help="Delete recordings older than this [days].",
-)
-keep_mb_option = click.option(
-    "--keep-mb",
-    type=AT_LEAST_0,
-    envvar="ARMTREE_KEEP_MB",
-    help="Delete the oldest recordings beyond this total size [MB].",
-)
 trees_option = click.option(
     "--trees",
     type=PATH,
@@ -120,7 +103,7 @@ trees_option = click.option(
 )
 
 
-def _load(_context: click.Context, _option: click.Parameter, folder: Path | None) -> Path | None:
+def _load(_context: click.Context, _option: click.Parameter, folder: Path | None) -> None:
     """Load the skills before the command runs; warn of broken ones."""
     from trees.compile.plugins import load_skills
 
@@ -128,7 +111,6 @@ def _load(_context: click.Context, _option: click.Parameter, folder: Path | None
         raise click.BadParameter(f"{folder}: there is no such folder for skills")
     for wrong in load_skills(folder):
         click.echo(f"Broken skills are left out: {wrong}", err=True)
-    return folder
 
 
 skills_option = click.option(
@@ -136,5 +118,46 @@ skills_option = click.option(
     type=PATH,
     envvar="ARMTREE_SKILLS",
     callback=_load,
+    expose_value=False,
     help="Folder with your own skills: Python files.",
+)
+
+
+def _together(*options: Callable[[F], F]) -> Callable[[F], F]:
+    """Return a decorator that adds several options, in this order."""
+
+    def add(command: F) -> F:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
+
+
+source_options = _together(
+    port_option, robot_option, trees_option, skills_option, recordings_option
+)
+run_options = _together(
+    seed_option,
+    click.option(
+        "--workers",
+        type=click.IntRange(1),
+        envvar="ARMTREE_WORKERS",
+        default=1,
+        show_default=True,
+        help="Number of planner processes.",
+    ),
+    click.option(
+        "--keep-days",
+        type=AT_LEAST_0,
+        envvar="ARMTREE_KEEP_DAYS",
+        help="Delete recordings older than this [days].",
+    ),
+    click.option(
+        "--keep-mb",
+        type=AT_LEAST_0,
+        envvar="ARMTREE_KEEP_MB",
+        help="Delete the oldest recordings beyond this total size [MB].",
+    ),
+    pose_option,
 )

@@ -110,7 +110,6 @@ def _outcome(time: str, path: Path) -> str:
 def check(
     files: Sequence[Path],
     trees: Path | None,
-    skills: Path | None,  # loaded by its option
     robot: Path | None,
     as_json: bool,
 ) -> None:
@@ -161,7 +160,7 @@ def _findings(findings: "Findings") -> dict[str, Any]:
 @trees_option
 @skills_option
 @_output_option
-def schema(trees: Path | None, skills: Path | None, output: Path | None) -> None:
+def schema(trees: Path | None, output: Path | None) -> None:
     """Print the JSON Schema of task files. Editors use it to complete and check them.
 
     It includes your own skills and subtrees.
@@ -180,7 +179,7 @@ def schema(trees: Path | None, skills: Path | None, output: Path | None) -> None
 @click.command()
 @skills_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per skill.")
-def skills(skills: Path | None, as_json: bool) -> None:
+def skills(as_json: bool) -> None:
     """List the skills, with their ports."""
     from trees.compile.port_types import declarations, known_skills
 
@@ -224,7 +223,6 @@ def skills(skills: Path | None, as_json: bool) -> None:
 def show(
     task: str,
     trees: Path | None,
-    skills: Path | None,  # loaded by its option
     robot: Path | None,
     ports: bool,
     form: str,
@@ -293,7 +291,7 @@ def task_number(task: str, trees: Path | None) -> int:
     help="Folder to write to. It is created if it does not exist.",
 )
 @skills_option
-def new(number: int, name: str, trees: Path, skills: Path | None) -> None:
+def new(number: int, name: str, trees: Path) -> None:
     """Write a new task file: a commented example that runs.
 
     \b
