@@ -7,6 +7,8 @@ from py_trees.ports import PortInformation
 
 from .errors import BadTarget
 
+ORIGIN = (0.0, 0.0, 0.0)
+
 
 @dataclass(frozen=True)
 class Port(PortInformation):
@@ -40,6 +42,24 @@ class Positions(dict[str, float]):
     """
 
     unknown: tuple[str, ...] = ()
+
+
+def vector(
+    description: str,
+    unit: str = "",
+    default: tuple[float, ...] | None = None,
+    least: float | None = None,
+) -> Port:
+    """Declare a port for three numbers.
+
+    Args:
+        description: What it is.
+        unit: Unit of the numbers; "" for none.
+        default: Value if the task gives none, which may be empty; None if it must give one.
+        least: Smallest number.
+    """
+    value = None if default is None else list(default)
+    return Port(list[float], True, description, value, unit=unit, least=least, count=3)
 
 
 def xyz(name: str, values: Sequence[float]) -> tuple[float, float, float]:

@@ -14,7 +14,7 @@ from skills.joint_targets import check_complete, link_errors, missing_joint_erro
 from skills.motion.errors import MotionError
 from skills.motion.query import Reached, Result, ToolQuery
 from skills.planning_skill import PlanningSkill
-from skills.ports import Port, Positions, xyz
+from skills.ports import ORIGIN, Positions, vector, xyz
 
 _GROUP = PortInformation(str, default_value="arm", description="group that moves")
 _START = PortInformation(Positions, description="position of every actuated joint [rad]")
@@ -28,40 +28,27 @@ class ReachPoint(PlanningSkill):
 
     INPUT_PORTS = {
         "start": _START,
-        "point": Port(
-            list[float],
-            description="x, y, z in the frame of the robot's root [m]",
-            unit="m",
-            count=3,
-        ),
+        "point": vector("x, y, z in the frame of the robot's root [m]", "m"),
         "relative": PortInformation(
             bool,
             default_value=False,
             description="true if the point is relative to the tool",
         ),
-        "direction": Port(
-            list[float],
-            default_value=[],
-            description="x, y, z of the direction of the tool's axis; default: any direction",
-            count=3,
+        "direction": vector(
+            "x, y, z of the direction of the tool's axis; default: any direction", default=()
         ),
         "tool": PortInformation(
             str,
             default_value="",
             description="link with the tool; empty for the robot's own tool",
         ),
-        "offset": Port(
-            list[float],
-            default_value=[0.0, 0.0, 0.0],
-            description="position of the tool on `tool`; else offset from the robot's own tool [m]",
-            unit="m",
-            count=3,
+        "offset": vector(
+            "position of the tool on `tool`; else offset from the robot's own tool [m]",
+            "m",
+            ORIGIN,
         ),
-        "axis": Port(
-            list[float],
-            default_value=[],
-            description="axis of the tool on its link; default: the axis of the robot file, or z",
-            count=3,
+        "axis": vector(
+            "axis of the tool on its link; default: the axis of the robot file, or z", default=()
         ),
         "group": _GROUP,
     }

@@ -16,7 +16,7 @@ from skills.motion.errors import MotionError
 from skills.motion.query import Carry, Result
 from skills.motion.world import Body, Box, Cylinder, Mesh, Shape, Sphere, quaternion
 from skills.planning_skill import PlanningSkill
-from skills.ports import Port, xyz
+from skills.ports import ORIGIN, Port, vector, xyz
 
 Ports = dict[str, PortInformation]
 
@@ -31,19 +31,8 @@ def _length(name: str) -> Port:
 _BODY = PortInformation(str, description="name of the body")
 _PLACE: Ports = {
     "body": _BODY,
-    "position": Port(
-        list[float],
-        description="x, y, z of its centre in the frame of the robot's root [m]",
-        unit="m",
-        count=3,
-    ),
-    "rotation": Port(
-        list[float],
-        default_value=[0.0, 0.0, 0.0],
-        description="rotation about x, then y, then z [rad]",
-        unit="rad",
-        count=3,
-    ),
+    "position": vector("x, y, z of its centre in the frame of the robot's root [m]", "m"),
+    "rotation": vector("rotation about x, then y, then z [rad]", "rad", ORIGIN),
     "touches": PortInformation(
         list[str], default_value=[], description="links, bodies or floor that it may touch"
     ),
@@ -96,9 +85,7 @@ class AddBox(_Add):
 
     INPUT_PORTS = {
         **_PLACE,
-        "size": Port(
-            list[float], description="edges along x, y and z [m]", unit="m", least=_LEAST, count=3
-        ),
+        "size": vector("edges along x, y and z [m]", "m", least=_LEAST),
     }
 
     @classmethod
@@ -139,14 +126,7 @@ class AddMesh(_Add):
     INPUT_PORTS = {
         **_PLACE,
         "file": PortInformation(str, description="STL, DAE or OBJ file"),
-        "scale": Port(
-            list[float],
-            default_value=[1.0, 1.0, 1.0],
-            description="unit of the file along x, y, z [m]",
-            unit="m",
-            least=_LEAST,
-            count=3,
-        ),
+        "scale": vector("unit of the file along x, y, z [m]", "m", (1.0, 1.0, 1.0), _LEAST),
     }
 
     @classmethod
