@@ -7,7 +7,7 @@ link or joint, the key and the value.
 import math
 import re
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -21,6 +21,7 @@ Vector = tuple[float, float, float]
 
 _MOVING = ("revolute", "continuous", "prismatic")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # float() accepts more
+_MAX_LINKS = 1000  # pinocchio takes a minute for 4000 shapes
 _SHORTEST_AXIS = 1e-6  # pinocchio cannot normalise an axis whose square underflows or overflows
 
 
@@ -146,6 +147,8 @@ def _links_and_joints(root: Element) -> Urdf:
         raise UrdfError(f"is no URDF: it is a <{root.tag}>; give it a <robot>")
     joints = root.findall("joint")
     links = tuple(link.get("name", "") for link in root.findall("link"))
+    if len(links) > _MAX_LINKS:
+        raise UrdfError(f"has {len(links)} links; the limit is {_MAX_LINKS}")
     _check_names("link", links)
     _check_names("joint", [joint.get("name", "") for joint in joints])
     _check_types(joints)
@@ -156,9 +159,9 @@ def _links_and_joints(root: Element) -> Urdf:
 def _check_names(kind: str, names: Sequence[str]) -> None:
     if "" in names:
         raise UrdfError(f"{kind} {names.index('') + 1} of {len(names)} has no name; give it one")
-    for name in names:
-        if names.count(name) > 1:
-            raise UrdfError(f"two {kind}s are called {name}; give each a name of its own")
+    if len(set(names)) < len(names):
+        name = next(name for name in names if names.count(name) > 1)
+        raise UrdfError(f"two {kind}s are called {name}; give each a name of its own")
 
 
 def _check_types(joints: list[Element]) -> None:
@@ -184,22 +187,35 @@ def _check_tree(joints: list[Element], links: tuple[str, ...]) -> None:
                 f"joint {name}: its child {child} is the child of {above[child]} already"
             )
         above[child] = name
-    for name, (parent, child) in ends.items():
-        path, end = list[str](), parent
-        while end != child and end in above and above[end] not in path:
-            path.append(above[end])
-            end, _ = ends[path[-1]]
-        if end == child:
-            loop = f"by way of {', '.join(path)}" if path else "as its child is its parent"
-            raise UrdfError(
-                f"joint {name} is its own ancestor, {loop}; let its child be another link"
-            )
+    _check_loops(ends, above)
     roots = [link for link in links if link not in above]
     if not roots:
         raise UrdfError("has no links; give it at least one")
     if len(roots) > 1:
         why = f"links {' and '.join(roots)} have no parent joint, which only one link may lack"
         raise UrdfError(f"{why}; let each other one be the child of a joint")
+
+
+def _check_loops(ends: Mapping[str, tuple[str, str]], above: Mapping[str, str]) -> None:
+    """Check that no joint is its own ancestor.
+
+    Args:
+        ends: Parent and child of each joint.
+        above: The joint above each link.
+    """
+    connected = set[str]()  # links that are known to lead to a root
+    for name, (parent, child) in ends.items():
+        path, end = dict[str, None](), parent
+        while end != child and end not in connected and end in above and above[end] not in path:
+            path[above[end]] = None
+            end, _ = ends[above[end]]
+        if end == child:
+            loop = f"by way of {', '.join(path)}" if path else "as its child is its parent"
+            raise UrdfError(
+                f"joint {name} is its own ancestor, {loop}; let its child be another link"
+            )
+        if end in connected or end not in above:
+            connected.update((parent, *(ends[each][0] for each in path)))
 
 
 def _link(joint: Element, tag: str) -> str:

@@ -11,6 +11,7 @@ from hardware.suggestions import suggestion
 from .errors import BadWorld, shown
 from .validation import MAX_MAGNITUDE, MIN_SIZE
 
+MAX_BODIES = 1000  # a scene of 1000 takes a second; pinocchio's cost grows with the third power
 _ROUNDED = 1e-2  # error of a quaternion's length if it was written with three or more digits
 _UNIT = 1e-6  # error of a quaternion's length if it was not rounded
 _MAX_SHOWN = 60  # characters of a value in a message
@@ -134,7 +135,8 @@ class World:
         bodies: The bodies, in the order in which they were added.
 
     Raises:
-        BadWorld: Two bodies have the same name, or an element is not a Body.
+        BadWorld: Two bodies have the same name, an element is not a Body, or there are more than
+            `MAX_BODIES`.
     """
 
     bodies: tuple[Body, ...] = field(default=())
@@ -142,10 +144,15 @@ class World:
     def __post_init__(self) -> None:
         if not isinstance(self.bodies, tuple) or any(not isinstance(b, Body) for b in self.bodies):
             raise BadWorld(f"The bodies are {shown(self.bodies)}; give a tuple of bodies")
+        if len(self.bodies) > MAX_BODIES:
+            raise BadWorld(
+                f"There are {len(self.bodies)} bodies; the limit is {MAX_BODIES}. Give fewer, "
+                "larger ones, or one mesh"
+            )
         names = [body.name for body in self.bodies]
-        for name in names:
-            if names.count(name) > 1:
-                raise BadWorld(f"Two bodies have the name {name}; rename one")
+        if len(set(names)) < len(names):
+            name = next(name for name in names if names.count(name) > 1)
+            raise BadWorld(f"Two bodies have the name {name}; rename one")
 
     def body(self, name: str) -> Body:
         """Return the body with a name.

@@ -5,8 +5,8 @@ It is what MoveIt calls a PlanningScene: robot model, world, and pairs of shapes
 
 import dataclasses
 import os
-from collections.abc import Iterator
-from itertools import combinations
+from bisect import bisect
+from collections.abc import Iterator, Sequence
 
 import coal
 import numpy as np
@@ -21,6 +21,8 @@ from skills.motion.kinematics.robot_model import RobotModel
 from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World
 
 FLOOR = "floor"
+# Most pairs of links' hulls, and of their exact shapes. At both limits a planner needs 1 GB.
+MAX_HULL_PAIRS, MAX_EXACT_PAIRS = 10_000, 40_000
 
 
 class PlanningScene:
@@ -46,8 +48,8 @@ class PlanningScene:
 
     Raises:
         ModelUnusable: pinocchio cannot read the URDF.
-        BadWorld: A body names an unknown link or body, has the name of a link, or its mesh cannot
-            be read.
+        BadWorld: A body names an unknown link or body, has the name of a link, its mesh cannot be
+            read, or there are too many pairs to check.
     """
 
     def __init__(
@@ -70,9 +72,9 @@ class PlanningScene:
             volumes.append(EnclosedVolume.of(exact.geometry))
             arms.append(model.lever_arms_of(hull))
         self.volumes = {i: volume for i, volume in enumerate(volumes) if volume}
-        for geometry in (self.exact, self.hulls):
+        for geometry, most in (self.exact, MAX_EXACT_PAIRS), (self.hulls, MAX_HULL_PAIRS):
             self._add_floor(geometry, robot.collision)
-            self._add_pairs(geometry, robot.collision)
+            self._add_pairs(geometry, robot.collision, most)
             for shape in geometry.geometryObjects:
                 shape.geometry.computeLocalAABB()  # coal takes its first guess from the boxes
         arms += [model.floor_lever_arms] * (len(self.hulls.geometryObjects) - len(arms))
@@ -172,9 +174,16 @@ class PlanningScene:
             half = coal.Halfspace(np.array([0.0, 0.0, 1.0]), rules.floor)
             geometry.addGeometryObject(pin.GeometryObject(FLOOR, 0, 0, pin.SE3.Identity(), half))
 
-    def _add_pairs(self, geometry: pin.GeometryModel, rules: CollisionRules) -> None:
-        for first, second in self._checked_pairs(geometry, rules):
-            geometry.addCollisionPair(pin.CollisionPair(first, second))
+    def _add_pairs(self, geometry: pin.GeometryModel, rules: CollisionRules, most: int) -> None:
+        for number, pair in enumerate(self._checked_pairs(geometry, rules)):
+            if number == most:
+                parts = len(geometry.geometryObjects) - len(self._bodies)
+                raise BadWorld(
+                    f"{parts} shapes of the robot and {len(self._bodies)} bodies give more than "
+                    f"{most} pairs to check; give fewer bodies, or list pairs of links that can "
+                    "never touch as `allowed` in the robot file"
+                )
+            geometry.addCollisionPair(pin.CollisionPair(*pair))
 
     def _checked_pairs(
         self, geometry: pin.GeometryModel, rules: CollisionRules
@@ -182,7 +191,7 @@ class PlanningScene:
         """Yield the pairs of shapes that must not touch."""
         joints = [shape.parentJoint for shape in geometry.geometryObjects]
         links = [self.link(geometry, i) for i in range(len(joints))]
-        for i, j in combinations(range(len(links)), 2):
+        for i, j in _pairs_that_may_move(joints, links):
             pair = frozenset((links[i], links[j]))
             if FLOOR in pair:
                 static = (pair & self._bodies.keys()) and joints[i] == joints[j]
@@ -198,6 +207,16 @@ class PlanningScene:
             name in self._bodies and other in self._bodies[name].touches
             for name, other in ((first, second), (second, first))
         )
+
+
+def _pairs_that_may_move(joints: list[int], links: list[str]) -> Iterator[tuple[int, int]]:
+    """Yield all pairs of shapes but those of two that are fixed to the world, which may be many."""
+    moving = [i for i, joint in enumerate(joints) if joint or links[i] == FLOOR]
+    for i, joint in enumerate(joints):
+        others: Sequence[int] = range(i + 1, len(joints))
+        if not joint and links[i] != FLOOR:
+            others = moving[bisect(moving, i) :]
+        yield from ((i, j) for j in others)
 
 
 def mesh_stamps(world: World) -> list[tuple[int, ...] | None]:

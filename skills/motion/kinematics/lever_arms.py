@@ -40,26 +40,35 @@ _LEVEL = 1e-9  # largest vertical motion per unit of a joint that counts as leve
 LeverArms = dict[str, float]  # by name of each joint that carries a shape [m/rad]
 
 
-def lever_arms(robot: Robot, model: pin.Model, joint: int, shape: pin.GeometryObject) -> LeverArms:
+def lever_arms(
+    robot: Robot, model: pin.Model, axes: Sequence[Array], joint: int, shape: pin.GeometryObject
+) -> LeverArms:
     """Return the lever arms of a shape.
 
     Args:
         robot: The robot, for the limits of prismatic joints.
         model: Its joints; mimic joints have coordinates of their own.
+        axes: The `joint_axes` of the model.
         joint: Index in `model` of the joint that carries the shape.
         shape: The shape.
     """
-    found, data, reach = LeverArms(), model.createData(), 0.0
+    found, reach = LeverArms(), 0.0
     points = np.zeros((0, 3)) if isinstance(shape.geometry, coal.Halfspace) else corners(shape)
     while joint:
         name = model.names[joint]
-        slide, axis = _slide_range(robot, model, joint), _axis(model, data, joint)
+        slide, axis = _slide_range(robot, model, joint), axes[joint]
         radii = np.linalg.norm(points - np.outer(points @ axis, axis), axis=1)
         found[name] = float(radii.max(initial=0.0)) + reach if slide is None else 1.0
         reach += float(np.linalg.norm(points, axis=1).max(initial=0.0)) + (slide or 0.0)
         points = model.jointPlacements[joint].translation[None, :]
         joint = model.parents[joint]
     return found
+
+
+def joint_axes(model: pin.Model) -> list[Array]:
+    """Return each joint's axis in its own frame (3,), a unit vector; zero if it is prismatic."""
+    data = model.createData()
+    return [np.zeros(3), *(_motion(model, data, i)[3:] for i in range(1, model.njoints))]
 
 
 def floor_lever_arms(model: pin.Model) -> LeverArms:
@@ -105,11 +114,6 @@ def travel_bounds(
             column, share = columns[name]
             rows[-1][column] += share * (first | second)[name]
     return np.array(rows).reshape(-1, len(robot.actuated))
-
-
-def _axis(model: pin.Model, data: pin.Data, joint: int) -> Array:
-    """Return a revolute joint's axis in its own frame (3,), a unit vector; zero if prismatic."""
-    return _motion(model, data, joint)[3:]
 
 
 def _motion(model: pin.Model, data: pin.Data, joint: int) -> Array:

@@ -17,8 +17,9 @@ from skills.motion.errors import BadWorld, ModelUnusable, shown
 from skills.motion.validation import MAX_MAGNITUDE, is_number
 
 from .geometry import EnclosedVolume, convex_hull
-from .lever_arms import LeverArms, floor_lever_arms, lever_arms
+from .lever_arms import LeverArms, floor_lever_arms, joint_axes, lever_arms
 
+_MAX_MOVING, _MAX_SHAPES = 100, 1000  # joints that move, and collision shapes, of a robot
 _LEAST_RATE = 1e-9  # smallest limit of velocity and acceleration of a joint [rad/s, rad/s2]
 
 
@@ -51,6 +52,7 @@ class RobotModel:
         self.units = tuple(joint.unit for joint in robot.actuated)
         try:
             counts = count_collision_shapes(robot.urdf, MAX_MAGNITUDE)
+            _check_size(robot, sum(counts.values()))
             self._free = pin.buildModelFromUrdf(urdf)  # mimic joints have coordinates of their own
             _check_placements(robot, self._free)
             self.kinematics = _with_mimic_joints(robot, self._free)
@@ -62,6 +64,7 @@ class RobotModel:
         except (OSError, RuntimeError, ValueError) as error:
             raise ModelUnusable(urdf, _cause(error)) from error
         self.volumes = [EnclosedVolume.of(shape.geometry) for shape in self.exact]
+        self._axes = joint_axes(self._free)
         self.floor_lever_arms = floor_lever_arms(self._free)
         self.lever_arms = [self.lever_arms_of(shape) for shape in self.hulls]
         ids = map(self.kinematics.getJointId, self.joints)
@@ -95,7 +98,7 @@ class RobotModel:
     def lever_arms_of(self, shape: pin.GeometryObject) -> LeverArms:
         """Return the lever arms of a shape on one of the joints."""
         joint = self._free.getJointId(self.kinematics.names[shape.parentJoint])
-        return lever_arms(self._robot, self._free, joint, shape)
+        return lever_arms(self._robot, self._free, self._axes, joint, shape)
 
     def _check_counts(self, counts: dict[str, int]) -> None:
         """Check that pinocchio read every shape: it drops those that it cannot parse."""
@@ -170,6 +173,20 @@ def _check_robot(robot: Robot) -> None:
         offset = shown(robot.tool.offset)
         why = f"the tool's offset is {offset} m; give numbers up to {most:g}"
         raise ModelUnusable(path, why)
+
+
+def _check_size(robot: Robot, shapes: int) -> None:
+    """Check that a robot is not larger than can be planned for in seconds.
+
+    Raises:
+        ModelUnusable: It has too many moving joints or collision shapes.
+    """
+    for what, count, most in (
+        ("moving joints", len(robot.joints), _MAX_MOVING),
+        ("collision shapes", shapes, _MAX_SHAPES),
+    ):
+        if count > most:
+            raise ModelUnusable(str(robot.urdf), f"it has {count} {what}; the limit is {most}")
 
 
 def _check_placements(robot: Robot, free: pin.Model) -> None:

@@ -1,10 +1,13 @@
 """Planners lie, die, hang, or are starved of memory."""
 
+import json
 import resource
+import time
 from pathlib import Path
 
 from tests.faults.process import until
 from tests.faults.row import Scene, last_line, row
+from tests.support.paths import ROBOT_FILE
 
 PRELOAD = Path(__file__).parents[1] / "preload" / "planner"
 
@@ -105,3 +108,52 @@ def planner_memory(scene: Scene) -> None:
     scene.check("[plan.memory]" in run.text(), f"{limit} bytes: {last_line(run)}")
     scene.check("needs 1048576" in run.text(), f"it does not name what is needed: {run.text()}")
     scene.check(not board.reads(), "the board was opened")
+
+
+@row(
+    "huge-scenes",
+    "an obstacle file of 500 to 6000 bodies, or a URDF of 500 to 6000 links",
+    "up to 900 a motion is planned; above 1000 the command ends with 3 and names the limit",
+    limit=25,
+    unit="s",
+    times=6,
+)
+def huge_scenes(scene: Scene) -> None:
+    bodies = scene.random.random() < 0.5
+    few = scene.random.random() < 0.5
+    count = scene.random.randint(500, 900) if few else scene.random.randint(1001, 6000)
+    arguments = _world_of(scene, count) if bodies else _robot_of(scene, count)
+    plan = scene.armtree("plan", "joint_1=0.5", *arguments)
+    status = plan.wait()
+    scene.figure(time.monotonic() - plan.started)
+    if few:
+        scene.check(status == 0, f"{count}: exit status {status}: {last_line(plan)}")
+    else:
+        scene.check(status == 3, f"{count}: exit status {status}, not 3: {last_line(plan)}")
+        scene.check("the limit is 1000" in plan.text(), f"{count}: {last_line(plan)}")
+
+
+def _world_of(scene: Scene, count: int) -> list[str | Path]:
+    """An obstacle file with many bodies."""
+    places = [[0.3 + 0.01 * (i % 50), 0.01 * (i // 50), 0.2] for i in range(count)]
+    world = [
+        {"name": f"b{i}", "box": {"size": [0.005] * 3}, "position": place}
+        for i, place in enumerate(places)
+    ]
+    path = scene.folder / "world.json"
+    path.write_text(json.dumps(world))
+    return ["--world", path]
+
+
+def _robot_of(scene: Scene, count: int) -> list[str | Path]:
+    """The shipped robot with many links on its base."""
+    urdf = ROBOT_FILE.with_suffix(".urdf").read_text()
+    shape = '<collision><geometry><box size="0.002 0.002 0.002"/></geometry></collision>'
+    more = "".join(
+        f'<link name="m{i}">{shape}</link><joint name="m{i}" type="fixed">'
+        f'<parent link="base_link"/><child link="m{i}"/><origin xyz="0.3 0 0.3"/></joint>'
+        for i in range(count)
+    )
+    path = scene.folder / "arm.urdf"
+    path.write_text(urdf.replace("</robot>", f"{more}</robot>"))
+    return ["--robot", scene.robot({f'"{ROBOT_FILE.with_suffix(".urdf")}"': f'"{path}"'})]

@@ -212,6 +212,26 @@ def test_our_firmware_speaks_at_one_speed_only(tmp_path: Path) -> None:
     assert said.endswith("serial.baud: 9600 is not 115200, the speed of armtree")
 
 
+def test_a_urdf_with_thousands_of_links(tmp_path: Path) -> None:
+    """Reading takes time that grows in proportion to them, and there is a limit."""
+
+    def urdf(count: int) -> str:
+        links = "".join(f'<link name="extra_{i}"/>' for i in range(count))
+        fixed = "".join(
+            f'<joint name="fixed_{i}" type="fixed"><parent link="extra_{i + 1}"/>'
+            f'<child link="extra_{i}"/></joint>'
+            for i in range(count - 1)
+        )
+        last = f'<parent link="base_link"/><child link="extra_{count - 1}"/>'
+        fixed += f'<joint name="fixed" type="fixed">{last}</joint>'
+        return replaced(URDF, "</robot>", f"{links}{fixed}</robot>")
+
+    own = len(load_robot().links)
+    assert len(load_robot(written(tmp_path, urdf=urdf(1000 - own))).links) == 1000
+    said = refusal(written(tmp_path, urdf=urdf(3000)))
+    assert said.endswith(f"has {3000 + own} links; the limit is 1000")
+
+
 def test_a_robot_file_that_is_not_there(tmp_path: Path) -> None:
     assert "cannot be read: No such file" in refusal(tmp_path / "none.toml")
     assert "cannot be read: Is a directory" in refusal(tmp_path)

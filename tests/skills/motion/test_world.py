@@ -13,6 +13,16 @@ from skills.motion import BadWorld, Body, Box, Cylinder, Mesh, Shape, Sphere, Wo
 BALL: dict[str, Any] = {"name": "b", "sphere": {"radius": 0.1}, "position": [0.0, 0.0, 0.5]}
 
 
+def test_a_world_of_thousands_of_bodies() -> None:
+    bodies = [BALL | {"name": f"b{i}"} for i in range(5000)]
+    why = "There are 5000 bodies; the limit is 1000. Give fewer, larger ones, or one mesh"
+    with pytest.raises(BadWorld, match=why):
+        World.parse(bodies)
+    full = World.parse(bodies[:1000])
+    with pytest.raises(BadWorld, match="There are 1001 bodies; the limit is 1000"):
+        full.adding(Body("more", Sphere(0.1)))
+
+
 def test_a_world_is_written_and_read_again() -> None:
     shapes: tuple[Shape, ...] = (Box((0.1, 0.2, 0.3)), Sphere(0.1), Cylinder(0.1, 1), Mesh("a.stl"))
     world = World(

@@ -9,7 +9,18 @@ import pytest
 from numpy.typing import NDArray
 
 from hardware import Mimic, Robot, load_robot
-from skills.motion import BadWorld, Body, ModelUnusable, NotFinite, Sphere, World
+from skills.motion import (
+    BadWorld,
+    Body,
+    Box,
+    Carry,
+    GoalInCollision,
+    ModelUnusable,
+    NotFinite,
+    Query,
+    Sphere,
+    World,
+)
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.kinematics.geometry import corners
@@ -49,6 +60,37 @@ def test_answers_do_not_depend_on_earlier_checks(robot: Robot) -> None:
     first = [one.first_collision([row], 0.005) for row in rows]
     again = [one.first_collision([row], 0.005) for row in rows[::-1]][::-1]
     assert first == again
+
+
+@pytest.mark.slow
+def test_a_world_with_as_many_bodies_as_it_may_have(robot: Robot) -> None:
+    """A row of cubes beside the arm; one of them is where the hand would be at the goal."""
+    cubes = [
+        Body(f"cube_{i}", Box((0.005,) * 3), (0.3 + 0.01 * (i % 50), 0.01 * (i // 50), 0.0))
+        for i in range(999)
+    ]
+    query = Query("arm", (0.0,) * 4, (-1.4, -0.6, -0.07), timeout=60.0)
+    hand = Planner(robot).carry(
+        Carry(
+            World((Body("there", Sphere(0.01), link="claw_support"),)),
+            "there",
+            "",
+            (*query.goal, 0.0),
+        )
+    )
+    planner = Planner(robot)
+    assert planner.plan(dataclasses.replace(query, world=World(tuple(cubes)))).curve.straight
+    with pytest.raises(GoalInCollision, match="there"):
+        planner.plan(dataclasses.replace(query, world=World((*cubes, hand))))
+
+
+def test_bodies_on_two_links_give_too_many_pairs(robot: Robot) -> None:
+    bodies = [
+        Body(f"b{i}", Sphere(0.001), link=("claw_support", "base_plate")[i % 2]) for i in range(900)
+    ]
+    why = "31 shapes of the robot and 900 bodies give more than 40000 pairs to check; give fewer"
+    with pytest.raises(BadWorld, match=why):
+        PlanningScene(robot, World(tuple(bodies)))
 
 
 def test_nan_is_rejected(checker: CollisionChecker) -> None:

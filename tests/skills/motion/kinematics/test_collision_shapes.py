@@ -1,5 +1,6 @@
 """Shapes of a URDF that cannot be read are refused: an arm is never planned for without them."""
 
+import json
 import re
 from pathlib import Path
 
@@ -127,3 +128,27 @@ def test_joints_that_hang_from_nothing(tmp_path: Path) -> None:
     urdf = robot.urdf.read_text().replace('<parent link="base"/>', '<parent link="tip"/>')
     robot.urdf.write_text(urdf)
     assert "lead is not connected to base" in refusal(robot)
+
+
+def chain(folder: Path, joints: int, shapes: int = 0) -> Robot:
+    """Links in a row, and shapes of the first one."""
+    links = "".join(f'<link name="{i}"/>' for i in range(1, joints + 1))
+    base = f'<link name="0">{"<collision>" + BOX + "</collision>" if shapes else ""}</link>'
+    base = base.replace("</link>", f"<collision>{BOX}</collision>" * (shapes - 1) + "</link>")
+    turning = "".join(_JOINT.format(f"j{i}", i, i + 1, "") for i in range(joints))
+    (folder / "arm.urdf").write_text(f'<robot name="arm">{base}{links}{turning}</robot>')
+    names = [f"j{i}" for i in range(joints)]
+    tables = (f"[joints.{name}]\nvelocity = 1.0\nacceleration = 1.0\nboot = 0.0" for name in names)
+    head = 'name = "arm"\nurdf = "arm.urdf"'
+    groups = f"[groups]\narm = {json.dumps(names)}"
+    rules = "[collision]\nmargin_m = 0.0\nfloor_ignores = []\nallowed = []"
+    (folder / "arm.toml").write_text("\n".join((head, groups, *tables, rules)))
+    return load_robot(folder / "arm.toml")
+
+
+def test_an_arm_with_too_many_joints_or_shapes(tmp_path: Path) -> None:
+    """Cost and memory grow with the third power of both."""
+    assert "it has 101 moving joints; the limit is 100" in refusal(chain(tmp_path, 101))
+    many = chain(tmp_path, 2, shapes=1001)
+    assert "it has 1001 collision shapes; the limit is 1000" in refusal(many)
+    RobotModel(chain(tmp_path, 100))
