@@ -94,10 +94,11 @@ def _motions(recording: Recording) -> list[_Motion]:
 
 
 def _scene(recording: Recording, motions: list[tuple[int, _Motion]]) -> Scene:
-    robot, bodies = restore_robot(recording), motions[0][1].plan.world
+    bodies = motions[0][1].plan.world
+    robot, world = restore_robot(recording), restore_world(bodies, recording.files)
     poses = [pose for _, motion in motions for pose in motion.poses()]
     chosen = np.linspace(0, len(poses) - 1, min(_MOST_POSES, len(poses))).round().astype(int)
     rows = [[poses[index][joint.name] for joint in robot.actuated] for index in chosen]
     numbers = ", ".join(str(number) for number, _ in motions)
     title = f"Motion{'s' * (len(motions) > 1)} {numbers}; around: {bodies_text(bodies)}"
-    return Scene(title, motion_drawing(robot, restore_world(bodies, recording.files), rows))
+    return Scene(title, motion_drawing(robot, world, rows))

@@ -107,7 +107,7 @@ class RobotModel:
             if found[link] != count:
                 why = f"pinocchio reads {found[link]} of the {count} shapes of {link}"
                 hint = "give plain numbers, with a single space between two"
-                raise ModelUnusable(str(self._robot.urdf), f"{why}; {hint}")
+                raise ValueError(f"{why}; {hint}")
 
     def _link_hulls(self) -> list[pin.GeometryObject]:
         links = dict[int, list[pin.GeometryObject]]()
@@ -120,7 +120,7 @@ class RobotModel:
         try:
             hull = convex_hull(shapes)
         except ValueError as error:
-            raise ModelUnusable(str(self._robot.urdf), f"{name}: {error}") from error
+            raise ValueError(f"{name}: {error}") from error
         return pin.GeometryObject(name, joint, frame, pin.SE3.Identity(), hull)
 
 
@@ -193,17 +193,17 @@ def _check_placements(robot: Robot, free: pin.Model) -> None:
     """Check that every joint is connected to the root and not absurdly far away.
 
     Raises:
-        ModelUnusable: One is not.
+        ValueError: One is not.
     """
     for joint in robot.joints:
         if not free.existJointName(joint.name):
             why = f"{joint.name} is not connected to {free.frames[1].name}; connect its parent link"
-            raise ModelUnusable(str(robot.urdf), why)
+            raise ValueError(why)
     for name, placement in zip(free.names, free.jointPlacements, strict=True):
         off = abs(placement.translation).max()
         if off > MAX_MAGNITUDE:
             why = f"{name} is {off:g} m from its parent joint; give at most {MAX_MAGNITUDE:g}"
-            raise ModelUnusable(str(robot.urdf), why)
+            raise ValueError(why)
 
 
 def _with_mimic_joints(robot: Robot, free: pin.Model) -> pin.Model:
@@ -214,11 +214,11 @@ def _with_mimic_joints(robot: Robot, free: pin.Model) -> pin.Model:
     and sine, which no mimic joint can follow; here its coordinate is the angle.
 
     Raises:
-        ModelUnusable: A joint follows one that it carries.
+        ValueError: A joint follows one that it carries.
     """
     model, mimics = pin.Model(), {j.name: j.mimic for j in robot.joints if j.mimic}
     copies = {0: 0}
-    for i in _leaders_first(robot, free, {name: mimic.leader for name, mimic in mimics.items()}):
+    for i in _leaders_first(free, {name: mimic.leader for name, mimic in mimics.items()}):
         parent, placement = copies[free.parents[i]], free.jointPlacements[i]
         copies[i] = model.addJoint(parent, _with_one_coordinate(free, i), placement, free.names[i])
     for f in free.frames.tolist()[1:]:
@@ -239,11 +239,11 @@ def _with_one_coordinate(model: pin.Model, joint: int) -> pin.JointModel:
     return pin.JointModelRevoluteUnaligned(axis)
 
 
-def _leaders_first(robot: Robot, free: pin.Model, leaders: dict[str, str]) -> Iterator[int]:
+def _leaders_first(free: pin.Model, leaders: dict[str, str]) -> Iterator[int]:
     """Yield all joints, each after its parent and its leader.
 
     Raises:
-        ModelUnusable: There is no such order.
+        ValueError: There is no such order.
     """
     before = {i: {free.parents[i]} for i in range(1, free.njoints)}
     for name, leader in leaders.items():
@@ -254,7 +254,7 @@ def _leaders_first(robot: Robot, free: pin.Model, leaders: dict[str, str]) -> It
         if i is None:
             name = next(name for name in leaders if free.getJointId(name) in before)
             why = f"{name} follows {leaders[name]}, which it carries; let {leaders[name]} follow"
-            raise ModelUnusable(str(robot.urdf), why)
+            raise ValueError(why)
         done.add(i)
         del before[i]
         yield i
