@@ -153,8 +153,16 @@ class Scene:
         for command in self._commands:
             self.check("Traceback" not in command.text(), f"a traceback in {command.errors.name}")
 
+    def no_survivors(self) -> None:
+        for command in self._commands:
+            if command.popen.poll() is not None:
+                with contextlib.suppress(Hang):
+                    until("the end of its processes", lambda: not command.family(), 20)  # noqa: B023
+                self.check(not command.family(), f"{command.output.stem}: it left processes behind")
+
     def finish(self) -> None:
         """End all, and compare each board with the recordings."""
+        self.no_survivors()
         for command in self._commands:
             with contextlib.suppress(ProcessLookupError):
                 command.close()

@@ -100,7 +100,7 @@ def cells(each: Finding) -> list[str]:
     return [each.row, str(each.times), verdict, figure(each.limit, each.unit), seen]
 
 
-HEADER = ["row", "times", "held", "limit", "p99 seen"]
+HEADER = ["row", "times", "held", "promised", "p99 seen"]
 
 
 def line(texts: Sequence[str]) -> str:
@@ -115,15 +115,16 @@ def page(findings: Sequence[Finding], seed: int, seconds: float) -> str:
         "",
         f"{len(findings)} rows, seed {seed}, {seconds / 60:.0f} minutes, {machine()}.",
         "",
-        "| fault | what must hold | times | held | limit | median | 99th percentile |",
-        "|---|---|---|---|---|---|---|",
+        "| row | fault | what must hold | times | held | promised | median | 99th percentile |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for each in findings:
         limit, median, p99 = (
             figure(value, each.unit) for value in (each.limit, each.median, each.p99)
         )
-        texts = [each.fault, each.promise, str(each.times), "yes" if each.held else "**no**"]
-        lines.append("| " + " | ".join([*texts, limit, median, p99]) + " |")
+        texts = [f"`{each.row}`", each.fault, each.promise, str(each.times)]
+        texts += ["yes" if each.held else "**no**", f"at most {limit}" if limit else "", median]
+        lines.append("| " + " | ".join([*texts, p99]) + " |")
     return "\n".join(lines) + "\n"
 
 

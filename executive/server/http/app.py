@@ -151,7 +151,7 @@ class App:
                 if operation.answer is None:
                     return Response(value, operation.status, media_type=operation.media)
                 return JSONResponse(value, operation.status)
-            except ClientDisconnect:
+            except (ClientDisconnect, asyncio.CancelledError):  # or the server ends
                 return Response()
             except RequestError as error:
                 return _refusal(error)

@@ -3,8 +3,10 @@
 import json
 import math
 import signal
+import socket
 import threading
 import time
+from contextlib import ExitStack
 
 from tests.faults.board import Board
 from tests.faults.process import Server, until
@@ -225,6 +227,35 @@ def dead_client(scene: Scene) -> None:
         server.stop()
     goals = server.get("/api/goals")["goals"]
     scene.check([each["state"] for each in goals] == ["CANCELED"], f"the goals: {goals}")
+
+
+@row(
+    "slow-subscribers",
+    "12 subscribers of events read nothing, while goals run",
+    "the goals succeed, and the server waits for none of them; its memory grows little",
+    limit=30,
+    unit="MiB",
+    times=2,
+)
+def slow_subscribers(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", board=board)
+    before = server.memory()
+    with ExitStack() as stack:
+        for _ in range(12):
+            connection = stack.enter_context(socket.socket())
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+            connection.connect(server.address)
+            name = f"{server.address[0]}:{server.address[1]}"
+            request = f"GET /api/events HTTP/1.1\r\nHost: {name}\r\n\r\n"
+            connection.sendall(request.encode())
+        begin = time.monotonic()
+        for _ in range(3):
+            result = server.result(server.goal(21))
+            scene.check(result["code"] == "ok", f"{result['code']}: {result['message']}")
+        scene.check(time.monotonic() - begin < 50, "the goals took 50 s")
+        scene.figure(server.memory() - before)
+    scene.check(board.ask("state")["frames"] > 20, "it did not move")
 
 
 @row(

@@ -289,6 +289,60 @@ def stuck_skill(scene: Scene) -> None:
     server.wait()
 
 
+STUCK_VALIDATION = """
+import time
+from pathlib import Path
+
+from skills import Skill
+
+
+class Stuck(Skill):
+    '''Never return, once there is a file `go`.'''
+
+    @classmethod
+    def validate(cls, robot, inputs):
+        if Path("go").exists():
+            Path("stuck").touch()
+            time.sleep(600)
+
+    def on_start(self):
+        raise RuntimeError
+"""
+
+
+@row(
+    "stuck-validation",
+    "the validation of a goal does not return, in the code of a skill; then a stop",
+    "stops and cancels are still answered, and nothing moves; a second SIGTERM ends the server",
+    limit=2,
+    unit="s",
+    times=2,
+)
+def stuck_validation(scene: Scene) -> None:
+    task = "task: 31\nname: stuck\ndescription: Never return.\ntree: Stuck\n"
+    for name, text in (("skills/stuck.py", STUCK_VALIDATION), ("trees/31_stuck.yaml", task)):
+        (scene.folder / name).parent.mkdir()
+        (scene.folder / name).write_text(text)
+    board = scene.board()
+    server = scene.serve("--activate", "--skills", scene.folder / "skills", board=board)
+    (scene.folder / "go").touch()
+    client = scene.armtree("send", "31", "--server", server.url)
+    until("the validation is stuck", (scene.folder / "stuck").exists)
+    for _ in range(5):
+        scene.figure(server.stop())
+        begin = time.monotonic()
+        scene.check(server.request("POST", "/api/cancel")[0] == 200, "a cancel was refused")
+        scene.figure(time.monotonic() - begin)
+    scene.check(board.data() == b"", "something was sent")
+    for _ in range(2):
+        server.signal(signal.SIGTERM)
+        time.sleep(scene.random.uniform(0.2, 1.0))  # noqa: TID251, a random moment
+        if server.popen.poll() is not None:
+            break
+    server.wait()
+    client.wait()
+
+
 @row(
     "frozen-server",
     "a server is stopped (SIGSTOP) while a client waits for a goal, and others ask",

@@ -199,3 +199,35 @@ def doctor(scene: Scene) -> None:
             os.close(handle)
         scene.check(board.data() == b"", f"{kind}: something was sent")
         board.close()
+
+
+@row(
+    "runtime-folder",
+    "there is no `XDG_RUNTIME_DIR`, and in the folder for temporary files, the folder of armtree is"
+    " a link, a file, a pipe, or open to other users",
+    "the server ends with exit status 13 and names that folder; nothing is written there",
+    times=3,
+)
+def runtime_folder(scene: Scene) -> None:
+    temporary, other = scene.folder / "tmp", scene.folder / "other"
+    temporary.mkdir()
+    other.mkdir(mode=0o700)
+    folder = temporary / f"armtree-{os.getuid()}"
+    kind = scene.random.choice(["link", "dangling link", "file", "pipe", "open folder"])
+    if kind == "open folder":
+        folder.mkdir()
+        folder.chmod(0o777)
+    elif kind == "link":
+        folder.symlink_to(other)
+    else:
+        no_port(kind, folder)
+    before = folder.lstat()
+    environment = {"XDG_RUNTIME_DIR": "", "TMPDIR": str(temporary)}
+    server = scene.armtree(
+        *("serve", "--tcp-port", "0", "--port", "virtual"), environment=environment
+    )
+    scene.check(server.wait() == 13, f"{kind}: exit status {server.wait()}, not 13")
+    scene.check(str(folder) in server.text(), f"{kind}: {last_line(server)}")
+    scene.check(folder.lstat().st_mode == before.st_mode, f"{kind}: it was changed")
+    there = [*other.iterdir(), *(folder.iterdir() if folder.is_dir() else ())]
+    scene.check(not there, f"{kind}: {there} was written")

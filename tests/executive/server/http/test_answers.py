@@ -1,5 +1,6 @@
 """The answers of the HTTP interface, over a real socket."""
 
+import http.client
 import json
 import threading
 from typing import Any
@@ -13,6 +14,7 @@ from executive.server.http import answers as api
 from executive.server.http.operations import OPERATIONS
 from hardware import State
 from logs.writing import recorder
+from skills.leaves.wait import Wait
 from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
@@ -220,6 +222,31 @@ def test_events_reach_several_and_late_subscribers(serve: Serve) -> None:
             assert isinstance(event, GoalStatus)
             states.append(event.state.name)
         assert states[-2:] == ["CANCELING", "CANCELED"]
+
+
+def test_a_request_that_waits_for_the_code_of_a_skill_does_not_disturb_the_end_of_the_server(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    stuck, leave = threading.Event(), threading.Event()
+
+    def validate(robot: object, inputs: object) -> None:
+        stuck.set()
+        leave.wait(3)  # the server waits for it
+
+    served = serve()
+    monkeypatch.setattr(Wait, "validate", validate)
+
+    def send_and_lose() -> None:
+        with pytest.raises((OSError, http.client.HTTPException)):
+            send(served, 10)
+
+    client = threading.Thread(target=send_and_lose)
+    client.start()
+    assert stuck.wait(30)
+    served.stop()
+    client.join(30)
+    leave.set()
+    assert not [each for each in caplog.records if each.levelname == "ERROR"]
 
 
 def test_metrics_are_valid_for_prometheus(serve: Serve) -> None:
