@@ -40,7 +40,7 @@ from .path.rrt_connect import RRTConnect
 from .path.shortcut import shortcut
 from .path.verify import verify_plan, verify_rows
 from .plan import Plan
-from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify
+from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
 from .timing.remaining import check_rest, remaining_plan
 from .timing.time_law import TimeLaw
 from .timing.time_parameterization import time_curve
@@ -78,6 +78,7 @@ class Planner:
         Raises:
             MotionError: As `plan`, `rest`, `reach`, `carry` and `verify`.
         """
+        check_types(request)
         match request:
             case Query():
                 return self.plan(request)
@@ -90,7 +91,6 @@ class Planner:
                 return self.carry(request)
             case Rest():
                 return self.rest(request)
-        raise BadQuery(f"A planner does not answer a {type(request).__name__}; send a Query")
 
     def plan(self, query: Query) -> Plan:
         """Return the motion for a query.
@@ -100,6 +100,7 @@ class Planner:
             GoalInCollision, Barred, NoPath, TooLong, PlanTimeout, MotionCollides: The first stage
             that fails. The error has the durations of all stages so far.
         """
+        check_types(query)
         watch = Stopwatch(self._clock)
         try:
             return self._plan(query, watch)
@@ -158,6 +159,7 @@ class Planner:
             BadQuery, NotFinite: The request is not valid.
             PlanTimeout: The deadline passed.
         """
+        check_types(request)
         deadline, checker = Deadline(self._clock, request.timeout), self._checker(request.world)
         with checker.within(deadline):
             verify_rows(checker, checker.scene.lever_arms, self._model.joints, request, deadline)
@@ -169,6 +171,7 @@ class Planner:
             BadQuery, NotFinite, StartOutOfBounds, Unreachable, GoalInCollision, PlanTimeout:
                 The first that applies.
         """
+        check_types(query)
         checker, deadline = self._checker(query.world), Deadline(self._clock, query.timeout)
         group = self._group(query.group).joints
         with checker.within(deadline):
@@ -181,6 +184,7 @@ class Planner:
             BadQuery, NotFinite: The arm is not on the path, or the request is not valid.
             TooLong: The rest would take too long.
         """
+        check_types(request)
         watch = Stopwatch(self._clock)
         check_rest(request)
         start = joint_positions("start", request.start, self._robot.actuated)
@@ -202,6 +206,7 @@ class Planner:
             BadWorld: There is no such body or link.
             BadQuery, NotFinite: The positions are not valid.
         """
+        check_types(request)
         body = request.world.body(request.body)
         positions = joint_positions("position", request.positions, self._robot.actuated)
         return self._checker(EMPTY).scene.attached(body, request.link, positions)

@@ -162,3 +162,26 @@ class Carry:
 Request = Query | Verify | ToolQuery | Carry | Rest
 Answer = Plan | Reached | Body | None
 Result = Answer | MotionError
+
+# Attributes of requests: name, type, and what to give instead.
+_TYPES: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
+    ("group", str, "the name of a group"),
+    ("via", (tuple, list), "a tuple of points"),
+    ("point", (tuple, list), "x, y, z"),
+    ("plan", Plan, "a Plan of this planner"),
+    ("world", World, "a World"),
+)
+
+
+def check_types(request: Request) -> None:
+    """Check the types of a request and its attributes. The planner checks their values.
+
+    Raises:
+        BadQuery: One is of another type.
+    """
+    if not isinstance(request, Request):
+        raise BadQuery(f"A planner does not answer a {type(request).__name__}; send a Query")
+    for name, kind, wanted in _TYPES:
+        value = getattr(request, name, None)
+        if hasattr(request, name) and not isinstance(value, kind):
+            raise BadQuery(f"The {name} is {shown(value)}; give {wanted}")

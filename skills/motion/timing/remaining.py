@@ -24,15 +24,13 @@ def check_rest(request: Rest) -> None:
 
     Raises:
         NotFinite: The time is NaN or infinite.
-        BadQuery: The time is not a number, or the plan is not one of the planner's.
+        BadQuery: The time is not a number, or the limits of the plan are invalid.
     """
     plan, time = request.plan, request.time
     if isinstance(time, (float, np.floating)) and not math.isfinite(time):
         raise NotFinite("time", "the motion", float(time))
     if not is_number(time, -sys.float_info.max, sys.float_info.max):
         raise BadQuery(f"The time is {shown(time)} s; give a number")
-    if not isinstance(plan, Plan):
-        raise BadQuery(f"The plan is {shown(plan)}; give a Plan of this planner")
     if not ((plan.velocity > 0.0).all() and (plan.acceleration > 0.0).all()):
         raise BadQuery("The limits of the plan are not above 0; give a Plan of this planner")
 

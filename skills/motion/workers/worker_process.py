@@ -13,9 +13,7 @@ from typing import Any
 
 from hardware import Robot
 from skills.motion.errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
-from skills.motion.plan import Plan
-from skills.motion.query import Query, Request, Result
-from skills.motion.world import World
+from skills.motion.query import Query, Request, Result, check_types
 
 from .answers import AnswerChecker
 from .messages import InvalidMessage, encode, receive, send
@@ -26,15 +24,6 @@ _GRACE = 0.008  # time after a request's timeout until the worker counts as hang
 _EXIT = 5.0  # longest wait for the exit status, once the worker closed its socket [s]
 _FEW = 100  # most via points and bodies of a request that is encoded quickly
 _START = 30.0  # longest time to load the robot, on a slow machine [s]
-
-# Attributes that a worker relies on: name, type, and what to give instead.
-_TYPES: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
-    ("group", str, "the name of a group"),
-    ("via", (tuple, list), "a tuple of points"),
-    ("point", (tuple, list), "x, y, z"),
-    ("plan", Plan, "a Plan"),
-    ("world", World, "a World"),
-)
 
 
 class WorkerProcess:
@@ -212,12 +201,10 @@ def _is_small(request: Request) -> bool:
 
 def _check(request: Request) -> BadQuery | None:
     """Return an error if a request could end a worker."""
-    if not isinstance(request, Request):
-        return BadQuery(f"A planner does not answer a {type(request).__name__}; send a Query")
-    for name, kind, wanted in _TYPES:
-        value = getattr(request, name, None)
-        if hasattr(request, name) and not isinstance(value, kind):
-            return BadQuery(f"The {name} is {shown(value)}; give {wanted}")
+    try:
+        check_types(request)
+    except BadQuery as error:
+        return error
     timeout = request.timeout
     if isinstance(timeout, (int, float)) and abs(timeout) <= _MAX_TIMEOUT:  # False for NaN
         return None

@@ -8,7 +8,20 @@ import numpy as np
 import pytest
 
 from hardware import load_robot
-from skills.motion import BadQuery, Plan, PlanTimeout, Query, Request, ToolQuery, Verify
+from skills.motion import (
+    EMPTY,
+    BadQuery,
+    Body,
+    Carry,
+    Plan,
+    PlanTimeout,
+    Query,
+    Request,
+    Rest,
+    Sphere,
+    ToolQuery,
+    Verify,
+)
 from skills.motion.planner import Planner
 
 HOME = (0.0, 0.0, 0.0, 0.0)
@@ -39,6 +52,19 @@ def test_invalid_tool_queries(planner: Planner, odd: dict[str, Any], message: st
         planner.reach(dataclasses.replace(TOOL, **odd))
 
 
+@pytest.mark.parametrize("request_", [PICK, TOOL, Verify([HOME], 0.0), Carry(EMPTY, "b", "", HOME)])
+@pytest.mark.parametrize("odd", [None, (), "world", [Body("b", Sphere(0.1))]])
+def test_a_world_of_another_type(planner: Planner, request_: Request, odd: Any) -> None:
+    with pytest.raises(BadQuery, match=r"The world is .*; give a World"):
+        planner.answer(dataclasses.replace(request_, world=odd))
+
+
+@pytest.mark.parametrize("odd", [None, "arm", PICK])
+def test_a_rest_of_no_plan(planner: Planner, odd: Any) -> None:
+    with pytest.raises(BadQuery, match=r"The plan is .*; give a Plan of this planner"):
+        planner.answer(Rest(odd, 0.0, HOME))
+
+
 @pytest.mark.parametrize("request_", [PICK, TOOL, Verify([HOME], 0.0)])
 @pytest.mark.parametrize("odd", [math.nan, "a", None, np.zeros(3)])
 def test_invalid_timeouts(planner: Planner, request_: Request, odd: Any) -> None:
@@ -56,6 +82,6 @@ def test_a_timeout_larger_than_any_float(planner: Planner) -> None:
 def test_a_group_name_of_thousands_of_digits(planner: Planner) -> None:
     group: Any = 10**5000
     with pytest.raises(
-        BadQuery, match="There is no group a int that cannot be shown; the groups are"
+        BadQuery, match="The group is a int that cannot be shown; give the name of a group"
     ):
         planner.answer(dataclasses.replace(PICK, group=group))
