@@ -6,6 +6,7 @@ import difflib
 import random
 import re
 import shutil
+import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple, TypeVar
@@ -162,6 +163,12 @@ class Scene:
 
     def finish(self) -> None:
         """End all, and compare each board with the recordings."""
+        for command in self._commands:
+            if isinstance(command, Server) and command.popen.poll() is None:
+                command.signal(signal.SIGTERM)  # after SIGKILL, a frame could be unrecorded
+                command.signal(signal.SIGCONT)
+                with contextlib.suppress(Hang):
+                    command.wait(20)
         self.no_survivors()
         for command in self._commands:
             with contextlib.suppress(ProcessLookupError):
