@@ -32,7 +32,7 @@ ClientError             a client of a server
 ├── Refused             the server rejected a request
 └── GoalFailed          a goal ended, but did not succeed; also raised without a server
 PoseUnconfirmed         HardwareError: the position of the arm is unknown
-RecordingBehind         LinkError: the previous frame is not recorded yet
+RecordingBehind         WriteRefused: the last frame is not recorded yet
 BadWorldFile            FileError: a file of obstacles is wrong
 
 Every error carries a stable `code`, and its message says what to do next.
@@ -41,7 +41,7 @@ Every error carries a stable `code`, and its message says what to do next.
 from collections.abc import Mapping
 from typing import Any
 
-from hardware import HardwareError, LinkError
+from hardware import HardwareError, WriteRefused
 from trees import FileError
 
 from .goals.outcome import Cause, Outcome
@@ -329,23 +329,23 @@ class PoseUnconfirmed(HardwareError):
         self.hint = self.hint  # the message names no option, so the command line adds the hint
 
 
-class RecordingBehind(LinkError):
-    """The disk is too slow, so no more frames were sent.
+class RecordingBehind(WriteRefused):
+    """Recording was too slow for too long, so no more frames were sent. The arm stays active.
 
     Args:
         port: Name of the port.
-        most: Longest time the recording may be behind [s].
+        most: Longest time that a frame waits for the recording of the one before it [s].
+        cause: The likely cause, and what to do.
     """
 
     code = "log.behind"
     exit_status = 10
-    hint = "record to a faster disk"
+    hint = "end other programs, or record to a faster disk"
 
-    def __init__(self, port: str, most: float) -> None:
+    def __init__(self, port: str, most: float, cause: str) -> None:
         super().__init__(
-            port,
-            f"The recording is more than {most * 1000:.0f} ms behind, so nothing more "
-            f"was sent to {port}. Record to a faster disk, or end other programs that use it",
+            f"The last frame was not recorded within {most:g} s (--recording-timeout), so nothing "
+            f"more was sent to {port}. The likely cause: {cause}"
         )
 
 

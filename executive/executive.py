@@ -90,8 +90,11 @@ class Executive:
             configuration_note(self.port, setup),
         )
         self.start_pose = StartPose(robot, self.port, setup.recordings, setup.pose)
-        recorded = RecordedLink(link, self._recordings, clock) if link else None
-        self._arm = Arm(robot, recorded, clock, self._arm_changed)
+        if link:
+            recorded = RecordedLink(link, self._recordings, clock, setup.recording_timeout)
+            self._arm = Arm(robot, recorded, clock, self._arm_changed, recorded.ready)
+        else:
+            self._arm = Arm(robot, None, clock, self._arm_changed)
         self._queue = GoalQueue(clock, setup.policy, setup.result_timeout, self._goal_changed)
         self._stopper = GoalStopper(self._queue, self._arm, self._recordings, clock)
         context = Context(

@@ -36,6 +36,7 @@ from .errors import (
     NotActive as NotActive,
     PortNotGiven as PortNotGiven,
     TransitionRefused as TransitionRefused,
+    WriteRefused as WriteRefused,
 )
 from .joints import Joint as Joint, Mimic as Mimic, check_position as check_position
 from .link.link import Link as Link

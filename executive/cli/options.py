@@ -148,6 +148,16 @@ run_options = _together(
         help="Number of planner processes.",
     ),
     click.option(
+        "--recording-timeout",
+        type=ABOVE_0,
+        envvar="ARMTREE_RECORDING_TIMEOUT",
+        default=5.0,
+        show_default=True,
+        metavar="SECONDS",
+        help="How long a frame waits for the recording of the one before it, on a busy computer or "
+        "a slow disk [s]. Then the motion ends.",
+    ),
+    click.option(
         "--keep-days",
         type=AT_LEAST_0,
         envvar="ARMTREE_KEEP_DAYS",

@@ -1,29 +1,37 @@
 """A link to the board that sends no frame before the previous one is recorded."""
 
+import logging
+import os
+
 from executive.errors import RecordingBehind
 from hardware import Clock, Link
 
 from .recordings import Recordings
 
-# If recording takes longer, it is a fault: the arm must not move without a recording.
-MOST_BEHIND = 0.05  # [s]
+logger = logging.getLogger(__name__)
+
+# A longer wait for the recording is reported, at most once in this time [s].
+_REPORTED, _AT_MOST_EVERY = 0.05, 1.0
 
 # Longest time that a stop waits for the recording of the frame before it.
 _HOLD_WAITS = 0.002  # [s]
 
 
 class RecordedLink:
-    """A link that sends a frame only after all frames before it were recorded.
+    """A link whose frames wait for the recording of the frames before them.
 
     Args:
         link: Link to the board.
         recordings: Recordings of the frames.
         clock: Time source.
+        timeout: Longest time that a frame waits [s].
     """
 
-    def __init__(self, link: Link, recordings: Recordings, clock: Clock) -> None:
+    def __init__(self, link: Link, recordings: Recordings, clock: Clock, timeout: float) -> None:
         self._link, self._recordings, self._clock = link, recordings, clock
-        self._last = b""
+        self._timeout = timeout
+        self._since: float | None = None  # when the next frame began to wait [s]
+        self._quiet_until = 0.0  # when the next report is due [s]
 
     @property
     def port(self) -> str:
@@ -34,19 +42,37 @@ class RecordedLink:
         """Open the link."""
         self._link.open()
 
-    def write(self, data: bytes) -> None:
-        """Send bytes.
+    def ready(self, timeout: float) -> bool:
+        """Return whether every frame was recorded, so that the next one may be sent.
+
+        Args:
+            timeout: Longest time to wait for that now [s].
 
         Raises:
-            RecordingBehind: The frames before are not recorded.
+            RecordingBehind: It took longer than the time that a frame waits.
+        """
+        begin = self._clock.now()
+        recorded = self._recordings.caught_up(timeout)
+        if recorded and self._since is None:
+            return True
+        since = self._since = begin if self._since is None else self._since
+        waited = self._clock.now() - since
+        if recorded or waited >= self._timeout:
+            self._since = None
+            cause = self._likely_cause(waited)
+            if not recorded:
+                raise RecordingBehind(self.port, self._timeout, cause)
+            self._report(waited, cause)
+        return recorded
+
+    def write(self, data: bytes) -> None:
+        """Send bytes. A stop comes at any time; other frames come when the link is `ready`.
+
+        Raises:
             LinkError: The link failed.
         """
-        if data == self._last:  # a stop repeats the last frame; it must be sent in any case
-            self._recordings.caught_up(_HOLD_WAITS)
-        elif not self._recorded():
-            raise RecordingBehind(self.port, MOST_BEHIND)
+        self._recordings.caught_up(_HOLD_WAITS)
         self._link.write(data)
-        self._last = data
 
     def read(self) -> bytes:
         """Wait for bytes."""
@@ -60,10 +86,23 @@ class RecordedLink:
         """
         self._link.close(discard)
 
-    def _recorded(self) -> bool:
-        """Wait for the recording of all frames before; return False if it takes too long."""
-        until = self._clock.now() + MOST_BEHIND
-        while not self._recordings.caught_up(max(0.0, until - self._clock.now())):
-            if self._clock.now() >= until:
-                return False
-        return True
+    def _report(self, waited: float, cause: str) -> None:
+        now = self._clock.now()
+        if waited >= _REPORTED and now >= self._quiet_until:
+            self._quiet_until = now + _AT_MOST_EVERY
+            logger.warning(
+                "A frame waited %.2f s for the recording of the one before it. The likely "
+                "cause: %s",
+                waited,
+                cause,
+            )
+
+    def _likely_cause(self, waited: float) -> str:
+        write = self._recordings.longest_write()
+        if write > waited / 2:
+            return f"a write to the disk took {write:.2f} s; record to a faster disk"
+        load, cores = os.getloadavg()[0], len(os.sched_getaffinity(0))
+        return (
+            f"the computer is busy, with a load of {load:.1f} on {cores} processors; "
+            "end other programs"
+        )

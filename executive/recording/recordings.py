@@ -215,6 +215,11 @@ class Recordings:
         recorder = self._recorder
         return recorder is None or recorder.caught_up(timeout)
 
+    def longest_write(self) -> float:
+        """Return the longest time that a write took since the last call [s], also one so far."""
+        recorders = {self._recorder, self._server} - {None}
+        return max((each.longest_write() for each in recorders if each), default=0.0)
+
     def on_arm_event(self, event: ArmEvent) -> None:
         """Record an event of the arm."""
         record = arm_record(event, self._robot)

@@ -50,6 +50,11 @@ def _ignore(event: ArmEvent) -> None:
     """Ignore an event."""
 
 
+def _at_once(timeout: float) -> bool:
+    """Send the next frame at once."""
+    return True
+
+
 class Arm:
     """A robot arm. It is open loop: its state is the last command.
 
@@ -64,12 +69,19 @@ class Arm:
             were sent. It must return quickly, because the caller waits for it. It may stop the arm
             and may take locks. A lock that is held while the arm is stopped must be re-entrant.
             Its exceptions are logged and have no other effect.
+        ready: Returns whether the next frame may be sent, and waits for that for a time [s]; by
+            default, it always may. It may raise a `WriteRefused`, which ends the motion.
     """
 
     def __init__(
-        self, robot: Robot, link: Link | None, clock: Clock, observe: Observer = _ignore
+        self,
+        robot: Robot,
+        link: Link | None,
+        clock: Clock,
+        observe: Observer = _ignore,
+        ready: Callable[[float], bool] = _at_once,
     ) -> None:
-        self.robot = robot
+        self.robot, self._ready = robot, ready
         self._link, self._clock, self._observe = link, clock, observe
         self._signal = clock.signal()
         self._canceled = False
@@ -350,6 +362,7 @@ class Arm:
             _weakly(self._is_active, False),
             _weakly(self.fault, None),
             _weakly(self._notify, None),
+            self._ready,
         )
         if self._release:
             self._release.detach()

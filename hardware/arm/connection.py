@@ -29,6 +29,7 @@ class Connection:
         is_active: Returns whether the lifecycle is *active*.
         on_fault: Callback for errors, from any thread.
         on_receive: Callback after bytes were received.
+        ready: Returns whether the next frame may be sent; see `Streamer`.
 
     Attributes:
         acknowledgements: What the board has acknowledged.
@@ -45,10 +46,11 @@ class Connection:
         is_active: Callable[[], bool],
         on_fault: Callable[[BaseException], None],
         on_receive: Callable[[], None],
+        ready: Callable[[float], bool],
     ) -> None:
         self._robot, self._link, self._clock = robot, TimedLink(link), clock
         self._observe, self._is_active = observe, is_active
-        self._on_fault, self._on_receive = on_fault, on_receive
+        self._on_fault, self._on_receive, self._ready = on_fault, on_receive, ready
         self._closed = False
         self._reader: threading.Thread | None = None
         self.acknowledgements = Acknowledgements(robot)
@@ -88,7 +90,9 @@ class Connection:
             self._held_pose(start_pose),
         )
         period = 1 / robot.firmware.rate
-        self.streamer = Streamer(self.guard, acknowledgements, self._clock, period, self._fault)
+        self.streamer = Streamer(
+            self.guard, acknowledgements, self._clock, period, self._fault, self._ready
+        )
 
     def enable_acknowledgements(self) -> None:
         """Make a booted board acknowledge frames, if its firmware can."""

@@ -16,6 +16,8 @@ from .write_guard import WriteGuard
 
 logger = logging.getLogger(__name__)
 
+_READY_WAIT = 0.02  # [s]; then it is checked whether the motion was stopped
+
 
 class PlaybackState(Enum):
     """State of a playback."""
@@ -99,6 +101,8 @@ class Streamer:
         clock: Time source.
         period: Period of frames [s]. A frame that is later than this shifts the rest of the motion.
         on_fault: Callback for errors. It must close this streamer.
+        ready: Returns whether the next frame may be sent, and waits for that for a time [s]. It may
+            raise a `WriteRefused`, which ends the motion.
 
     Attributes:
         thread: The thread. It ends soon after this streamer is closed.
@@ -111,9 +115,10 @@ class Streamer:
         clock: Clock,
         period: float,
         on_fault: Callable[[BaseException], None],
+        ready: Callable[[float], bool],
     ) -> None:
         self._guard, self._acknowledgements, self._clock = guard, acknowledgements, clock
-        self._period, self._on_fault = period, on_fault
+        self._period, self._on_fault, self._ready = period, on_fault, ready
         self._signal = clock.signal()
         self._playback: Playback | None = None
         self._braking: tuple[float, float] | None = None  # start and duration [s]
@@ -267,6 +272,7 @@ class Streamer:
         origin = self._clock.now()
         for setpoint in playback.schedule.setpoints:
             self._wait_for_frame(playback, origin + setpoint.time)
+            self._wait_until_ready(playback)
             due = self._due(origin + setpoint.time)
             if due == math.inf:
                 self._guard.hold(playback.claim)
@@ -279,6 +285,7 @@ class Streamer:
             with self._signal:
                 playback.note_written(late, self._acknowledgements.acknowledged)
             playback.notify()
+        self._wait_until_ready(playback)
         self._guard.write(playback.schedule.end, playback.claim, self._clock.now())
         if playback.schedule.setpoints:
             self._sleep(playback, max(origin + playback.schedule.duration, self._guard.done))
@@ -293,6 +300,12 @@ class Streamer:
                     return
                 self._wait(until)
         raise StaleGeneration("stopped")
+
+    def _wait_until_ready(self, playback: Playback) -> None:
+        """Wait until the next frame may be sent. No lock is held, because a stop may come."""
+        while not self._ready(_READY_WAIT):
+            if playback is not self._playback:
+                raise StaleGeneration("stopped")
 
     def _due(self, planned: float) -> float:
         """Return the time at which a frame is due [s]; inf if braking ends before it.

@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -91,6 +92,10 @@ class Journal:
         """True if the disk is full and only the reserve for the end of the run is left."""
         return self._file.full
 
+    def longest_write(self) -> float:
+        """Return the longest time that a write took since the last call [s], also one so far."""
+        return self._file.longest_write()
+
     def _encoded(self, item: Item) -> bytes:
         if isinstance(item, Attachment):
             named = item.name, item.media_type, item.data
@@ -145,6 +150,8 @@ class PieceWriter:
         self.full = False
         self._stream = stream
         self._written = 0
+        self._began: float | None = None  # when the write that is not done began [s]
+        self._longest = 0.0
         self._reserve = _reserve(Path(str(stream.name)).parent)
         if self._reserve:
             finalize(self, self._reserve.close)
@@ -185,8 +192,14 @@ class PieceWriter:
         """True if nothing more can be written."""
         return self._stream.closed
 
+    def longest_write(self) -> float:
+        """Return the longest time that a write took since the last call [s], also one so far."""
+        began, longest, self._longest = self._began, self._longest, 0.0
+        return max(longest, time.monotonic() - began if began is not None else 0.0)
+
     def _write(self, data: bytes) -> None:
         handle, done = self._stream.fileno(), 0
+        self._began = began = time.monotonic()
         try:
             while done < len(data):
                 done += os.write(handle, memoryview(data)[done:])
@@ -195,6 +208,9 @@ class PieceWriter:
                 os.ftruncate(handle, self._written)
                 os.lseek(handle, self._written, os.SEEK_SET)
             raise
+        finally:
+            self._longest = max(self._longest, time.monotonic() - began)
+            self._began = None
         self._written += done
 
     def _abandon(self) -> None:

@@ -92,12 +92,16 @@ class Recorder:
     def caught_up(self, timeout: float) -> bool:
         """Return whether every frame that was put was written to the operating system.
 
-        Waits for it if necessary. The first call also waits until the file was created.
+        Waits for it if necessary. The first call also waits until the file was created. After an
+        error it is False.
 
         Args:
             timeout: Longest time to wait [s].
         """
         begun = self._begun.is_set() or self._begun.wait(_BEGIN_S)
+        if self._cause is not None:
+            self._ended.wait(timeout)
+            return False
         return (begun and self._kept == self._sent) or self.wait(timeout)
 
     def wait(self, timeout: float = _BEGIN_S) -> bool:
@@ -112,6 +116,11 @@ class Recorder:
         mark = threading.Event()
         self._jobs.put(mark.set)
         return mark.wait(timeout)
+
+    def longest_write(self) -> float:
+        """Return the longest time that a write took since the last call [s], also one so far."""
+        journal = self._journal
+        return journal.longest_write() if journal else 0.0
 
     def flush(self) -> None:
         """Wait until everything put so far was written to the operating system.

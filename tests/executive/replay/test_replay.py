@@ -15,10 +15,7 @@ from mcap.writer import Writer
 import logs
 from executive.cli import player as keyboard
 from executive.cli.player import Player
-from executive.errors import RecordingBehind
-from executive.recording.recorded_link import RecordedLink
 from executive.replay.verification import verify
-from hardware import SimulatedClock
 from logs.reading.file_state import locked
 from logs.records.ros_types import ros_types
 from logs.views.comparison import compare
@@ -352,33 +349,6 @@ def test_an_invalid_rule_deletes_nothing(tmp_path: Path, picked: Path, value: st
         status = finish(tmp_path, "run", "0", "--recordings", folder, f"--keep-{option[2:]}", value)
         assert status[0] == 2
     assert picked.exists()
-
-
-class Slow:
-    """Recordings on a slow disk."""
-
-    def __init__(self, clock: SimulatedClock) -> None:
-        self._clock = clock
-
-    def caught_up(self, timeout: float) -> bool:
-        signal = self._clock.signal()
-        with signal:
-            signal.wait(self._clock.now() + timeout)
-        return False
-
-
-def test_no_frame_overtakes_its_recording_but_a_hold_always_goes(rig: RigMaker) -> None:
-    arm = rig()
-    link = RecordedLink(arm.link, Slow(arm.clock), arm.clock)  # type: ignore[arg-type]
-    with arm.clock.working():
-        link.open()
-        with pytest.raises(RecordingBehind, match="more than 50 ms behind"):
-            link.write(b"b090,s090,e090,g000,")
-        link._last = b"b090,s090,e090,g000,"
-        before = arm.clock.now()
-        link.write(b"b090,s090,e090,g000,")
-        assert arm.clock.now() - before == pytest.approx(0.002)  # for the frame before it
-        link.close()
 
 
 def test_keys_that_come_at_once_all_count() -> None:

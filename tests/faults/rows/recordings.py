@@ -1,9 +1,12 @@
 """Recordings: files of other programs, disks that fail, and processes that are killed."""
 
 import json
+import signal
 import time
 
+from tests.faults.process import until
 from tests.faults.row import Scene, last_line, row
+from tests.faults.wrong_calls import WrongCalls
 from tests.support.recordings.alterations import records_of, rewritten
 from tests.support.recordings.bombs import bombs
 from tests.support.recordings.single_changes import single_changes
@@ -76,3 +79,58 @@ def change(scene: Scene) -> None:
             or not all(verdict["holds"] for verdict in each["verdicts"]),
             f"{each['path']} ends with {each['code']}",
         )
+
+
+@row(
+    "slow-disk",
+    "every write to the recording takes 0.1 to 0.6 s for some seconds of a motion",
+    "frames wait, none is sent unrecorded; the task is done, and the log names the disk",
+    times=4,
+    quick=1,
+)
+def slow_disk(scene: Scene) -> None:
+    board = scene.board()
+    calls = WrongCalls(scene.folder, "-21.mcap")
+    run = scene.run("21", board=board, environment=calls.environment)
+    run.until_event("sent", scene.random.randint(1, 8))
+    calls.start(f"delay {scene.random.randint(100, 600)}")
+    time.sleep(scene.random.uniform(0.5, 3.0))  # noqa: TID251, so long the disk is slow
+    calls.stop()
+    scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
+    lines = [str(each) for each in run.events("log")]
+    words = [line for line in lines if "waited" in line and "a write to the disk took" in line]
+    scene.check(words, f"the log does not name the disk: {lines}")
+    scene.verified()
+
+
+@row(
+    "stuck-disk",
+    "a write to the recording does not return for some seconds, while goals are queued",
+    "the goal ends `log.behind` after `--recording-timeout`, nothing is sent unrecorded; the arm"
+    " stays active, and the next goal is done",
+    limit=2000,
+    unit="ms",
+    times=3,
+    quick=1,
+)
+def stuck_disk(scene: Scene) -> None:
+    board = scene.board()
+    calls = WrongCalls(scene.folder, "-20.mcap")
+    options = ["--activate", "--policy", "queue", "--recording-timeout", "1"]
+    server = scene.serve(*options, board=board, environment=calls.environment)
+    first = server.goal(20)
+    until("the arm moves", lambda: len(board.frames()) > scene.random.randint(1, 8))
+    second = server.goal(21)
+    calls.start("delay 3000")
+    begin = time.monotonic()
+    result = server.result(first)
+    scene.figure(1000 * (time.monotonic() - begin))
+    calls.stop()
+    scene.check(result["code"] == "log.behind", f"the goal ends {result['code']}")
+    scene.check("a write to the disk took" in result["message"], result["message"])
+    scene.check(server.state() == "active", f"the arm is {server.state()}")
+    result = server.result(second)
+    scene.check(result["code"] == "ok", f"the next goal ends {result['code']}: {result}")
+    server.signal(signal.SIGTERM)
+    server.wait()
+    scene.unrecorded = 1

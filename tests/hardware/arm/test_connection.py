@@ -39,7 +39,7 @@ class Watch:
         self.reported, self.leave = threading.Event(), threading.Event()
 
     def connect(self, line: Line) -> Connection:
-        reported = self.observe, lambda: True, self.faults.append, lambda: None
+        reported = self.observe, lambda: True, self.faults.append, lambda: None, lambda _: True
         connection = Connection(load_robot(), line, RealClock(), *reported)
         connection.open()
         return connection
