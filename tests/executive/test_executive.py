@@ -262,7 +262,12 @@ def test_a_wrong_file(rig: RigMaker, tasks: Path) -> None:
         ("", ["far=1"], "ok", ""),
         ("", [], "goal.bad_arguments", "arguments: the parameter far must be given"),
         ("", ["far=yes"], "goal.bad_arguments", "--set far=yes:1:1: "),
-        ("", ["far=1", "near=2"], "goal.bad_arguments", "has no parameter near"),
+        (
+            "",
+            ["far=1", "near=2"],
+            "goal.bad_arguments",
+            "near is no parameter of task 10; there are far",
+        ),
         ("Sukseed", ["far=yes"], "file.task", "no skill Sukseed"),
     ],
 )

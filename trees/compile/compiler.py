@@ -101,7 +101,7 @@ class TreeCompiler:
         self._mistakes = Mistakes(known)
         self._sources.files[task.path.name] = task.text
         self._sources.load_poses(self._mistakes)
-        given = self._arguments(task, arguments)
+        given = self._arguments(task, arguments, Scope(namespace))
         stand_ins = self._stand_ins(task.parameters, namespace)
         scope = Scope(namespace, given, (), stand_ins, task.parameters, "parameter")
         return self._compiled(self._node(task.tree, scope, task.name), namespace)
@@ -159,18 +159,11 @@ class TreeCompiler:
         return node
 
     def _arguments(
-        self, task: TaskFile, arguments: Mapping[str, Located] | None
+        self, task: TaskFile, arguments: Mapping[str, Located] | None, scope: Scope
     ) -> dict[str, Value]:
         """Return the values of the parameters, from arguments and defaults."""
-        written = arguments or {}
-        for name, value in written.items():
-            if name not in task.parameters:
-                there = choices(name, task.parameters, written)
-                self._wrong(
-                    value.place, f"task {task.number} has no parameter {name}; there are {there}"
-                )
-        likely = corrections(written, task.parameters)
-        known = {likely.get(name, name): value for name, value in written.items()}
+        what = f"parameter of task {task.number}"
+        known = self._named(arguments or {}, task.parameters, what, scope)
         given: dict[str, Value] = {}
         for name, declared in task.parameters.items():
             checked = self._given(name, declared, known.get(name))
