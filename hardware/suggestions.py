@@ -1,9 +1,14 @@
-"""Suggestions for misspelt names: the part of an error message that says "did you mean ...?"."""
+"""Words of messages: plurals, and suggestions for misspelt names ("did you mean ...?")."""
 
 from collections.abc import Collection, Iterable
 from itertools import groupby
 
 _SHOWN = 5  # names in a message
+
+
+def plural(count: int, what: str) -> str:
+    """Return a number of things, such as `1 file` or `2 files`."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def closest(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:

@@ -162,13 +162,18 @@ def _name_errors(
     joints = {name: robot.joint(name) for name in robot.groups[group]}
     there, written = f"the {group} has {', '.join(joints)}", _written(target)
     corrected = corrections(written, joints).values()
+    others = {name for other in robot.groups if other != group for name in robot.groups[other]}
+    if written and others.issuperset(written):
+        yield group, f"{there}, not {', '.join(written)}"
+        return
     for name in written:
         if name not in joints:
             near = suggestion(name, joints, written)
             yield name, f"{name} is no joint of the {group}; {there}{near}"
-    for name, joint in joints.items():
-        if joint.mimic is None and name not in written and name not in corrected:
-            yield name, f"{name} is missing; {there}"
+    actuated = (name for name, joint in joints.items() if joint.mimic is None)
+    if missing := [name for name in actuated if name not in written and name not in corrected]:
+        verb = "is" if len(missing) == 1 else "are"
+        yield missing[0], f"{', '.join(missing)} {verb} missing; {there}"
 
 
 def _written(target: Mapping[str, float]) -> list[str]:

@@ -42,6 +42,22 @@ class Place:
         return f"{self.path}:{self.line}:{self.column}" if self.line else str(self.path)
 
     @property
+    def brackets(self) -> str:
+        """The text from the bracket here to the one that closes it; empty if that is not here."""
+        depth, line = 0, self.lines[self.line - 1] if 0 < self.line <= len(self.lines) else ""
+        for column, sign in enumerate(line[self.column - 1 :], 1):
+            depth += (sign in "{[") - (sign in "}]")
+            if depth <= 0:
+                return line[self.column - 1 : self.column - 1 + column] if column > 1 else ""
+        return ""
+
+    def replaced(self, old: str, new: str) -> str:
+        """Return the line with a new text in place of the old one; empty if that is not here."""
+        line = self.lines[self.line - 1] if 0 < self.line <= len(self.lines) else ""
+        before, after = line[: self.column - 1], line[self.column - 1 :]
+        return before + new + after.removeprefix(old) if old and after.startswith(old) else ""
+
+    @property
     def excerpt(self) -> str:
         """The line, with a caret below the column; empty if the text is not known."""
         if not 0 < self.line <= len(self.lines):
@@ -59,7 +75,7 @@ class Mistake:
     Attributes:
         place: Where it is.
         message: What is wrong, and what to do.
-        instead: The line as it should be; empty if that is not known.
+        instead: The line as it should be, or several lines; empty if that is not known.
     """
 
     place: Place
@@ -71,7 +87,9 @@ class Mistake:
         if excerpt := self.place.excerpt:
             text += f"\n{excerpt}"
         if self.instead:
-            text += f"\n  write:\n    {_cut(self.instead)}"
+            text += "\n  write:" + "".join(
+                f"\n    {_cut(line)}" for line in self.instead.split("\n")
+            )
         return text
 
 
@@ -98,18 +116,18 @@ class Mistakes:
         self.found = list(known)
         self._reported = {_where(mistake.place) for mistake in self.found}
 
-    def add(self, place: Place, message: str) -> None:
+    def add(self, place: Place, message: str, instead: str = "") -> None:
         """Add a mistake, unless its place has one."""
         if _where(place) not in self._reported:
-            self.found.append(Mistake(place, message))
+            self.found.append(Mistake(place, message, instead))
 
     def add_also(self, place: Place, message: str) -> None:
         """Add a mistake of a node, although its place may have others."""
         self.found.append(Mistake(place, message))
 
-    def add_last(self, place: Place, message: str) -> None:
+    def add_last(self, place: Place, message: str, instead: str = "") -> None:
         """Add a mistake; later ones at the same place are dropped."""
-        self.add(place, message)
+        self.add(place, message, instead)
         self._reported.add(_where(place))
 
     def take(self, mistakes: Iterable[Mistake]) -> None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hardware.suggestions import plural
+
 from .failures import print_incomplete
 from .options import PATH, recordings_option, robot_option, skills_option, trees_option
 
@@ -129,14 +131,14 @@ def check(
     for note in findings.notes:
         click.echo(f"note: {note.place} {note.message}", err=True)
     mistakes, count = findings.mistakes, len(findings.mistakes)
+    checked = plural(len(findings.files), "file")
     if as_json:
         click.echo(json.dumps(_findings(findings)))
     elif mistakes:
         click.echo("\n".join(map(str, mistakes)), err=True)
-        found = "1 mistake" if count == 1 else f"{count} mistakes"
-        click.echo(f"{found} in {len(findings.files)} files", err=True)
+        click.echo(f"{plural(count, 'mistake')} in {checked}", err=True)
     else:
-        click.echo(f"{len(findings.files)} files are right")
+        click.echo(f"{checked} {'is' if len(findings.files) == 1 else 'are'} right")
     if mistakes:
         sys.exit(FileError.exit_status)
 

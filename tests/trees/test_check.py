@@ -80,12 +80,12 @@ WRONG = [
         "always fails after 2 s; its child takes at least 3",
     ),
     ("{timeout: {repeat: {Wait: {duration: 1}}, times: 3}, after: 2}", "takes at least 3 s"),
-    ("{Wait: {duration: -1}}", "4:25 Wait.duration: -1 is less than 0 s"),
+    ("{Wait: {duration: -1}}", "4:25 Wait.duration: -1 s is less than 0 s"),
     ("{Wait: {duration: 2 days}}", "no unit days; there are h, min, ms, s"),
     ("{Wait: {duration: .nan}}", "is not finite"),
     ("{Wait: {duration: 1:30}}", "'1:30' is not a duration in s, ms, min or h"),
     ("{Wait: {duration: true}}", "true is not a duration"),
-    ("{Say: hi}", "the ports of Say must be a mapping, not 'hi'; say which, as in {port: 'hi'}"),
+    ("{Say: hi}", "4:13 Say needs the name of its port: write Say: {text: hi}"),
     ("{retry: CheckHardware, attempts: 0}", "retry: attempts: 0 is less than 1"),
     ("{retry: CheckHardware, attempts: 1e3}", "1000.0 is not a whole number"),
     ("{retry: CheckHardware}", "retry needs attempts: largest number of attempts"),
@@ -108,7 +108,7 @@ WRONG = [
         "Compare.left: $a is a number or a text, depending on the path taken before",
     ),
     ("{wait_for: SetStart}", "SetStart acts, and cannot be a condition"),
-    ("{inverter: [Succeed]}", "a node is one of"),
+    ("{inverter: [Succeed]}", "a list of nodes needs a node above it"),
     ("{timeout: CheckHardware, after: $x}", "timeout: after must be known before the run"),
     ("{Compare: {left: 1, is: lt, right: 2}}", "Compare.is: 'lt' is none of !=, <"),
     ("{Compare: {left: 1, is: '<', right: a}}", "Compare.right: 'a' is not a number"),
@@ -165,7 +165,7 @@ WRONG = [
         " joint_3: 0, joint_4: 0}, via: [{joint_1: 0, joint_2: 0, joint_3: 7}], plan: $p}}]}",
         "PlanArm: joint_3 = 401.07 deg",
     ),
-    ("{subtree: move_joints, with: {joints: {joint_1: 80 dge}}}", "did you mean deg?"),
+    ("{subtree: move_joints, with: {joints: {joint_1: 80 dge}}}", "did you mean 80 deg?"),
     ("{subtree: move_joints, with: {joints: upwright}}", "no pose upwright; there are"),
     ("{subtree: move_joints, with: {joints: upwright}}", "did you mean upright?"),
     (
@@ -211,7 +211,7 @@ def test_a_wrong_first_key_of_a_node_hides_nothing_of_the_node(
 PARAMETERS = [
     ("{a: {type: angel, default: 1}}", "no type angel; there are"),
     ("{a: {type: angle, default: 5 s}}", "no unit s; there are deg, rad"),
-    ("{a: {type: angle, default: 90 deg, max: 1}}", "is more than 1 rad"),
+    ("{a: {type: angle, default: 90 deg, max: 1}}", "is more than 57.2958 deg"),
     ("{a: {type: text, default: x, choices: [y]}}", "'x' is none of y"),
     ("{a: {type: text, min: 1}}", "a text has no min and no max"),
     ("{a: {default: 1}}", "a needs a type"),
@@ -339,14 +339,17 @@ def test_a_subtree_by_itself_may_put_its_ports_into_a_mapping(robot: Robot, tmp_
     path.write_text(text.replace("$turn", "$torn"))
     (mistake, unused) = check(robot, None, [path]).mistakes
     assert "nothing in the tree uses $turn" in mistake.message
-    assert "$torn has no value before the run" in unused.message
+    assert "there is no port torn; did you mean turn?" in unused.message
 
 
 def test_a_subtree_written_like_a_skill_is_reported_with_the_right_form(
     robot: Robot, tmp_path: Path
 ) -> None:
     (mistake,) = found(robot, tmp_path, tree("open_gripper"))
-    assert mistake == "4:7 open_gripper is a subtree, not a skill: write subtree: open_gripper"
+    assert (
+        mistake
+        == "4:7 no skill open_gripper, but a subtree open_gripper: write subtree: open_gripper"
+    )
 
 
 def test_two_files_of_one_number_are_reported_with_a_place(robot: Robot, tmp_path: Path) -> None:

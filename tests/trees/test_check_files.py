@@ -164,9 +164,13 @@ ONCE = [
     (
         "",
         "{Wait: 5}",
-        "4:14 the ports of Wait must be a mapping, not 5; say which, as in {port: 5}",
+        "4:14 Wait needs the name of its port: write Wait: {duration: 5}",
     ),
-    ("", "{subtree: reach, with: upright}", "4:30 with must be a mapping, not 'upright'"),
+    (
+        "",
+        "{subtree: reach, with: upright}",
+        "4:30 subtree reach needs the names of its ports: write with: {arm: upright, ",
+    ),
     ("", "{Ask: {question: '  '}}", "4:24 Ask: there is no question"),
     (
         "",
@@ -174,7 +178,7 @@ ONCE = [
         "4:50 Ask: the choice left is given twice",
     ),
     ("", "{Ask: {question: a, choices: ['']}}", "4:37 Ask: a choice is empty"),
-    ("", "{Ask: {question: a, within: 0}}", "4:35 Ask.within: 0 is less than 0.001 s"),
+    ("", "{Ask: {question: a, within: 0}}", "4:35 Ask.within: 0 s is less than 0.001 s"),
     (
         "",
         "{AddMesh: {body: b, file: nosuch.stl, position: [0, 0, 1]}}",
@@ -249,7 +253,7 @@ ONCE = [
     (
         "parameters: {a: {type: druation, default: 3 s, min: 1 s, choices: [a]}}\n",
         "{Wait: {duration: $a}}",
-        "4:24 parameters: a: no type druation; there are duration, ",
+        "4:24 parameters: a: no type druation; there are number, ",
     ),
     (
         "parameters: {a: {type: int, default: 5}}\n",

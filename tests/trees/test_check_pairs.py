@@ -115,7 +115,7 @@ AROUND = [
     ),
     ("{sequence: [X, {subtree: reach, with: {arm: upright}}]}", "needs gripper"),
     ("{sequence: [X, {subtre: reach, with: {arm: upright, gripper: open}}]}", "mean subtree?"),
-    ("{sequence: [X, {subtree: reach, with: 5}]}", "with must be a mapping"),
+    ("{sequence: [X, {subtree: reach, with: 5}]}", "needs the names of its ports"),
     ("{sequence: [X, {Say: {text: $b}}]}", "nothing has written $b"),
     ("{sequence: [X, {timeout: {Wait: {duration: 9}}, after: 2}]}", "always fails after 2 s"),
     (
@@ -265,7 +265,7 @@ TOGETHER = [
     ),
     (
         "{retry: {Wait: {duration: -1, x: 1}}, attempts: 0, backoff: 3 kg, foo: 1, name: a/b}",
-        ["4:33 Wait.duration: -1 is less than",
+        ["4:33 Wait.duration: -1 s is less than",
          "4:37 x is no port of Wait",
          "4:55 retry: attempts: 0 is less than 1",
          "4:67 retry: backoff: '3 kg': no unit kg",
@@ -284,7 +284,7 @@ TOGETHER = [
     (
         "{sequence: {Wait: {duration: -1}, Say: {text: 5}}}",
         ["4:18 sequence needs a list of nodes",
-         "4:36 Wait.duration: -1 is less than",
+         "4:36 Wait.duration: -1 s is less than",
          "4:53 Say.text: 5 is not a text"],
     ),
     (

@@ -123,7 +123,7 @@ def test_parameters_at_call_time(examples: Rig) -> None:
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ("swing=90 deg", "is more than 1.0472 rad"),
+        ("swing=90 deg", "is more than 60 deg"),
         ("swnig=1", "did you mean swing?"),
         ("times=1.5", "is not a whole number"),
         ("times=[", "--set times=[:1:2"),

@@ -7,7 +7,7 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
-from hardware.suggestions import choices, corrections
+from hardware.suggestions import choices, closest, corrections
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
 from trees.errors import Mistake, Mistakes, Place
@@ -26,6 +26,7 @@ from .port_types import declaration, declarations, known_skills, port_value, typ
 from .scope import Scope, resolve
 from .skill_hooks import SkillHooks
 from .sources import Source, Sources
+from .values_by_port import as_mapping, by_port
 
 MAX_NODES = 10_000
 MAX_SUBTREES = 8  # nesting depth
@@ -35,6 +36,7 @@ _FIXED = {
     "parameter": "a parameter, which must not be written",
     "port": "an input port; declare it with output: true to write it",
 }
+_WITH = "\0"  # becomes `with:`, below `subtree:`
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ class TreeCompiler:
         self._sources.load_poses(self._mistakes)
         given = self._arguments(task, arguments, Scope(namespace))
         stand_ins = self._stand_ins(task.parameters, namespace)
-        scope = Scope(namespace, given, (), stand_ins, task.parameters, "parameter")
+        scope = Scope(namespace, given, {}, stand_ins, task.parameters, "parameter")
         return self._compiled(self._node(task.tree, scope, task.name), namespace)
 
     def subtree(
@@ -120,7 +122,8 @@ class TreeCompiler:
         self._sources.load_poses(self._mistakes)
         inputs = {name: port for name, port in subtree.ports.items() if not port.output}
         stand_ins = self._stand_ins(inputs, namespace)
-        scope = Scope(namespace, {}, (subtree.name,), stand_ins, subtree.ports)
+        within = {subtree.name: subtree.tree.place}
+        scope = Scope(namespace, {}, within, stand_ins, subtree.ports)
         root = self._node(subtree.tree, scope, subtree.name)
         for name, port in subtree.ports.items():
             self._given(name, port, None)
@@ -142,8 +145,8 @@ class TreeCompiler:
             self._mistakes,
         )
 
-    def _wrong(self, place: Place, message: str) -> None:
-        self._mistakes.add(place, message)
+    def _wrong(self, place: Place, message: str, instead: str = "") -> None:
+        self._mistakes.add(place, message, instead)
 
     def _stand_ins(self, declared: Mapping[str, Declaration], namespace: str) -> dict[str, StandIn]:
         """Return placeholders of the declared types, by full names of keys."""
@@ -300,8 +303,13 @@ class TreeCompiler:
     def _file(self, spec: SubtreeNode, scope: Scope, shown: str) -> Behaviour:
         what = f"subtree {spec.source}" if isinstance(spec.source, str) else f"task {spec.source}"
         label = spec.source if isinstance(spec.source, str) else what
-        way = (*scope.within, label)
-        source = self._source(spec, scope, way, what)
+        if spec.source in self._skills and spec.source not in self._library.subtrees():
+            values = f": {as_mapping(spec.values).as_yaml()}" if spec.values else ""
+            lines = spec.place.replaced(f"subtree: {label}", f"{label}{values}")
+            self._wrong(spec.place, f"{label} is a skill, not a subtree: write {label}", lines)
+            return self._node(SkillNode(spec.place, label, spec.values, shown), scope)
+        way = {**scope.within, label: spec.place}
+        source = self._source(spec, scope, label, way)
         if source is None:
             self._forgive(spec.values.values(), scope)
             return self._placeholder(label or "subtree", spec.place)
@@ -323,16 +331,23 @@ class TreeCompiler:
         return node
 
     def _source(
-        self, spec: SubtreeNode, scope: Scope, way: Sequence[str], what: str
+        self, spec: SubtreeNode, scope: Scope, label: str, way: Mapping[str, Place]
     ) -> Source | None:
         """Return the file of a node, or None if it cannot be used, which is reported."""
-        if way[-1] in scope.within:
-            self._wrong(spec.place, f"{what} would contain itself: {' -> '.join(way)}")
+        if label in scope.within:
+            self._cycle(label, way)
         elif len(way) > MAX_SUBTREES:
             self._wrong(spec.place, f"more than {MAX_SUBTREES} nested subtrees")
         elif spec.source != "":
             return self._sources.get(spec, self._mistakes)
         return None
+
+    def _cycle(self, label: str, way: Mapping[str, Place]) -> None:
+        """Report files that use each other, at the same place for each of them."""
+        names = list(way)[list(way).index(label) :]
+        first = names.index(min(names))
+        cycle = [*names[first:], *names[: first + 1]]
+        self._wrong(way[cycle[0]], f"{cycle[0]} would contain itself: {' -> '.join(cycle)}")
 
     def _ports(
         self, spec: SubtreeNode, source: Source, scope: Scope, what: str
@@ -340,7 +355,8 @@ class TreeCompiler:
         """Return the values and keys at the ports of a subtree, without those that are wrong."""
         ports: dict[str, Value] = {}
         named = f"{source.what} of {what}" if source.certain else ""
-        values = self._named(spec.values, source.declared, named, scope)
+        ported = by_port(spec.values, source.declared, (what, "with"), self._wrong)
+        values = self._named(ported, source.declared, named, scope)
         for name, declared in source.declared.items():
             value = values.get(name)
             if declared.output and self._fixed(value, scope, f"{what}: {name}"):
@@ -371,17 +387,26 @@ class TreeCompiler:
     def _skill(self, spec: SkillNode, scope: Scope, shown: str) -> Behaviour:
         kind = self._skills.get(spec.skill)
         if kind is None:
-            if spec.skill in self._library.subtrees():
-                name = spec.skill
-                self._wrong(spec.place, f"{name} is a subtree, not a skill: write subtree: {name}")
-            elif spec.skill:  # else a mistake here is reported already
-                there = choices(spec.skill, (*self._skills, *KINDS, "subtree", "task"))
-                own = "; --skills DIR adds your own"
+            known, subtrees = (*self._skills, *KINDS, "subtree", "task"), self._library.subtrees()
+            name = closest(spec.skill, (*known, *subtrees))
+            if name in subtrees:
+                lines = spec.place.replaced(f"{spec.skill}:", f"subtree: {name}\n{_WITH}")
+                lines = lines.replace(_WITH, " " * (spec.place.column - 1) + "with:")
+                self._wrong(
+                    spec.place,
+                    f"no skill {spec.skill}, but a subtree {name}: write subtree: {name}",
+                    lines or spec.place.replaced(spec.skill, f"subtree: {name}"),
+                )
+                return self._node(SubtreeNode(spec.place, name, spec.ports, shown), scope)
+            if spec.skill:  # else a mistake here is reported already
+                there = choices(spec.skill, known)
+                own = "" if name else "; --skills DIR adds your own"
                 self._wrong(spec.place, f"no skill {spec.skill}; there are {there}{own}")
             self._forgive(spec.ports.values(), scope)
             return self._placeholder(spec.skill, spec.place)
         ports = declarations(kind)
-        given = self._named(spec.ports, ports, f"port of {spec.skill}", scope)
+        ported = by_port(spec.ports, ports, (spec.skill, spec.skill), self._wrong)
+        given = self._named(ported, ports, f"port of {spec.skill}", scope)
         wired = {
             port: self._resolve(value, scope)
             for port, value in given.items()
@@ -445,7 +470,11 @@ class TreeCompiler:
 
     def _unnamed(self, value: Located, kind: str, what: str, port: str, scope: Scope) -> None:
         """Report a value at a port that needs a key. A name without its $ counts as written."""
-        self._wrong(value.place, f"{what}; name a key such as ${port}")
+        text = value.value if isinstance(value.value, str) else ""
+        instead = value.place.replaced(text, f"${text}") if text.isidentifier() else ""
+        self._wrong(
+            value.place, f"{what}; name a key such as ${text if instead else port}", instead
+        )
         if isinstance(value.value, str):
             self._keys.written.setdefault(f"{scope.namespace}/{value.value}", kind)
 
@@ -462,13 +491,13 @@ class TreeCompiler:
 
     def _resolve(self, value: Value | None, scope: Scope) -> Value | None:
         """Return a value with its references replaced by what they refer to."""
-        return None if value is None else resolve(value, scope, self._mistakes.add_last)
+        return None if value is None else resolve(value, scope, self._keys.written, self._mistakes)
 
     def _fit(self, value: Located, wanted: Declaration, what: str) -> Any:
         """Return a literal value in the declared type, or None if it is wrong."""
 
-        def wrong(place: Place, why: str) -> None:
-            self._mistakes.add_last(place, f"{what}: {why}")  # other uses may read it too
+        def wrong(place: Place, why: str, instead: str = "") -> None:
+            self._mistakes.add_last(place, f"{what}: {why}", instead)  # other uses may read it too
 
         fitted = fit(value, wanted, self._sources.poses, wrong)
         if wanted.type.endswith("positions") and fitted is not None:

@@ -5,6 +5,7 @@ A key counts as written if every path through the tree to the node writes it.
 
 from dataclasses import dataclass, field
 
+from hardware.suggestions import suggestion
 from trees.declarations import type_fits, words
 from trees.errors import Mistakes
 from trees.reading.specs import Key
@@ -43,7 +44,12 @@ class Keys:
         name, written = short_name(key), self.written.get(key.name, "")
         self.unread.pop(key.name, None)
         if not written:
-            mistakes.add_last(key.place, f"nothing has written ${name} when {what} reads it")
+            there = [other for other in self.written if other.startswith(key.name[: -len(name)])]
+            near = suggestion(name, [other.rpartition("/")[2] for other in there])
+            why = "; a node before it must write it, or a parameter or port must have this name"
+            mistakes.add_last(
+                key.place, f"nothing has written ${name} when {what} reads it{near or why}"
+            )
         elif _OR in written:
             kinds = " or ".join(map(words, written.split(_OR)))
             why = f"{what}: ${name} is {kinds}, depending on the path taken before"

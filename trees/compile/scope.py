@@ -1,11 +1,12 @@
 """What `$name` means: a parameter, a port of the subtree, or a key of the blackboard."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
+from hardware.suggestions import suggestion
 from trees.declarations import Declaration
-from trees.errors import Place
-from trees.reading.document import Located, StandIn
+from trees.errors import Mistakes, Place
+from trees.reading.document import REFUSED, Located, StandIn
 from trees.reading.specs import Key, Value
 
 
@@ -16,7 +17,7 @@ class Scope:
     Attributes:
         namespace: Namespace of its keys.
         ports: Values of its ports or parameters.
-        within: Names of the files that use it, and its own name.
+        within: Names of the files that use it, and its own name; and the places of the uses.
         stand_ins: Placeholders for parameters of the task, and for ports without a value, by full
             name of the key.
         declared: Declarations of its ports or parameters.
@@ -25,25 +26,26 @@ class Scope:
 
     namespace: str
     ports: Mapping[str, Value] = field(default_factory=dict)
-    within: tuple[str, ...] = ()
+    within: Mapping[str, Place] = field(default_factory=dict)
     stand_ins: Mapping[str, StandIn] = field(default_factory=dict)
     declared: Mapping[str, Declaration] = field(default_factory=dict)
     what: str = "port"
 
 
-def resolve(value: Value, scope: Scope, wrong: Callable[[Place, str], None]) -> Value:
+def resolve(value: Value, scope: Scope, written: Collection[str], mistakes: Mistakes) -> Value:
     """Replace the names in a value by what they refer to.
 
     Args:
         value: A value or reference in a file.
         scope: Scope of that file.
-        wrong: Receives mistakes.
+        written: Full names of the keys that are written before.
+        mistakes: Receives mistakes.
 
     Returns:
         A literal without references, or a key with its full name.
     """
     if isinstance(value, Located):
-        return _without_names(value, scope, wrong)
+        return _without_names(value, scope, written, mistakes)
     given = scope.ports.get(value.name)
     if isinstance(given, Located):
         return _used(given, value, scope.stand_ins.get(f"{scope.namespace}/{value.name}"))
@@ -57,17 +59,27 @@ def _used(given: Located, user: Value, stand_in: StandIn | None) -> Located:
 
 
 def _without_names(
-    value: Located, scope: Scope, wrong: Callable[[Place, str], None], inside: bool = False
+    value: Located,
+    scope: Scope,
+    written: Collection[str],
+    mistakes: Mistakes,
+    kind: str = "",
 ) -> Located:
-    """Return a literal with the references inside it replaced by their values."""
+    """Return a literal with the references inside it replaced by their values.
+
+    `kind` is the likely type of the value if it is inside another one; else empty.
+    """
     inner = value.value
     if isinstance(inner, dict):
-        items = {key: _without_names(item, scope, wrong, True) for key, item in inner.items()}
+        items = {
+            key: _without_names(item, scope, written, mistakes, "angle")
+            for key, item in inner.items()
+        }
         return Located(value.place, items, value.label)
     if isinstance(inner, list):
-        rows = [_without_names(item, scope, wrong, True) for item in inner]
+        rows = [_without_names(item, scope, written, mistakes, "number") for item in inner]
         return Located(value.place, rows, value.label)
-    if not inside or not isinstance(inner, str) or not inner.startswith("$"):
+    if not kind or not isinstance(inner, str) or not inner.startswith("$"):
         return value
     given = scope.ports.get(inner[1:])
     key = given.name if isinstance(given, Key) else f"{scope.namespace}/{inner[1:]}"
@@ -76,9 +88,13 @@ def _without_names(
         return _used(given, value, stand_in)
     if stand_in:
         return Located(value.place, stand_in, value.label)
-    wrong(
-        value.place,
-        f"{inner} has no value before the run; a mapping or a list may contain values, and "
-        "parameters or ports that have one",
-    )
-    return Located(value.place, None, value.label)
+    if key in written:
+        why = "a mapping or a list may contain values, and parameters or ports that have one"
+        mistakes.add_last(value.place, f"{inner} has no value before the run; {why}")
+    else:
+        near = suggestion(inner[1:], scope.declared)
+        why = f"there is no {scope.what} {inner[1:]}"
+        advice = near or f"; declare it above the tree, with {scope.what}s:, or write a value here"
+        lines = "" if near else f"{scope.what}s:\n  {inner[1:]}: {{type: {kind}, default: 0}}"
+        mistakes.add_last(value.place, f"{why}{advice}", lines)
+    return Located(value.place, REFUSED, value.label)

@@ -1,7 +1,9 @@
 """Calls of skills' hooks before a run. An error in a hook affects only its own node."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
+from functools import partial
 from math import inf, isfinite
 from numbers import Real
 from typing import Any, TypeVar
@@ -13,8 +15,11 @@ from hardware import Robot
 from skills import Context, Skill, SkillBroken, SkillError, known_errors
 from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Mistake, Place
+from trees.reading.document import Located
+from trees.reading.values import in_smaller_units
 
 from .leaf import Leaf
+from .port_types import declaration
 
 Fault = SkillError | MotionError
 Pose = tuple[float, ...]
@@ -30,17 +35,19 @@ class Refusal:
         kind: Name of the skill.
         error: Why it is refused.
         place: Place of the value, or of the skill.
+        instead: The line as it should be; empty if that is not known.
     """
 
     node: Behaviour
     kind: str
     error: Fault
     place: Place
+    instead: str = ""
 
     @property
     def mistake(self) -> Mistake:
         """The refusal, as a mistake in a file."""
-        return Mistake(self.place, f"{self.kind}: {self.error}")
+        return Mistake(self.place, f"{self.kind}: {self.error}", self.instead)
 
 
 class SkillHooks:
@@ -80,7 +87,14 @@ class SkillHooks:
         """Let a skill validate its inputs."""
         kind = type(leaf.skill)
         inputs = {**leaf.known, **leaf.partial} if kind.validates_partial else leaf.known
-        self._call(leaf, "validate", _ANY, robot, inputs)
+        _, faults = _result(kind, "validate", lambda: kind.validate(robot, inputs), _ANY)
+        for fault in faults:
+            (place, value), instead = _refused(leaf, fault), ""
+            known = isinstance(fault, SkillError) and fault.location
+            if value and known and (near := _in_smaller_unit(leaf, robot, inputs, fault)):
+                fault.args = (f"{fault}; did you mean {near}?",)
+                instead = value.place.replaced(near.split()[0], near)
+            self._refuse(leaf.skill, kind, [(fault, place)], instead)
 
     def min_duration(self, leaf: Leaf) -> float:
         """Return the least time that a skill takes [s]."""
@@ -114,15 +128,19 @@ class SkillHooks:
         """Return what a hook returns; None if it fails."""
         kind = type(leaf.skill)
         answer, faults = _result(kind, hook, lambda: getattr(kind, hook)(*arguments), wanted)
-        self._refuse(leaf.skill, kind, [(each, _place(leaf, each)) for each in faults])
+        self._refuse(leaf.skill, kind, [(each, _refused(leaf, each)[0]) for each in faults])
         return answer
 
     def _refuse(
-        self, node: Behaviour, kind: type[Skill], faults: Iterable[tuple[Fault, Place]]
+        self,
+        node: Behaviour,
+        kind: type[Skill],
+        faults: Iterable[tuple[Fault, Place]],
+        instead: str = "",
     ) -> None:
         for fault, place in faults:
             self.doubtful.add(node)
-            refusal = Refusal(node, kind.__name__, fault, place)
+            refusal = Refusal(node, kind.__name__, fault, place, instead)
             self._refused.setdefault((place, str(fault)), refusal)
 
 
@@ -195,12 +213,12 @@ _TOOL_QUERY = _Wanted(
 _BODY = _Wanted("a Body or None", lambda body: body is None or isinstance(body, Body))
 
 
-def _place(leaf: Leaf, error: Fault) -> Place:
-    """Return the place of the value that a skill refuses, or else of the skill."""
+def _refused(leaf: Leaf, error: Fault) -> tuple[Place, Located | None]:
+    """Return the place and the value that a skill refuses; or its own place and None."""
     port, *within = error.location if isinstance(error, SkillError) and error.location else ("",)
     value = leaf.written.get(str(port))
     if value is None:
-        return leaf.place
+        return leaf.place, None
     place = value.place
     for step in within:
         if isinstance(value.value, dict) and step in value.value:
@@ -209,4 +227,31 @@ def _place(leaf: Leaf, error: Fault) -> Place:
         elif isinstance(value.value, list) and isinstance(step, int):
             value = value.value[step]
             place = value.place
-    return place
+    return place, value
+
+
+def _in_smaller_unit(leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], error: Fault) -> str:
+    """Return a refused number with a unit in which the skill accepts it; or an empty text."""
+    kind, (_, value) = type(leaf.skill), _refused(leaf, error)
+    if value is None or not isinstance(error, SkillError):
+        return ""
+    port, *within = map(str, error.location)
+    first = value.value[0] if isinstance(value.value, list) and value.value else value
+    for text, factor in in_smaller_units(first.value, declaration(kind.input_ports()[port]).unit):
+        scaled = {**inputs, port: _scaled(inputs.get(port), within, factor)}
+        _, faults = _result(kind, "validate", partial(kind.validate, robot, scaled), _ANY)
+        same = (f for f in faults if isinstance(f, SkillError) and f.location == error.location)
+        if not any(isinstance(fault, SkillBroken) for fault in faults) and not any(same):
+            return text
+    return ""
+
+
+def _scaled(value: Any, within: Sequence[str], factor: float) -> Any:
+    """Return a value in which the numbers at a location are multiplied."""
+    if isinstance(value, Mapping) and within and within[0] in value:
+        changed: Any = copy(value)
+        changed[within[0]] = value[within[0]] * factor
+        return changed
+    if isinstance(value, list) and not within:
+        return [_scaled(item, within, factor) for item in value]
+    return value * factor if isinstance(value, float) else value

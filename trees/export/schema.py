@@ -47,7 +47,7 @@ def _schema(subtrees: Mapping[str, Mapping[str, Declaration]]) -> Schema:
         "then": _poses_file(),
         "else": {
             "if": {"required": ["subtree"]},
-            "then": _file("subtree", _NAME, {"ports": _ports()}, ["description", "ports"]),
+            "then": _file("subtree", _NAME, {"ports": _ports()}, ["description"]),
             "else": _file(
                 "task",
                 {"type": "integer", "minimum": 0, "maximum": MAX_NUMBER},

@@ -5,6 +5,7 @@ YAML libraries are not used: they know more types than task files may have, and 
 """
 
 import io
+import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -88,19 +89,29 @@ class Located:
             return [item.plain() for item in self.value]
         return self.value
 
+    def as_yaml(self) -> str:
+        """Return the value as YAML, in one line."""
+        return _written(self.plain(), _as_scalar)
+
     def __str__(self) -> str:
-        text = _written(self.plain())
+        text = _written(self.plain(), repr)
         return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _written(plain: Any) -> str:
+def _as_scalar(plain: Any) -> str:
+    safe = isinstance(plain, str) and re.fullmatch(r"[\w$.+/-]+( [\w$.+/-]+)*", plain)
+    return str(plain) if safe and _core(plain) is str else json.dumps(plain, ensure_ascii=False)
+
+
+def _written(plain: Any, scalar: Callable[[Any], str]) -> str:
     """Return a value approximately as YAML writes it."""
     if isinstance(plain, dict):
-        return "{" + ", ".join(f"{key}: {_written(item)}" for key, item in plain.items()) + "}"
+        items = (f"{key}: {_written(item, scalar)}" for key, item in plain.items())
+        return "{" + ", ".join(items) + "}"
     if isinstance(plain, list):
-        return "[" + ", ".join(map(_written, plain)) + "]"
+        return "[" + ", ".join(_written(item, scalar) for item in plain) + "]"
     words = {None: "null", True: "true", False: "false"}
-    return words[plain] if plain is None or isinstance(plain, bool) else repr(plain)
+    return words[plain] if plain is None or isinstance(plain, bool) else scalar(plain)
 
 
 class NotYaml(FileError):

@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hardware.suggestions import choices, corrections
+from hardware.suggestions import choices, corrections, suggestion
 from trees.declarations import LIST, TYPES, Declaration
 from trees.errors import FileError, Mistake, Mistakes
 
@@ -28,7 +28,7 @@ Read = TypeVar("Read")
 _TASK_KEYS = ("task", "name", "description", "parameters", "replaces", "grammar", "tree")
 _SUBTREE_KEYS = ("subtree", "description", "ports", "replaces", "grammar", "tree")
 _POSES_KEYS = ("poses", "replaces", "grammar")
-_OPTIONAL = ("parameters", "replaces", "grammar")
+_OPTIONAL = ("parameters", "ports", "replaces", "grammar")
 _DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
 
 
@@ -150,7 +150,7 @@ def _head(parser: "_Parser", path: Path, text: str) -> TaskFile:
         number=parser.number("task"),
         name=parser.name("name"),
         description=parser.line("description"),
-        parameters=parser.declared("parameters", ()),
+        parameters=parser.declared("parameters"),
         replaces=parser.name("replaces", needed=False),
         tree=SkillNode(parser.root.place, "", {}),
     )
@@ -169,7 +169,7 @@ def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
         text=text,
         name=parser.name("subtree"),
         description=parser.line("description"),
-        ports=parser.declared("ports", ("output",), needed=True),
+        ports=parser.declared("ports", ("output",)),
         replaces=parser.name("replaces", needed=False),
         tree=parser.tree("tree"),
     )
@@ -234,7 +234,7 @@ class _Parser:
         if not self._values:
             needed = ", ".join(key for key in keys if key not in _OPTIONAL)
             self._wrong(self.root.place, f"expected the keys {needed}")
-        self._values = self._corrections(self._values, keys)
+        self._values = self._corrections(self._with_tree(self._values, keys), keys)
         version = self.get("grammar", needed=False)
         if version and (type(version.value) is not int or version.value != VERSION):
             here = f"this armtree reads grammar {VERSION}"
@@ -246,15 +246,35 @@ class _Parser:
             self._wrong(replace(self.root.place, location=key), f"the key {key} is missing")
         return value
 
+    def _with_tree(
+        self, values: Mapping[str, Located], known: tuple[str, ...]
+    ) -> Mapping[str, Located]:
+        """Report nodes that are not below the key tree; return the values with them below it."""
+        if "tree" in values or "tree" not in known or not values.keys() - {*known}:
+            return values
+        nodes = {key: value for key, value in values.items() if self.nodes.is_control(key)}
+        if not nodes:
+            return values
+        (first, *_) = nodes
+        label = nodes[first].label
+        self._wrong(label, f"{first} must be below the key tree", f"tree:\n  {first}:")
+        rest = {key: value for key, value in values.items() if key not in nodes}
+        return {**rest, "tree": Located(label, nodes, label)}
+
     def _corrections(
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
         """Report unknown keys; return the values with corrected keys."""
+        likely = corrections(values, known)
         for key, value in values.items():
-            if key not in known:
+            other = {"ports": "parameters", "parameters": "ports"}.get(key)
+            if key not in known and other in known and other not in values:
+                likely[key] = other
+                there = f"a task has parameters, a subtree has ports: write {other}"
+                self._wrong(value.label, there, value.label.replaced(key, other))
+            elif key not in known:
                 there = choices(key, known, values)
                 self._wrong(value.label, f"unknown key {key}; there are {there}")
-        likely = corrections(values, known)
         return {likely.get(key, key): value for key, value in values.items()}
 
     def number(self, key: str) -> int:
@@ -273,17 +293,17 @@ class _Parser:
         value = self.get(key)
         return self.nodes.node(value) if value else SkillNode(self.root.place, "", {})
 
-    def declared(
-        self, key: str, more: tuple[str, ...], needed: bool = False
-    ) -> dict[str, Declaration]:
+    def declared(self, key: str, more: tuple[str, ...] = ()) -> dict[str, Declaration]:
         """Return the parameters or ports that a key declares, by name."""
-        value = self.get(key, needed)
+        value = self.get(key, needed=False)
         if value is None:
             return {}
-        if isinstance(value.value, list) and needed:
+        if isinstance(value.value, list) and key == "ports":
             return {name: Declaration(UNTYPED) for name in self._names(value, key)}
         if not isinstance(value.value, dict):
-            what = "a mapping of names to types" + (", or a list of names" if needed else "")
+            what = "a mapping of names to types" + (
+                ", or a list of names" if key == "ports" else ""
+            )
             self._wrong(value.place, f"{key}: {value} is not {what}")
             return {}
         declared = {}
@@ -342,7 +362,9 @@ class _Parser:
         kind = value.value
         if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
             return kind
-        self._wrong(value.place, f"{what}: no type {kind}; there are {choices(str(kind), TYPES)}")
+        plain = [each for each in TYPES if not each.startswith(LIST)]
+        there = f"{', '.join(plain)}, and a list of one{suggestion(str(kind), TYPES)}"
+        self._wrong(value.place, f"{what}: no type {kind}; there are {there}")
         return UNTYPED
 
     def _default(self, value: Located | None, what: str) -> Located | None:

@@ -42,7 +42,7 @@ class NodeParser:
         rest = [key for key in keys if key != "name"]
         if len(heads) == 1:
             return self._headed(value.place, heads[0], keys)
-        if not heads and len(rest) == 1:
+        if not heads and len(rest) == 1 and rest[0] not in _beside():
             return self._skill(value.place, rest[0], keys)
         self._wrong(value.place, _no_node(value, tuple(keys)))
         likely = {} if heads else corrections(rest, _heads())
@@ -59,9 +59,7 @@ class NodeParser:
         """Return a node of unknown kind, with the nodes that can be recognised in it."""
         items = value.value if isinstance(value.value, list) else ()
         below: list[TreeNode] = [self._unknown(value), *self._items(items)]
-        beside = {"with", "name"}
-        for kind in _kinds().values():
-            beside |= {*kind.options, kind.condition}
+        beside = _beside()
         for key, item in keys.items():
             if key in _kinds():
                 below += self._children(key, item)
@@ -77,6 +75,10 @@ class NodeParser:
         """Return a leaf of which only the references are known."""
         keys = {name: Key(value.place, name, value.label) for name in names_within(value)}
         return SkillNode(value.place, "", keys)
+
+    def is_control(self, key: str) -> bool:
+        """Return whether a key begins a control node."""
+        return key in _kinds()
 
     def is_name(self, value: object) -> TypeGuard[str]:
         """Return whether a value is a name."""
@@ -118,12 +120,11 @@ class NodeParser:
         if isinstance(inner.value, list):
             lists = [name for name, kind in _kinds().items() if kind.many]
             there = choices(skill, lists)
-            self._wrong(inner.label, f"only {there} hold a list of nodes, not {skill}")
+            self._wrong(inner.label, f"{skill} has no list of nodes; these have: {there}")
             kind = corrections((skill,), lists).get(skill, "")
             return ControlNode(place, kind, self._items(inner.value))
-        ports = self._wiring(inner, f"the ports of {skill}")
-        shown = self._shown(keys)
-        return self._unknown(inner) if ports is None else SkillNode(place, skill, ports, shown)
+        name = self.name(Located(inner.label, skill, inner.label), "a node")
+        return SkillNode(place, name, self._wiring(inner), self._shown(keys))
 
     def _control(self, place: Place, kind: str, keys: Mapping[str, Located]) -> ControlNode:
         known = _kinds()[kind]
@@ -167,11 +168,8 @@ class NodeParser:
             source = number if is_number(keys[head].value) else ""
         else:
             source = self.name(keys[head], head)
-        values = self._wiring(keys["with"], "with") if "with" in keys else {}
-        shown = self._shown(keys)
-        if values is None:
-            return SubtreeNode(place, "", self._unknown(keys["with"]).ports, shown)
-        return SubtreeNode(place, source, values, shown)
+        values = self._wiring(keys["with"]) if "with" in keys else {}
+        return SubtreeNode(place, source, values, self._shown(keys))
 
     def _beside(
         self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]
@@ -193,13 +191,10 @@ class NodeParser:
             self._wrong(keys["name"].place, f"name: {name!r} has a / or more than 60 characters")
         return name
 
-    def _wiring(self, value: Located, what: str) -> dict[str, Value] | None:
-        """Return the values at ports, or None if the mapping as a whole is wrong."""
+    def _wiring(self, value: Located) -> dict[str, Value]:
+        """Return the values at ports. A value that is no mapping is at the port ""."""
         if not isinstance(value.value, dict):
-            named = value.value is not None and not isinstance(value.value, list)
-            form = f"; say which, as in {{port: {value}}}" if named else ""
-            self._wrong(value.place, f"{what} must be a mapping, not {value}{form}")
-            return None
+            return {"": self.wired(value)}
         return {port: self.wired(item) for port, item in value.value.items()}
 
 
@@ -214,6 +209,12 @@ def _heads() -> tuple[str, ...]:
     return (*_kinds(), *_FILES)
 
 
+def _beside() -> set[str]:
+    """Return the keys that may be beside the one that begins a node."""
+    kinds = _kinds().values()
+    return {"with", "name", *(key for kind in kinds for key in (*kind.options, kind.condition))}
+
+
 def is_number(value: object) -> TypeGuard[int]:
     """Return whether a value is a task number."""
     return type(value) is int and 0 <= value <= MAX_NUMBER
@@ -224,8 +225,14 @@ def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str
 
 
 def _no_node(value: Located, keys: tuple[str, ...]) -> str:
+    """Return why a value is no node."""
+    if isinstance(value.value, list):
+        return "a list of nodes needs a node above it, such as sequence:"
     if not keys:
-        return f"a node is one of {', '.join(_heads())}, or a skill's name, not {value}"
+        what = "nothing" if value.value is None else str(value)
+        return f"a node is a skill, a subtree, or a control node such as sequence, not {what}"
     near = "".join(suggestion(key, _heads()) for key in keys if key not in _heads())
-    said = f"here are {', '.join(keys)}{near}"
-    return f"a node has one key of {', '.join(_heads())}, or a skill's name; {said}"
+    heads = [key for key in keys if key in _heads()]
+    if len(heads) > 1:
+        return f"{' and '.join(heads)} are several nodes; begin each node of a list with a -"
+    return f"one of {', '.join(keys)} must be a node, such as sequence, subtree or a skill{near}"

@@ -11,6 +11,7 @@ from functools import wraps
 from pathlib import Path
 from typing import TypeVar
 
+from hardware.suggestions import plural
 from trees.errors import FileError, Mistake, Place
 
 from .document import NotYaml, split_lines
@@ -345,10 +346,8 @@ def _indents(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
     end = row + 1 if tabs else end
     for column in sorted(columns.keys() - {now}, key=lambda column: abs(column - now)):
         moved = tuple(_moved(line, column - now) for line in lines[row:end])
-        spaces = f"{now} space" if now == 1 else f"{now} spaces"
-        why = (
-            f"`{_columns(lines[row])[1]}` is indented by {spaces}, not {column}: {columns[column]}"
-        )
+        why = f"is indented by {plural(now, 'space')}, not {column}: {columns[column]}"
+        why = f"`{_columns(lines[row])[1]}` {why}"
         if any(map(_content, lines[row + 1 : end])):
             why += "; move the lines that belong to it, too"
         why = "tabs cannot indent; use spaces" if tabs else why

@@ -33,7 +33,8 @@ class SkillNode:
     Attributes:
         place: Its place.
         skill: Name of the skill; empty if the file is wrong here.
-        ports: Values and references by port. If the file is wrong here: the references in it.
+        ports: Values and references by port; a value without a port is at "". If the file is wrong
+            here: the references in it.
         name: Name of the node; empty for the skill's name.
     """
 
@@ -69,7 +70,7 @@ class SubtreeNode:
     Attributes:
         place: Its place.
         source: Name of the subtree, or number of the task; empty if the file is wrong here.
-        values: Values and references by port or parameter.
+        values: Values and references by port or parameter; a value without one is at "".
         name: Name of the node; empty for the name in the file.
     """
 

@@ -2,17 +2,19 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from hardware.suggestions import choices
+from hardware.joints import DISPLAY_UNITS
+from hardware.suggestions import choices, closest, plural
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
-from trees.errors import Place
 
 from .document import REFUSED, Located, StandIn
 
-_QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?) ?([A-Za-z]\S*)")
+_QUANTITY = re.compile(
+    r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?) ?([A-Za-z\xb0]\S*)"
+)
 _PYTHON: Mapping[str, tuple[type, ...]] = {
     "integer": (int,),
     "boolean": (bool,),
@@ -20,7 +22,7 @@ _PYTHON: Mapping[str, tuple[type, ...]] = {
     ANY: (float, bool, str),
 }
 
-Wrong = Callable[[Place, str], None]
+Wrong = Callable[..., None]  # called with a place, a message, and maybe the right line
 
 
 def measured(value: Located) -> str:
@@ -30,6 +32,15 @@ def measured(value: Located) -> str:
     plain = value.value
     found = _QUANTITY.fullmatch(plain) if isinstance(plain, str) else None
     return next((kind for kind, units in UNITS.items() if found and found[2] in units), "")
+
+
+def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
+    """Return a number that has no unit in smaller units: as text, and the factor of the unit."""
+    units = next((units for units in UNITS.values() if next(iter(units)) == unit), {})
+    if type(value) in (int, float):
+        for name, factor in sorted(units.items(), key=lambda each: each[1]):
+            if factor < 1:
+                yield f"{value:g} {name}", factor
 
 
 def fit(
@@ -60,8 +71,15 @@ def fit(
         fitted = _number(value, wanted.type, wrong)
     else:
         fitted = _plain(value, wanted.type, wrong)
+    if isinstance(fitted, StandIn):
+        return fitted
     if fitted is not None and (reason := _violation(fitted, wanted)):
-        wrong(value.place, f"{value} {reason}")
+        smaller = list(in_smaller_units(value.value, wanted.unit))
+        near = [text for text, factor in smaller if not _violation(fitted * factor, wanted)]
+        meant = f"; did you mean {near[0]}?" if near else ""
+        wrong(
+            value.place, f"{value} {wanted.unit if smaller else ''}".rstrip() + f" {reason}{meant}"
+        )
         return None
     return fitted
 
@@ -73,7 +91,7 @@ def _items(
         wrong(value.place, f"{value} is not {words(wanted.type)}")
         return None
     if wanted.count and len(value.value) != wanted.count and value.value != wanted.default:
-        wrong(value.place, f"{value} has {len(value.value)} items, not {wanted.count}")
+        wrong(value.place, f"{value} has {plural(len(value.value), 'item')}, not {wanted.count}")
         return None
     each = replace(wanted, type=wanted.type.removeprefix(LIST))
     fitted = [fit(item, each, poses, wrong) for item in value.value]
@@ -110,10 +128,9 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
         number = float(plain)  # type: ignore[arg-type]
     elif isinstance(plain, str) and kind in UNITS and (found := _QUANTITY.fullmatch(plain)):
         if found[2] not in UNITS[kind]:
-            wrong(
-                value.place,
-                f"{value}: no unit {found[2]}; there are {choices(found[2], UNITS[kind])}",
-            )
+            there, near = ", ".join(sorted(UNITS[kind])), _unit(found[2], UNITS[kind])
+            meant = f"; did you mean {found[1]} {near}?" if near else ""
+            wrong(value.place, f"{value}: no unit {found[2]}; there are {there}{meant}")
             return None
         number = float(found[1]) * UNITS[kind][found[2]]
     else:
@@ -125,6 +142,13 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
     return number
 
 
+def _unit(word: str, units: Iterable[str]) -> str:
+    """Return the unit that a word most likely means, such as s for seconds; or an empty text."""
+    short = word.lower().replace("\xb0", "deg").replace("milli", "m").replace("centi", "c")
+    likely = sorted((unit for unit in units if short.startswith(unit)), key=len)
+    return (likely or [closest(word, units)])[-1]
+
+
 def _positions(
     value: Located, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
 ) -> dict[str, float | StandIn] | None:
@@ -134,11 +158,19 @@ def _positions(
         wrong(value.place, f"no pose {value.value}; there are {choices(value.value, poses)}")
         return None
     if not isinstance(value.value, dict):
-        wrong(value.place, f"{value} is not {words('positions')}")
+        wrong(value.place, f"{value} is not {words('positions')}; write {{joint_1: 20 deg}}")
         return None
     if not value.value:
         wrong(value.place, f"{value} names no joint")
         return None
+    for joint, item in value.value.items():
+        pose = joint if item.value is None else item.value
+        if isinstance(pose, str) and pose in poses:
+            why = (
+                f"{pose} is a pose, not {'a joint' if pose == joint else 'an angle'}: write {pose}"
+            )
+            wrong(value.place, f"{why} alone", value.place.replaced(value.place.brackets, pose))
+            return None
     fitted = {
         joint: _number(item, "angle", wrong, finite=False) for joint, item in value.value.items()
     }
@@ -147,11 +179,11 @@ def _positions(
 
 def _violation(fitted: Any, wanted: Declaration) -> str:
     """Return why a value violates its declaration; empty if it does not."""
-    unit = f" {wanted.unit}".rstrip()
+    scale, unit = DISPLAY_UNITS.get(wanted.unit, (1.0, wanted.unit))
     if wanted.least is not None and fitted < wanted.least:
-        return f"is less than {wanted.least:g}{unit}"
+        return f"is less than {scale * wanted.least:g} {unit}".rstrip()
     if wanted.most is not None and fitted > wanted.most:
-        return f"is more than {wanted.most:g}{unit}"
+        return f"is more than {scale * wanted.most:g} {unit}".rstrip()
     if wanted.choices and fitted not in wanted.choices:
         return f"is none of {choices(str(fitted), wanted.choices)}"
     return ""

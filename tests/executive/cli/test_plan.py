@@ -158,7 +158,10 @@ def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("goal", "why"),
     [
-        (("joint_1=70dag",), "joint_1: '70dag': no unit dag; there are deg, rad; did you mean deg"),
+        (
+            ("joint_1=70dag",),
+            "joint_1: '70dag': no unit dag; there are deg, rad; did you mean 70 deg",
+        ),
         (("joint_1=5cm",), "joint_1: '5cm': no unit cm; there are deg, rad"),
         (("joint_1=",), "joint_1 has no value"),
         (("joint_1=.nan",), "joint_1: nan is not finite"),

@@ -1,0 +1,141 @@
+"""Mistakes of a first task file: each has one message, with the line as it should be."""
+
+from pathlib import Path
+
+import pytest
+
+from hardware import Robot
+from trees.check import check
+
+TASK = """task: 20
+name: m
+description: One mistake.
+tree:
+  sequence:
+    - subtree: reach
+      with: {arm: upright, gripper: open}
+    - subtree: move_joints
+      with: {joints: {joint_1: 20 deg}}
+"""
+REACH, MOVE = "with: {arm: upright, gripper: open}", "with: {joints: {joint_1: 20 deg}}"
+
+# What is written instead of which part of a right file; the message; the line as it should be.
+WRONG = [
+    ("20 deg", "70", "9:23 Target: joint_1 = 4010.7 deg is outside its limits, -90 deg to 90 deg; "
+     "did you mean 70 deg?", f"      {MOVE.replace('20', '70')}"),
+    ("20 deg", "120 deg", "9:23 Target: joint_1 = 120 deg is outside its limits, -90 deg to 90 deg",
+     ""),
+    ("joint_1: 20", "joint_7: 20", "9:23 Target: joint_7 is no joint of the robot; it has joint_1, "
+     "joint_2, joint_3 (arm) and joint_4 (gripper)", ""),
+    ("20 deg", "$swing", "9:32 there is no parameter swing; declare it above the tree, with "
+     "parameters:, or write a value here", "parameters:\n  swing: {type: angle, default: 0}"),
+    ("20 deg", "20 degrees", "9:32 joints: '20 degrees': no unit degrees; there are deg, rad; did "
+     "you mean 20 deg?", ""),
+    ("20 deg", "20\xb0", "9:32 joints: '20\xb0': no unit \xb0; there are deg, rad; did you mean 20 "
+     "deg?", ""),
+    ("20 deg", "upright", "9:22 joints: upright is a pose, not an angle: write upright alone",
+     "      with: {joints: upright}"),
+    ("joint_1: 20 deg", "upright", "9:22 joints: upright is a pose, not a joint: write upright "
+     "alone", "      with: {joints: upright}"),
+    ("{joint_1: 20 deg}", "5", "9:22 joints: 5 is not a mapping from joint names to angles, or a "
+     "pose; write {joint_1: 20 deg}", ""),
+    ("{joint_1: 20 deg}", "[20 deg, 0]", "9:22 joints: ['20 deg', 0] is not a mapping from joint "
+     "names to angles, or a pose; write {joint_1: 20 deg}", ""),
+    (MOVE, "with: {joint_1: 20 deg}", "9:14 subtree move_joints needs the name of its port: write "
+     "with: {joints: {joint_1: 20 deg}}", f"      {MOVE}"),
+    ("gripper: open", "gripper: {joint_4: -0.3, joint_5: -0.3}", "7:53 CheckBounds: joint_5 = "
+     "-17.189 deg contradicts joint_4 = -17.189 deg; it follows, as -1 times joint_4: leave "
+     "joint_5 out", ""),
+    ("arm: upright", "arm: open", "7:19 CheckBounds: the arm has joint_1, joint_2, joint_3, not "
+     "joint_4", ""),
+    (REACH, "with: upright", "7:13 subtree reach needs the names of its ports: write with: {arm: "
+     "upright, gripper: …}", ""),
+    (f"- subtree: move_joints\n      {MOVE}", "- MoveJoints: {joints: {joint_1: 20 deg}}",
+     "8:7 no skill MoveJoints, but a subtree move_joints: write subtree: move_joints",
+     f"    - subtree: move_joints\n      {MOVE}"),
+    ("  sequence:", "  Sequence:", "5:3 Sequence has no list of nodes; these have: parallel, "
+     "selector, sequence; did you mean sequence?", ""),
+    ("tree:\n  sequence:\n    - subtree: reach", "sequence:\n    - subtree: reach",
+     "4:1 sequence must be below the key tree", "tree:\n  sequence:"),
+    ("tree:\n  sequence:", "tree:", "5:5 a list of nodes needs a node above it, such as sequence:",
+     ""),
+]  # fmt: skip
+NODES = [
+    ("Wait: 2 s", "10:13 Wait needs the name of its port: write Wait: {duration: 2 s}",
+     "    - Wait: {duration: 2 s}"),
+    ("CheckHardware:", "10:7 CheckHardware has no value: leave out the colon", ""),
+    ("Compare: 2", "10:16 Compare needs the names of its ports: write Compare: {left: 2, is: …, "
+     "right: …}", ""),
+    ("Compare: {left: 1, is: =, right: 2}", "10:30 Compare.is: '=' is none of !=, <, <=, ==, >, "
+     ">=; did you mean ==?", ""),
+    ("{subtree: Wait, with: {duration: 2 s}}", "10:7 Wait is a skill, not a subtree: write Wait",
+     ""),
+    ("subtree: Wait\n      with: {duration: 2 s}",
+     "10:7 Wait is a skill, not a subtree: write Wait", "    - Wait: {duration: 2 s}"),
+    ("Wait: {duration: 2 seconds}", "10:24 Wait.duration: '2 seconds': no unit seconds; there are "
+     "h, min, ms, s; did you mean 2 s?", ""),
+    ("wait: {duration: 2 s}", "10:7 no skill wait; there are Wait, ", ""),
+    ("Set: {value: 3, key: count}\n    - Say: {text: x, value: $count}", "10:28 Set writes key; "
+     "name a key such as $count", "    - Set: {value: 3, key: $count}"),
+    ("{sequence: [Succeed], retry: Succeed}", "10:7 sequence and retry are several nodes; begin "
+     "each node of a list with a -", ""),
+    ("subtree: move_relative\n      with: {by: {joint_1: 20}}",
+     "11:19 Shift: joint_1 by 1145.9 deg is more than its range, 180 deg; did you mean 20 deg?",
+     "      with: {by: {joint_1: 20 deg}}"),
+]  # fmt: skip
+
+
+def one(robot: Robot, folder: Path, text: str) -> tuple[str, str]:
+    """Return the only mistake of a task, and the line as it should be."""
+    (folder / "20_m.yaml").write_text(text)
+    (mistake,) = check(robot, None, [folder / "20_m.yaml"]).mistakes
+    place = mistake.place
+    return f"{place.line}:{place.column} {mistake.message}", mistake.instead
+
+
+@pytest.mark.parametrize(("right", "wrong", "said", "instead"), WRONG, ids=range(len(WRONG)))
+def test_a_mistake_has_one_message(
+    robot: Robot, tmp_path: Path, right: str, wrong: str, said: str, instead: str
+) -> None:
+    assert TASK.count(right) == 1
+    assert one(robot, tmp_path, TASK.replace(right, wrong)) == (said, instead)
+
+
+@pytest.mark.parametrize(("node", "said", "instead"), NODES, ids=range(len(NODES)))
+def test_a_mistake_of_a_node_has_one_message(
+    robot: Robot, tmp_path: Path, node: str, said: str, instead: str
+) -> None:
+    found, line = one(robot, tmp_path, f"{TASK}    - {node}\n")
+    assert found.startswith(said)
+    assert line == instead
+
+
+SWING = [
+    ("ports: {swing: angle}", "4:1 a task has parameters, a subtree has ports: write parameters",
+     "parameters: {swing: angle}"),
+    ("parameters: {swing: {type: angle, default: 40, max: 60 deg}}",
+     "4:44 the default of swing: 40 rad is more than 60 deg; did you mean 40 deg?", ""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("line", "said", "instead"), SWING)
+def test_a_mistake_of_a_parameter_has_one_message(
+    robot: Robot, tmp_path: Path, line: str, said: str, instead: str
+) -> None:
+    text = TASK.replace("tree:\n  seq", f"{line}\ntree:\n  seq").replace("20 deg", "$swing")
+    assert one(robot, tmp_path, text) == (said, instead)
+
+
+def test_subtrees_that_use_each_other_are_reported_once(robot: Robot, tmp_path: Path) -> None:
+    for name, other in (("aa", "bb"), ("bb", "aa")):
+        text = f"subtree: {name}\ndescription: x\ntree:\n  sequence:\n    - subtree: {other}\n"
+        (tmp_path / f"{name}.yaml").write_text(text)
+    (tmp_path / "20_m.yaml").write_text(f"{TASK}    - subtree: aa\n")
+    (mistake,) = check(robot, tmp_path).mistakes
+    assert (mistake.place.path.name, mistake.place.line) == ("bb.yaml", 5)
+    assert mistake.message == "aa would contain itself: aa -> bb -> aa"
+
+
+def test_a_subtree_without_ports_needs_no_key_ports(robot: Robot, tmp_path: Path) -> None:
+    (tmp_path / "look.yaml").write_text("subtree: look\ndescription: x\ntree: Succeed\n")
+    assert not check(robot, tmp_path).mistakes

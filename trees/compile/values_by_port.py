@@ -1,0 +1,76 @@
+"""Values that a file gives to a node without the names of its ports."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from trees.declarations import Declaration
+from trees.errors import Mistakes
+from trees.reading.document import REFUSED, Located
+from trees.reading.specs import Key, Value
+from trees.reading.values import fit
+
+from .arguments import MISSING
+from .data_flow import short_name
+
+
+def by_port(
+    given: Mapping[str, Value],
+    declared: Mapping[str, Declaration],
+    named: tuple[str, str],
+    wrong: Callable[..., None],
+) -> Mapping[str, Value]:
+    """Return values by port; report a value that is written without its port.
+
+    Args:
+        given: Values by port, as the file has them.
+        declared: The ports.
+        named: The node in messages, and the key before the values.
+        wrong: Receives the place, the message and the line as it should be.
+    """
+    what, key = named
+    inputs = [port for port, each in declared.items() if not each.output]
+    ports = [port for port in inputs if declared[port].needed] or inputs
+    whole, named_ports = as_mapping(given), declared.keys() & given.keys()
+    if "" not in given and (named_ports or len(ports) != 1 or not _fits(whole, declared[ports[0]])):
+        return given
+    value = given.get("", whole)
+    written = f"${short_name(value)}" if isinstance(value, Key) else value.as_yaml()
+    nothing = isinstance(value, Located) and value.value is None
+    values = ["…" if nothing else written, *["…"] * len(ports)]
+    wanted = ", ".join(f"{port}: {each}" for port, each in zip(ports, values, strict=False))
+    name = "name of its port" if len(ports) == 1 else "names of its ports"
+    why = f"{what} needs the {name}: write {key}: {{{wanted}}}"
+    if nothing and not any(declared[port].needed for port in ports):
+        why = f"{key} has no value: leave out the colon"
+    elif not ports:
+        why = f"{what} has no ports: leave {written} out"
+    if len(ports) != 1 or nothing:
+        wrong(value.place, why)
+        return {port: Located(value.place, REFUSED, value.label) for port in ports}
+    if "" in given:
+        wrong(value.place, why, value.place.replaced(written, f"{{{wanted}}}"))
+    else:
+        bracket = replace(value.label, column=value.label.column - 1)
+        wrong(value.label, why, bracket.replaced(bracket.brackets, f"{{{wanted}}}"))
+    return {ports[0]: value}
+
+
+def as_mapping(given: Mapping[str, Value]) -> Located:
+    """Return values by port as one value. Its label is the place of the first one's key."""
+    items = {
+        port: Located(value.place, f"${value.name}", value.label)
+        if isinstance(value, Key)
+        else value
+        for port, value in given.items()
+    }
+    label = next((value.label for value in items.values()), MISSING)
+    return Located(label, dict(items), label)
+
+
+def _fits(value: Located, wanted: Declaration) -> bool:
+    """Return whether a mapping without references fits a declaration as it is."""
+    if wanted.type != "positions" or not value.value:
+        return False
+    mistakes = Mistakes()
+    fit(value, wanted, {}, mistakes.add)
+    return not mistakes.found
