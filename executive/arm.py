@@ -4,11 +4,8 @@ with armtree.Arm() as arm:
     result = arm.run("pick")
 """
 
-import json
-import uuid
 import weakref
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from threading import Lock
 from typing import Any, Self
@@ -17,14 +14,12 @@ from hardware import VIRTUAL, SerialLink, load_robot
 from skills import Operator
 
 from .codes import OK
-from .errors import GoalFailed, ResultTimeout, UnknownGoal
-from .executive import Executive
-from .goals.outcome import GoalState, Outcome
-from .session import finish_recording, load_own_skills, open_executive
+from .errors import GoalFailed
+from .goals.outcome import Outcome
+from .session import load_own_skills, open_executive, run_task
 from .setup import Setup
 
 OWN_TREES = Path("trees")  # as on the command line
-_SLICE = 0.5  # longest single wait for an outcome, so that Ctrl-C is noticed [s]
 
 
 class Arm:
@@ -81,19 +76,11 @@ class Arm:
         if isinstance(link, SerialLink):
             link.check()
         resources = ExitStack()
-        executive = resources.enter_context(open_executive(setup, link=link, operator=operator))
-        self._use(executive, weakref.finalize(self, resources.close))  # closes at exit, too
-
-    @classmethod
-    def on(cls, executive: Executive) -> Self:
-        """Return an arm on an executive that was not started. The caller closes the executive."""
-        arm = cls.__new__(cls)
-        arm._use(executive, lambda: None)
-        return arm
-
-    def _use(self, executive: Executive, close: Callable[[], object]) -> None:
-        self.executive, self._close, self._lock = executive, close, Lock()
-        executive.start()
+        self.executive = resources.enter_context(
+            open_executive(setup, link=link, operator=operator)
+        )
+        self._close, self._lock = weakref.finalize(self, resources.close), Lock()  # also at exit
+        self.executive.start()
 
     def __enter__(self) -> Self:
         return self
@@ -129,40 +116,14 @@ class Arm:
 
     def attempt(self, task: int | str, /, **arguments: Any) -> Outcome:
         """Run a task as `run` does, but return the outcome of one that fails, too."""
-        number = self.executive.library.number(task)
-        texts = {name: _text(name, value) for name, value in arguments.items()}
-        goal = uuid.uuid4().hex
         with self._lock:
-            try:
-                answer = self.executive.send(number, texts, goal)
-                rejected = Outcome.of(number, GoalState.ABORTED, answer.cause)
-                outcome = self._wait(goal) if answer.accepted else rejected
-            except KeyboardInterrupt:
-                self.executive.cancel()
-                with suppress(UnknownGoal):
-                    finish_recording(self.executive, self.executive.result(goal))
-                raise
-            return finish_recording(self.executive, outcome)
+            return run_task(self.executive, task, arguments)
 
     def stop(self) -> None:
         """Stop the arm and cancel the task that runs. Any thread may call."""
         self.executive.cancel()
 
-    def _wait(self, goal: str) -> Outcome:
-        while True:
-            # A Ctrl-C just before the wait does not end the wait: the next slice raises it.
-            with suppress(ResultTimeout):
-                return self.executive.result(goal, _SLICE)
-
 
 def _check(name: str, value: object, valid: object, wanted: str) -> None:
     if not valid:
         raise ValueError(f"{name} = {value!r} is invalid; give {wanted}")
-
-
-def _text(name: str, value: object) -> str:
-    """Return an argument as a task file would have it."""
-    try:
-        return value if isinstance(value, str) else json.dumps(value)
-    except TypeError as error:
-        raise TypeError(f"argument {name} = {value!r}: {error}") from None

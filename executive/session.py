@@ -1,10 +1,13 @@
 """From a set-up to an executive: for the command line, the server, tests and users."""
 
+import json
 import logging
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import logs
 from hardware import VIRTUAL, Clock, Link, RealClock
@@ -15,12 +18,15 @@ from trees import Library
 from trees.compile.plugins import load_skills
 from trees.live_library import LiveLibrary
 
+from .errors import ResultTimeout, UnknownGoal
 from .executive import Executive
 from .goals.events import Event
-from .goals.outcome import Outcome
+from .goals.outcome import GoalState, Outcome
 from .setup import Setup
 
 logger = logging.getLogger(__name__)
+
+_SLICE = 0.5  # longest single wait for an outcome, so that Ctrl-C is noticed [s]
 
 
 @contextmanager
@@ -73,6 +79,53 @@ def open_executive(
             if setup.single_user or setup.activate or setup.pose:
                 executive.start_pose.find()  # rejected before the port is opened
             yield executive
+
+
+def run_task(executive: Executive, task: int | str, arguments: Mapping[str, Any]) -> Outcome:
+    """Run a task, wait for its end, and finish its recording. Ctrl-C cancels it.
+
+    Args:
+        executive: A started executive with a single user.
+        task: Number or name of the task.
+        arguments: Values of its parameters, by name.
+
+    Returns:
+        The outcome, also that of a goal that was rejected.
+
+    Raises:
+        UnknownTask: No task has that number or name.
+        TypeError: A value is of a type that no parameter has.
+        KeyboardInterrupt: Ctrl-C was pressed. The goal has ended, and the arm has stopped.
+    """
+    number = executive.library.number(task)
+    texts = {name: _text(name, value) for name, value in arguments.items()}
+    goal = uuid.uuid4().hex
+    try:
+        outcome = _outcome(executive, number, texts, goal)
+    except KeyboardInterrupt:
+        executive.cancel()
+        with suppress(UnknownGoal):
+            finish_recording(executive, executive.result(goal))
+        raise
+    return finish_recording(executive, outcome)
+
+
+def _outcome(executive: Executive, task: int, texts: Mapping[str, str], goal: str) -> Outcome:
+    answer = executive.send(task, texts, goal)
+    if answer.cause:
+        return Outcome.of(task, GoalState.ABORTED, answer.cause)
+    while True:
+        # A Ctrl-C just before the wait does not end the wait: the next slice raises it.
+        with suppress(ResultTimeout):
+            return executive.result(goal, _SLICE)
+
+
+def _text(name: str, value: object) -> str:
+    """Return an argument as a task file would have it."""
+    try:
+        return value if isinstance(value, str) else json.dumps(value)
+    except TypeError as error:
+        raise TypeError(f"argument {name} = {value!r}: {error}") from None
 
 
 def finish_recording(executive: Executive, outcome: Outcome) -> Outcome:

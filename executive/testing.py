@@ -18,10 +18,9 @@ from skills import Question
 from skills.motion import Pool
 from trees.compile.port_types import known_skills
 
-from .arm import Arm
 from .goals.events import Event, QuestionStatus
 from .goals.outcome import GoalStatus, Outcome
-from .session import load_own_skills, open_executive
+from .session import load_own_skills, open_executive, run_task
 from .setup import Setup
 
 
@@ -127,7 +126,8 @@ class SimulatedArm:
                 subscriber=self._watch,
             ) as executive,
         ):
-            return Arm.on(executive).attempt(task, **arguments)
+            executive.start()
+            return run_task(executive, task, arguments)
 
     def _watch(self, event: Event) -> None:
         if not isinstance(event, GoalStatus | QuestionStatus):

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ import pytest
 import armtree
 import logs
 from executive.arm import Arm
+from executive.executive import Executive
 from executive.goals.events import Event
 from executive.session import open_executive
 from executive.setup import Setup
@@ -34,6 +36,17 @@ def tasks(tmp_path: Path) -> Path:
     return folder
 
 
+class _SimulatedArm(Arm):
+    """An arm on an executive in simulated time."""
+
+    def __init__(self, executive: Executive) -> None:
+        self.executive, self._lock = executive, Lock()
+        executive.start()
+
+    def close(self) -> None:
+        """Leave the executive open; its context closes it."""
+
+
 @pytest.fixture
 def arm(
     robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool, tasks: Path, tmp_path: Path
@@ -44,7 +57,7 @@ def arm(
     with (
         shared_clock.working(),
         open_executive(setup, clock=shared_clock, link=link, pool=shared_pool) as executive,
-        Arm.on(executive) as one,
+        _SimulatedArm(executive) as one,
     ):
         yield one
 
