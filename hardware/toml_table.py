@@ -5,14 +5,16 @@ import re
 import reprlib
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 from .errors import DescriptionError
+from .files import read_file
 from .suggestions import choices, closest, suggestion
 
 _HEADER = re.compile(r"\s*\[([\w.\-]+)\]\s*(?:#.*)?$")
+_MAX_BYTES = 256 * 1024
 _KEY = re.compile(r"\s*([\w.\-]+)\s*=")
 
 _KINDS = {
@@ -42,12 +44,14 @@ class TomlTable:
     def read(cls, path: Path) -> "TomlTable":
         """Return the root table of a file."""
         try:
-            text = path.read_text(encoding="utf-8")
+            text = read_file(path, _MAX_BYTES).decode("utf-8")
             values = tomllib.loads(text)
         except OSError as error:
             raise DescriptionError(path, 0, f"cannot be read: {error.strerror}") from error
         except UnicodeDecodeError as error:
             raise DescriptionError(path, 0, f"is not UTF-8 text: {error.reason}") from error
+        except RecursionError as error:
+            raise DescriptionError(path, 0, "its lists or tables are nested too deep") from error
         except ValueError as error:  # a number with thousands of digits raises no TOMLDecodeError
             line = re.search(r"at line (\d+)", str(error))
             raise DescriptionError(path, int(line[1]) if line else 0, str(error)) from error
@@ -61,15 +65,22 @@ class TomlTable:
         """Return a text, or the default if the key is absent."""
         return str(self._value(key, str, default))
 
-    def number(self, key: str, above: float = -math.inf, least: float = -math.inf) -> float:
-        """Return a finite number greater than `above` and at least `least`."""
+    def number(
+        self,
+        key: str,
+        above: float = -math.inf,
+        least: float = -math.inf,
+        most: float = math.inf,
+    ) -> float:
+        """Return a finite number greater than `above`, at least `least` and at most `most`."""
         try:
             value = float(self._value(key, float))
         except OverflowError:
             value = math.inf
-        if not (math.isfinite(value) and value > above and value >= least):
+        if not (math.isfinite(value) and value > above and least <= value <= most):
             bounds = [f"greater than {above:g}"] if math.isfinite(above) else []
             bounds += [f"at least {least:g}"] if math.isfinite(least) else []
+            bounds += [f"at most {most:g}"] if math.isfinite(most) else []
             wanted = " and ".join([*bounds, "finite"])
             self.fail(key, f"{value:g} is not allowed; it must be {wanted}")
         return value
@@ -86,13 +97,14 @@ class TomlTable:
         x, y, z = map(float, values)
         return x, y, z
 
-    def integer(self, key: str, choices: Iterable[int] | None = None, least: int = 1) -> int:
-        """Return a whole number out of the choices, or at least `least` if there are no choices."""
+    def integer(self, key: str, choices: Sequence[int]) -> int:
+        """Return a whole number out of the choices: a range, or a few numbers."""
         value = int(self._value(key, int))
-        if choices is not None and value not in choices:
+        if isinstance(choices, range) and value not in choices:
+            shown = reprlib.repr(value)
+            self.fail(key, f"{shown} is not from {choices[0]} to {choices[-1]}")
+        if value not in choices:
             self.fail(key, f"{value} is not one of {', '.join(map(str, choices))}")
-        if choices is None and value < least:
-            self.fail(key, f"{value} is less than {least}")
         return value
 
     def boolean(self, key: str) -> bool:

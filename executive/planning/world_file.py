@@ -1,14 +1,18 @@
 """World files: bodies around the arm, as JSON."""
 
 import json
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 from executive.errors import BadWorldFile
 from hardware import Robot
+from hardware.files import read_file
 from skills.motion import BadWorld, World
 from skills.motion.collision.scene import PlanningScene
 from trees import Mistake, Place
+
+_MAX_BYTES = 2**20
 
 
 def read_world(file: Path) -> World:
@@ -18,7 +22,7 @@ def read_world(file: Path) -> World:
         BadWorldFile: The file cannot be read, or does not contain a list of bodies.
     """
     try:
-        text = file.read_text(encoding="utf-8")
+        text = read_file(file, _MAX_BYTES).decode("utf-8")
         return World.parse(json.loads(text, object_pairs_hook=_once))
     except BadWorld as error:
         raise _wrong(Place(file, 0, 0), str(error)) from error
@@ -28,7 +32,9 @@ def read_world(file: Path) -> World:
         why = f"is not JSON: {error.msg}"
         lines = error.doc.splitlines()
         raise _wrong(Place(file, error.lineno, error.colno, lines=lines), why) from error
-    except (ValueError, RecursionError) as error:  # not UTF-8, a huge number, nested too deep
+    except RecursionError as error:
+        raise _wrong(Place(file, 0, 0), "its lists or objects are nested too deep") from error
+    except ValueError as error:  # not UTF-8, or a huge number
         raise _wrong(Place(file, 0, 0), f"is not JSON: {error}") from error
 
 
@@ -48,8 +54,9 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return an object; reject duplicate keys, of which `json` would keep the last one."""
     found = dict(pairs)
     if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        duplicate = next(key for key in keys if keys.count(key) > 1)
+        duplicate = next(
+            key for key, times in Counter(key for key, _ in pairs).items() if times > 1
+        )
         name = found.get("name")
         where = name if isinstance(name, str) and duplicate != "name" else "one object"
         raise BadWorld(f"{json.dumps(duplicate)} is given twice in {where}; leave one out")

@@ -12,6 +12,9 @@ from hardware.toml_table import TomlTable
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import Urdf, UrdfError, UrdfJoint, read_urdf
 
+BAUD_RATES = range(1200, 4_000_001)  # at 1200 baud a frame of 20 bytes takes 0.17 s
+MAX_BOOT_WAIT = 60.0  # [s]
+MAX_BRAKE = 10.0  # [s]
 _ROUNDING = 1.0 + 1e-9  # factor of a velocity limit, for rounding errors of a multiplier
 
 
@@ -46,7 +49,7 @@ def load_robot(path: Path | None = None) -> Robot:
         collision=_collision(root.table("collision"), urdf.links),
         tool=_tool(root.table("tool"), urdf.links) if "tool" in root else None,
         links=urdf.links,
-        brake=root.number("brake_s", least=0) if "brake_s" in root else 0.0,
+        brake=root.number("brake_s", least=0, most=MAX_BRAKE) if "brake_s" in root else 0.0,
     )
     root.done()
     driver.check(root, robot.actuated, robot.firmware)
@@ -72,8 +75,8 @@ def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmwa
     firmware = driver.firmwares[table.choice("firmware", driver.firmwares)]
     serial = Serial(
         port=table.text("port", default=""),
-        baud=table.integer("baud"),
-        boot_wait=table.number("boot_wait_s", least=0),
+        baud=table.integer("baud", BAUD_RATES),
+        boot_wait=table.number("boot_wait_s", least=0, most=MAX_BOOT_WAIT),
         resets=table.boolean("reset_on_open") if "reset_on_open" in table else True,
     )
     table.done()

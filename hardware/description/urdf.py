@@ -9,16 +9,18 @@ import re
 import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from io import StringIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import NoReturn
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from hardware.files import read_file
 from hardware.joints import Mimic
 
 Vector = tuple[float, float, float]
 
+_MAX_BYTES = 2**20
 _MOVING = ("revolute", "continuous", "prismatic")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # float() accepts more
 _MAX_LINKS = 1000  # pinocchio takes a minute for 4000 shapes
@@ -100,7 +102,7 @@ def read_urdf(path: Path) -> Urdf:
         LookupError: Its encoding is unknown.
         ValueError: Its path is invalid.
     """
-    return _links_and_joints(_root(path))
+    return _links_and_joints(_root(BytesIO(read_file(path, _MAX_BYTES))))
 
 
 def parse_urdf(text: str) -> Urdf:
@@ -124,7 +126,7 @@ def count_collision_shapes(path: Path, largest: float) -> dict[str, int]:
         UrdfError: It is not XML, or a shape or its origin is invalid.
     """
     counts = {}
-    for link in _root(path).findall("link"):
+    for link in _root(BytesIO(read_file(path, _MAX_BYTES))).findall("link"):
         name, collisions = link.get("name", ""), link.findall("collision")
         for collision in collisions:
             _check_collision(name, collision, largest)
@@ -132,7 +134,7 @@ def count_collision_shapes(path: Path, largest: float) -> dict[str, int]:
     return counts
 
 
-def _root(source: Path | StringIO) -> Element:
+def _root(source: BytesIO | StringIO) -> Element:
     try:
         return ElementTree.parse(source).getroot()
     except ElementTree.ParseError as error:

@@ -26,6 +26,7 @@ from ruamel.yaml.events import (
     StreamEndEvent,
 )
 
+from hardware.files import read_file
 from trees.errors import FileError, Mistake, Place
 
 MAX_BYTES = 256 * 1024
@@ -142,14 +143,9 @@ def read_text(path: Path) -> str:
     """
     start = Place(path, 1, 1)
     try:
-        if path.exists() and not path.is_file():  # a pipe or device would never end
-            raise FileError([Mistake(start, "is no ordinary file")])
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
+        data = read_file(path, MAX_BYTES)
     except OSError as error:
         raise FileError([Mistake(start, f"cannot be read: {error.strerror}")]) from error
-    if len(data) > MAX_BYTES:
-        raise FileError([Mistake(start, f"longer than {MAX_BYTES} bytes")])
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:

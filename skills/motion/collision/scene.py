@@ -23,6 +23,7 @@ from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere,
 FLOOR = "floor"
 # Most pairs of links' hulls, and of their exact shapes. At both limits a planner needs 1 GB.
 MAX_HULL_PAIRS, MAX_EXACT_PAIRS = 10_000, 40_000
+MAX_MESH_BYTES = 2**26
 
 
 class PlanningScene:
@@ -221,15 +222,15 @@ def _pairs_that_may_move(joints: list[int], links: list[str]) -> Iterator[tuple[
 
 def mesh_stamps(world: World) -> list[tuple[int, ...] | None]:
     """Return inode, size and time of each mesh file of a world; None if there is no such file."""
-    return [_stamp(body.shape.path) for body in world.bodies if isinstance(body.shape, Mesh)]
+    found = [_stamp(body.shape.path) for body in world.bodies if isinstance(body.shape, Mesh)]
+    return [each and (each.st_ino, each.st_size, each.st_mtime_ns) for each in found]
 
 
-def _stamp(path: str) -> tuple[int, ...] | None:
+def _stamp(path: str) -> os.stat_result | None:
     try:
-        status = os.stat(path)
+        return os.stat(path)
     except (OSError, ValueError):  # loading the mesh raises the error
         return None
-    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 def placement(body: Body) -> pin.SE3:
@@ -251,6 +252,9 @@ def _coal_shape(shape: Shape) -> coal.CollisionGeometry:
         case Cylinder(radius, length):
             return coal.Cylinder(radius, length)
         case Mesh(path, scale):
+            if (stamp := _stamp(path)) and stamp.st_size > MAX_MESH_BYTES:
+                words = f"{stamp.st_size} bytes; {MAX_MESH_BYTES} are allowed"
+                raise BadWorld(f"The mesh {path} has {words}")
             try:
                 return coal.MeshLoader().load(path, np.array(scale))
             except (RuntimeError, ValueError) as error:

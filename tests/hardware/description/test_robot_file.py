@@ -73,7 +73,14 @@ WRONG = {
     "no serial": ("[serial]", "[cereal]", "[cereal]", "cereal: unknown key; did you mean serial"),
     "port is a number": ('port = "virtual"', "port = 3", "port =", "serial.port: 3 is not a text"),
     "baud is a text": ("baud = 115200", 'baud = "fast"', "baud =", "serial.baud: 'fast' is not a whole number"),
-    "baud is zero": ("baud = 115200", "baud = 0", "baud =", "serial.baud: 0 is less than 1"),
+    "baud is zero": ("baud = 115200", "baud = 0", "baud =", "serial.baud: 0 is not from 1200 to 4000000"),
+    "baud is one": ("baud = 115200", "baud = 1", "baud =", "serial.baud: 1 is not from 1200 to 4000000"),
+    "baud is huge": ("baud = 115200", f"baud = {10**400}", "baud =", r"serial.baud: 10+\.\.\.0+ is not from 1200"),
+    "boot wait is a day": ("boot_wait_s = 2.0", "boot_wait_s = 86400", "boot_wait_s", "serial.boot_wait_s: 86400 is not allowed; .* at most 60"),
+    "brake of a day": ('name = "arduinobot"', 'name = "arduinobot"\nbrake_s = 86400', "brake_s", "brake_s: 86400 is not allowed; .* at most 10"),
+    "brackets": ('name = "arduinobot"', f'name = {"[" * 100_000}', None, "its lists or tables are nested too deep"),
+    "too long": ('name = "arduinobot"', "#" * 2**18, None, "cannot be read: it is larger than 262144 bytes"),
+    "urdf is a device": ('"arduinobot.urdf"', '"/dev/zero"', "urdf =", "urdf: /dev/zero cannot be read: it is no ordinary file"),
     "baud is half": ("baud = 115200", "baud = 1.5", "baud =", "serial.baud: 1.5 is not a whole number"),
     "boot wait is too short": ("boot_wait_s = 2.0", "boot_wait_s = 0.5", "boot_wait_s", "serial.boot_wait_s: 0.5 s is too short: stock needs 1 s"),
     "velocity over the URDF's": ("velocity = 1.0", "velocity = 11.0", "velocity =", "joints.joint_1.velocity: 11 rad/s is more than the URDF's limit, 10 rad/s"),
@@ -183,6 +190,7 @@ WRONG_URDF = {
     "no such parent": ('<parent link="base_link"/>', '<parent link="base"/>', "joint joint_1: there is no link 'base'; there are world, base_link"),
     "no child": ('<child link="base_plate"/>', "", "joint joint_1: there is no link ''; there are"),
     "no such encoding": ('<?xml version="1.0"?>', '<?xml version="1.0" encoding="foo"?>', "cannot be read: unknown encoding: foo"),
+    "too long": ("</robot>", " " * 2**20 + "</robot>", "cannot be read: it is larger than 1048576 bytes"),
     "joint without a description": ('name="joint_1"', 'name="joint_x"', "the URDF has no such joint"),
 }  # fmt: skip
 

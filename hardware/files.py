@@ -1,0 +1,37 @@
+"""The only place that opens files of users: ordinary ones, up to a size."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+
+def read_file(path: Path, most: int) -> bytes:
+    """Return the content of a file.
+
+    Anything but an ordinary file is refused without opening it: a pipe or a device may never end,
+    and opening a serial port resets its board.
+
+    Args:
+        path: The file.
+        most: Largest size [bytes].
+
+    Raises:
+        OSError: The file cannot be read, is not ordinary, or is larger; `strerror` says it.
+        ValueError: The path is invalid.
+    """
+    _check_ordinary(os.stat(path), path)
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)  # if it was just replaced
+    with os.fdopen(handle, "rb") as stream:
+        _check_ordinary(os.fstat(handle), path)
+        data = stream.read(most + 1)
+    if len(data) > most:
+        raise OSError(errno.EFBIG, f"it is larger than {most} bytes", str(path))
+    return data
+
+
+def _check_ordinary(found: os.stat_result, path: Path) -> None:
+    if stat.S_ISDIR(found.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "it is no ordinary file", str(path))
