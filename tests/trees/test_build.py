@@ -95,7 +95,7 @@ WRONG = [
         48,
         "true is not an angle in rad or deg",
     ),
-    ([START, PLAN.replace("$goal", "{joint_1: $x}")], 7, 48, "there is no parameter x"),
+    ([START, PLAN.replace("$goal", "{joint_1: $x}")], 7, 48, "there is no parameter for $x"),
     ([START, PLAN.replace("$goal", "{joint_1: 1_0}")], 7, 48, "'1_0' is not an angle"),
     ([START, PLAN.replace("$goal", "{joint_1: 1:30}")], 7, 48, "'1:30' is not an angle"),
     (

@@ -339,7 +339,7 @@ def test_a_subtree_by_itself_may_put_its_ports_into_a_mapping(robot: Robot, tmp_
     path.write_text(text.replace("$turn", "$torn"))
     (mistake, unused) = check(robot, None, [path]).mistakes
     assert "nothing in the tree uses $turn" in mistake.message
-    assert "there is no port torn; did you mean turn?" in unused.message
+    assert "there is no port for $torn; did you mean turn?" in unused.message
 
 
 def test_a_subtree_written_like_a_skill_is_reported_with_the_right_form(

@@ -27,7 +27,7 @@ WRONG = [
      ""),
     ("joint_1: 20", "joint_7: 20", "9:23 Target: joint_7 is no joint of the robot; it has joint_1, "
      "joint_2, joint_3 (arm) and joint_4 (gripper)", ""),
-    ("20 deg", "$swing", "9:32 there is no parameter swing; declare it above the tree, with "
+    ("20 deg", "$swing", "9:32 there is no parameter for $swing; declare it above the tree, with "
      "parameters:, or write a value here", "parameters:\n  swing: {type: angle, default: 0}"),
     ("20 deg", "20 degrees", "9:32 joints: '20 degrees': no unit degrees; there are deg, rad; did "
      "you mean 20 deg?", ""),

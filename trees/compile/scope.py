@@ -93,7 +93,7 @@ def _without_names(
         mistakes.add_last(value.place, f"{inner} has no value before the run; {why}")
     else:
         near = suggestion(inner[1:], scope.declared)
-        why = f"there is no {scope.what} {inner[1:]}"
+        why = f"there is no {scope.what} for {inner}"
         advice = near or f"; declare it above the tree, with {scope.what}s:, or write a value here"
         lines = "" if near else f"{scope.what}s:\n  {inner[1:]}: {{type: {kind}, default: 0}}"
         mistakes.add_last(value.place, f"{why}{advice}", lines)

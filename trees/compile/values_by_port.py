@@ -29,7 +29,8 @@ def by_port(
     """
     what, key = named
     inputs = [port for port, each in declared.items() if not each.output]
-    ports = [port for port in inputs if declared[port].needed] or inputs
+    outputs = declared.keys() - inputs if isinstance(given.get(""), Key) else ()
+    ports = [port for port in inputs if declared[port].needed] or inputs or [*outputs]
     whole, named_ports = as_mapping(given), declared.keys() & given.keys()
     if "" not in given and (named_ports or len(ports) != 1 or not _fits(whole, declared[ports[0]])):
         return given
