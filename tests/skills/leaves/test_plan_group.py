@@ -183,7 +183,9 @@ def test_a_wider_way_where_frames_would_touch(
     wider = planner.plan(query)
     bench.desk.jobs[2].answer(wider)
     skill.tick_once()
-    assert (skill.status, bench.output("plan"), len(bench.desk.jobs)) == (Status.SUCCESS, wider, 3)
+    bench.desk.jobs[3].answer(None)
+    skill.tick_once()
+    assert (skill.status, bench.output("plan"), len(bench.desk.jobs)) == (Status.SUCCESS, wider, 4)
     assert planned_by(bench) == (query.spare, wider)
     assert first.duration < wider.duration < 1.2 * first.duration
     merged = MergedMotion(bench.robot, query.start, [wider], together=False)
@@ -201,6 +203,48 @@ def test_the_first_way_where_there_is_no_wider_one(
     skill.tick_once()
     assert (skill.status, bench.output("plan")) == (Status.SUCCESS, first)  # Execute rejects it
     assert planned_by(bench) == (0.0, first)
+
+
+def test_a_wider_way_each_time_frames_would_touch(
+    bench: Bench, detour: tuple[PlanArm, Plan]
+) -> None:
+    skill, first = detour
+    spares = list[float]()
+    while skill.status is Status.RUNNING:
+        bench.desk.jobs[-1].answer(HIT)
+        skill.tick_once()
+        if skill.status is Status.RUNNING:
+            query = bench.desk.jobs[-1].request
+            assert isinstance(query, Query)
+            spares.append(query.spare)
+            bench.desk.jobs[-1].answer(replace(first, seed=len(spares)))
+            skill.tick_once()
+    assert spares == [0.002, 0.004, 0.008]
+    assert (skill.status, bench.output("plan")) == (Status.SUCCESS, first)  # Execute rejects it
+    assert planned_by(bench) == (0.0, first)
+
+
+def test_the_frames_of_a_straight_motion_beside_an_obstacle(bench: Bench, planner: Planner) -> None:
+    """The plan keeps 2.5 mm, but its frames, in whole degrees, come within 0.7 mm of the box."""
+    beside = Body("beside", Box((0.0247, 0.0755, 0.0423)), (-0.1004, 0.1559, 0.0904))
+    bench.context.scene.world = World((beside,))
+    goal = Positions(joint_1=1.441, joint_2=-1.218, joint_3=1.329, joint_4=0.0)
+    skill = bench.skill(PlanArm, start=START, goal=goal)
+    skill.tick_once()
+    straight = []
+    while skill.status is Status.RUNNING:
+        request = bench.desk.jobs[-1].request
+        try:
+            answer = planner.answer(request)
+        except MotionCollides as error:
+            bench.desk.jobs[-1].answer(error)
+        else:
+            straight += [answer.curve.straight] if isinstance(answer, Plan) else []
+            bench.desk.jobs[-1].answer(answer)
+        skill.tick_once()
+    assert (skill.status, straight) == (Status.SUCCESS, [True, False])
+    assert [type(job.request) for job in bench.desk.jobs] == [Query, Verify, Query, Verify]
+    assert planned_by(bench)[0] == 0.002
 
 
 def test_a_way_whose_frames_are_free(bench: Bench, detour: tuple[PlanArm, Plan]) -> None:
