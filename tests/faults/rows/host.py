@@ -56,9 +56,9 @@ def clock(scene: Scene) -> None:
 
 @row(
     "starved",
-    "2 to 6 busy loops on all cores, while a task runs",
-    "the task is done; late frames move the rest, and none are sent in a burst",
-    times=4,
+    "2 to 6 busy loops on all cores, while three tasks run",
+    "the tasks are done; late frames move the rest, and none are sent in a burst",
+    times=3,
     alone=True,
 )
 def starved(scene: Scene) -> None:
@@ -68,7 +68,7 @@ def starved(scene: Scene) -> None:
         for _ in range(scene.random.randint(2, 6))
     ]
     try:
-        run = scene.run("21", board=board)
+        run = scene.run("21", "21", "21", board=board)
         scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
     finally:
         for loop in loops:

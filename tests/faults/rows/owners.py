@@ -55,7 +55,6 @@ def port_taken(scene: Scene) -> None:
     "start three commands on one port at the same time",
     "one runs undisturbed; the others end with exit status 9 and name its process id",
     times=4,
-    quick=1,
 )
 def two_runs(scene: Scene) -> None:
     board = scene.board()
