@@ -103,16 +103,15 @@ def stalled_board(scene: Scene) -> None:
     board = scene.board()
     board.ask("stall")
     fill(board)
-    board.ask(f"take {scene.random.randint(100, 2000)}")  # room for some frames
+    board.ask(f"take {scene.random.randint(20, 400)}")  # room for some frames
     scene.unreceived = 1000
     run = scene.run("20", board=board)
     failed = fault_time(scene, run, "hw.port_stalled")
-    sent = run.events("sent")
-    (schedule, *_) = run.events("schedule")
-    if len(sent) < len(schedule["times"]):
-        first = min(schedule["times"][1] - schedule["times"][0], 0.5)
-        last = sent[-1]["time_s"] if sent else schedule["time_s"]
-        scene.figure(1000 * (failed - last - first))
+    sent = [each["time_s"] for each in run.events("sent")]
+    *before, motion = run.events("schedule")
+    done = len(sent) - sum(len(each["times"]) for each in before)
+    due = motion["time_s"] if done == 0 else sent[-done] - motion["times"][0]
+    scene.figure(1000 * (failed - due - motion["times"][done]))
     scene.verified()
 
 
