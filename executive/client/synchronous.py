@@ -7,7 +7,6 @@ import json
 import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from types import MappingProxyType
 from typing import Any, Self, TypeVar
 
 from executive.errors import GoalFailed, Refused, ResultTimeout, ServerUnreachable
@@ -20,8 +19,6 @@ from . import transport
 from .values import OpenQuestion, Task
 
 T = TypeVar("T")
-
-NO_ARGUMENTS: Mapping[str, Any] = MappingProxyType({})
 
 
 class Client:
@@ -81,7 +78,7 @@ class Client:
     def send(
         self,
         task: int,
-        arguments: Mapping[str, Any] = NO_ARGUMENTS,
+        arguments: Mapping[str, Any] | None = None,
         goal_id: str = "",
         deadman: bool = False,
     ) -> str:
@@ -100,7 +97,7 @@ class Client:
             "send",
             lambda answer: str(answer["goal_id"]),
             task=task,
-            arguments=dict(arguments),
+            arguments=dict(arguments or {}),
             goal_id=goal_id or None,
             deadman=deadman,
         )

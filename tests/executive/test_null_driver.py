@@ -32,7 +32,7 @@ def trees(tmp_path: Path) -> Path:
 
 def test_check_and_show(trees: Path) -> None:
     checked = CliRunner().invoke(cli, ["check", str(trees / "7_wave.yaml"), "--robot", ARM])
-    assert checked.output == "1 files are right\n"
+    assert checked.output == "1 file is right\n"
     shown = CliRunner().invoke(cli, ["show", "7", "--trees", str(trees), "--robot", ARM])
     assert "PlanArm" in shown.output
 
