@@ -27,7 +27,7 @@ def fault_time(scene: Scene, run: Command, code: str) -> float:
     "the goal ends `hw.port_lost` with exit status 6; nothing is sent afterwards",
     limit=70,
     unit="ms",
-    times=12,
+    times=10,
     quick=1,
 )
 def unplug(scene: Scene) -> None:
