@@ -29,6 +29,7 @@ RequestError            a request that the server refuses before it reads the go
     └── TooSlow         408: the body arrives too slowly
 ClientError             a client of a server
 ├── ServerUnreachable   ConnectionError: no server answers
+├── WrongAnswer         another program answers
 ├── Refused             the server rejected a request
 └── GoalFailed          a goal ended, but did not succeed; also raised without a server
 PoseUnconfirmed         HardwareError: the position of the arm is unknown
@@ -374,6 +375,24 @@ class ServerUnreachable(ClientError, ConnectionError):
         super().__init__(
             f"no server answers at {url}: {why.rstrip('.')}. Start one with armtree serve, or "
             "set its URL with --server URL or ARMTREE_SERVER"
+        )
+
+
+class WrongAnswer(ClientError):
+    """The program that answers is no server of armtree, or one of another version.
+
+    Args:
+        url: URL of the request.
+        why: What is wrong with the answer.
+    """
+
+    code = "server.wrong_answer"
+    hint = "check the URL: --server or ARMTREE_SERVER"
+
+    def __init__(self, url: str, why: str) -> None:
+        super().__init__(
+            f"{url} is no server of this version of armtree: {why}. Check --server URL or "
+            "ARMTREE_SERVER"
         )
 
 

@@ -3,20 +3,23 @@
 `synchronous.py` is made from this file: python -m tests.support.generated.sync_client
 """
 
-import json
 import uuid
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from executive.errors import GoalFailed, Refused, ResultTimeout, ServerUnreachable
-from executive.goals.events import Event, Status, event_from_json
+from executive.goals.events import Event, Status
 from executive.goals.outcome import CancelResult, GoalStatus, Outcome, cause_of
 from executive.server.http.operations import OPERATIONS
 from executive.server.token_file import KEEPALIVE
 
 from . import transport
+from .answers import Answer, Events
 from .values import OpenQuestion, Task
+
+if TYPE_CHECKING:
+    import httpx
 
 T = TypeVar("T")
 
@@ -28,8 +31,8 @@ class AsyncClient:
         url: URL; default ARMTREE_SERVER, then the server on this machine.
         token: Token; default ARMTREE_TOKEN, then the file that the server wrote for this user.
 
-    Every method raises ServerUnreachable if no server answers, and Refused if the server refuses
-    the request.
+    Every method raises ServerUnreachable if no server answers, WrongAnswer if another program
+    answers, and Refused if the server refuses the request.
     """
 
     def __init__(self, url: str | None = None, token: str | None = None) -> None:
@@ -237,16 +240,16 @@ class AsyncClient:
         Args:
             kinds: Kinds of events, such as `goal`, `node`, `status`; default all.
         """
-        path, query, _ = OPERATIONS["events"].split({"events": ",".join(kinds) or None})
+        operation = OPERATIONS["events"]
+        path, query, _ = operation.split({"events": ",".join(kinds) or None})
         with transport.transport_errors(self.url):
             stream = self._http.stream("GET", path, params=query, timeout=transport.SILENCE_TIMEOUT)
             async with stream as response:
-                if response.is_error:
-                    await response.aread()
-                transport.raise_if_refused(response)
-                lines = response.aiter_lines()
-                await anext(lines, None)  # the server confirms the subscription
-                yield self._read_events(lines)
+                pieces = response.aiter_raw()
+                if response.status_code != operation.status:
+                    await self._read(response, "events", transport.ANSWER_TIMEOUT)
+                first = await anext(pieces, b"")  # the server confirms the subscription
+                yield self._read_events(first, pieces)
 
     @asynccontextmanager
     async def hold(self, goal_id: str) -> AsyncIterator[None]:
@@ -258,16 +261,20 @@ class AsyncClient:
 
         async def post(body: AsyncIterator[bytes]) -> None:
             with suppress(ServerUnreachable), transport.transport_errors(self.url):
-                await self._http.post(path, content=body)
+                request = self._http.stream("POST", path, content=body)
+                async with request:
+                    return  # the goal has ended, or the server refuses the hold
 
         async with transport.async_posted(post):
             yield
 
-    async def _read_events(self, lines: AsyncIterator[str]) -> AsyncIterator[Event]:
+    async def _read_events(self, piece: bytes, more: AsyncIterator[bytes]) -> AsyncIterator[Event]:
+        events = Events(self.url)
         with transport.transport_errors(self.url, transport.SILENCE_TIMEOUT):
-            async for line in lines:
-                if line.startswith("data: "):
-                    yield event_from_json(json.loads(line.removeprefix("data: ")))
+            while piece:
+                for event in events.read(piece):
+                    yield event
+                piece = await anext(more, b"")
 
     async def _call(
         self, name: str, read: Callable[[Any], T], /, extra_time: float = 0.0, **arguments: Any
@@ -284,8 +291,21 @@ class AsyncClient:
         path, query, body = operation.split(arguments)
         timeout = transport.ANSWER_TIMEOUT + extra_time
         with transport.transport_errors(self.url):
-            response = await self._http.request(
+            request = self._http.stream(
                 operation.method, path, params=query, json=body, timeout=timeout
             )
-        transport.raise_if_refused(response)
-        return read(response.json())
+            async with request as response:
+                return read(await self._read(response, name, timeout))
+
+    async def _read(self, response: "httpx.Response", name: str, timeout: float) -> Any:
+        """Return the JSON of an answer.
+
+        Args:
+            response: The answer.
+            name: Name of the operation.
+            timeout: Longest time for the body [s].
+        """
+        answer = Answer(response, timeout)
+        async for piece in response.aiter_raw():
+            answer.add(piece)
+        return answer.value(name)

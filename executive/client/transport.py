@@ -1,21 +1,17 @@
 """Code that both clients share: address, timeouts, errors and the hold of a goal."""
 
 import asyncio
-import json
 import math
 import os
 import re
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import urlsplit
 
-from executive.errors import Refused, ServerUnreachable
+from executive.errors import ServerUnreachable
 from executive.server import PORT, token_file
-
-if TYPE_CHECKING:
-    import httpx
 
 ANSWER_TIMEOUT = 10.0  # longest time for an answer that does not wait for anything [s]
 SILENCE_TIMEOUT = 45.0  # longest silence of an event stream [s]; the server sends every 15 s
@@ -29,6 +25,9 @@ def http_options(url: str | None, token: str | None) -> dict[str, Any]:
     Args:
         url: URL; default ARMTREE_SERVER, then the server on this machine.
         token: Token; default ARMTREE_TOKEN, then the token file of the server.
+
+    Raises:
+        ServerUnreachable: The URL is invalid.
     """
     port = os.environ.get("ARMTREE_TCP_PORT", PORT)
     url = (url or os.environ.get("ARMTREE_SERVER") or f"http://localhost:{port}").rstrip("/")
@@ -36,6 +35,7 @@ def http_options(url: str | None, token: str | None) -> dict[str, Any]:
     if own := _own_server(url):
         url, token = own.url, token or own.token
     headers = {"authorization": f"Bearer {token}"} if token else {}
+    headers["accept-encoding"] = "identity"  # a small answer must not unpack to a huge one
     return {"base_url": url, "headers": headers, "timeout": ANSWER_TIMEOUT, "trust_env": False}
 
 
@@ -44,10 +44,14 @@ def _own_server(url: str) -> token_file.ServerInfo | None:
 
     Another user's program may listen at other addresses of this machine, such as ::1.
     """
-    parts = urlsplit(url)
+    try:
+        parts = urlsplit(url)
+        port = parts.port or token_file.HTTP_PORT
+    except ValueError as error:
+        raise ServerUnreachable(url, str(error)) from error
     if parts.scheme != "http":
         return None
-    own = token_file.read(parts.port or token_file.HTTP_PORT)
+    own = token_file.read(port)
     return own if own and parts.hostname in ("localhost", urlsplit(own.url).hostname) else None
 
 
@@ -69,25 +73,9 @@ def transport_errors(url: str, silence: float = 0.0) -> Iterator[None]:
     except httpx.ReadTimeout as error:
         words = f"nothing came for {silence:g} s" if silence else "its answer takes too long"
         raise ServerUnreachable(url, words) from error
-    except httpx.TransportError as error:
+    except (httpx.TransportError, httpx.InvalidURL) as error:
         words = re.sub(r"^\[Errno -?\d+\] ", "", str(error)) or type(error).__name__
         raise ServerUnreachable(url, words) from error
-
-
-def raise_if_refused(response: "httpx.Response") -> None:
-    """Check an answer whose content has been read.
-
-    Raises:
-        Refused: The answer is an error.
-    """
-    if not response.is_error:
-        return
-    try:
-        fields = json.loads(response.content)
-    except ValueError:  # the answer of another program
-        fields = None
-    words = {"message": f"{response.url} answers {response.status_code}"}
-    raise Refused(fields if isinstance(fields, dict) else words)
 
 
 def poll_times(timeout: float | None) -> Iterator[float]:

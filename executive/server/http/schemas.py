@@ -27,6 +27,18 @@ class Component:
     schema: Schema
 
 
+def inlined(schema: Any) -> Any:
+    """Return a schema with its components replaced by their schemas."""
+    match schema:
+        case Component():
+            return inlined(schema.schema)
+        case Mapping():
+            return {key: inlined(each) for key, each in schema.items()}
+        case list():
+            return [inlined(each) for each in schema]
+    return schema
+
+
 def body(*required: str, **properties: Any) -> Schema:
     """Return the schema of a request's body: an object without any other keys.
 

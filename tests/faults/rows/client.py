@@ -1,8 +1,15 @@
 """Clients of a server, and what other programs at its address may do to them."""
 
+import contextlib
+import functools
+import itertools
 import socket
 import threading
+import time
+import zlib
+from collections.abc import Callable, Iterable, Iterator
 
+from tests.faults.process import until
 from tests.faults.row import Scene, row
 
 
@@ -40,3 +47,99 @@ def token_address(scene: Scene) -> None:
         scene.check(len(heads) == 2, f"{len(heads)} requests reached the other program, not 2")
         token = server.token.encode()
         scene.check(not any(token in head for head in heads), "it was sent the token")
+
+
+def answer(body: bytes, status: str = "200 OK", *headers: str) -> Callable[[], Iterable[bytes]]:
+    """A program that answers every request with this."""
+    lines = (f"HTTP/1.1 {status}", f"content-length: {len(body)}", *headers, "", "")
+    return lambda: ["\r\n".join(lines).encode() + body]
+
+
+@functools.cache
+def bomb() -> Iterable[bytes]:
+    """An answer of 300 MB of zeros, packed."""
+    packer = zlib.compressobj(wbits=31)
+    packed = b"".join([packer.compress(bytes(10**6)) for _ in range(300)]) + packer.flush()
+    return answer(packed, "200 OK", "content-encoding: gzip")()
+
+
+def endless(first: bytes, piece: bytes) -> Callable[[], Iterable[bytes]]:
+    """A program whose answer does not end."""
+    return lambda: itertools.chain([first], itertools.repeat(piece))
+
+
+OK = b"HTTP/1.1 200 OK\r\n"
+WRONG: dict[str, Callable[[], Iterable[bytes]]] = {
+    "another protocol": lambda: [b"SSH-2.0-OpenSSH_9.2\r\n"],
+    "nothing": list,
+    "text": answer(b"<html>It works!</html>"),
+    "a list": answer(b"[]"),
+    "other keys": answer(b'{"goal_id": 7, "status": "ok"}'),
+    "deep JSON": answer(b"[" * 100_000),
+    "a redirect": answer(b"", "302 Found", "location: http://127.0.0.1:1/"),
+    "another error": answer(b'{"detail": "Not Found"}', "404 Not Found"),
+    "an endless body": endless(OK + b"\r\n", b"x" * 65_536),
+    "an endless event": endless(OK + b"\r\n: armtree\n\ndata: ", b"x" * 65_536),
+    "an endless head": endless(OK, b"a: b\r\n" * 10_000),
+    "a bomb": bomb,
+}
+COMMANDS = (
+    *("send 23", "send 23 --wait", "cancel", "status", "watch", "arm activate", "pause"),
+    *("resume", "step", "break swing", "answer", "status --json", "cancel --json"),
+)
+
+
+@contextlib.contextmanager
+def program(pieces: Callable[[], Iterable[bytes]]) -> Iterator[str]:
+    """The URL of a program that sends this to every client."""
+
+    def serve() -> None:
+        with contextlib.suppress(OSError):  # the row is over
+            while True:
+                connection, _ = listener.accept()
+                threading.Thread(target=say, args=(connection,), daemon=True).start()
+
+    def say(connection: socket.socket) -> None:
+        with connection, contextlib.suppress(OSError):  # the command is over
+            connection.recv(65_536)
+            for piece in pieces():
+                connection.sendall(piece)
+            connection.shutdown(socket.SHUT_WR)
+            while connection.recv(65_536):
+                pass
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
+
+
+@row(
+    "wrong-server",
+    "another program answers a command: no JSON, a list, other keys, a redirect, a body or head "
+    "without end, 0.3 MB that unpack to 0.3 GB",
+    "exit status 13 and one line; memory stays below 200 MiB",
+    limit=15,
+    unit="s",
+    times=2,
+    quick=1,
+)
+def wrong_server(scene: Scene) -> None:
+    scene.injections = len(WRONG)
+    for name, pieces in WRONG.items():
+        words = scene.random.choice(COMMANDS)
+        with program(pieces) as url:
+            command = scene.armtree(*words.split(), "--server", url)
+            memory = [0.0]
+
+            def ended() -> bool:
+                with contextlib.suppress(OSError, ValueError):  # it has just ended
+                    memory.append(command.memory())  # noqa: B023, it is called in this turn
+                return command.popen.poll() is not None  # noqa: B023
+
+            until(f"the end of {words} at {name}", ended)
+        scene.figure(time.monotonic() - command.started)
+        what = f"{words} at {name}"
+        scene.check(command.wait() == 13, f"{what}: exit status {command.wait()}, not 13")
+        said = command.errors.read_text().splitlines()
+        scene.check(len(said) == 1 and "bug" not in said[0], f"{what}: it says {said}")
+        scene.check(max(memory) < 200, f"{what}: {max(memory):.0f} MiB")

@@ -27,8 +27,9 @@ REPLACED = [
     (r"\bAsyncClient\b", "Client"),
     (r"\bAsyncHTTPTransport\b", "HTTPTransport"),
     (r"__a(enter|exit)__", r"__\1__"),
-    (r"\ba(iter_lines|close|read)\b", r"\1"),
+    (r"\ba(iter_raw|close)\b", r"\1"),
     (r"\banext\b", "next"),
+    (r"for event in events\.read\(piece\):\s+yield event", "yield from events.read(piece)"),
 ]
 
 

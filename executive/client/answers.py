@@ -1,0 +1,135 @@
+"""What a server answers: bounded, and checked before it is used. Another program may answer."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from functools import cache
+from types import UnionType
+from typing import TYPE_CHECKING, Any, get_args, get_origin
+
+from executive.errors import Refused, WrongAnswer
+from executive.goals.events import Event, event_from_json
+from executive.server.http import strict_json
+from executive.server.http.operations import OPERATIONS
+from executive.server.http.schemas import ERROR, inlined
+from hardware import RealClock
+
+if TYPE_CHECKING:
+    import httpx
+
+MAX_BYTES = 4 * 1024 * 1024  # of an answer, or of an event
+
+
+class Answer:
+    """Collects the body of an answer.
+
+    Args:
+        response: The answer, whose body is not read yet.
+        timeout: Longest time for the body [s].
+    """
+
+    def __init__(self, response: "httpx.Response", timeout: float) -> None:
+        self._url, self._status = str(response.url), response.status_code
+        self._data = bytearray()
+        self._clock = RealClock()
+        self._end = self._clock.now() + timeout
+
+    def add(self, piece: bytes) -> None:
+        """Add a piece of the body.
+
+        Raises:
+            WrongAnswer: The body is too long, or takes too long.
+        """
+        self._data += piece
+        if len(self._data) > MAX_BYTES:
+            raise WrongAnswer(self._url, f"its answer has more than {MAX_BYTES >> 20} MiB")
+        if self._clock.now() > self._end:
+            raise WrongAnswer(self._url, "its answer does not end")
+
+    def value(self, name: str) -> Any:
+        """Return the JSON of an answer that has ended.
+
+        Args:
+            name: Name of the operation.
+
+        Raises:
+            Refused: The answer is an error.
+            WrongAnswer: It is not what the operation answers.
+        """
+        try:
+            value = strict_json.parse(bytes(self._data))
+        except strict_json.NotJson as error:
+            value, wrong = None, f"it answers {self._status} without JSON"
+            raise WrongAnswer(self._url, wrong) from error
+        if self._status >= 400 and _fits_schema("", value):
+            raise Refused(value)
+        if self._status != OPERATIONS[name].status or not _fits_schema(name, value):
+            raise WrongAnswer(self._url, f"it answers {self._status} with other fields")
+        return value
+
+
+class Events:
+    """Reads events from a stream.
+
+    Args:
+        url: URL of the server.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url, self._rest = url, b""
+
+    def read(self, piece: bytes) -> Iterator[Event]:
+        """Add a piece of the stream, and yield the events that it completes.
+
+        Raises:
+            WrongAnswer: It is not a stream of armtree's events.
+        """
+        *lines, self._rest = (self._rest + piece).split(b"\n")
+        if len(self._rest) > MAX_BYTES:
+            raise WrongAnswer(self._url, f"an event has more than {MAX_BYTES >> 20} MiB")
+        for line in lines:
+            if line.startswith(b"data: "):
+                yield self._event(line.removeprefix(b"data: "))
+
+    def _event(self, text: bytes) -> Event:
+        try:
+            event = event_from_json(json.loads(text))
+        except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+            raise WrongAnswer(self._url, "it sends other events") from error
+        if not _fits(event, type(event)):
+            raise WrongAnswer(self._url, "it sends events with other fields")
+        return event
+
+
+@cache
+def _checker(name: str) -> Any:
+    import fastjsonschema  # slow to import
+
+    answer = OPERATIONS[name].answer if name else ERROR
+    return fastjsonschema.compile(inlined(answer))
+
+
+def _fits_schema(name: str, value: Any) -> bool:
+    """Return True if a value is what an operation answers, or an error for an empty name."""
+    import fastjsonschema
+
+    try:
+        _checker(name)(value)
+    except fastjsonschema.JsonSchemaValueException:
+        return False
+    return True
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    """Return True if a value has this type, and so have the fields of a dataclass."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is UnionType:
+        return any(_fits(value, each) for each in parts)
+    if origin is tuple:
+        return isinstance(value, tuple) and all(_fits(each, parts[0]) for each in value)
+    if origin is not None:
+        return isinstance(value, origin)
+    if not isinstance(kind, type) or (kind is float and isinstance(value, int)):
+        return True
+    own = fields(kind) if is_dataclass(kind) else ()
+    return isinstance(value, kind) and all(_fits(getattr(value, f.name), f.type) for f in own)
