@@ -1,7 +1,8 @@
-"""Runs tasks in turn, up to the first that fails."""
+"""Runs tasks in turn, up to the first that fails or whose recording is incomplete."""
 
 from collections.abc import Callable, Mapping, Sequence
 
+from executive.codes import OK
 from executive.executive import Executive
 from executive.goals.outcome import CANCELED_CAUSE, GoalState, Outcome
 from executive.session import finish_recording
@@ -49,7 +50,7 @@ class TaskSequence:
         outcomes: list[Outcome] = []
         try:
             executive.start()
-            while remaining and (not outcomes or outcomes[-1].success):
+            while remaining and (not outcomes or outcomes[-1].code == OK):
                 outcome = self._outcome(remaining.pop(0), arguments)
                 active = executive.status().arm is not State.UNCONFIGURED
                 if active and not (remaining and outcome.success):

@@ -211,6 +211,8 @@ class Recorder:
             self._unsynced = False
             try:
                 os.fsync(self._file)
+                if not os.fstat(self._file).st_nlink:
+                    raise FileNotFoundError(errno.ENOENT, "it was deleted", str(self.path))
             except OSError as cause:
                 self._fail(cause)
         self._warn_of(time.monotonic() - due)

@@ -155,6 +155,21 @@ def test_a_lost_recording_is_reported_whatever_the_outcome(
     assert outcome.cause is None or "was moved or deleted" in outcome.cause.message
 
 
+def test_a_lost_recording_of_a_task_that_succeeded_ends_the_sequence(
+    rig: RigMaker, tmp_path: Path
+) -> None:
+    arm = rig()
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Result):
+            (path,) = tmp_path.glob("*.mcap")
+            path.unlink()
+
+    arm.on_record = watch
+    (outcome,) = arm.run(0, 1)
+    assert (outcome.state, outcome.code) == (GoalState.SUCCEEDED, "log.incomplete")
+
+
 def test_goals_wait_if_too_many_recordings_are_unfinished(
     server: RigMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,6 +1,8 @@
 """Recordings: files of other programs, disks that fail, and processes that are killed."""
 
+import errno
 import json
+import shutil
 import signal
 import time
 
@@ -134,3 +136,72 @@ def stuck_disk(scene: Scene) -> None:
     server.signal(signal.SIGTERM)
     server.wait()
     scene.unrecorded = 1
+
+
+@row(
+    "deleted-folder",
+    "the folder of recordings is deleted while the first of two tasks runs",
+    "the run ends with exit status 10 and `log.incomplete`, and the second task does not begin",
+    limit=2500,
+    unit="ms",
+    times=3,
+    quick=1,
+)
+def deleted_folder(scene: Scene) -> None:
+    board = scene.board()
+    run = scene.run(scene.random.choice(["20", "21"]), "23", board=board)
+    run.until_event("sent", scene.random.randint(1, 8))
+    begin = time.monotonic()
+    shutil.rmtree(scene.folder / "recordings")
+    scene.check(run.wait() == 10, f"exit status {run.wait()}, not 10: {last_line(run)}")
+    scene.figure(1000 * (board.frames()[-1].time - begin))
+    results = run.events("result")
+    codes = [each["code"] for each in results]
+    scene.check(codes == ["log.incomplete"], f"the goals end {codes}")
+    scene.check("deleted" in results[0]["message"], results[0]["message"])
+    scene.unrecorded = len(board.frames())
+
+
+@row(
+    "lost-sync",
+    "fsync of the recording fails during a motion",
+    "the arm stops, the goal ends `log.incomplete` with exit status 10; what is recorded holds",
+    times=3,
+    quick=1,
+)
+def lost_sync(scene: Scene) -> None:
+    board = scene.board()
+    calls = WrongCalls(scene.folder, "-20.mcap", "sync")
+    run = scene.run("20", board=board, environment=calls.environment)
+    run.until_event("sent", scene.random.randint(1, 8))
+    calls.start("errno 5 once")
+    scene.check(run.wait() == 10, f"exit status {run.wait()}, not 10: {last_line(run)}")
+    (result,) = run.events("result")
+    scene.check(result["code"] == "log.incomplete", f"the goal ends {result['code']}")
+    scene.check(run.events("sent")[-1]["hold"], "the last frame is no hold")
+    verify = scene.armtree("replay", "recordings", "--verify")
+    scene.check(verify.wait() == 0, f"replay --verify: {last_line(verify)}")
+
+
+@row(
+    "full-disk",
+    "every write to the recording fails with ENOSPC, from a random moment of a motion",
+    "the arm stops and the goal ends with exit status 10; `log recover` keeps what was recorded",
+    times=3,
+    quick=1,
+)
+def full_disk(scene: Scene) -> None:
+    board = scene.board()
+    calls = WrongCalls(scene.folder, "-20.mcap")
+    run = scene.run("20", board=board, environment=calls.environment)
+    run.until_event("sent", scene.random.randint(1, 12))
+    calls.start(f"errno {errno.ENOSPC}")
+    scene.check(run.wait() == 10, f"exit status {run.wait()}, not 10: {last_line(run)}")
+    calls.stop()
+    (result,) = run.events("result")
+    scene.check(result["code"] in ("log.disk_full", "log.incomplete"), str(result))
+    scene.unrecorded = 2  # the frame whose recording failed, and the hold
+    recover = scene.armtree("log", "recover", *scene.recordings())
+    scene.check(recover.wait() in (0, 10), f"log recover: {last_line(recover)}")
+    verify = scene.armtree("replay", "recordings", "--verify")
+    scene.check(verify.wait() == 10, f"replay --verify: {verify.wait()}, {last_line(verify)}")

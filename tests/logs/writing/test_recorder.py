@@ -222,6 +222,23 @@ def test_a_failing_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert sum(1 for _ in read(recorder.path)) == 3
 
 
+def test_a_recording_that_is_deleted_is_reported_while_it_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = Disk(monkeypatch)
+    failures: Queue[Exception] = Queue()
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, failures.put)
+    recorder.put(sent(1))
+    disk.synced.get(timeout=5)
+    assert recorder.caught_up(5)
+    recorder.path.unlink()
+    recorder.put(sent(2))
+    assert "it was deleted" in str(failures.get(timeout=5))
+    assert not recorder.caught_up(0.0)
+    with pytest.raises(RecordingIncomplete, match="was moved or deleted while it was written"):
+        recorder.close()
+
+
 def test_closing_twice_gives_the_same_summary_and_late_records_are_ignored(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, fail)
     recorder.put(sent(1))
