@@ -81,7 +81,7 @@ def build(
         SkillError: A skill refuses an input of the task, such as a target out of bounds.
     """
     given = arguments or {}
-    tree = TreeCompiler(library, context).task(*draft, f"/{namespace}", given)
+    tree = TreeCompiler(library, context).compile_draft(*draft, f"/{namespace}", given)
     refusals(tree, context.robot)
     check_outcomes(tree)
     refused = tree.hooks.refused  # includes refusals of hooks that the analysis has called

@@ -88,7 +88,7 @@ def compile_task(robot: Robot, library: Library, number: int) -> CompiledTree:
         FileError: The files have mistakes.
     """
     context = _context(robot)
-    tree = TreeCompiler(library, context).task(*library.draft(number), "/show", None)
+    tree = TreeCompiler(library, context).compile_draft(*library.draft(number), "/show", None)
     check_outcomes(tree)
     if tree.mistakes.found or tree.hooks.refused:
         raise FileError(
@@ -206,11 +206,11 @@ class _Checker:
                 return [*found, *self._poses(next(f for f in files if f.path == path))]
             compiler = TreeCompiler(self._library, self._context)
             if isinstance(name, int):
-                tree = compiler.task(*self._library.draft(name), "/check", None)
+                tree = compiler.compile_draft(*self._library.draft(name), "/check", None)
                 self._collisions.tasks.append(tree)
             else:
                 place = Place(self._library.subtree_path(name), 1, 1)
-                tree = compiler.subtree(*self._library.subtree(name, place), "/check")
+                tree = compiler.compile_subtree(*self._library.subtree(name, place), "/check")
         except TreeError as error:
             return _mistakes(error)
         check_outcomes(tree)

@@ -84,7 +84,7 @@ class TreeCompiler:
         self._calls: dict[Behaviour, Place] = {}
         self._nodes = 0
 
-    def task(
+    def compile_draft(
         self,
         task: TaskFile,
         known: Iterable[Mistake],
@@ -108,7 +108,7 @@ class TreeCompiler:
         scope = Scope(namespace, given, {}, stand_ins, task.parameters, "parameter")
         return self._compiled(self._node(task.tree, scope, task.name), namespace)
 
-    def subtree(
+    def compile_subtree(
         self, subtree: SubtreeFile, known: Iterable[Mistake], namespace: str
     ) -> CompiledTree:
         """Compile a subtree alone, to check it. Its ports have the declared types and no values.
