@@ -8,51 +8,36 @@ import importlib
 import typing
 
 if typing.TYPE_CHECKING:
-    from executive.arm import Arm
-    from executive.client.asynchronous import AsyncClient
-    from executive.client.synchronous import Client
+    from executive.arm import Arm as Arm
+    from executive.client.asynchronous import AsyncClient as AsyncClient
+    from executive.client.synchronous import Client as Client
     from executive.errors import (
-        ClientError,
-        GoalError,
-        GoalFailed,
-        Refused,
-        ServerUnreachable,
+        ClientError as ClientError,
+        GoalError as GoalError,
+        GoalFailed as GoalFailed,
+        Refused as Refused,
+        ServerUnreachable as ServerUnreachable,
     )
-    from executive.goals.outcome import Cause, Outcome
-    from executive.testing import SimulatedArm
-    from hardware import HardwareError
-    from logs import LogError
-    from skills import Cancel, Operator, Question, Skill, SkillError, condition, skill
-    from skills.motion import MotionError
-    from trees import EXAMPLES, FileError, TreeError, UnknownTask
-
-__all__ = [
-    "EXAMPLES",
-    "Arm",
-    "AsyncClient",
-    "Cancel",
-    "Cause",
-    "Client",
-    "ClientError",
-    "FileError",
-    "GoalError",
-    "GoalFailed",
-    "HardwareError",
-    "LogError",
-    "MotionError",
-    "Operator",
-    "Outcome",
-    "Question",
-    "Refused",
-    "ServerUnreachable",
-    "SimulatedArm",
-    "Skill",
-    "SkillError",
-    "TreeError",
-    "UnknownTask",
-    "condition",
-    "skill",
-]
+    from executive.goals.outcome import Cause as Cause, Outcome as Outcome
+    from executive.testing import SimulatedArm as SimulatedArm
+    from hardware import HardwareError as HardwareError
+    from logs import LogError as LogError
+    from skills import (
+        Cancel as Cancel,
+        Operator as Operator,
+        Question as Question,
+        Skill as Skill,
+        SkillError as SkillError,
+        condition as condition,
+        skill as skill,
+    )
+    from skills.motion import MotionError as MotionError
+    from trees import (
+        EXAMPLES as EXAMPLES,
+        FileError as FileError,
+        TreeError as TreeError,
+        UnknownTask as UnknownTask,
+    )
 
 # Loaded at their first use, so that a client does not wait for what only an arm needs.
 _MODULES = {
@@ -69,6 +54,8 @@ _MODULES = {
     "trees": ("EXAMPLES", "FileError", "TreeError", "UnknownTask"),
 }
 
+__all__ = [name for names in _MODULES.values() for name in names]
+
 
 def __getattr__(name: str) -> typing.Any:
     for module, names in _MODULES.items():
@@ -79,7 +66,7 @@ def __getattr__(name: str) -> typing.Any:
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted(__all__)
 
 
 if __name__ == "__main__":
