@@ -4,7 +4,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 from typing import Any, Self, TypeVar
 
@@ -63,16 +63,8 @@ class Interrupts:
         Returns:
             The result of the function. Its exception is raised.
         """
-        work_done: Future[T] = Future()
-
-        def run() -> None:
-            try:
-                work_done.set_result(work())
-            except Exception as error:
-                work_done.set_exception(error)
-
-        RealClock().spawn(run, "work").join()
-        return work_done.result()
+        with ThreadPoolExecutor(1, "work") as threads:
+            return threads.submit(work).result()
 
     def end(self) -> None:
         """Make `wait` return. Any thread may call."""
