@@ -52,7 +52,7 @@ class _Snapshot:
             FileError: The user's folder cannot be read.
         """
         if isinstance(self._library, FileError):
-            raise self._library
+            raise self._library.with_traceback(None)  # or each raise would add to it
         return self._library
 
     @property
@@ -72,6 +72,8 @@ class _Snapshot:
             try:
                 (check_task if validated else compile_task)(robot, self.library, number)
                 self._errors[number, validated] = None
+            except UnknownTask as error:
+                return error  # any number may be requested
             except TreeError as error:
                 self._errors[number, validated] = error
         return self._errors[number, validated]
@@ -79,7 +81,7 @@ class _Snapshot:
     def _read(self, path: Path) -> str:
         text = self._texts[path] if path in self._texts else _text(path)
         if isinstance(text, FileError):
-            raise text
+            raise text.with_traceback(None)
         return text
 
 
@@ -120,7 +122,7 @@ class LiveLibrary:
             if isinstance(error, UnknownTask) or not (last := next(valid, None)):
                 if now.error(number, self._robot, validated=False) is None:
                     return now.library, ""  # the goal fails with the error of the skill
-                raise error
+                raise error.with_traceback(None)  # or each raise would add to it
             warning = f"Task {number} runs in its last valid version, "
             warning += "because its changed files are wrong: "
             return last.library, f"{warning}{error}"

@@ -218,7 +218,7 @@ class GoalExecutor:
 
     def _activate(self) -> None:
         if self._arm.failure:  # only a person can leave the error state
-            raise self._arm.failure
+            raise self._arm.failure.with_traceback(None)
         self._recordings.check_space()
         if self._arm.state is State.UNCONFIGURED:
             self._pool.start()  # it starts while the board boots

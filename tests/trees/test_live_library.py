@@ -137,3 +137,16 @@ def test_one_that_is_gone_is_gone_and_a_new_one_is_there(files: Files, tmp_path:
     (tmp_path / "8_say.yaml").write_text((TASK % "two").replace("task: 7", "task: 8"))
     assert files.library.for_task(8)[0].draft(8)[0].number == 8
     assert 8 in {row["task"] for row in files.library.listed()}
+
+
+@pytest.mark.parametrize("number", [9, 77])
+def test_an_error_that_is_raised_often_keeps_nothing_alive(files: Files, number: int) -> None:
+    """A traceback holds the frames of its callers, and a server raises an error again."""
+    files.path.with_name("9_say.yaml").write_text("task: 9\nname: [")
+
+    def frames() -> int:
+        with pytest.raises(FileError if number == 9 else UnknownTask) as caught:
+            files.library.for_task(number)
+        return len(caught.traceback)
+
+    assert frames() == frames() == frames()

@@ -114,7 +114,7 @@ class Library:
         if not self._replaces(number, path, stem, draft_task):
             place = _top(path, self._text(path), "task")
             self._claimed[number] = DuplicateTask(number, there, place, stem)
-            raise self._claimed[number]
+            raise self._claimed[number].with_traceback(None)
         self._tasks[number], self._replaced[path] = path, there
 
     def _add_subtree(self, name: str, path: Path) -> None:
@@ -128,7 +128,7 @@ class Library:
             )
             place = _top(path, self._text(path), "subtree")
             self._claimed[name] = FileError([Mistake(place, message)])
-            raise self._claimed[name]
+            raise self._claimed[name].with_traceback(None)
         self._subtrees[name], self._replaced[path] = path, there
 
     def _replaces(
@@ -203,7 +203,7 @@ class Library:
             FileError: Several files have that number, or the name of its file is wrong.
         """
         if number in self._claimed:
-            raise self._claimed[number]
+            raise self._claimed[number].with_traceback(None)
         if number not in self._tasks:
             called = re.compile(rf"0*{number}(?![0-9])")
             if meant := [m for m in self.mistakes if called.match(m.place.path.name)]:
@@ -258,7 +258,7 @@ class Library:
             there = choices(name, self._subtrees)
             raise FileError([Mistake(user, f"no subtree {name}; there are {there}")])
         if name in self._claimed:
-            raise self._claimed[name]
+            raise self._claimed[name].with_traceback(None)
         path = self._subtrees[name]
         subtree, mistakes = draft_subtree(path, self.read(path))
         if subtree.name not in ("", name):  # else it is reported already
