@@ -19,6 +19,7 @@ from executive.goals.events import Event
 from executive.goals.outcome import GoalStatus
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
+from executive.server.limits.token_bucket import TokenBucket
 from hardware import state_interfaces
 
 from . import protocol as ros
@@ -26,6 +27,8 @@ from . import protocol as ros
 logger = logging.getLogger(__name__)
 
 MAX_CLIENTS = 16
+# Goals per second and at once, of all clients, who have no token: each goal leaves a recording.
+GOAL_RATE = (1.0, 60.0)
 MAX_SUBSCRIBERS = 1000  # most subscribers of one topic on one connection
 MAX_UNSENT = 1000  # messages that wait for a client that reads slowly
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
@@ -45,6 +48,7 @@ class Bridge:
         self._clients: set[_Client] = set()
         self._joints: tuple[float, Mapping[str, float]] | None = None
         self._statuses = _GoalStatuses(executive)
+        self.goal_bucket = TokenBucket(*GOAL_RATE, executive.clock.now)
         hub.listeners.append(self._handle)
 
     async def serve(self, websocket: WebSocket) -> None:
@@ -241,6 +245,13 @@ class _Client:
         client_id = message.identity
         if any(goal.client_id == client_id for goal in self._goals.values()):
             raise ros.BadMessage(f"there is a goal {client_id!r} already", client_id)
+        if not self._bridge.goal_bucket.take():
+            rate, burst = GOAL_RATE
+            raise ros.BadGoal(
+                f"more than {burst:g} goals at once and {rate:g} per second [request.too_many]; "
+                "wait a moment",
+                client_id,
+            )
         identity = uuid.uuid4().hex
         self._goals[identity] = _Goal(client_id, message.feedback)
         send = partial(self._bridge.executive.send, message.task, identity=identity)

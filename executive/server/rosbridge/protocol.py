@@ -131,7 +131,7 @@ def parse(text: str | None) -> Message:
 def _unreadable(text: str, why: str) -> BadMessage:
     """Return the error for text that strict JSON refuses, with the id that its client expects."""
     with suppress(ValueError, RecursionError, AttributeError, BadMessage):
-        message = json.loads(text)
+        message = json.loads(text, parse_int=float)  # int refuses numbers of 4,300 digits
         operation, identity = message.get("op"), _text(message, "id")
         if operation == "send_action_goal":
             return BadGoal(why, identity)
@@ -150,10 +150,12 @@ def _send_goal(message: dict[str, Any]) -> SendGoal:
         )
     if message.get("compression", "none") != "none" or message.get("fragment_size") is not None:
         raise BadGoal("compression and fragments are not supported", identity)
-    arguments = message.get("args")
-    if not isinstance(arguments, dict) or set(arguments) != {"task_number"}:
-        raise BadGoal("args of a goal must be {task_number: N}", identity)
-    task, feedback = arguments["task_number"], message.get("feedback", False)
+    arguments = message.get("args") or {}
+    if isinstance(arguments, list):  # values in the order of the fields, of which there is one
+        arguments = {"task_number": arguments[0]}
+    if not isinstance(arguments, dict) or not {"task_number"}.issuperset(arguments):
+        raise BadGoal("args of a goal must be {task_number: N}, [N], or empty for 0", identity)
+    task, feedback = arguments.get("task_number", 0), message.get("feedback", False)
     if type(task) is not int or not -_MAX_TASK - 1 <= task <= _MAX_TASK:
         raise BadGoal(f"task_number {task!r} is not an int32", identity)
     if not isinstance(feedback, bool):

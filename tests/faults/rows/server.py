@@ -1,10 +1,14 @@
 """Hostile clients of a server: a stop is answered in every flood."""
 
 import contextlib
+import json
 import resource
 import socket
 import sys
+import time
 from pathlib import Path
+
+from websockets.sync.client import connect
 
 from tests.faults.process import until
 from tests.faults.row import Row, Scene, row
@@ -97,3 +101,56 @@ def descriptors(scene: Scene) -> None:
     said = fewer.text().splitlines()
     scene.check(len(said) == 1 and "ulimit -n" in said[0], f"with 20, it says {said}")
     scene.verified()
+
+
+@row(
+    "rosbridge-recordings",
+    "16 clients without a token send goals through rosbridge for 10 s",
+    "they leave at most 60 recordings, and one more per second; each goal is answered",
+    times=1,
+)
+def rosbridge_recordings(scene: Scene) -> None:
+    server = scene.serve("--activate", "--rosbridge")
+    until("the arm to be active", lambda: server.state() == "active")
+    crowd = scene.armtree(
+        *("rosbridge goals", str(server.address[1]), "16"), argv=(sys.executable, HOSTILE)
+    )
+    begin = time.monotonic()
+    until("10 s", lambda: time.monotonic() > begin + 10)
+    goal = {"op": "send_action_goal", "action": "/task_server", "args": {"task_number": 23}}
+    goal |= {"action_type": "arduinobot_msgs/action/ArduinobotTask", "id": "mine"}
+    crowd.close()
+    with connect(server.url.replace("http", "ws"), compression=None) as mine:
+        for _ in range(3):  # it earns one a second, also while this connects
+            mine.send(json.dumps(goal))
+            answer = json.loads(mine.recv(30))
+            scene.check(answer.get("id") == "mine", f"one goal more is answered: {answer}")
+    scene.check("request.too_many" in str(answer), f"goals at once are answered: {answer}")
+    found, seconds = len(scene.recordings()), time.monotonic() - begin
+    scene.check(5 < found <= 62 + seconds, f"{found} recordings in {seconds:.0f} s")
+
+
+@row(
+    "rosbridge-numbers",
+    "a goal through rosbridge with a number of 5,000 digits, NaN, or without arguments",
+    "each is answered under its id; without arguments the task is 0, as in rosbridge",
+    times=2,
+    quick=1,
+)
+def rosbridge_numbers(scene: Scene) -> None:
+    server = scene.serve("--activate", "--rosbridge")
+    until("the arm to be active", lambda: server.state() == "active")
+    goal = {"op": "send_action_goal", "action": "/task_server", "id": "mine"}
+    goal |= {"action_type": "arduinobot_msgs/action/ArduinobotTask"}
+    with connect(server.url.replace("http", "ws"), compression=None) as mine:
+        for number in ("9" * 5000, "-1e400", "NaN", "9" * 60_000):
+            text = json.dumps({**goal, "args": {"task_number": 1}})
+            mine.send(text.replace(": 1}", f": {number}}}"))
+            answer = json.loads(mine.recv(30))
+            named = (answer.get("op"), answer.get("id"), answer.get("result"))
+            scene.check(named == ("action_result", "mine", False), f"{number[:9]}: {answer}")
+        mine.send(json.dumps({**goal, "args": {}}))
+        answer = json.loads(mine.recv(30))
+        scene.check(answer.get("op") == "action_result", f"{{}}: {answer}")
+    tasks = [each["task"] for each in server.get("/api/goals")["goals"]]
+    scene.check(tasks == [0], f"the tasks are {tasks}")

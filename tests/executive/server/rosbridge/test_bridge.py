@@ -217,6 +217,23 @@ def test_a_status_message_is_encoded_once_for_all_subscribers(
     assert max(made) <= 3
 
 
+def test_clients_leave_a_limited_number_of_recordings(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bridge, "GOAL_RATE", (0.001, 3.0))
+    served = serve(rosbridge=True)
+    results = []
+    for number in range(5):  # another connection does not help
+        with websocket(served) as connection:
+            say(connection, **GOAL, id=str(number), args={"task_number": 11})
+            results.append(heard(connection, "action_result"))
+    assert [each["result"] for each in results] == [True, True, True, False, False]
+    assert "request.too_many" in results[-1]["values"]
+    assert len(list(served.folder.glob("recordings/*-11.mcap"))) == 3
+    with served.client() as client:  # the token has a limit of its own
+        assert client.run(11).success
+
+
 def test_every_status_is_published_even_if_several_come_at_once(serve: Serve) -> None:
     served = serve(rosbridge=True)
     with websocket(served) as first, websocket(served) as late:

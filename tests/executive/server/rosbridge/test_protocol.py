@@ -33,12 +33,31 @@ def test_both_spellings_of_the_type_and_of_the_name() -> None:
 
 
 @pytest.mark.parametrize(
+    ("arguments", "task"), [({}, 0), ([], 0), (None, 0), ([7], 7), ([7, "x"], 7)]
+)
+def test_arguments_as_rosbridge_reads_them(arguments: object, task: int) -> None:
+    assert getattr(parsed(**{**GOAL, "args": arguments}), "task", None) == task
+    without = {key: value for key, value in GOAL.items() if key != "args"}
+    assert getattr(parsed(**without), "task", None) == 0
+
+
+@pytest.mark.parametrize("number", ["9" * 5000, "-" + "9" * 60_000, "NaN", "1e999"])
+def test_a_goal_with_an_impossible_number_is_answered_by_its_id(number: str) -> None:
+    text = json.dumps({**GOAL, "args": {"task_number": "NUMBER"}}).replace('"NUMBER"', number)
+    with pytest.raises(ros.BadGoal) as caught:
+        ros.parse(text)
+    assert caught.value.identity == GOAL["id"]
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(
     ("wrong", "why"),
     [
         ({"action": "/other"}, "no action"),
         ({"action_type": "arduinobot_msgs/action/Other"}, "is of type"),
-        ({"args": {}}, "task_number: N"),
-        ({"args": [1]}, "task_number: N"),
+        ({"args": "1"}, "task_number: N"),
+        ({"args": 1}, "task_number: N"),
+        ({"args": [{}]}, "int32"),
         ({"args": {"task_number": 1, "speed": 2}}, "task_number: N"),
         ({"args": {"task_number": True}}, "int32"),
         ({"args": {"task_number": 1.0}}, "int32"),
