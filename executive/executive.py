@@ -36,7 +36,6 @@ from .goals.outcome import Acceptance, CancelResult, GoalState, GoalStatus, Outc
 from .goals.queue import GoalQueue, Policy
 from .goals.start_pose import StartPose
 from .goals.stop import GoalStopper
-from .recording.archive import configuration_note
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 from .setup import Setup
@@ -87,7 +86,13 @@ class Executive:
             clock,
             self._publish,
             self._interrupt,
-            configuration_note(self.port, setup),
+            {
+                "port": self.port,
+                "seed": str(setup.seed),
+                "planning_timeout_s": str(setup.planning_timeout),
+                "policy": setup.policy.value,
+                "solo": str(setup.single_user),
+            },
         )
         self.start_pose = StartPose(robot, self.port, setup.recordings, setup.pose)
         if link:

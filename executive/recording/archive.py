@@ -13,7 +13,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from executive.setup import Setup
 from hardware import Robot, load_robot
 from logs import Recording, RecordingError
 from skills.motion import World
@@ -29,22 +28,6 @@ def robot_note(robot: Robot) -> dict[str, str]:
         "urdf": robot.urdf.name,
         "sha256": _digest(robot.path.read_bytes(), robot.urdf.read_bytes()),
         "firmware": json.dumps(figures),
-    }
-
-
-def configuration_note(port: str, setup: Setup) -> dict[str, str]:
-    """Return the values of a set-up that affect a run.
-
-    Args:
-        port: Port of the board.
-        setup: The set-up.
-    """
-    return {
-        "port": port,
-        "seed": str(setup.seed),
-        "planning_timeout_s": str(setup.planning_timeout),
-        "policy": setup.policy.value,
-        "solo": str(setup.single_user),
     }
 
 
