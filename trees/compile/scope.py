@@ -88,13 +88,13 @@ def _without_names(
         return _used(given, value, stand_in)
     if stand_in:
         return Located(value.place, stand_in, value.label)
+    near = suggestion(inner[1:], scope.declared)
+    why, lines = f"there is no {scope.what} for {inner}{near}", ""
     if key in written:
-        why = "a mapping or a list may contain values, and parameters or ports that have one"
-        mistakes.add_last(value.place, f"{inner} has no value before the run; {why}")
-    else:
-        near = suggestion(inner[1:], scope.declared)
-        why = f"there is no {scope.what} for {inner}"
-        advice = near or f"; declare it above the tree, with {scope.what}s:, or write a value here"
-        lines = "" if near else f"{scope.what}s:\n  {inner[1:]}: {{type: {kind}, default: 0}}"
-        mistakes.add_last(value.place, f"{why}{advice}", lines)
+        why = f"{inner} has no value before the run; a mapping or a list may contain values, and "
+        why += "parameters or ports that have one"
+    elif not near:
+        why += f"; declare it above the tree, with {scope.what}s:, or write a value here"
+        lines = f"{scope.what}s:\n  {inner[1:]}: {{type: {kind}, default: 0}}"
+    mistakes.add_last(value.place, why, lines)
     return Located(value.place, REFUSED, value.label)
