@@ -1,5 +1,6 @@
 """`armtree check`: finds the mistakes in task files without moving anything."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -70,9 +71,24 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.mistakes += checker.check(path, name)
     findings.mistakes += collisions.mistakes()
     findings.mistakes += [m for tree in collisions.trees for m in tree.hooks.mistakes]
+    findings.mistakes += [
+        Mistake(place, f"no node before this adds a body {name}")
+        for place, name in collisions.absent.items()
+        if not any(_names_body(library, name, place.path) for _, library, _ in jobs)
+    ]
     findings.notes += collisions.notes
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
+
+
+def _names_body(library: Library, name: str, but: Path) -> bool:
+    """Return whether another file names a body. Bodies stay for the next task of a run."""
+    body = re.compile(rf"\bbody:\s*['\"]?{re.escape(name)}\b")
+    for path, _, _ in _all(library):
+        with suppress(FileError):
+            if path != but and body.search(library.read(path)):
+                return True
+    return False
 
 
 def compile_task(robot: Robot, library: Library, number: int) -> CompiledTree:

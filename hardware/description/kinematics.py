@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, sin
+from functools import cache
+from math import cos, hypot, sin
+from pathlib import Path
 
 from hardware.joints import Mimic
 
@@ -60,6 +62,20 @@ class ForwardKinematics:
             _transform(joint, rotation, axis, mimic.value(positions.get(mimic.leader, 0.0)))
             for joint, rotation, axis, mimic in self._joints
         ]
+
+
+@cache
+def reach(urdf: Path) -> float:
+    """Return a length that no link of a robot is farther from its root [m].
+
+    Raises:
+        UrdfError: The URDF is wrong.
+    """
+    lengths = dict[str, float]()
+    for joint in parse_urdf(urdf.read_text()).joints:  # parents come first
+        travel = max(abs(joint.lower), abs(joint.upper)) if joint.type == "prismatic" else 0.0
+        lengths[joint.child] = lengths.get(joint.parent, 0.0) + hypot(*joint.xyz) + travel
+    return max(lengths.values(), default=0.0)
 
 
 def _transform(joint: UrdfJoint, rotation: Quaternion, axis: Vector, value: float) -> LinkTransform:

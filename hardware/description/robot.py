@@ -11,6 +11,8 @@ from hardware.drivers.null_driver import NullDriver
 from hardware.joints import Joint
 from hardware.link.link import Link
 
+from .kinematics import reach
+
 
 @dataclass(frozen=True, slots=True)
 class Serial:
@@ -129,6 +131,11 @@ class Robot:
             NoDriver: The robot file names no driver.
         """
         return self.driver.link(self.actuated, self.firmware, self.serial.baud, port)
+
+    @property
+    def reach(self) -> float:
+        """A length that no link is farther from the root [m]."""
+        return reach(self.urdf)
 
     def joint(self, name: str) -> Joint:
         """Return the joint of that name.

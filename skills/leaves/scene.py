@@ -22,6 +22,8 @@ Ports = dict[str, PortInformation]
 
 _MESHES = (".stl", ".dae", ".obj")
 _LEAST = 1e-6  # smallest length [m]
+_MOST_REACHES = 10  # largest length, in lengths of the arm
+_SIZES = ("size", "radius", "length")
 
 
 def _length(name: str) -> Port:
@@ -51,8 +53,17 @@ class _Add(Skill, register=False):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Create the body if all inputs are known."""
+        """Create the body if all inputs are known, and compare its size with that of the arm."""
         cls.body(inputs)
+        most = _MOST_REACHES * robot.reach
+        errors = []
+        for port in cls.INPUT_PORTS.keys() & inputs.keys() & {"position", *_SIZES}:
+            value = inputs[port]
+            largest = max(map(abs, value)) if isinstance(value, list) else abs(value)
+            if largest > most > 0:
+                far = f"{port} {largest:g} m is much larger than all this arm reaches"
+                errors.append(BadBody(f"{far}, {robot.reach:.2g} m").at(port))
+        refuse(errors)
 
     @classmethod
     def body(cls, inputs: Mapping[str, Any]) -> Body | None:

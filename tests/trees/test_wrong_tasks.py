@@ -79,6 +79,14 @@ NODES = [
      "name a key such as $count", "    - Set: {value: 3, key: $count}"),
     ("{sequence: [Succeed], retry: Succeed}", "10:7 sequence and retry are several nodes; begin "
      "each node of a list with a -", ""),
+    ("timeout:\n        subtree: move_joints\n        with: {joints: {joint_1: 40 deg}}\n"
+     "      after: 1 s",
+     "10:7 timeout always fails after 1 s; its child takes at least 1.67 s", ""),
+    ("Attach: {body: cube, link: claw_support}", "10:22 no node before this adds a body cube", ""),
+    ("AddBox: {body: b, size: [10, 10, 10], position: [20 cm, 0, 0]}", "10:31 AddBox: size 10 m "
+     "is much larger than all this arm reaches, 0.26 m; did you mean 10 mm?",
+     "    - AddBox: {body: b, size: [10 mm, 10 mm, 10 mm], position: [20 cm, 0, 0]}"),
+    ("subtree: move_tool\n      with: {point: [50 cm, 0, 0]}", "11:21 The tool cannot reach", ""),
     ("subtree: move_relative\n      with: {by: {joint_1: 20}}",
      "11:19 Shift: joint_1 by 1145.9 deg is more than its range, 180 deg; did you mean 20 deg?",
      "      with: {by: {joint_1: 20 deg}}"),
@@ -134,6 +142,26 @@ def test_subtrees_that_use_each_other_are_reported_once(robot: Robot, tmp_path: 
     (mistake,) = check(robot, tmp_path).mistakes
     assert (mistake.place.path.name, mistake.place.line) == ("bb.yaml", 5)
     assert mistake.message == "aa would contain itself: aa -> bb -> aa"
+
+
+FINE = [
+    "timeout: {subtree: move_joints, with: {joints: {joint_1: 40 deg}}}\n      after: 2 s",
+    "selector: [{subtree: move_joints, with: {joints: {joint_1: 40 deg}}}, {timeout: {subtree: "
+    "move_joints, with: {joints: {joint_1: 40 deg}}}, after: 0.1 s}]",
+    "AddBox: {body: cube, size: [1 cm, 1 cm, 1 cm], position: [20 cm, 0, 20 cm]}\n"
+    "    - Attach: {body: cube, link: claw_support}",
+    "AddBox: {body: table, size: [2, 2, 10 mm], position: [0, 0, -20 cm]}",
+    "Attach: {body: left_by_another_task, link: claw_support}",
+]
+
+
+@pytest.mark.parametrize("node", FINE, ids=range(len(FINE)))
+def test_what_a_run_may_do_is_no_mistake(robot: Robot, tmp_path: Path, node: str) -> None:
+    (tmp_path / "20_m.yaml").write_text(f"{TASK}    - {node}\n")
+    size = "size: [1 cm, 1 cm, 1 cm], position: [20 cm, 0, 20 cm]"
+    other = f"tree: {{AddBox: {{body: left_by_another_task, {size}}}}}\n"
+    (tmp_path / "21_n.yaml").write_text(f"task: 21\nname: n\ndescription: x\n{other}")
+    assert not check(robot, None, [tmp_path / "20_m.yaml"]).mistakes
 
 
 def test_a_subtree_without_ports_needs_no_key_ports(robot: Robot, tmp_path: Path) -> None:

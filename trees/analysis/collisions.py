@@ -14,7 +14,9 @@ from skills.motion import (
     MotionCollides,
     MotionError,
     Pool,
+    Reached,
     Result,
+    ToolQuery,
     Verify,
     WorkerDied,
     World,
@@ -24,6 +26,7 @@ from trees.compile.skill_hooks import Pose, SkillHooks
 from trees.errors import Mistake, Place
 
 from .predicted_motion import predict_motions
+from .reachability import check_outcomes
 
 _Use = tuple[Place, str]  # a place that uses a configuration, and the message if it collides
 
@@ -41,6 +44,7 @@ class CollisionChecks:
         trees: Compiled tasks and subtrees.
         tasks: The tasks among them.
         notes: Tasks whose first motion starts in collision if the arm is in its boot pose.
+        absent: Places of bodies that a task uses and does not add, and their names.
     """
 
     robot: Robot
@@ -49,6 +53,8 @@ class CollisionChecks:
     trees: list[CompiledTree] = field(default_factory=list)
     tasks: list[CompiledTree] = field(default_factory=list)
     notes: list[Mistake] = field(default_factory=list)
+    absent: dict[Place, str] = field(default_factory=dict)
+    _found: list[Mistake] = field(default_factory=list)
 
     def mistakes(self) -> Iterator[Mistake]:
         """Return the mistakes that a planner finds, and add the notes."""
@@ -62,6 +68,7 @@ class CollisionChecks:
                     broken.add(body)
                     yield from (Mistake(place, f"{body.name}: {error}") for place in places)
             configurations, boot = self._configurations(), self.robot.boot_pose
+            yield from self._found
             for (pose, world), uses in configurations.items():
                 if broken.isdisjoint(world.bodies) and (hit := self._collision(pose, world)):
                     yield from (Mistake(place, f"{message}: {hit}") for place, message in uses)
@@ -101,7 +108,16 @@ class CollisionChecks:
         for place, pose in self.poses:
             found.setdefault((pose, EMPTY), []).append((place, goal))
         for tree in self.trees:
-            for motion in predict_motions(tree, self.robot, self._carry).motions:
+            task = any(tree is each for each in self.tasks)
+            reach = self._unreachable if task else None
+            predicted = predict_motions(tree, self.robot, self._carry, reach=reach)
+            if task:
+                self.absent |= predicted.absent
+                self._found += [Mistake(*each) for each in predicted.unreachable.items()]
+                known = {*tree.mistakes.found}
+                check_outcomes(tree, predicted.least)
+                self._found += {*tree.mistakes.found} - known
+            for motion in predicted.motions:
                 if motion.start and (motion.start, motion.world) not in found:
                     found[motion.start, motion.world] = [(motion.place, start)]
                 found.setdefault((motion.pose, motion.world), []).append((motion.place, goal))
@@ -119,6 +135,11 @@ class CollisionChecks:
                     worlds.setdefault(motion.world, motion.place)
         return worlds
 
+    def _unreachable(self, query: ToolQuery) -> Reached:
+        """Raise an Unreachable, or another error: what is reached is known only during a run."""
+        answer = self._ask(query)
+        raise answer if isinstance(answer, MotionError) else MotionError("known during a run")
+
     def _carry(self, request: Carry) -> Body:
         answer = self._ask(request)
         if isinstance(answer, MotionError):
@@ -126,7 +147,7 @@ class CollisionChecks:
         assert isinstance(answer, Body)
         return answer
 
-    def _ask(self, request: Verify | Carry) -> Result:
+    def _ask(self, request: Verify | Carry | ToolQuery) -> Result:
         answers: SimpleQueue[Result] = SimpleQueue()
         self.pool.submit(request, answers.put)
         return answers.get()

@@ -1,5 +1,6 @@
 """Predicted motion: the motions of a task, and the world during each, as far as its text says."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -8,7 +9,7 @@ from py_trees.behaviour import Behaviour
 
 from hardware import Robot
 from skills import Positions, Skill, WorldChange
-from skills.motion import EMPTY, Body, Carry, MotionError, Reached, ToolQuery, World
+from skills.motion import EMPTY, Body, Carry, MotionError, Reached, ToolQuery, Unreachable, World
 from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
 from trees.compile.skill_hooks import Pose, SkillHooks
@@ -48,10 +49,16 @@ class PredictedMotions:
     Attributes:
         motions: Motions with a known target, in order.
         unknown: Nodes that also move the arm, and why their target is not known.
+        absent: Places of bodies that are used, but certainly not there; and their names.
+        unreachable: Places of points that the tool cannot reach, and the reason.
+        least: Least time that a node needs to move the arm [s].
     """
 
     motions: list[Motion]
     unknown: dict[Behaviour, str]
+    absent: dict[Place, str]
+    unreachable: dict[Place, str]
+    least: dict[Behaviour, float]
 
 
 def predict_motions(
@@ -78,7 +85,7 @@ def predict_motions(
     """
     walk = _Walk(tree, robot, carry, hooks or tree.hooks, reach)
     walk.through(tree.root, _State(world, start))
-    return PredictedMotions(walk.motions, walk.unknown)
+    return PredictedMotions(walk.motions, walk.unknown, walk.absent, walk.unreachable, walk.least)
 
 
 @dataclass(frozen=True)
@@ -135,6 +142,11 @@ class _Walk:
         self._why = _UNKNOWN  # why the next target is not known
         self.unknown: dict[Behaviour, str] = {}
         self._again = False  # in the second round of a loop
+        # Least time to the last target [s]: None if the arm is there, 0 if it is not known.
+        self._time: float | None = None
+        self.absent: dict[Place, str] = {}
+        self.unreachable: dict[Place, str] = {}
+        self.least: dict[Behaviour, float] = {}
         self.motions: list[Motion] = []
 
     def through(self, node: Behaviour, now: _State) -> _State:
@@ -144,11 +156,17 @@ class _Walk:
         control = self._tree.controls.get(node)
         if not control:  # a placeholder: the intended node may change anything
             return now.unsure_of((_UNNAMED, *(body.name for body in now.world.bodies))).lost()
-        if control.kind.flow(control.options) is Flow.SEQUENCE:
+        flow = control.kind.flow(control.options)
+        if flow is Flow.SEQUENCE:
             return self._rounds(node, control.kind.rounds(control.options), now)
         states = [now]  # any number of its children may have run
+        before, after = self._time, set[float | None]()
         for child in node.children:
+            # A later child may start where an earlier one has stopped.
+            self._time = before if flow is Flow.PARALLEL or not after else 0.0
             states.append(self.through(child, _common(states)))
+            after.add(self._time)
+        self._time = after.pop() if len(after) == 1 else 0.0
         return _common(states)
 
     def _rounds(self, node: Behaviour, rounds: int | None, now: _State) -> _State:
@@ -180,14 +198,20 @@ class _Walk:
         for pose in poses:
             left_out = tuple(sorted(now.unsure))
             self.motions.append(Motion(leaf.target_place, pose, now.pose, now.world, left_out))
+            known = now.pose is not None and self._time is None
+            self._time = _least_time(self._robot, now.pose or pose, pose) if known else 0.0
             now = replace(now, pose=pose)
         if not poses and "goal" in (
             *kind.output_ports(),
             *leaf.inputs,
         ):  # the target is found during the run
-            now = replace(now, pose=None)
+            now, self._time = replace(now, pose=None), 0.0
             self.unknown.setdefault(leaf.skill, self._why)
             self._why = _UNKNOWN
+        if leaf.skill.moves:
+            least = self._time or 0.0
+            self.least[leaf.skill] = min(self.least.get(leaf.skill, least), least)
+            self._time = None
         now = self._written(leaf, now)
         if self._reach and kind.tool_output in leaf.keys:
             now = self._reached(leaf, inputs, self._reach, now)
@@ -222,6 +246,9 @@ class _Walk:
             answer = reach(replace(query, world=now.world))
         except MotionError as error:
             self._why = str(error)
+            if isinstance(error, Unreachable):
+                point = leaf.written.get("point")
+                self.unreachable[point.place if point else leaf.place] = str(error)
             return now
         names = (joint.name for joint in self._robot.actuated_in(query.group))
         target = Positions(zip(names, answer.positions, strict=True))
@@ -241,6 +268,10 @@ class _Walk:
         if "body" not in known:
             return now.unsure_of((_UNNAMED, *(body.name for body in now.world.bodies)))
         name = known["body"]
+        there = {*now.unsure, *(body.name for body in now.world.bodies)}
+        uses = change is not WorldChange.ADDS and skill not in self._hooks.doubtful
+        if uses and not {name, _UNNAMED} & there:
+            self.absent[leaf.written["body"].place if "body" in leaf.written else leaf.place] = name
         if change is WorldChange.REMOVES:
             return now.without((name,))
         if skill in self._hooks.doubtful:
@@ -258,6 +289,19 @@ class _Walk:
             return self._carry(Carry(now.world, known["body"], link, now.pose))
         except MotionError:  # the body is not known here
             return None
+
+
+def _least_time(robot: Robot, start: Pose, goal: Pose) -> float:
+    """Return the least time of a motion from standstill to standstill [s], joint by joint."""
+    least = 0.0
+    for joint, begin, end in zip(robot.actuated, start, goal, strict=True):
+        distance = abs(end - begin)
+        if joint.continuous:
+            distance = min(distance % math.tau, -distance % math.tau)
+        speed = min(joint.velocity, math.sqrt(distance * joint.acceleration))
+        if speed:
+            least = max(least, distance / speed + speed / joint.acceleration)
+    return least
 
 
 def _common(states: Sequence[_State]) -> _State:

@@ -3,7 +3,7 @@
 How a node can end follows from how its children can end; each kind of node says how.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from py_trees.behaviour import Behaviour
 
@@ -11,44 +11,59 @@ from trees.compile.compiler import CompiledTree
 from trees.nodes.kind import Control, PossibleOutcomes
 
 
-def check_outcomes(tree: CompiledTree) -> None:
-    """Report nodes of a tree that are never reached, never end, or always time out."""
-    _outcomes(tree, tree.root, halted=False)
+def check_outcomes(tree: CompiledTree, least: Mapping[Behaviour, float] | None = None) -> None:
+    """Report nodes of a tree that are never reached, never end, or always time out.
+
+    Args:
+        tree: The tree.
+        least: Least times of skills [s], in addition to what they say themselves.
+    """
+    _outcomes(tree, tree.root, least or {}, halted=False)
 
 
-def _outcomes(tree: CompiledTree, node: Behaviour, halted: bool) -> PossibleOutcomes:
+def _outcomes(
+    tree: CompiledTree, node: Behaviour, least: Mapping[Behaviour, float], halted: bool
+) -> PossibleOutcomes:
     """Return the possible outcomes of a node.
 
     Args:
         tree: The tree.
         node: A node of the tree.
+        least: Least times of skills [s].
         halted: Whether a node above may halt it before it ends.
     """
     control = tree.controls.get(node)
     if control and node not in tree.hooks.doubtful:
-        return control.kind.possible_outcomes(_Node(tree, node, control, halted))
+        return control.kind.possible_outcomes(_Node(tree, node, control, least, halted))
     if control:
         for child in node.children:
-            _outcomes(tree, child, halted or control.kind.may_halt)
+            _outcomes(tree, child, least, halted or control.kind.may_halt)
     if node in tree.hooks.doubtful:
         return PossibleOutcomes()
     leaf = tree.leaves[node]
-    least = tree.hooks.min_duration(leaf)
+    shortest = max(tree.hooks.min_duration(leaf), least.get(node, 0.0))
     if node in tree.hooks.doubtful:
         return PossibleOutcomes()
-    return PossibleOutcomes(leaf.skill.may_succeed, leaf.skill.may_fail, least)
+    return PossibleOutcomes(leaf.skill.may_succeed, leaf.skill.may_fail, shortest)
 
 
 class _Node:
     """A node, with the interface `trees.nodes.kind.Outcomes` that its kind uses."""
 
-    def __init__(self, tree: CompiledTree, node: Behaviour, control: Control, halted: bool) -> None:
-        self._tree, self._node = tree, node
+    def __init__(
+        self,
+        tree: CompiledTree,
+        node: Behaviour,
+        control: Control,
+        least: Mapping[Behaviour, float],
+        halted: bool,
+    ) -> None:
+        self._tree, self._node, self._least = tree, node, least
         self.options, self.halted, self.count = control.options, halted, len(node.children)
 
     def child(self, number: int, halted: bool) -> PossibleOutcomes:
         """Return the possible outcomes of a child."""
-        return _outcomes(self._tree, self._node.children[number], halted)
+        return _outcomes(self._tree, self._node.children[number], self._least, halted)
 
     def children(self, halted: bool) -> list[PossibleOutcomes]:
         """Return the possible outcomes of all children."""

@@ -93,7 +93,7 @@ class SkillHooks:
             known = isinstance(fault, SkillError) and fault.location
             if value and known and (near := _in_smaller_unit(leaf, robot, inputs, fault)):
                 fault.args = (f"{fault}; did you mean {near}?",)
-                instead = value.place.replaced(near.split()[0], near)
+                instead = _with_unit(value, near.split()[1])
             self._refuse(leaf.skill, kind, [(fault, place)], instead)
 
     def min_duration(self, leaf: Leaf) -> float:
@@ -244,6 +244,15 @@ def _in_smaller_unit(leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], error:
         if not any(isinstance(fault, SkillBroken) for fault in faults) and not any(same):
             return text
     return ""
+
+
+def _with_unit(value: Located, unit: str) -> str:
+    """Return the line of a value with a unit after each of its numbers."""
+    items, numbers = value.value if isinstance(value.value, list) else [value], (int, float)
+    texts = [f"{i.value} {unit}" if type(i.value) in numbers else i.as_yaml() for i in items]
+    if isinstance(value.value, list):
+        return value.place.replaced(value.place.brackets, f"[{', '.join(texts)}]")
+    return value.place.replaced(str(value.value), texts[0])
 
 
 def _scaled(value: Any, within: Sequence[str], factor: float) -> Any:

@@ -59,7 +59,7 @@ class TimeoutKind(ControlNodeKind):
         """Return the possible outcomes, and report a child that always takes longer."""
         child, after = node.child(0, halted=True), node.options["after"]
         if child.shortest >= after:
-            least = f"its child takes at least {child.shortest:g} s"
+            least = f"its child takes at least {child.shortest:.3g} s"
             node.wrong(f"always fails after {after:g} s; {least}")
         return PossibleOutcomes(child.succeeds, True, child.shortest)
 
