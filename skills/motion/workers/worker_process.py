@@ -23,6 +23,7 @@ _MAX_TIMEOUT = 86_400.0  # largest timeout of a request [s]
 _GRACE = 0.008  # time after a request's timeout until the worker counts as hanging [s]
 _EXIT = 5.0  # longest wait for the exit status, once the worker closed its socket [s]
 _FEW = 100  # most via points and bodies of a request that is encoded quickly
+_STOPPED_NOW = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
 _START = 30.0  # longest time to load the robot, on a slow machine [s]
 
 
@@ -64,8 +65,8 @@ class WorkerProcess:
 
     @property
     def alive(self) -> bool:
-        """True while it runs and was not killed."""
-        return not self._killed and self._process.poll() is None
+        """True while it runs, was not killed, and is not stopped (SIGSTOP)."""
+        return not self._killed and self._process.poll() is None and not self._stopped()
 
     def call(self, request: Request) -> Result:
         """Wait for the answer to a request and return it. Errors are answers.
@@ -117,6 +118,12 @@ class WorkerProcess:
         self._process.wait()
         self._socket.close()
         self._output.close()
+
+    def _stopped(self) -> bool:
+        try:
+            return os.waitid(os.P_PID, self.pid, _STOPPED_NOW) is not None
+        except ChildProcessError:  # another thread has taken its exit status meanwhile
+            return False
 
     def _send_robot(self, robot: Robot) -> None:
         try:

@@ -1,7 +1,10 @@
 """Planners lie, die, hang, or are starved of memory."""
 
+import functools
 import json
+import os
 import resource
+import signal
 import time
 from pathlib import Path
 
@@ -108,6 +111,47 @@ def planner_memory(scene: Scene) -> None:
     scene.check("[plan.memory]" in run.text(), f"{limit} bytes: {last_line(run)}")
     scene.check("needs 1048576" in run.text(), f"it does not name what is needed: {run.text()}")
     scene.check(not board.reads(), "the board was opened")
+
+
+@row(
+    "planner-stopped",
+    "stop or kill the planner process (SIGSTOP, SIGKILL, SIGABRT, SIGSEGV) at a random moment",
+    "at most the goal that needs it fails, with `plan.timeout` or `plan.worker_died`; not the next",
+    times=3,
+)
+def planner_stopped(scene: Scene) -> None:
+    server = scene.serve("--activate", board=scene.board())
+    until("the arm is active", lambda: server.state() == "active")
+    kinds = ("SIGSTOP", "SIGSTOP", scene.random.choice(["SIGKILL", "SIGABRT", "SIGSEGV"]))
+    scene.injections = len(kinds)
+    for kind in kinds:
+        moment = scene.random.choice(["idle", "planning or moving"])
+        goal = server.goal(21)
+        if moment == "idle":
+            server.result(goal)
+        else:
+            time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
+        (planner,) = (pid for pid in server.family() if "worker_main" in command_line(pid))
+        os.kill(planner, signal.Signals[kind])
+        if kind == "SIGSTOP":  # each of its threads stops when it is scheduled
+            until("its stop", functools.partial(stopped, planner))
+        code = server.result(goal)["code"]
+        may = ("ok", "plan.timeout") if kind == "SIGSTOP" else ("ok", "plan.worker_died")
+        scene.check(code in may, f"{kind}, {moment}: the goal ends {code}")
+        following = server.result(server.goal(21))
+        scene.check(following["code"] == "ok", f"{kind}, {moment}: then {following['message']}")
+        scene.check(not Path(f"/proc/{planner}").exists(), f"{kind}, {moment}: it still exists")
+
+
+def stopped(pid: int) -> bool:
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+
+
+def command_line(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text()
+    except OSError:  # it ended meanwhile
+        return ""
 
 
 @row(

@@ -238,12 +238,31 @@ def test_a_worker_that_dies_while_idle_is_replaced(robot: Robot) -> None:
 
 def test_a_worker_that_hangs_is_killed(pool: Pool) -> None:
     assert isinstance(ask(pool, BENT), Plan)
-    worker = pid(pool)
+    worker, answer = pid(pool), Answer()
+    pool.submit(dataclasses.replace(LONG, timeout=2.0), answer)
     os.kill(worker, signal.SIGSTOP)
-    timeout = ask(pool, dataclasses.replace(PICK, timeout=0.05))
-    assert isinstance(timeout, PlanTimeout)
+    assert isinstance(answer.wait(), PlanTimeout)
     assert isinstance(ask(pool, PICK), Plan)
     assert not running(worker)
+
+
+def test_a_worker_that_is_stopped_while_idle_affects_no_job(pool: Pool) -> None:
+    assert isinstance(ask(pool, BENT), Plan)
+    worker = pid(pool)
+    os.kill(worker, signal.SIGSTOP)
+    os.waitid(os.P_PID, worker, os.WSTOPPED | os.WNOWAIT)
+    assert isinstance(ask(pool, PICK), Plan)
+    assert not running(worker)
+
+
+def test_a_worker_that_was_stopped_and_continues_is_kept(pool: Pool) -> None:
+    assert isinstance(ask(pool, PICK), Plan)
+    worker = pid(pool)
+    os.kill(worker, signal.SIGSTOP)
+    os.waitid(os.P_PID, worker, os.WSTOPPED | os.WNOWAIT)
+    os.kill(worker, signal.SIGCONT)
+    assert isinstance(ask(pool, PICK), Plan)
+    assert pid(pool) == worker
 
 
 class _Hungry:
