@@ -1,0 +1,216 @@
+"""What surrounds the command: files that never end, readers that end first, closed terminals."""
+
+import json
+import os
+import signal
+import socket
+import sys
+import time
+from pathlib import Path
+
+from tests.faults.board import Board
+from tests.faults.process import ARMTREE, Command, until
+from tests.faults.row import TASKS, Scene, frames_of, last_line, row
+from tests.faults.wrong_calls import WrongCalls
+
+# Runs a command, reads so many lines of its output, and closes the pipe.
+READER = """
+import subprocess, sys
+with subprocess.Popen(sys.argv[2:], stdout=subprocess.PIPE) as process:
+    for _ in range(int(sys.argv[1])):
+        sys.stdout.buffer.write(process.stdout.readline())
+    process.stdout.close()
+    status = process.wait()
+sys.exit(status if status >= 0 else 128 - status)
+"""
+
+# Runs a command on a terminal of its own, and closes the terminal when a file appears.
+TERMINAL = """
+import fcntl, os, pathlib, sys, termios, time
+master, slave = os.openpty()
+if not (pid := os.fork()):
+    os.setsid()
+    fcntl.ioctl(slave, termios.TIOCSCTTY, 0)
+    for number in range(3):
+        os.dup2(slave, number)
+    os.closerange(3, 20)
+    os.execv(sys.argv[2], sys.argv[2:])
+os.close(slave)
+os.set_blocking(master, False)
+while not pathlib.Path(sys.argv[1]).exists():
+    try:
+        os.write(1, os.read(master, 65536))
+    except BlockingIOError:
+        time.sleep(0.005)
+os.close(master)
+status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+sys.exit(status if status >= 0 else 128 - status)
+"""
+
+
+@row(
+    "endless-files",
+    "`--robot`, `--world`, `urdf` or a task on a pipe, a socket, a device, a folder, a file of 1 GB"
+    " or 100,000 brackets; `baud = 1`",
+    "exit status 3 and one line that names it; nothing hangs, and memory stays below 400 MiB",
+    limit=20,
+    unit="s",
+    times=12,
+    quick=2,
+)
+def endless_files(scene: Scene) -> None:
+    kind = scene.random.choice(["pipe", "socket", "zero", "folder", "big", "brackets"])
+    path = endless(scene.folder, kind)
+    what = scene.random.choice(["--robot", "--world", "urdf", "task", "baud"])
+    arguments: list[str | Path] = ["plan", "right", "-o", scene.folder / "plan.png"]
+    if what == "urdf":
+        arguments += ["--robot", scene.robot({f'"{shipped_urdf()}"': json.dumps(str(path))})]
+    elif what == "baud":
+        path = scene.robot({"baud = 115200": f"baud = {scene.random.choice([1, 10**12])}"})
+        arguments = ["run", "21", "--port", "virtual", "--robot", path, "--trees", TASKS]
+    elif what == "task":
+        trees = scene.folder / "trees"
+        trees.mkdir()
+        path = path.rename(trees / "77_endless.yaml")
+        arguments = ["run", "77", "--port", "virtual", "--trees", trees]
+    else:
+        arguments += [what, path]
+    begin, most = time.monotonic(), 0.0
+    command = scene.armtree(*arguments)
+    while command.popen.poll() is None and time.monotonic() < begin + 60:
+        most = max(most, memory(command))
+        time.sleep(0.01)  # noqa: TID251, it watches another process
+    scene.figure(time.monotonic() - begin)
+    where = f"{what} {kind}"
+    scene.check(command.wait() == 3, f"{where}: {command.wait()}: {last_line(command)}")
+    scene.check(path.name in command.text(), f"{where}: not named: {last_line(command)}")
+    scene.check(len(command.text().splitlines()) < 6, f"{where}: more than some lines")
+    scene.check(most < 400, f"{where}: {most:.0f} MiB")
+
+
+def shipped_urdf() -> Path:
+    from tests.support.paths import ROBOT_FILE
+
+    return ROBOT_FILE.with_suffix(".urdf")
+
+
+def endless(folder: Path, kind: str) -> Path:
+    """Make a file that a reader must not trust."""
+    path = folder / "endless"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "socket":
+        with socket.socket(socket.AF_UNIX) as listener:
+            listener.bind(str(path))
+    elif kind == "zero":
+        path.symlink_to("/dev/zero")
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "big":
+        with path.open("wb") as stream:
+            stream.truncate(10**9)
+    else:
+        path.write_text("a = " + "[" * 100_000)
+    return path
+
+
+def memory(command: Command) -> float:
+    try:
+        return command.memory()
+    except (OSError, IndexError):  # it has just ended
+        return 0.0
+
+
+@row(
+    "reader-ends",
+    "the reader of a command's output ends after some lines, as in `armtree tasks | head -1`",
+    "a command that only prints is quiet and ends with 141; a run goes on, and has its own status",
+    times=6,
+    quick=1,
+)
+def reader_ends(scene: Scene) -> None:
+    lines = str(scene.random.randint(0, 2))
+    argv = (sys.executable, "-c", READER, lines, ARMTREE)
+    command = scene.armtree(scene.random.choice(["tasks", "skills"]), argv=argv)
+    scene.check(command.wait() == 141, f"after {lines} lines the exit status is {command.wait()}")
+    scene.check(not command.errors.read_text(), f"it prints {command.errors.read_text()!r}")
+    board = scene.board()
+    run = scene.run("21", board=board, argv=argv)
+    scene.check(run.wait() == 0, f"a run ends with {run.wait()}: {last_line(run)}")
+    scene.verified()
+
+
+@row(
+    "closed-streams",
+    "a run whose standard streams are closed: input, output, errors, or all of them",
+    "the arm moves until Ctrl-C; no file, such as the port, takes the number of a closed stream",
+    times=4,
+    quick=1,
+)
+def closed_streams(scene: Scene) -> None:
+    closed = scene.random.choice([[1], [2], [0, 1], [0, 1, 2]])
+    board = scene.board()
+    argv = ("sh", "-c", f'exec "$@" {" ".join(f"{number}>&-" for number in closed)}', "sh", ARMTREE)
+    run = scene.run("20", board=board, argv=argv)
+    moving(board, 3)
+    for number in closed:
+        leads = os.readlink(f"/proc/{run.pid}/fd/{number}")
+        scene.check(leads == "/dev/null", f"{closed} closed: {number} leads to {leads}")
+    run.signal(signal.SIGINT)
+    scene.check(run.wait() == 7, f"{closed}: exit status {run.wait()}: {last_line(run)}")
+    scene.check(len(board.frames()) * 20 == len(board.data()), f"{closed}: more than frames")
+    scene.verified()
+
+
+@row(
+    "closed-terminal",
+    "the terminal of a run is closed during a motion",
+    "the arm is stopped with a hold frame, the recording finished; exit status 7",
+    limit=3,
+    unit="s",
+    times=6,
+    quick=1,
+)
+def closed_terminal(scene: Scene) -> None:
+    board, close = scene.board(), scene.folder / "close"
+    argv = (sys.executable, "-c", TERMINAL, close, ARMTREE)
+    common: list[str | Path] = ["--port", board.port, "--robot", scene.robot(), "--trees", TASKS]
+    run = scene.armtree("run", "20", *common, argv=argv)
+    moving(board, scene.random.randint(1, 12))
+    close.touch()
+    begin = time.monotonic()
+    scene.check(run.wait() == 7, f"exit status {run.wait()}: {last_line(run)}")
+    scene.figure(time.monotonic() - begin)
+    (recording,) = scene.recordings()
+    *_, before, hold = frames_of(recording)
+    scene.check(before.data == hold.data, "the last frame is no hold")
+    scene.verified()
+
+
+def moving(board: Board, frames: int) -> None:
+    """Wait until the board has read so many frames."""
+    until(f"frame {frames}", lambda: len(board.frames()) >= frames)
+
+
+@row(
+    "two-ctrl-c",
+    "two Ctrl-C, while a write to the recording does not return for a minute",
+    "the process ends with 130, without waiting for the write",
+    limit=3,
+    unit="s",
+    times=4,
+    quick=1,
+)
+def two_ctrl_c(scene: Scene) -> None:
+    board = scene.board()
+    calls = WrongCalls(scene.folder, ".mcap")
+    run = scene.run("20", board=board, environment=calls.environment)
+    run.until_event("sent", scene.random.randint(1, 12))
+    calls.start("delay 60000")
+    until("a spoiled call", calls.calls)
+    scene.unrecorded = 2  # the frame in flight, and the hold of the stop
+    run.signal(signal.SIGINT)
+    time.sleep(scene.random.uniform(0.1, 0.5))  # noqa: TID251, a person needs some time
+    begin = run.signal(signal.SIGINT)
+    scene.check(run.wait() == 130, f"exit status {run.wait()}: {last_line(run)}")
+    scene.figure(time.monotonic() - begin)
