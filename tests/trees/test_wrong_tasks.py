@@ -86,6 +86,8 @@ NODES = [
     ("AddBox: {body: b, size: [10, 10, 10], position: [20 cm, 0, 0]}", "10:31 AddBox: size 10 m "
      "is much larger than all this arm reaches, 0.26 m; did you mean 10 mm?",
      "    - AddBox: {body: b, size: [10 mm, 10 mm, 10 mm], position: [20 cm, 0, 0]}"),
+    ("subtree: move_tool\n      with: {point: 20 cm}", "11:21 point: '20 cm' is not a list, each "
+     "item a length in m, cm or mm; write [0, 0, 0]", ""),
     ("subtree: move_tool\n      with: {point: [50 cm, 0, 0]}", "11:21 The tool cannot reach", ""),
     ("subtree: move_relative\n      with: {by: {joint_1: 20}}",
      "11:19 Shift: joint_1 by 1145.9 deg is more than its range, 180 deg; did you mean 20 deg?",

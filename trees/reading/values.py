@@ -88,7 +88,9 @@ def _items(
     value: Located, wanted: Declaration, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
 ) -> list[Any] | None:
     if not isinstance(value.value, list):
-        wrong(value.place, f"{value} is not {words(wanted.type)}")
+        numbers = wanted.type.removeprefix(LIST) in ("number", "integer", *UNITS)
+        form = f"; write [{', '.join(['0'] * (wanted.count or 3))}]" if numbers else ""
+        wrong(value.place, f"{value} is not {words(wanted.type)}{form}")
         return None
     if wanted.count and len(value.value) != wanted.count and value.value != wanted.default:
         wrong(value.place, f"{value} has {plural(len(value.value), 'item')}, not {wanted.count}")
