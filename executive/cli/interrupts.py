@@ -11,6 +11,8 @@ from typing import Any, Self, TypeVar
 from executive.codes import INTERRUPTED_EXIT
 from hardware import RealClock
 
+from .process_end import end_process
+
 T = TypeVar("T")
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -81,7 +83,7 @@ class Interrupts:
 
     def _interrupt(self) -> None:
         if self._canceled:
-            os._exit(INTERRUPTED_EXIT)
+            end_process(INTERRUPTED_EXIT)
         with self._lock:
             self._canceled = True
             if self._cancel:

@@ -15,6 +15,7 @@ from .failures import print_error
 from .log import log
 from .options import Finite, run_options, set_option, source_options
 from .plan import plan
+from .process_end import forbid_exit
 from .replay import replay
 from .streams import open_closed_streams
 from .tasks import COMMANDS as TASK_COMMANDS, task_number
@@ -169,6 +170,7 @@ for command in (doctor, plan, replay, log, *TASK_COMMANDS, *CLIENT_COMMANDS):
 def main() -> None:
     """Entry point of `armtree`."""
     open_closed_streams()
+    forbid_exit()
     output = sys.stdout
     try:
         cli.main(prog_name="armtree", standalone_mode=False)
