@@ -12,6 +12,7 @@ import click
 from executive.codes import look_up
 
 from .options import pose_option, set_option
+from .streams import echo
 
 if TYPE_CHECKING:
     from executive.client.synchronous import Client
@@ -94,7 +95,7 @@ def send(
         outcome = send_and_wait(client, number, settings, deadman, as_json, _verbose())
         sys.exit(look_up(outcome.code).exit_status)
     goal_id = client.send(number, parameters(settings, number))
-    click.echo(json.dumps({"goal_id": goal_id}) if as_json else goal_id)
+    echo(json.dumps({"goal_id": goal_id}) if as_json else goal_id)
 
 
 @click.command()
@@ -119,10 +120,10 @@ def cancel(client: "Client", as_json: bool, goal_id: str, stamp_ns: int | None) 
     some = goal_id or stamp_ns
     answer = client.cancel(goal_id, stamp_ns or 0) if some else client.stop()
     if as_json:
-        click.echo(json.dumps(answer.to_json()))
+        echo(json.dumps(answer.to_json()))
     else:
         canceled = "\n".join(f"canceling {goal}" for goal in answer.goals)
-        click.echo(canceled or CANCEL_MESSAGES[answer.code])
+        echo(canceled or CANCEL_MESSAGES[answer.code])
     sys.exit(GoalError.exit_status if answer.code.value else 0)
 
 
@@ -133,7 +134,7 @@ def status(client: "Client", as_json: bool) -> None:
     from .remote import status_lines
 
     found = client.status()
-    click.echo(json.dumps(found.to_json()) if as_json else "\n".join(status_lines(found)))
+    echo(json.dumps(found.to_json()) if as_json else "\n".join(status_lines(found)))
 
 
 @click.command()
@@ -158,7 +159,7 @@ def arm(client: "Client", as_json: bool, transition: str, pose: str | None) -> N
     activate opens the serial port, which may move the arm.
     """
     state = client.arm(transition, pose)
-    click.echo(json.dumps({"arm": state}) if as_json else state)
+    echo(json.dumps({"arm": state}) if as_json else state)
 
 
 def _change_goal(client: "Client", change: str, goal_id: str, as_json: bool) -> None:
@@ -169,7 +170,7 @@ def _change_goal(client: "Client", change: str, goal_id: str, as_json: bool) -> 
     if not goal_id and running is None:
         raise Refused({"code": "goal.not_executing", "message": "no goal is being executed"})
     goal = getattr(client, change)(goal_id or (running and running.identity))
-    click.echo(json.dumps(goal.to_json()) if as_json else f"task {goal.task} ({goal.identity})")
+    echo(json.dumps(goal.to_json()) if as_json else f"task {goal.task} ({goal.identity})")
 
 
 @click.command()
@@ -213,7 +214,7 @@ def break_at(client: "Client", as_json: bool, node: str | None, off: bool) -> No
         raise click.UsageError("--off needs a NODE")
     breakpoints = client.break_at(node, not off) if node else client.status().breakpoints
     lines = "\n".join(breakpoints) or "no breakpoints"
-    click.echo(json.dumps({"breakpoints": breakpoints}) if as_json else lines)
+    echo(json.dumps({"breakpoints": breakpoints}) if as_json else lines)
 
 
 @click.command()
@@ -226,7 +227,7 @@ def answer(client: "Client", as_json: bool, words: tuple[str, ...]) -> None:
     """
     from .remote import answer_question
 
-    click.echo(answer_question(client, words, as_json))
+    echo(answer_question(client, words, as_json))
 
 
 COMMANDS = (send, cancel, answer, pause, resume, step, break_at, status, watch, arm)

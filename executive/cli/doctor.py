@@ -11,6 +11,7 @@ from click.core import ParameterSource
 from executive.codes import look_up
 
 from .options import port_option, recordings_option, robot_option, trees_option
+from .streams import echo
 
 _MARKS = {True: "ok", False: "NO", None: "?"}
 
@@ -45,15 +46,15 @@ def doctor(
     failures = []
     for check in check_readiness(robot, port, trees, recordings, opens_port):
         failures += [check.code] if check.ok is False else []
-        click.echo(f"{_MARKS[check.ok]:<4}{check.name:<12}{check.detail}")
+        echo(f"{_MARKS[check.ok]:<4}{check.name:<12}{check.detail}")
         if check.ok is False and check.remedy:
-            click.echo(f"{'':<16}-> {check.remedy}")
+            echo(f"{'':<16}-> {check.remedy}")
     found = serial_ports()
-    click.echo(f"\nSerial ports: {'' if found else 'none'}")
+    echo(f"\nSerial ports: {'' if found else 'none'}")
     for each in found:
-        click.echo("  " + "  ".join(filter(None, (each.device, each.usb, each.name, each.by_id))))
+        echo("  " + "  ".join(filter(None, (each.device, each.usb, each.name, each.by_id))))
     command = ["armtree", "run", "0", *_given(context, "port", "robot", "trees", "recordings")]
-    click.echo("\nFix what says NO." if failures else f"\nNext, type: {shlex.join(command)}")
+    echo("\nFix what says NO." if failures else f"\nNext, type: {shlex.join(command)}")
     sys.exit(look_up(failures[0]).exit_status if failures else 0)
 
 

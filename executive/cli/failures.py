@@ -4,9 +4,9 @@ import errno
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-import click
-
 from executive.codes import INTERNAL, look_up
+
+from .streams import echo
 
 
 def print_error(error: Exception) -> int:
@@ -20,7 +20,8 @@ def print_error(error: Exception) -> int:
         words = f"a bug in armtree: {error!r}; --debug shows where"
     hint = vars(error).get("hint")  # an error that a server returned
     more = f"\n  -> {hint}" if hint and hint not in words else ""
-    click.echo(f"Error: {words} [{code}]{more}", err=True)
+    lines = f"{words} [{code}]".replace("\n", "\n  ")
+    echo(f"Error: {lines}{more}", err=True)
     return look_up(code).exit_status
 
 
@@ -51,5 +52,5 @@ def print_incomplete(*recordings: Path) -> int:
 
     reasons = [why_incomplete(Recording(recording)) for recording in recordings]
     for reason in filter(None, reasons):
-        click.echo(reason, err=True)
+        echo(reason, err=True)
     return max((reason.exit_status for reason in reasons if reason), default=0)

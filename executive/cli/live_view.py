@@ -15,6 +15,7 @@ from rich.tree import Tree as Branch
 import logs
 from executive.goals.events import QuestionStatus
 from executive.goals.outcome import Outcome
+from hardware.printable import printable
 
 from .streams import LastingStream
 
@@ -52,7 +53,7 @@ class LiveView:
 
     def say(self, text: str) -> None:
         """Print a line above the picture."""
-        self._console.print(text, highlight=False, markup=False)
+        self._console.print(printable(text), highlight=False, markup=False)
 
     def watch(self, record: logs.Record | QuestionStatus) -> None:
         """Process an event. The picture is redrawn periodically."""
@@ -64,15 +65,15 @@ class LiveView:
             match record:
                 case logs.Goal():
                     self._clear()
-                    self._title = f"task {record.task} {record.name}"
+                    self._title = printable(f"task {record.task} {record.name}")
                 case logs.NodeStatus():
                     self._update(record)
                 case logs.Feedback():
-                    self._percentage, self._phase = record.percentage, record.phase
+                    self._percentage, self._phase = record.percentage, printable(record.phase)
                 case logs.Sent():
-                    self._frame = record.data.decode("ascii", "replace")
+                    self._frame = printable(record.data.decode("ascii", "replace"))
                 case logs.Transition():
-                    self._arm = record.goal
+                    self._arm = printable(record.goal)
                 case logs.Result():
                     self._percentage = 100 if record.success else self._percentage
         if isinstance(record, logs.Goal):
@@ -84,9 +85,10 @@ class LiveView:
         style = (
             "green" if outcome.success else "yellow" if outcome.code.startswith("goal.c") else "red"
         )
-        self._console.print(Text(outcome.text(), style=style), highlight=False)
+        self._console.print(Text(printable(outcome.text()), style=style), highlight=False)
 
     def _update(self, record: logs.NodeStatus) -> None:
+        record = replace(record, name=printable(record.name), message=printable(record.message))
         before = self._nodes.get(record.path)
         if record.status == "INVALID" and before and before.status == "RUNNING":
             record = replace(record, status=_HALTED)

@@ -10,6 +10,7 @@ from executive.codes import DIFFERS, look_up
 
 from .failures import for_each, print_incomplete
 from .options import AT_LEAST_0, DRAWING, PATH
+from .streams import echo
 
 if TYPE_CHECKING:
     from logs.views.narrative import Overview
@@ -47,7 +48,7 @@ def ls(folder: Path) -> None:
         try:
             found = overview(path)
         except (LogError, OSError) as error:
-            click.echo(f"{path.name}  unreadable: {error}")
+            echo(f"{path.name}  unreadable: {error}")
             continue
         end = "" if found.complete else "being written" if found.written else "UNFINISHED"
         queued = f"{found.waited:.2f} s in the queue" if found.waited else ""
@@ -56,13 +57,13 @@ def ls(folder: Path) -> None:
         spent = f"{found.result.duration:.2f} s" if found.result else "-"
         frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
         row = f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{frames:<13}"
-        click.echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
+        echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
 
 
 def _recordings_in(folder: Path) -> list[Path]:
     paths = sorted(folder.glob("*.mcap"))
     if not paths:
-        click.echo(f"{folder}: there are no recordings here", err=True)
+        echo(f"{folder}: there are no recordings here", err=True)
     return paths
 
 
@@ -76,7 +77,7 @@ def info(recording: Path) -> None:
 
     found = overview(recording)
     for name, value in _facts(found):
-        click.echo(f"{name:<12}{value}")
+        echo(f"{name:<12}{value}")
     whole = found.complete and RECOVERED not in found.notes
     sys.exit(0 if whole else RecordingTruncated.exit_status)
 
@@ -120,7 +121,7 @@ def show(recording: Path, everything: bool) -> None:
     from logs.views.narrative import narrative
 
     for time, words in narrative(recording, everything):
-        click.echo(f"{time:+10.3f}  {words}")
+        echo(f"{time:+10.3f}  {words}")
     sys.exit(print_incomplete(recording))
 
 
@@ -138,7 +139,7 @@ def export(recording: Path, output: Path) -> None:
     from logs.views.table import export as write
 
     for path in write(recording, output):
-        click.echo(path)
+        echo(path)
     sys.exit(print_incomplete(recording))
 
 
@@ -154,14 +155,14 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
     from logs.views.comparison import compare
 
     both = compare(one, other)
-    click.echo(both.first or f"all {len(both.runs[0].frames)} frames are the same")
+    echo(both.first or f"all {len(both.runs[0].frames)} frames are the same")
     for joint, (distance, time) in both.joints.items():
-        click.echo(f"{joint:<12}differs by at most {distance:.4f} rad, at {time:.3f} s")
+        echo(f"{joint:<12}differs by at most {distance:.4f} rad, at {time:.3f} s")
     if output:
         from logs.views.comparison_figure import draw_comparison
 
         draw_comparison(both, output)
-        click.echo(output)
+        echo(output)
     partial = print_incomplete(one, other)
     sys.exit(look_up(DIFFERS).exit_status if both.first else partial)
 
@@ -187,8 +188,8 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
         scenes, why = _scenes(recording)
         draw(recording, target, scenes)
         if why:
-            click.echo(f"{recording}: the bodies around the arm are not drawn: {why}", err=True)
-        click.echo(target)
+            echo(f"{recording}: the bodies around the arm are not drawn: {why}", err=True)
+        echo(target)
         return status
 
     sys.exit(for_each(recordings, drawn))
@@ -218,7 +219,7 @@ def recover(recordings: tuple[Path, ...]) -> None:
 
     def recover_one(recording: Path) -> int:
         made = recover_file(recording)
-        click.echo(made.text() if made else f"{recording}: is complete, nothing to do")
+        echo(made.text() if made else f"{recording}: is complete, nothing to do")
         return 0 if made is None or made.whole else RecordingIncomplete.exit_status
 
     sys.exit(for_each(recordings, recover_one))
@@ -233,7 +234,7 @@ def pin(recordings: tuple[Path, ...], off: bool) -> None:
 
     def pin_one(recording: Path) -> int:
         pin_file(recording, not off)
-        click.echo(f"{recording}: {'not pinned' if off else 'pinned'}")
+        echo(f"{recording}: {'not pinned' if off else 'pinned'}")
         return 0
 
     sys.exit(for_each(recordings, pin_one))
@@ -260,4 +261,4 @@ def prune(folder: Path, days: float | None, mb: float | None) -> None:
     _recordings_in(folder)  # warns if the name of the folder is misspelt
     clock = RealClock()
     for path in delete_old(folder, Rule(days, mb), clock.epoch_ns() / 1e9 + clock.now()):
-        click.echo(f"{path}: deleted")
+        echo(f"{path}: deleted")

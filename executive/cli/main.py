@@ -1,5 +1,6 @@
 """The command line. Each command imports slow libraries only when it runs."""
 
+import io
 import logging
 import sys
 from typing import Any
@@ -17,7 +18,7 @@ from .options import Finite, run_options, set_option, source_options
 from .plan import plan
 from .process_end import forbid_exit
 from .replay import replay
-from .streams import open_closed_streams
+from .streams import LogFormatter, echo, open_closed_streams
 from .tasks import COMMANDS as TASK_COMMANDS, task_number
 
 
@@ -48,7 +49,7 @@ def cli(verbose: bool, debug: bool) -> None:
     root = logging.getLogger()
     root.setLevel(logging.INFO)
     root.addHandler(logging.StreamHandler(sys.stderr) if verbose else logging.NullHandler())
-    root.handlers[-1].setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+    root.handlers[-1].setFormatter(LogFormatter("%(levelname)s %(name)s: %(message)s"))
     logging.getLogger("transitions").setLevel(logging.WARNING)
 
 
@@ -175,7 +176,8 @@ def main() -> None:
     try:
         cli.main(prog_name="armtree", standalone_mode=False)
     except click.ClickException as error:
-        error.show()
+        error.show(shown := io.StringIO())
+        echo(shown.getvalue(), err=True, nl=False)
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED_EXIT)

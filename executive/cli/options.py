@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 import click
 
+from .streams import echo
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 PATH = click.Path(path_type=Path)
@@ -110,7 +112,7 @@ def _load(_context: click.Context, _option: click.Parameter, folder: Path | None
     if folder is not None and not folder.is_dir():
         raise click.BadParameter(f"{folder}: there is no such folder for skills")
     for wrong in load_skills(folder):
-        click.echo(f"Broken skills are left out: {wrong}", err=True)
+        echo(f"Broken skills are left out: {wrong}", err=True)
 
 
 skills_option = click.option(

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from .options import DRAWING, PATH, robot_option, seed_option, trees_option
+from .streams import echo
 
 
 @click.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
@@ -91,4 +92,4 @@ def plan(
     library = Library(trees)
     request = PlanRequest(load_robot(robot), library, goal, group, seed, words, via, tool_inputs)
     for line in explain(request, world, output):
-        click.echo(line)
+        echo(line)

@@ -20,6 +20,7 @@ from trees import TreeError
 from trees.compile.arguments import read_arguments
 
 from .interrupts import Interrupts
+from .streams import echo
 from .view import View, view_for
 
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
@@ -73,7 +74,7 @@ def errors_as_json(as_json: bool) -> Iterator[None]:
         if as_json:
             cause = error.cause if isinstance(error, Refused) else cause_of(error)
             event = {"event": "error", "code": cause.code, "message": cause.message}
-            click.echo(json.dumps({**event, "cause": cause.to_json()}))
+            echo(json.dumps({**event, "cause": cause.to_json()}))
         raise
 
 

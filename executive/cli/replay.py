@@ -11,6 +11,7 @@ from executive.codes import DIFFERS, look_up
 
 from .failures import print_incomplete
 from .options import ABOVE_0, AT_LEAST_0, PATH
+from .streams import echo
 
 
 @click.command()
@@ -126,7 +127,7 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
     wrong: list[tuple[Path, str]] = []
     written = 0
     for verification in verify_all(paths, jobs or os.cpu_count() or 1):
-        click.echo(verification.json() if as_json else verification.text())
+        echo(verification.json() if as_json else verification.text())
         same = all(check.holds for check in verification.checks)
         if verification.code == RecordingInUse.code:
             written += 1
@@ -143,9 +144,9 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
 def _sum_up(verified: int, written: int, wrong: Sequence[tuple[Path, str]]) -> None:
     skipped = f", {written} still being written" if written else ""
     held = f"{verified - len(wrong)} of {verified} recordings hold{skipped}"
-    click.echo(f"{held}{'; the others:' if wrong else ''}")
+    echo(f"{held}{'; the others:' if wrong else ''}")
     for path, code in wrong:
-        click.echo(f"  {path}  {code}")
+        echo(f"  {path}  {code}")
 
 
 def files_of(path: Path) -> list[Path]:

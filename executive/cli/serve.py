@@ -20,6 +20,7 @@ from logs import LogError
 
 from .interrupts import Interrupts
 from .log_handler import recorded_log
+from .streams import LogFormatter
 
 logger = logging.getLogger(__name__)
 
@@ -108,7 +109,7 @@ def _log() -> Iterator[None]:
     """Print the log on its own thread, so that a slow or closed pipe cannot block the server."""
     lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
     printer = logging.StreamHandler(sys.stderr)
-    printer.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
+    printer.setFormatter(LogFormatter("%(asctime)s %(levelname)-7s %(message)s"))
     listener = logging.handlers.QueueListener(lines, printer)
     root, put = logging.getLogger(), logging.handlers.QueueHandler(lines)
     before = root.handlers[:]

@@ -1,8 +1,13 @@
-"""Standard streams that the caller has closed, and those whose reader has ended."""
+"""Standard streams: closed ones, those whose reader has ended, and texts from outside."""
 
+import logging
 import os
 import sys
 from typing import Any, TextIO
+
+import click
+
+from hardware.printable import printable
 
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
@@ -25,6 +30,19 @@ def discard(stream: TextIO) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
+
+
+def echo(text: object, err: bool = False, nl: bool = True) -> None:
+    """Print a text that may have parts from outside."""
+    click.echo(printable(str(text)), err=err, nl=nl)  # noqa: TID251
+
+
+class LogFormatter(logging.Formatter):
+    """Formats lines of the log. What follows a line break in a message is indented."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the lines of a record."""
+        return printable(super().format(record)).replace("\n", "\n    ")
 
 
 class LastingStream:

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hardware.printable import printable
 from hardware.suggestions import plural
 
 from .failures import print_incomplete
 from .options import PATH, recordings_option, robot_option, skills_option, trees_option
+from .streams import echo
 
 if TYPE_CHECKING:
     from trees import Declaration
@@ -43,7 +45,7 @@ def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
         except FileError as error:
             mistakes += error.mistakes
             if not as_json:
-                click.echo(f"{number:>4}  has mistakes", err=True)
+                echo(f"{number:>4}  has mistakes", err=True)
             continue
         row = {
             "task": number,
@@ -53,7 +55,7 @@ def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
             "parameters": {name: _declared(p) for name, p in task.parameters.items()},
             "last_outcome": outcomes.get(number, ""),
         }
-        click.echo(json.dumps(row) if as_json else _task_lines(row))
+        echo(json.dumps(row) if as_json else _task_lines(row))
     if mistakes:
         raise FileError(mistakes)
 
@@ -129,16 +131,16 @@ def check(
 
     findings = find_mistakes(load_robot(robot), trees, files)
     for note in findings.notes:
-        click.echo(f"note: {note.place} {note.message}", err=True)
+        echo(f"note: {note.place} {note.message}", err=True)
     mistakes, count = findings.mistakes, len(findings.mistakes)
     checked = plural(len(findings.files), "file")
     if as_json:
-        click.echo(json.dumps(_findings(findings)))
+        echo(json.dumps(_findings(findings)))
     elif mistakes:
-        click.echo("\n".join(map(str, mistakes)), err=True)
-        click.echo(f"{plural(count, 'mistake')} in {checked}", err=True)
+        echo("\n".join(map(str, mistakes)), err=True)
+        echo(f"{plural(count, 'mistake')} in {checked}", err=True)
     else:
-        click.echo(f"{checked} {'is' if len(findings.files) == 1 else 'are'} right")
+        echo(f"{checked} {'is' if len(findings.files) == 1 else 'are'} right")
     if mistakes:
         sys.exit(FileError.exit_status)
 
@@ -173,9 +175,9 @@ def schema(trees: Path | None, output: Path | None) -> None:
     text = schema_text(Library(trees))
     if output:
         output.write_text(text)
-        click.echo(output)
+        echo(output)
     else:
-        click.echo(text, nl=False)
+        echo(text, nl=False)
 
 
 @click.command()
@@ -198,13 +200,13 @@ def skills(as_json: bool) -> None:
                 }
                 for port, declared in ports.items()
             }
-            click.echo(json.dumps({"skill": name, "description": description, "ports": rows}))
+            echo(json.dumps({"skill": name, "description": description, "ports": rows}))
             continue
-        click.echo(f"{name}\n    {description}")
+        echo(f"{name}\n    {description}")
         for port, declared in ports.items():
             verb = "writes" if declared.output else "reads"
             default = "" if declared.needed else f", default {declared.default!r}"
-            click.echo(f"      {verb:<6} {port:<12} {declared}{default}: {declared.description}")
+            echo(f"      {verb:<6} {port:<12} {declared}{default}: {declared.description}")
 
 
 @click.command()
@@ -254,9 +256,9 @@ def show(
         text = DRAWINGS[form](tree_of(Path(task)), False)
     if output:
         output.write_text(click.unstyle(text) + "\n")
-        click.echo(output)
+        echo(output)
     else:
-        click.echo(text)
+        click.echo(text if form == "text" else printable(text))  # noqa: TID251, it has colours
     if number is None:
         sys.exit(print_incomplete(Path(task)))
 
@@ -304,7 +306,7 @@ def new(number: int, name: str, trees: Path) -> None:
 
     path = write_task(trees, number, name)
     given = "" if trees == Path("trees") else f" --trees {trees}"
-    click.echo(f"{path}\nNext, type: armtree check{given}, then armtree run {number}{given}")
+    echo(f"{path}\nNext, type: armtree check{given}, then armtree run {number}{given}")
 
 
 COMMANDS = (tasks, check, schema, skills, show, new)

@@ -10,6 +10,7 @@ from typing import Protocol, Self
 import logs
 from executive.goals.events import QuestionStatus, event_to_json
 from executive.goals.outcome import Outcome
+from hardware.printable import printable
 
 from .streams import LastingStream
 
@@ -68,7 +69,7 @@ class _Lines:
     def _run(self) -> None:
         while (item := self._queue.get()) is not None:
             if line := self._line(item):
-                self._stream.write(line + "\n")
+                self._stream.write(printable(line) + "\n")
                 self._stream.flush()
 
 

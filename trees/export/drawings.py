@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import click
 
+from hardware.printable import printable
+
 from .outline import Entry
 
 
@@ -42,7 +44,7 @@ def as_text(root: Entry, ports: bool) -> str:
 def _lines(entry: Entry, first: str, rest: str, ports: bool) -> list[str]:
     below = "│ " if entry.children else "  "
     lines = [first + _inked(entry)]
-    lines += [f"{rest}{below}  {wire}" for wire in (entry.wiring() if ports else [])]
+    lines += [f"{rest}{below}  {printable(wire)}" for wire in (entry.wiring() if ports else [])]
     for child in entry.children:
         last = child is entry.children[-1]
         turn, on = ("└─ ", "   ") if last else ("├─ ", "│  ")
@@ -52,10 +54,10 @@ def _lines(entry: Entry, first: str, rest: str, ports: bool) -> list[str]:
 
 def _inked(entry: Entry) -> str:
     if not entry.state:
-        return entry.title
+        return printable(entry.title)
     look = LOOKS[entry.state]
-    note = click.style(f"  {entry.note}", dim=True) if entry.note else ""
-    return click.style(f"{look.glyph} {entry.title}", fg=look.ink) + note
+    note = click.style(f"  {printable(entry.note)}", dim=True) if entry.note else ""
+    return click.style(f"{look.glyph} {printable(entry.title)}", fg=look.ink) + note
 
 
 def as_mermaid(root: Entry, ports: bool) -> str:

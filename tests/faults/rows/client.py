@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import itertools
+import json
 import socket
 import threading
 import time
@@ -143,3 +144,54 @@ def wrong_server(scene: Scene) -> None:
         said = command.errors.read_text().splitlines()
         scene.check(len(said) == 1 and "bug" not in said[0], f"{what}: it says {said}")
         scene.check(max(memory) < 200, f"{what}: {max(memory):.0f} MiB")
+
+
+EVIL = "\x1b]0;owned\x07\x1b[2J\x9b1A\r\u202e"
+FORGED = f"{EVIL}\nError: forged\n2026-01-01 00:00:00,000 ERROR   forged"
+TASK = f"""task: 60
+name: evil
+description: {json.dumps(EVIL)}
+tree:
+  sequence:
+    - Say: {{text: {json.dumps(FORGED)}, value: 1}}
+    - Fail: {{reason: {json.dumps(FORGED)}}}
+"""
+
+
+@row(
+    "escapes",
+    "a task's texts, and the errors of a server, have control characters and forged lines",
+    "no command and no log prints a control character, or a line that begins as its own",
+    times=2,
+    quick=1,
+)
+def escapes(scene: Scene) -> None:
+    trees = scene.folder / "trees"
+    trees.mkdir()
+    (trees / "60_evil.yaml").write_text(TASK)
+    server = scene.serve("--activate")
+    until("the arm to be active", lambda: server.state() == "active")
+    fields = {"code": "goal.busy", "message": FORGED, "hint": FORGED, "node": EVIL}
+    error = json.dumps({**fields, "joint": "", "value": None, "limit": None}).encode()
+    commands = [
+        scene.armtree("send", "60", "--wait", "--server", server.url),
+        scene.armtree("tasks", "--trees", "trees"),
+        scene.armtree("show", "60", "--trees", "trees"),
+    ]
+    with program(answer(error, "409 Conflict")) as url:
+        commands.append(scene.armtree("status", "--server", url))
+        for command in commands:
+            command.wait()
+    recording = scene.recordings()[-1]
+    commands += [scene.armtree("log", each, recording) for each in ("info", "explain")]
+    for command in commands:
+        command.wait()
+    for command in (server, *commands):
+        raw = command.output.read_bytes() + command.errors.read_bytes()
+        said = raw.decode(errors="replace")
+        name = command.errors.name
+        wrong = {each for each in said if not (each.isprintable() or each in "\n\t")}
+        scene.check(not wrong, f"{name} has {sorted(map(ascii, wrong))}")
+        lines = [each for each in said.splitlines() if each.startswith(("Error: f", "2026-01"))]
+        scene.check(not lines, f"{name} has the forged {lines}")
+    scene.check("owned" in server.text(), "the server's log has no text of the task")
