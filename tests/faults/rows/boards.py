@@ -108,7 +108,7 @@ def brown_out(scene: Scene) -> None:
     first, second = [server.result(goal)["code"] for goal in goals]
     scene.check(first in ("hw.board_reset", "hw.frame_lost"), f"the first ends {first}")
     scene.check(second.startswith("hw."), f"the second ends {second}")
-    scene.check(server.state() == "unconfigured", f"the arm is {server.state()}")
+    until("the fault is processed", lambda: server.state() == "unconfigured")
     frames = len(board.frames())
     board.ask("reset")
     server.post("/api/arm/configure")

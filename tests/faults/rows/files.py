@@ -45,7 +45,7 @@ def checked(scene: Scene, folder: Path) -> tuple[Command, float, float]:
 
 @row(
     "damaged-tasks",
-    "40 task files with random damage: characters, lines, ends",
+    "25 task files with random damage: characters, lines, ends",
     "`armtree check` lists the mistakes, with exit status 3; no traceback",
     limit=30,
     unit="s",
@@ -55,7 +55,7 @@ def damaged_tasks(scene: Scene) -> None:
     files = sorted([*SHIPPED.glob("**/*.yaml"), *EXAMPLES.glob("*.yaml")])
     folder = scene.folder / "damaged"
     folder.mkdir()
-    for _ in range(40):
+    for _ in range(25):
         path = scene.random.choice(files)
         data = damaged(path.read_text(), scene.random).encode("utf-8", "surrogatepass")
         if scene.random.random() < 0.1:
@@ -66,7 +66,7 @@ def damaged_tasks(scene: Scene) -> None:
     check, seconds, _ = checked(scene, folder)
     scene.check(".yaml:" in check.text(), last_line(check))
     scene.figure(seconds)
-    scene.injections = 40
+    scene.injections = 25
 
 
 def billion_laughs() -> str:

@@ -279,7 +279,7 @@ def stuck_skill(scene: Scene) -> None:
     result = server.result(goal)
     scene.check(result["code"] == "hw.cancel_timeout", f"the goal ends {result['code']}")
     scene.figure(1000 * (board.frames()[-1].time - begin))
-    scene.check(server.state() == "unconfigured", f"the arm is {server.state()}")
+    until("the fault is processed", lambda: server.state() == "unconfigured")
     scene.check(server.post("/api/goals", {"task": 31})["code"] == "server.held", "a new goal")
     server.stop()
     server.signal(signal.SIGTERM)

@@ -77,7 +77,7 @@ def replug(scene: Scene) -> None:
     board.ask("unplug")
     result = server.result(goal)
     scene.check(result["code"] == "hw.port_lost", f"the code is {result['code']}")
-    scene.check(server.state() == "unconfigured", f"the arm is {server.state()}")
+    until("the fault is processed", lambda: server.state() == "unconfigured")
     before = board.ask("replug ttyACM0")["resets"]
     refused = server.result(server.goal(21))
     scene.check(refused["code"] == "hw.not_active", f"a goal meanwhile: {refused['code']}")
