@@ -16,7 +16,7 @@ from tests.executive.replay.test_verification import field
 from tests.support.command_line.typed import typed
 from tests.support.paths import EXAMPLES
 from tests.support.recordings.alterations import Change, each, records_of, retold, rewritten
-from tests.support.recordings.bombs import bombs
+from tests.support.recordings.bombs import BOMBS
 
 pytestmark = pytest.mark.slow
 
@@ -128,10 +128,10 @@ def test_a_changed_file_ends_with_a_code(tmp_path: Path, name: str) -> None:
     list(load_goal_history(tmp_path, 0.0))
 
 
-@pytest.mark.parametrize("name", bombs())
+@pytest.mark.parametrize("name", BOMBS)
 def test_a_bomb_is_one_line_and_a_code(tmp_path: Path, name: str) -> None:
     path = tmp_path / "20260101T000000.000Z-1.mcap"
-    path.write_bytes(bombs()[name])
+    path.write_bytes(BOMBS[name]())
     for command in COMMANDS:
         status, _, err = typed(tmp_path, *command, str(path))
         assert status in (0, 3, 10), (command, status, err)

@@ -11,7 +11,7 @@ from tests.faults.process import until
 from tests.faults.row import Scene, last_line, row
 from tests.faults.wrong_calls import WrongCalls
 from tests.support.recordings.alterations import records_of, rewritten
-from tests.support.recordings.bombs import bombs
+from tests.support.recordings.bombs import BOMBS
 from tests.support.recordings.single_changes import single_changes
 
 
@@ -27,9 +27,9 @@ from tests.support.recordings.single_changes import single_changes
 def unpack(scene: Scene) -> None:
     folder = scene.folder / "recordings"
     folder.mkdir()
-    for number, data in enumerate(bombs().values()):
+    for number, make in enumerate(BOMBS.values()):
         name = f"20260101T{number:06}.000Z-{scene.random.choice(['1', 'server'])}.mcap"
-        (folder / name).write_bytes(data)
+        (folder / name).write_bytes(make())
     server = scene.serve()
     scene.figure(time.monotonic() - server.started)
     scene.check(server.memory() < 300, f"the server takes {server.memory():.0f} MiB")

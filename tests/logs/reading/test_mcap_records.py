@@ -15,21 +15,21 @@ from logs.views.narrative import narrative, overview
 from tests.logs.test_run import RUNS, record
 from tests.support.paths import EXAMPLES
 from tests.support.recordings.alterations import records_of
-from tests.support.recordings.bombs import bombs
+from tests.support.recordings.bombs import BOMBS
 
-BOMBS = bombs()
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(params=BOMBS)
 def bomb(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     path = tmp_path / "bomb.mcap"
-    path.write_bytes(BOMBS[request.param])
+    path.write_bytes(BOMBS[request.param]())
     return path
 
 
 @pytest.fixture
-def peak() -> Iterator[None]:
-    """At most 100 MB are allocated at once."""
+def peak(bomb: Path) -> Iterator[None]:
+    """After the bomb was made, at most 100 MB are allocated at once."""
     tracemalloc.start()
     yield
     most = tracemalloc.get_traced_memory()[1]

@@ -1,7 +1,11 @@
-"""Small recordings that claim much: what reads them must need little memory and time."""
+"""Small recordings that claim much: what reads them must need little memory and time.
+
+Each has the head of one of ours, and a bomb in place of the run.
+"""
 
 import json
 import struct
+from collections.abc import Callable
 from io import BytesIO
 
 import lz4.frame
@@ -16,28 +20,34 @@ _PRIVATE = struct.pack("<BQ", 0x91, 0)  # a record of an application, of no leng
 _ZEROS = 300_000_000
 
 
-def bombs() -> dict[str, bytes]:
-    """Recordings by name. Each has the head of one of ours, and a bomb in place of the run."""
-    zeros = zstandard.compress(bytes(_ZEROS))
-    empty = _EMPTY_MESSAGE * 500_000
-    private = _PRIVATE * 20_000
-    text = ros_types().make("std_msgs/msg/String", data="[" * 200_000)
-    deep = dict.fromkeys(("task.resolved.yaml", "arduinobot.toml"), "[" * 100000)
-    return {
-        "zeros": _with(_chunk(zeros, _ZEROS)),
-        "zeros that claim to be few": _with(_chunk(zeros, 1000)),
-        "zeros without size": _with(_chunk(_sizeless(bytes(_ZEROS)), 1 << 40)),
-        "zeros in many chunks": _with(_chunk(zstandard.compress(bytes(1 << 24)), 1 << 24) * 18),
-        "zeros in lz4": _with(_chunk(lz4.frame.compress(bytes(_ZEROS)), 1000, "lz4")),
-        "records of no length": _with(_chunk(zstandard.compress(private), len(private))),
-        "records of no length, outside": _with(private),
-        "empty messages": _with(_chunk(zstandard.compress(empty), len(empty))),
-        "a long record": _with(struct.pack("<BQ", Opcode.MESSAGE, 1 << 62)),
-        "a long text": _with(_record(Opcode.METADATA, struct.pack("<I", 0xFFFFFFFF))),
-        "a long file": _with(_record(Opcode.ATTACHMENT, bytes(24) + struct.pack("<Q", 1 << 61))),
-        "deep JSON": _made({}, ros_types().encode(text)),
-        "deep files": _made(deep, None),
-    }
+# Each is made when it is called: compressing takes a second.
+BOMBS: dict[str, Callable[[], bytes]] = {
+    "zeros": lambda: _with(_chunk(zstandard.compress(bytes(_ZEROS)), _ZEROS)),
+    "zeros that claim to be few": lambda: _with(_chunk(zstandard.compress(bytes(_ZEROS)), 1000)),
+    "zeros without size": lambda: _with(_chunk(_sizeless(bytes(_ZEROS)), 1 << 40)),
+    "zeros in many chunks": lambda: _with(_chunk(zstandard.compress(bytes(1 << 24)), 1 << 24) * 18),
+    "zeros in lz4": lambda: _with(_chunk(lz4.frame.compress(bytes(_ZEROS)), 1000, "lz4")),
+    "records of no length": lambda: _with(_packed(_PRIVATE * 20_000)),
+    "records of no length, outside": lambda: _with(_PRIVATE * 20_000),
+    "empty messages": lambda: _with(_packed(_EMPTY_MESSAGE * 500_000)),
+    "a long record": lambda: _with(struct.pack("<BQ", Opcode.MESSAGE, 1 << 62)),
+    "a long text": lambda: _with(_record(Opcode.METADATA, struct.pack("<I", 0xFFFFFFFF))),
+    "a long file": lambda: _with(
+        _record(Opcode.ATTACHMENT, bytes(24) + struct.pack("<Q", 1 << 61))
+    ),
+    "deep JSON": lambda: _made({}, _text("[" * 200_000)),
+    "deep files": lambda: _made(
+        dict.fromkeys(("task.resolved.yaml", "arduinobot.toml"), "[" * 100_000), None
+    ),
+}
+
+
+def _text(text: str) -> bytes:
+    return ros_types().encode(ros_types().make("std_msgs/msg/String", data=text))
+
+
+def _packed(records: bytes) -> bytes:
+    return _chunk(zstandard.compress(records), len(records))
 
 
 def _made(files: dict[str, str], goal: bytes | None) -> bytes:
