@@ -305,7 +305,8 @@ ONE_SLIP = [
     "{repeat: Succeed, tmes: 2}",
     "{subtree: reach, with: {arm: {joint_1: 0, jiont_2: 0, joint_3: 0}, gripper: open}}",
     "{subtree: reach, with: {amr: upright, gripper: open}}",
-    "{sequence: [{Attach: {body: b, lnk: claw_support}}]}",
+    "{sequence: [{AddSphere: {body: b, radius: 1 cm, position: [0, 0, 1]}},"
+    " {Attach: {body: b, lnk: claw_support}}]}",
 ]
 
 
