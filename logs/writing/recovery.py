@@ -23,8 +23,9 @@ def recover(recording: Path) -> Summary | None:
         RecordingError: The file cannot be read.
         OSError: The disk failed or is full; the file is unchanged.
     """
+    complete = is_complete(recording, every_byte=True)
     _remove_part(part_of(recording))
-    return None if is_complete(recording, every_byte=True) else _finished(recording)
+    return None if complete else _finished(recording)
 
 
 def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:

@@ -126,6 +126,8 @@ class Site:
         finally:
             command.close()
         text = command.text()
+        if "frozen site" in text:  # Ctrl-C came before Python had started
+            status, text = 130, ""
         if status == 1 or (allowed is not None and status not in allowed):
             self.problem(f"{words} ends with {status}: {text[-200:]!r}")
         if "Traceback" in text:
