@@ -10,21 +10,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hardware import MAX_DURATION, Joint, Robot
-from hardware.joints import DISPLAY_UNITS
-from skills.motion.arrays import Array, Mask
+from skills.motion.arrays import Array
 from skills.motion.errors import MotionError, shown
 from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.path.curve import Curve
 from skills.motion.plan import Plan
 from skills.motion.query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
 from skills.motion.timing.time_law import TimeLaw
-from skills.motion.validation import is_number, joint_positions
+from skills.motion.validation import MAX_MAGNITUDE, is_number, joint_positions
 from skills.motion.world import Body
 
 from .messages import InvalidMessage
 
 _SAME = 1e-6  # largest rounding error of a position or of s [rad]
-_ROUNDING = 1.01  # factor of velocity and acceleration limits, as in the write guard
+_ROUNDING = 0.01  # share of velocity and acceleration limits, as in the write guard
 
 
 class AnswerChecker:
@@ -71,16 +70,18 @@ class AnswerChecker:
             raise InvalidMessage(f"a plan for {given}, not for {wanted}")
         _check_durations(plan.milliseconds)
         _check_shapes(plan, len(self._robot.actuated), len(group.names))
-        start = joint_positions("start", request.start, self._robot.actuated)
-        goal = joint_positions("goal", asked.goal, group.joints)
-        for limits, own in (plan.velocity, group.velocity), (plan.acceleration, group.acceleration):
-            if not np.array_equal(limits, own):
-                raise InvalidMessage(
-                    f"a plan with the limits {limits.tolist()}, not {own.tolist()}"
-                )
-        _check_same("starts", plan.start, start, self._robot.actuated)
-        _check_same("starts", plan.origin, plan.start[group.columns], group.joints)
-        _check_same("ends", plan.goal, goal + _turns(plan.goal - goal, group), group.joints)
+        joints, all_joints = group.joints, self._robot.actuated
+        start = joint_positions("start", request.start, all_joints)
+        goal = group.nearest_turn(plan.goal, joint_positions("goal", asked.goal, joints))
+        for limits, own, per in (
+            (plan.velocity, group.velocity, "/s"),
+            (plan.acceleration, group.acceleration, "/s2"),
+        ):
+            _check_within("a plan with the limit of", limits, own, own, joints, per)
+        _check_within("a plan that starts with", plan.start, start, start, all_joints)
+        origin = plan.start[group.columns]
+        _check_within("a plan that starts with", plan.origin, origin, origin, joints)
+        _check_within("a plan that ends with", plan.goal, goal, goal, joints)
         if isinstance(request, Query):
             _check_via(plan, request.via, group)
         _check_curve(plan, group)
@@ -105,59 +106,61 @@ def _check_durations(milliseconds: Mapping[str, float]) -> None:
 def _check_shapes(plan: Plan, actuated: int, joints: int) -> None:
     """Check the shapes of all arrays."""
     curve, law = plan.curve, plan.profile
-    pieces, knots, waypoints, stops = (
-        max(array.shape[0], least) if array.ndim else least
-        for array, least in (
-            (curve.constant, 1),
-            (law.times, 1),
-            (plan.waypoints, 1),
-            (curve.stops, 0),
-        )
+    waypoints, breaks, knots = (
+        max(len(np.atleast_1d(array)), 1) for array in (plan.waypoints, curve.breaks, law.times)
     )
-    shapes = {
-        "start": (plan.start, (actuated,)),
-        "origin": (plan.origin, (joints,)),
-        "goal": (plan.goal, (joints,)),
-        "velocity": (plan.velocity, (joints,)),
-        "acceleration": (plan.acceleration, (joints,)),
-        "waypoints": (plan.waypoints, (waypoints, joints)),
-        "breaks": (curve.breaks, (pieces + 1,)),
-        "constant": (curve.constant, (pieces, joints)),
-        "linear": (curve.linear, (pieces, joints)),
-        "quadratic": (curve.quadratic, (pieces, joints)),
-        "stops": (curve.stops, (stops,)),
-        "times": (law.times, (knots,)),
-        "positions": (law.positions, (knots,)),
-        "speeds": (law.speeds, (knots,)),
-        "accelerations": (law.accelerations, (knots,)),
-    }
-    for name, (array, wanted) in shapes.items():
-        if array.shape != wanted:
-            raise InvalidMessage(f"a plan whose {name} have the shape {array.shape}, not {wanted}")
+    for part, names, wanted in (
+        (plan, "start", (actuated,)),
+        (plan, "origin goal velocity acceleration", (joints,)),
+        (plan, "waypoints", (waypoints, joints)),
+        (curve, "breaks", (max(breaks, 2),)),
+        (curve, "constant linear quadratic", (max(breaks, 2) - 1, joints)),
+        (curve, "stops", (curve.stops.size,)),
+        (law, "times positions speeds accelerations", (knots,)),
+    ):
+        for name in names.split():
+            if (shape := getattr(part, name).shape) != wanted:
+                raise InvalidMessage(f"a plan whose {name} have the shape {shape}, not {wanted}")
 
 
-def _check_same(verb: str, given: Array, wanted: Array, joints: Sequence[Joint]) -> None:
-    """Check a start or an end."""
-    wrong = ~(abs(given - wanted) <= _SAME)  # also if an overflow gave NaN, as everywhere here
-    if wrong.any():
-        i = int(wrong.argmax())
-        here, there = _shown(joints[i], given[i], wanted[i])
-        raise InvalidMessage(f"a plan that {verb} with {joints[i].name} at {here}, not at {there}")
+def _check_within(
+    what: str,
+    values: Array,
+    lower: Array,
+    upper: Array,
+    joints: Sequence[Joint],
+    per: str = "",
+    slack: float | Array = _SAME,
+) -> None:
+    """Check values of joints (..., J) against limits.
 
-
-def _turns(differences: Array, group: JointGroup) -> Array:
-    """Return the whole turns in differences of joint positions (J,) [rad]."""
-    if not group.continuous.any():
-        return np.zeros_like(differences)
-    return np.where(group.continuous, 2.0 * np.pi * np.round(differences / (2.0 * np.pi)), 0.0)
+    Args:
+        what: Begin of the message.
+        values: The values; NaN, such as after an overflow, is outside.
+        lower: Lower limits, or the right values.
+        upper: Upper limits, or the right values.
+        joints: The joints (J).
+        per: Text after the unit.
+        slack: Largest rounding error.
+    """
+    outside = ~((values >= lower - slack) & (values <= upper + slack))
+    if outside.any():
+        at = tuple(np.argwhere(outside)[0])
+        joint = joints[at[-1]]
+        value, low, high = (
+            joint.words(np.broadcast_to(each, values.shape)[at], 6) + per
+            for each in (values, lower, upper)
+        )
+        wanted = f"not at {low}" if low == high else f"outside [{low}, {high}]"
+        raise InvalidMessage(f"{what} {joint.name} at {value}, {wanted}")
 
 
 def _check_via(plan: Plan, via: Sequence[Sequence[float]], group: JointGroup) -> None:
     """Check that the via points are waypoints, in their order."""
     passed = iter(plan.waypoints)
     for number, point in enumerate(via, 1):
-        differences = (row - joint_positions("via point", point, group.joints) for row in passed)
-        if not any((abs(off - _turns(off, group)) <= _SAME).all() for off in differences):
+        wanted = joint_positions("via point", point, group.joints)
+        if not any((abs(row - group.nearest_turn(row, wanted)) <= _SAME).all() for row in passed):
             raise InvalidMessage(f"a plan that does not pass via point {number}")
 
 
@@ -171,19 +174,10 @@ def _check_curve(plan: Plan, group: JointGroup) -> None:
     ends = curve.constant + u * (curve.linear + u * curve.quadratic)
     here = np.concatenate((plan.origin[None, :], ends))
     there = np.concatenate((curve.constant, plan.goal[None, :]))
-    if (jumps := ~(abs(here - there) <= _SAME)).any():
-        row, i = np.argwhere(jumps)[0]
-        before, after = _shown(group.joints[i], here[row, i], there[row, i])
-        raise InvalidMessage(f"a plan in which {group.names[i]} jumps from {before} to {after}")
+    _check_within("a plan that continues with", there, here, here, group.joints)
     # A parabola is inside the triangle of its ends and the point where its tangents meet.
     points = np.concatenate((curve.constant, ends, curve.constant + 0.5 * u * curve.linear))
-    outside = ~((points >= group.lower - _SAME) & (points <= group.upper + _SAME))
-    if outside.any():
-        row, i = np.argwhere(outside)[0]
-        texts = _shown(group.joints[i], points[row, i], group.lower[i], group.upper[i])
-        raise InvalidMessage(
-            f"a plan that moves {group.names[i]} to {texts[0]}, outside [{texts[1]}, {texts[2]}]"
-        )
+    _check_within("a plan with", points, group.lower, group.upper, group.joints)
 
 
 def _check_time_law(law: TimeLaw, curve: Curve) -> None:
@@ -226,26 +220,20 @@ def _check_limits(plan: Plan, group: JointGroup) -> None:
         (slopes * speeds, group.velocity, "/s"),
         (accelerations, group.acceleration, "/s2"),
     ):
-        over: Mask = ~(abs(values) <= _ROUNDING * limits)
-        if over.any():
-            end, row, i = np.argwhere(over)[0]
-            value, limit = _shown(group.joints[i], abs(values[end, row, i]), limits[i])
-            name = group.names[i]
-            raise InvalidMessage(f"a plan with {name} at {value}{per}; its limit is {limit}{per}")
+        _check_within("a plan with", values, -limits, limits, group.joints, per, _ROUNDING * limits)
     turns = abs(upper[:-1] - lower[1:]) * law.speeds[1:-1, None]
-    if not (turns <= (_ROUNDING - 1.0) * group.velocity).all():
+    if not (turns <= _ROUNDING * group.velocity).all():
         raise InvalidMessage("a plan that does not stop at a corner of its path")
 
 
 def _check_reached(reached: Reached, group: JointGroup) -> None:
-    positions = reached.positions
-    if not isinstance(positions, tuple) or len(positions) != len(group.names):
+    given, most = reached.positions, MAX_MAGNITUDE
+    numbers = isinstance(given, tuple) and all(is_number(each, -most, most) for each in given)
+    if not numbers or len(given) != len(group.names):
         names = ", ".join(group.names)
-        raise InvalidMessage(f"{shown(positions)}, not one position for each of {names}")
-    limits = zip(group.joints, positions, group.lower.tolist(), group.upper.tolist(), strict=True)
-    for joint, value, lower, upper in limits:
-        if not (is_number(value, lower - _SAME, upper + _SAME) and math.isfinite(value)):
-            raise InvalidMessage(f"{joint.name} = {shown(value)}, outside [{lower:g}, {upper:g}]")
+        raise InvalidMessage(f"{shown(given)}, not one position for each of {names}")
+    positions = np.array(given)
+    _check_within("a solution with", positions, group.lower, group.upper, group.joints)
 
 
 def _check_body(body: Body, request: Carry) -> None:
@@ -256,9 +244,3 @@ def _check_body(body: Body, request: Carry) -> None:
             f"{shown(body)}, not {asked.name} attached to {request.link or 'root'}"
         )
     body.__post_init__()
-
-
-def _shown(joint: Joint, *values: float) -> list[str]:
-    """Return positions of a joint with their unit."""
-    scale, unit = DISPLAY_UNITS[joint.unit]
-    return [f"{scale * value:.6g} {unit}" for value in values]
