@@ -33,6 +33,7 @@
 Every error has a stable `code`, and its message says what to do.
 """
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -148,8 +149,16 @@ class PortBusy(LinkError):
     exit_status = 9
     hint = "end that program"
 
-    def __init__(self, port: str, owner: str) -> None:
-        super().__init__(port, f"The port {port} is in use by {owner}. End that program first")
+    def __init__(self, port: str, owner: int | None) -> None:
+        who = "another program" if owner is None else f"the program with process id {owner}"
+        advice = "End that program first"
+        if owner == os.getpid():
+            who = f"this program itself, process id {owner}"
+            advice = (
+                "Close the arm that has it. If a write to the port does not return, unplug the "
+                "board and plug it in again, then try again"
+            )
+        super().__init__(port, f"The port {port} is in use by {who}. {advice}")
 
 
 class PortLost(LinkError):

@@ -160,7 +160,7 @@ def _open_error(port: str, error: Exception) -> LinkError:
     if number in (errno.EACCES, errno.EPERM):
         return PortDenied(port, group_of(port))
     if number in (errno.EAGAIN, errno.EBUSY):
-        return PortBusy(port, owner_of(port) or "another program")
+        return PortBusy(port, owner_of(port))
     why = f"{port} cannot be opened as a serial port ({error}); present: "
     return LinkError(port, why + (", ".join(_present()) or "none"))
 

@@ -131,8 +131,8 @@ def group_of(port: str) -> str:
         return "dialout"
 
 
-def owner_of(port: str) -> str | None:
-    """Return a description of the program that has locked a port, or None if none is known."""
+def owner_of(port: str) -> int | None:
+    """Return the process id of the program that has locked a port, or None if none is known."""
     try:
         device, locks = os.stat(port), _LOCKS.read_text()
     except OSError:
@@ -140,11 +140,12 @@ def owner_of(port: str) -> str | None:
     # 3: FLOCK  ADVISORY  WRITE 4711 00:1a:3 0 EOF
     inode = f"{os.major(device.st_dev):02x}:{os.minor(device.st_dev):02x}:{device.st_ino}"
     owner = re.search(rf"FLOCK +ADVISORY +WRITE +(\d+) +{inode} ", locks)
-    return f"the program with process id {owner[1]}" if owner else None
+    return int(owner[1]) if owner else None
 
 
 def _check_free(port: str) -> Check:
     owner = owner_of(port)
     if owner is None:
         return Check("ours alone", True, "no other program has locked it")
-    return Check("ours alone", False, f"{owner} has it", "end that program", PortBusy.code)
+    who = f"the program with process id {owner}"
+    return Check("ours alone", False, f"{who} has it", "end that program", PortBusy.code)

@@ -276,7 +276,7 @@ def test_a_port_that_does_not_open_leaves_the_arm_inactive(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def busy() -> None:
-        raise PortBusy("board", "another program")
+        raise PortBusy("board", None)
 
     rig.arm.configure()
     with monkeypatch.context() as patch:
