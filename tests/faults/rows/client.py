@@ -19,7 +19,6 @@ from tests.faults.row import Scene, row
     "another user's program listens at other addresses of the machine, with the server's port",
     "`--server http://localhost:PORT` reaches the server; the other program never gets the token",
     times=3,
-    quick=1,
 )
 def token_address(scene: Scene) -> None:
     server = scene.serve()
@@ -122,7 +121,6 @@ def program(pieces: Callable[[], Iterable[bytes]]) -> Iterator[str]:
     limit=15,
     unit="s",
     times=2,
-    quick=1,
 )
 def wrong_server(scene: Scene) -> None:
     scene.injections = len(WRONG)
@@ -163,7 +161,6 @@ tree:
     "a task's texts, and the errors of a server, have control characters and forged lines",
     "no command and no log prints a control character, or a line that begins as its own",
     times=2,
-    quick=1,
 )
 def escapes(scene: Scene) -> None:
     trees = scene.folder / "trees"
