@@ -7,7 +7,9 @@ from .site import Site
 _STEPS = 10
 _SHOWN = 8
 # What a message says, and what the person does then. A command in backquotes is typed.
-_HANDS = re.compile(r"cable|[Pp]lug the board in|the power|its power|power supply|off and on")
+_HANDS = re.compile(
+    r"cable|[Uu]nplug the board|[Pp]lug the board in|the power|its power|power supply|off and on"
+)
 _COMMAND = re.compile(r"`armtree ([^`]+)`")
 _BOTH = re.compile(r"configure(?: it)? and activate")
 _ONE = re.compile(r"\b(?:activate it|configure it|activate again)\b")
