@@ -105,7 +105,7 @@ def test_the_arm_stays_active_if_the_recording_is_too_late(
     server: RigMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arm = server(recording_timeout=0.5)
-    delayed(arm, monkeypatch, 1.0)
+    delayed(arm, monkeypatch, 0.6)
     goal = arm.executive.send(1).identity
     outcome = arm.executive.result(goal)
     assert (outcome.code, outcome.frames) == ("log.behind", 3)
