@@ -131,7 +131,8 @@ def page(findings: Sequence[Finding], seed: int, seconds: float) -> str:
 def machine() -> str:
     """The machine in a few words, with its load."""
     load, cores = os.getloadavg()[1], len(os.sched_getaffinity(0))
-    return f"{cores} cores, {platform.system()} {platform.release()}, load average {load:.1f}"
+    kernel = platform.release().partition("-")[0]
+    return f"{cores} cores, {platform.system()} {kernel}, load average {load:.1f}"
 
 
 def examined(
