@@ -59,7 +59,8 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     except TreeError as error:
         findings.mistakes = _mistakes(error)
         return findings
-    for library in {id(library): library for _, library, _ in jobs}.values():
+    libraries = {id(library): library for _, library, _ in jobs}.values()
+    for library in libraries:
         named = {path.resolve() for path in files}
         findings.mistakes += [
             m for m in library.mistakes if not files or m.place.path.resolve() in named
@@ -74,7 +75,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     findings.mistakes += [
         Mistake(place, f"no node before this adds a body {name}")
         for place, name in collisions.absent.items()
-        if not any(_names_body(library, name, place.path) for _, library, _ in jobs)
+        if not any(_names_body(library, name, place.path) for library in libraries)
     ]
     findings.notes += collisions.notes
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
@@ -83,7 +84,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
 
 def _names_body(library: Library, name: str, but: Path) -> bool:
     """Return whether another file names a body. Bodies stay for the next task of a run."""
-    body = re.compile(rf"\bbody:\s*['\"]?{re.escape(name)}\b")
+    body = re.compile(rf"\bbody['\"]?\s*:\s*['\"]?{re.escape(name)}\b")
     for path, _, _ in _all(library):
         with suppress(FileError):
             if path != but and body.search(library.read(path)):

@@ -345,3 +345,15 @@ def test_a_body_that_no_planner_can_load_is_refused(
     mistakes = found(robot, tmp_path, tree(text.replace("PATH", str(tmp_path))))
     assert len(mistakes) == bool(why)
     assert not why or re.search(why, str(mistakes[0]))
+
+
+@pytest.mark.parametrize("key", ["body", '"body"', "body "])
+def test_a_body_that_another_task_adds_may_be_used(robot: Robot, tmp_path: Path, key: str) -> None:
+    """It stays for the next task of the same run."""
+    (used,) = found(robot, tmp_path, tree("{RemoveBody: {body: cup}}"))
+    assert "no node before this adds a body cup" in str(used)
+    added = f"{{AddSphere: {{{key}: cup, radius: 1 cm, position: [0, 0, 1]}}}}"
+    (tmp_path / "40_other.yaml").write_text(
+        f"task: 40\nname: other\ndescription: z\ntree: {added}\n"
+    )
+    assert not check(robot, tmp_path).mistakes

@@ -114,9 +114,8 @@ class CollisionChecks:
             if task:
                 self.absent |= predicted.absent
                 self._found += [Mistake(*each) for each in predicted.unreachable.items()]
-                known = {*tree.mistakes.found}
                 check_outcomes(tree, predicted.least)
-                self._found += {*tree.mistakes.found} - known
+                self._found += tree.mistakes.found
             for motion in predicted.motions:
                 if motion.start and (motion.start, motion.world) not in found:
                     found[motion.start, motion.world] = [(motion.place, start)]

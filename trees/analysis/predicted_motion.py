@@ -54,11 +54,11 @@ class PredictedMotions:
         least: Least time that a node needs to move the arm [s].
     """
 
-    motions: list[Motion]
-    unknown: dict[Behaviour, str]
-    absent: dict[Place, str]
-    unreachable: dict[Place, str]
-    least: dict[Behaviour, float]
+    motions: list[Motion] = field(default_factory=list)
+    unknown: dict[Behaviour, str] = field(default_factory=dict)
+    absent: dict[Place, str] = field(default_factory=dict)
+    unreachable: dict[Place, str] = field(default_factory=dict)
+    least: dict[Behaviour, float] = field(default_factory=dict)
 
 
 def predict_motions(
@@ -85,7 +85,7 @@ def predict_motions(
     """
     walk = _Walk(tree, robot, carry, hooks or tree.hooks, reach)
     walk.through(tree.root, _State(world, start))
-    return PredictedMotions(walk.motions, walk.unknown, walk.absent, walk.unreachable, walk.least)
+    return walk.found
 
 
 @dataclass(frozen=True)
@@ -128,26 +128,18 @@ class _State:
         return replace(now, world=World(tuple(rest)), unsure=unsure)
 
 
+@dataclass
 class _Walk:
-    def __init__(
-        self,
-        tree: CompiledTree,
-        robot: Robot,
-        carry: Callable[[Carry], Body],
-        hooks: SkillHooks,
-        reach: Callable[[ToolQuery], Reached] | None,
-    ) -> None:
-        self._tree, self._robot, self._carry = tree, robot, carry
-        self._hooks, self._reach = hooks, reach
-        self._why = _UNKNOWN  # why the next target is not known
-        self.unknown: dict[Behaviour, str] = {}
-        self._again = False  # in the second round of a loop
-        # Least time to the last target [s]: None if the arm is there, 0 if it is not known.
-        self._time: float | None = None
-        self.absent: dict[Place, str] = {}
-        self.unreachable: dict[Place, str] = {}
-        self.least: dict[Behaviour, float] = {}
-        self.motions: list[Motion] = []
+    _tree: CompiledTree
+    _robot: Robot
+    _carry: Callable[[Carry], Body]
+    _hooks: SkillHooks
+    _reach: Callable[[ToolQuery], Reached] | None
+    found: PredictedMotions = field(default_factory=PredictedMotions)
+    _why: str = _UNKNOWN  # why the next target is not known
+    _again: bool = False  # in the second round of a loop
+    # Least time to the last target [s]: None if the arm is there, 0 if it is not known.
+    _time: float | None = None
 
     def through(self, node: Behaviour, now: _State) -> _State:
         """Return the state after a node."""
@@ -176,12 +168,12 @@ class _Walk:
             return once
         if self._again:  # otherwise the work would double with each loop in a loop
             return _common((now, once))
-        first, self._again = len(self.motions), True
+        motions = self.found.motions
+        first, self._again = len(motions), True
         twice = self._in_turn(node, once)
         self._again = False
-        known = {(motion.pose, motion.world) for motion in self.motions[:first]}
-        again = self.motions[first:]
-        self.motions[first:] = [m for m in again if (m.pose, m.world) not in known]
+        known = {(motion.pose, motion.world) for motion in motions[:first]}
+        motions[first:] = [m for m in motions[first:] if (m.pose, m.world) not in known]
         return _common((once, twice))
 
     def _in_turn(self, node: Behaviour, now: _State) -> _State:
@@ -197,20 +189,19 @@ class _Walk:
         poses = self._hooks.poses(leaf, self._robot, inputs)
         for pose in poses:
             left_out = tuple(sorted(now.unsure))
-            self.motions.append(Motion(leaf.target_place, pose, now.pose, now.world, left_out))
+            motion = Motion(leaf.target_place, pose, now.pose, now.world, left_out)
+            self.found.motions.append(motion)
             known = now.pose is not None and self._time is None
             self._time = _least_time(self._robot, now.pose or pose, pose) if known else 0.0
             now = replace(now, pose=pose)
-        if not poses and "goal" in (
-            *kind.output_ports(),
-            *leaf.inputs,
-        ):  # the target is found during the run
+        # Without poses, the target is found during the run.
+        if not poses and "goal" in {*kind.output_ports(), *leaf.inputs}:
             now, self._time = replace(now, pose=None), 0.0
-            self.unknown.setdefault(leaf.skill, self._why)
+            self.found.unknown.setdefault(leaf.skill, self._why)
             self._why = _UNKNOWN
         if leaf.skill.moves:
-            least = self._time or 0.0
-            self.least[leaf.skill] = min(self.least.get(leaf.skill, least), least)
+            least = self.found.least
+            least[leaf.skill] = min(least.get(leaf.skill, math.inf), self._time or 0.0)
             self._time = None
         now = self._written(leaf, now)
         if self._reach and kind.tool_output in leaf.keys:
@@ -247,8 +238,7 @@ class _Walk:
         except MotionError as error:
             self._why = str(error)
             if isinstance(error, Unreachable):
-                point = leaf.written.get("point")
-                self.unreachable[point.place if point else leaf.place] = str(error)
+                self.found.unreachable[leaf.written.get("point", leaf).place] = str(error)
             return now
         names = (joint.name for joint in self._robot.actuated_in(query.group))
         target = Positions(zip(names, answer.positions, strict=True))
@@ -257,10 +247,10 @@ class _Walk:
 
     def _pass(self, leaf: Leaf, inputs: Mapping[str, Any]) -> None:
         """Add the points on the way to the last motion, if this skill plans it."""
-        goal = tuple(inputs.get("goal", {}).values())
-        if goal and self.motions and self.motions[-1].pose == goal:
+        goal, motions = tuple(inputs.get("goal", {}).values()), self.found.motions
+        if goal and motions and motions[-1].pose == goal:
             via = self._hooks.waypoints(leaf, self._robot, inputs)
-            self.motions[-1] = replace(self.motions[-1], via=tuple(via) or self.motions[-1].via)
+            motions[-1] = replace(motions[-1], via=tuple(via) or motions[-1].via)
 
     def _changed(self, leaf: Leaf, change: WorldChange, now: _State) -> _State:
         """Return the state after a skill has added, moved or removed a body."""
@@ -271,7 +261,7 @@ class _Walk:
         there = {*now.unsure, *(body.name for body in now.world.bodies)}
         uses = change is not WorldChange.ADDS and skill not in self._hooks.doubtful
         if uses and not {name, _UNNAMED} & there:
-            self.absent[leaf.written["body"].place if "body" in leaf.written else leaf.place] = name
+            self.found.absent[leaf.written.get("body", leaf).place] = name
         if change is WorldChange.REMOVES:
             return now.without((name,))
         if skill in self._hooks.doubtful:
