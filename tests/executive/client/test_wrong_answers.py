@@ -48,7 +48,8 @@ def say() -> Iterator[Say]:
 
 
 def http(body: bytes, status: str = "200 OK", *headers: str) -> bytes:
-    lines = [f"HTTP/1.1 {status}", f"content-length: {len(body)}", *headers, "", ""]
+    length, closed = f"content-length: {len(body)}", "connection: close"  # as `serve` does
+    lines = [f"HTTP/1.1 {status}", length, closed, *headers, "", ""]
     return "\r\n".join(lines).encode() + body
 
 
