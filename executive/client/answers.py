@@ -2,10 +2,8 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
 from functools import cache
-from types import UnionType
-from typing import TYPE_CHECKING, Any, get_args, get_origin
+from typing import TYPE_CHECKING, Any
 
 from executive.errors import Refused, WrongAnswer
 from executive.goals.events import Event, event_from_json
@@ -13,6 +11,7 @@ from executive.server.http import strict_json
 from executive.server.http.operations import OPERATIONS
 from executive.server.http.schemas import ERROR, inlined
 from hardware import RealClock
+from logs.records.field_types import has_type
 
 if TYPE_CHECKING:
     import httpx
@@ -96,7 +95,7 @@ class Events:
             event = event_from_json(json.loads(text))
         except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
             raise WrongAnswer(self._url, "it sends other events") from error
-        if not _fits(event, type(event)):
+        if not has_type(event, type(event)):
             raise WrongAnswer(self._url, "it sends events with other fields")
         return event
 
@@ -118,18 +117,3 @@ def _fits_schema(name: str, value: Any) -> bool:
     except fastjsonschema.JsonSchemaValueException:
         return False
     return True
-
-
-def _fits(value: Any, kind: Any) -> bool:
-    """Return True if a value has this type, and so have the fields of a dataclass."""
-    origin, parts = get_origin(kind), get_args(kind)
-    if origin is UnionType:
-        return any(_fits(value, each) for each in parts)
-    if origin is tuple:
-        return isinstance(value, tuple) and all(_fits(each, parts[0]) for each in value)
-    if origin is not None:
-        return isinstance(value, origin)
-    if not isinstance(kind, type) or (kind is float and isinstance(value, int)):
-        return True
-    own = fields(kind) if is_dataclass(kind) else ()
-    return isinstance(value, kind) and all(_fits(getattr(value, f.name), f.type) for f in own)

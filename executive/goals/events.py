@@ -13,6 +13,7 @@ from typing import Any, cast
 
 import logs
 from hardware import State
+from logs.records.field_types import frozen
 
 from .outcome import Cause, GoalStatus, from_fields
 from .queue import Policy
@@ -186,12 +187,7 @@ def event_from_json(plain: Mapping[str, Any]) -> Event:
     """
     if plain["event"] == STATUS:
         return GoalStatus.from_json(plain)
-    values = {_FIELDS.get(key, key): _frozen(value) for key, value in plain.items()}
+    values = {_FIELDS.get(key, key): frozen(value) for key, value in plain.items()}
     if "data" in values:
         values["data"] = values["data"].encode()
     return cast("Event", from_fields(_RECORDS[plain["event"]], values))
-
-
-def _frozen(value: Any) -> Any:
-    """Return JSON lists as tuples, as records have them."""
-    return tuple(_frozen(each) for each in value) if isinstance(value, list) else value

@@ -5,9 +5,10 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, get_type_hints
 
 from logs.errors import RecordingError
+from logs.records.field_types import LARGEST, frozen, has_type
 from logs.records.file_format import RECOVERED
 from logs.records.records import (
     LogLine,
@@ -47,7 +48,6 @@ _COLUMNS: dict[type, tuple[tuple[str, str], ...]] = {
     Schedule: (("start", "samples"),),
 }
 _TIMES, _LONGEST = ("time", "duration"), 1e9  # [s]
-_LARGEST = 2**64  # of an integer in place of a float, and of a time [ns]
 _field_types = cache(get_type_hints)
 _GOAL_ID = re.compile("[0-9a-f]{32}")
 
@@ -224,7 +224,7 @@ def _epoch_ns(path: Path) -> int:
 
 
 def _is_time(epoch: str) -> bool:
-    return epoch.isdecimal() and len(epoch) < 20 and int(epoch) < _LARGEST
+    return epoch.isdecimal() and len(epoch) < 20 and int(epoch) < LARGEST
 
 
 @cache
@@ -271,15 +271,10 @@ def _sent(messages: Sequence[Message]) -> Sent:
 
 def _from_json(kind: type[Any], message: Message) -> RunRecord:
     names = {field.name for field in fields(kind)}
-    given = {name: value for name, value in message.fields().items() if name in names}
-    frozen = {name: _frozen(value) for name, value in given.items()}
-    record: RunRecord = _checked(kind, frozen, message)
+    given = message.fields()
+    known = {name: frozen(given[name]) for name in names & given.keys()}
+    record: RunRecord = _checked(kind, known, message)
     return record
-
-
-def _frozen(value: Any) -> Any:
-    """Return lists as tuples: JSON has only lists, records have tuples."""
-    return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 
 def _checked(kind: type[Any], known: dict[str, Any], message: Message) -> Any:
@@ -303,7 +298,7 @@ def _invalid_field(kind: type, values: Mapping[str, Any]) -> str:
     for name, type_ in _field_types(kind).items():
         if name not in values:
             continue
-        if not (_has_type(values[name], type_) and _in_range(name, values[name])):
+        if not (has_type(values[name], type_) and _in_range(name, values[name])):
             return name
     for names in _LENGTHS.get(kind, ()):
         if len({len(values[name]) for name in names}) > 1:
@@ -318,17 +313,3 @@ def _in_range(name: str, value: Any) -> bool:
     if name in _TIMES:
         return abs(float(value)) < _LONGEST
     return name != "goal_id" or _GOAL_ID.fullmatch(value) is not None
-
-
-def _has_type(value: Any, type_: Any) -> bool:
-    origin, inner = get_origin(type_), get_args(type_)
-    if origin is tuple:
-        return isinstance(value, tuple) and all(_has_type(each, inner[0]) for each in value)
-    if origin is dict:
-        values = value.values() if isinstance(value, dict) else ()
-        return isinstance(value, dict) and all(_has_type(each, inner[1]) for each in values)
-    if inner:
-        return any(_has_type(value, each) for each in inner)
-    if type_ is float and type(value) is int:
-        return abs(value) < _LARGEST
-    return type_ is Any or type(value) is type_

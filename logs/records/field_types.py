@@ -1,0 +1,30 @@
+"""Types of fields that come from JSON, which any program may have written."""
+
+from collections.abc import Mapping
+from dataclasses import is_dataclass
+from typing import Any, get_args, get_origin, get_type_hints
+
+LARGEST = 2**64  # of an integer in place of a float, and of a time [ns]
+
+
+def frozen(value: Any) -> Any:
+    """Return lists as tuples: JSON has only lists, records have tuples."""
+    return tuple(map(frozen, value)) if isinstance(value, list) else value
+
+
+def has_type(value: Any, type_: Any) -> bool:
+    """Return whether a value has the type of a field; so must the fields of a dataclass."""
+    origin, inner = get_origin(type_), get_args(type_)
+    if origin is tuple:
+        return isinstance(value, tuple) and all(has_type(each, inner[0]) for each in value)
+    if origin in (dict, Mapping):
+        values = value.values() if isinstance(value, Mapping) else ()
+        return isinstance(value, Mapping) and all(has_type(each, inner[1]) for each in values)
+    if inner:
+        return any(has_type(value, each) for each in inner)
+    if type_ is float and type(value) is int:
+        return abs(value) < LARGEST
+    if is_dataclass(type_) and type(value) is type_:
+        kinds = get_type_hints(type_).items()
+        return all(has_type(getattr(value, name), kind) for name, kind in kinds)
+    return type_ is Any or type(value) is type_
