@@ -53,15 +53,13 @@ class _Version:
         edits: The edits.
         rank: The lower, the better.
         spots: Where it is wrong.
-        opened: Where the value begins in which the parser fails, or None.
         left: Number of its mistakes; None if it is not YAML.
     """
 
     lines: tuple[str, ...]
     edits: tuple[_Edit, ...]
     rank: tuple[int, int, int]
-    spots: tuple[_Spot, ...]
-    opened: _Spot | None = None
+    spots: Sequence[_Spot]
     left: int | None = None
 
 
@@ -156,13 +154,13 @@ class _Search:
         try:
             _, mistakes = self._draft(self._path, text)
         except NotYaml as error:
-            opened = _spot(error.opened, lines) if error.opened else None
-            spots = [*_spots(error.mistakes, lines), *filter(None, [opened])]
-            return _Version(lines, edits, (1, -error.place.line, 0), tuple(spots), opened)
+            opened = [_spot(error.opened, lines)] if error.opened else []
+            rank, spots = (1, -error.place.line, 0), [*_spots(error.mistakes, lines), *opened]
+            return _Version(lines, edits, rank, spots)
         except FileError as error:
             mistakes = [*error.mistakes]
         rank, spots = (0, len(mistakes), len(edits)), _spots(mistakes, lines)
-        return _Version(lines, edits, rank, tuple(spots), left=len(mistakes))
+        return _Version(lines, edits, rank, spots, left=len(mistakes))
 
 
 def _spots(mistakes: Iterable[Mistake], lines: Sequence[str]) -> list[_Spot]:
@@ -187,10 +185,9 @@ def _edits(version: _Version) -> Iterator[_Edit]:
     yield from _whole(lines)
     for row in rows:
         content, comment = _split_comment(lines[row])
-        for kind, edits in (("slip", _slips), ("end", _closers)):
-            for column, why, line in edits(content):
-                yield _Edit((row, column), kind, why, _with(lines, row, line + comment))
-    yield from _late_closers(version)
+        for column, why, line in _slips(content):
+            yield _Edit((row, column), "slip", why, _with(lines, row, line + comment))
+        yield from _closers(lines, row, max(rows))
     for row, column in version.spots:
         for at, why, line in _at(lines[row], column):
             yield _Edit((row, at), "sign", why, _with(lines, row, line))
@@ -254,37 +251,30 @@ def _slips(content: str) -> Iterator[_InLine]:
 _CLOSERS = {"{": "}", "[": "]", "'": "'", '"': '"'}
 
 
-def _closers(content: str) -> Iterator[_InLine]:
-    """Return edits that close what a line does not close, or put its text in quotes."""
-    stack = _unclosed(content)
-    if stack:
+def _closers(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edit]:
+    """Return edits that close what a line opens, up to a later line, or put its text in quotes."""
+    content, comment = _split_comment(lines[row])
+    if stack := _unclosed(content):
         column = stack[-1]
-        why = f"the {content[column]} in column {column + 1} is not closed"
+        why = f"the {content[column]} of line {row + 1}, column {column + 1} is not closed"
         ends = [found.start() for found in re.finditer(r"[,}\]]", content) if found.end() > column]
         # Best before the next key.
         ends.sort(key=lambda end: not re.match(r", *[\w-]+:", content[end:]))
         closer = _CLOSERS[content[column]]
-        yield from ((column, why, f"{content[:end]}{closer}{content[end:]}") for end in ends)
-        closers = "".join(_CLOSERS[content[column]] for column in reversed(stack))
-        yield column, why, content + closers
+        made = [f"{content[:end]}{closer}{content[end:]}" for end in ends]
+        made.append(content + "".join(_CLOSERS[content[column]] for column in reversed(stack)))
+        for line in made:
+            yield _Edit((row, column), "end", why, _with(lines, row, line + comment))
+        for below in range(row + 1, last + 1):
+            text, comment = _split_comment(lines[below])
+            if text:
+                line = text + closer + comment
+                yield _Edit((below, len(text)), "end", why, _with(lines, below, line))
     if found := re.match(r"(\s*(?:- )?[A-Za-z_][\w-]*: +)([^\s'\"{\[].*)$", content):
         quote = "'" if '"' in found[2] else '"'
+        line = f"{found[1]}{quote}{found[2]}{quote}{comment}"
         why = "a text with special characters must be in quotes"
-        yield found.end(1), why, f"{found[1]}{quote}{found[2]}{quote}"
-
-
-def _late_closers(version: _Version) -> Iterator[_Edit]:
-    """Return edits that close, in a later line, what a line above opens."""
-    row, column = version.opened or (0, 0)
-    sign = version.lines[row][column : column + 1]
-    if not version.opened or sign not in _CLOSERS or not sign:
-        return
-    for last in range(row + 1, max(row for row, _ in version.spots) + 1):
-        content, comment = _split_comment(version.lines[last])
-        why = f"the {sign} of line {row + 1}, column {column + 1} is not closed"
-        if content:
-            made = content + _CLOSERS[sign] + comment
-            yield _Edit((last, len(content)), "end", why, _with(version.lines, last, made))
+        yield _Edit((row, found.end(1)), "end", why, _with(lines, row, line))
 
 
 def _at(line: str, column: int) -> Iterator[_InLine]:
@@ -304,27 +294,32 @@ def _at(line: str, column: int) -> Iterator[_InLine]:
 
 
 def _dashes(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
-    """Return edits that begin items of a list."""
-    margin = len(_margin(lines[row]))
-    found = re.match(r"\s*([A-Za-z_][\w-]*)", lines[row])
+    """Return edits that begin an item of a list, or one at every line of the same column."""
+    found = re.match(r"(\s*)([A-Za-z_][\w-]*)", lines[row])
     if not found:
         return
-    why = f"a `-` is missing before `{found[1]}`: every node of a list begins with one"
-    for left in (0, 2) if margin >= 2 else (0,):
-        made = f"{lines[row][: margin - left]}- {lines[row][margin:]}"
-        yield _Edit((row, margin), "dash", why, _with(lines, row, made))
-    below = lines[row + 1 :]
-    end = next((n for n, line in enumerate(below) if _columns(line)[0] < margin), len(below))
-    items = [
-        f"{line[:margin]}- {line[margin:]}" if _columns(line)[0] == margin else line
-        for line in (lines[row], *below[:end])
-    ]
-    yield _Edit((row, margin), "dash", why, (*lines[:row], *items, *below[end:]))
+    margin = found.end(1)
+    why = f"a `-` is missing before `{found[2]}`: every node of a list begins with one"
+    for left, end in (0, row + 1), (2, row + 1), (0, _end_of_block(lines, row, margin - 1)):
+        made = [
+            f"{line[: margin - left]}- {line[margin:]}" if _columns(line)[0] == margin else line
+            for line in lines[row:end]
+        ]
+        if left <= margin:
+            yield _Edit((row, margin), "dash", why, (*lines[:row], *made, *lines[end:]))
+
+
+def _end_of_block(lines: Sequence[str], row: int, column: int) -> int:
+    """Return the next line that begins in a column or before it."""
+    rows = range(row + 1, len(lines))
+    return next(
+        (n for n in rows if _content(lines[n]) and _columns(lines[n])[0] <= column), len(lines)
+    )
 
 
 def _indents(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
     """Return edits that move a line, with the lines that belong to it, to another column."""
-    now = len(_margin(lines[row]))
+    now, shown = _columns(lines[row])[:2]
     columns = dict[int, str]()  # the columns of the lines above, and what to do
     for above in reversed(range(row)):
         if not _content(lines[above]):
@@ -334,20 +329,12 @@ def _indents(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
             columns.setdefault(inner + 2, f"it belongs to `{key}` in line {above + 1}")
         columns.setdefault(inner, f"indent it like `{key}` in line {above + 1}")
         columns.setdefault(indent, f"indent it like `{first}` in line {above + 1}")
-    end = next(
-        (
-            n
-            for n in range(row + 1, len(lines))
-            if _content(lines[n]) and _columns(lines[n])[0] <= now
-        ),
-        len(lines),
-    )
-    tabs = "\t" in _margin(lines[row])
-    end = row + 1 if tabs else end
+    tabs = "\t" in lines[row][:now]
+    end = row + 1 if tabs else _end_of_block(lines, row, now)
     for column in sorted(columns.keys() - {now}, key=lambda column: abs(column - now)):
         moved = tuple(_moved(line, column - now) for line in lines[row:end])
-        why = f"is indented by {plural(now, 'space')}, not {column}: {columns[column]}"
-        why = f"`{_columns(lines[row])[1]}` {why}"
+        spaces = plural(now, "space")
+        why = f"`{shown}` is indented by {spaces}, not {column}: {columns[column]}"
         if any(map(_content, lines[row + 1 : end])):
             why += "; move the lines that belong to it, too"
         why = "tabs cannot indent; use spaces" if tabs else why
@@ -363,12 +350,8 @@ def _columns(line: str) -> tuple[int, str, int, str]:
 
 
 def _moved(line: str, by: int) -> str:
-    margin = len(_margin(line))
+    margin = _columns(line)[0]
     return " " * max(0, margin + by) + line[margin:]
-
-
-def _margin(line: str) -> str:
-    return line[: len(line) - len(line.lstrip())]
 
 
 def _content(line: str) -> str:

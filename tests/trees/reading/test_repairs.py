@@ -54,15 +54,15 @@ SLIPS = [
     ("- subtree: reach", "- subtree reach", "6:7 a colon is missing after `subtree`"),
     ("arm: upright", "arm upright", "7:14 a colon is missing after `arm`"),
     ("task: 20", "task = 20", "1:1 a colon separates `task` from its value, not `=`"),
-    ("gripper: open}", "gripper: open", "7:13 the { in column 13 is not closed"),
+    ("gripper: open}", "gripper: open", "7:13 the { of line 7, column 13 is not closed"),
     ("gripper: open}", "gripper: open]", "7:41 ] does not close what is open here; write }"),
-    ("20 deg}}", "20 deg}", "9:13 the { in column 13 is not closed"),
+    ("20 deg}}", "20 deg}", "9:13 the { of line 9, column 13 is not closed"),
     ("20 deg}}", "20 deg}}}", "9:40 this } closes nothing"),
-    ("1 cm],", "1 cm,", "10:34 the [ in column 34 is not closed"),
+    ("1 cm],", "1 cm,", "10:34 the [ of line 10, column 34 is not closed"),
     ("upright, gripper", "upright gripper", "7:27 a comma is missing before `gripper`"),
     ("upright, gripper", "upright; gripper", "7:26 a comma separates values, not `;`"),
     ("{joint_1: 20 deg}", "(joint_1: 20 deg)", "9:22 write braces, not parentheses"),
-    ("One mistake.", "'One mistake.", "3:14 the ' in column 14 is not closed"),
+    ("One mistake.", "'One mistake.", "3:14 the ' of line 3, column 14 is not closed"),
     ("One mistake.", "Pick: the cube", "3:14 a text with special characters must be in"),
     ("One mistake.", "@home", "3:14 a text with special characters must be in quotes"),
     ("name: m", "name: \u201cm\u201d", '2:7 write the plain quote "'),
@@ -110,7 +110,7 @@ SEVERAL = [
     (
         "    - subtree: reach\n      with: {arm: upright}\n",
         "    - subtree: reach\n      wiht: {arm: upright\n",
-        ["7:13 the { in column 13 is not closed"],  # what is inside is checked when that is right
+        ["7:13 the { of line 7, column 13 is not closed"],  # what is inside is checked when that is right
     ),
 ]  # fmt: skip
 
