@@ -110,7 +110,7 @@ SEVERAL = [
     (
         "    - subtree: reach\n      with: {arm: upright}\n",
         "    - subtree: reach\n      wiht: {arm: upright\n",
-        ["7:13 the { of line 7, column 13 is not closed"],  # what is inside is checked when that is right
+        ["7:13 the { of line 7, column 13 is not closed"],  # the inside is checked later
     ),
 ]  # fmt: skip
 
