@@ -1,7 +1,7 @@
 """What `$name` means: a parameter, a port of the subtree, or a key of the blackboard."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from hardware.suggestions import suggestion
 from trees.declarations import Declaration
@@ -59,26 +59,21 @@ def _used(given: Located, user: Value, stand_in: StandIn | None) -> Located:
 
 
 def _without_names(
-    value: Located,
-    scope: Scope,
-    written: Collection[str],
-    mistakes: Mistakes,
-    kind: str = "",
+    value: Located, scope: Scope, written: Collection[str], mistakes: Mistakes, kind: str = ""
 ) -> Located:
     """Return a literal with the references inside it replaced by their values.
 
     `kind` is the likely type of the value if it is inside another one; else empty.
     """
     inner = value.value
+
+    def within(item: Located, kind: str) -> Located:
+        return _without_names(item, scope, written, mistakes, kind)
+
     if isinstance(inner, dict):
-        items = {
-            key: _without_names(item, scope, written, mistakes, "angle")
-            for key, item in inner.items()
-        }
-        return Located(value.place, items, value.label)
+        return replace(value, value={key: within(item, "angle") for key, item in inner.items()})
     if isinstance(inner, list):
-        rows = [_without_names(item, scope, written, mistakes, "number") for item in inner]
-        return Located(value.place, rows, value.label)
+        return replace(value, value=[within(item, "number") for item in inner])
     if not kind or not isinstance(inner, str) or not inner.startswith("$"):
         return value
     given = scope.ports.get(inner[1:])
@@ -87,7 +82,7 @@ def _without_names(
     if isinstance(given, Located):
         return _used(given, value, stand_in)
     if stand_in:
-        return Located(value.place, stand_in, value.label)
+        return replace(value, value=stand_in)
     near = suggestion(inner[1:], scope.declared)
     why, lines = f"there is no {scope.what} for {inner}{near}", ""
     if key in written:
@@ -97,4 +92,4 @@ def _without_names(
         why += f"; declare it above the tree, with {scope.what}s:, or write a value here"
         lines = f"{scope.what}s:\n  {inner[1:]}: {{type: {kind}, default: 0}}"
     mistakes.add_last(value.place, why, lines)
-    return Located(value.place, REFUSED, value.label)
+    return replace(value, value=REFUSED)

@@ -90,8 +90,7 @@ class SkillHooks:
         _, faults = _result(kind, "validate", lambda: kind.validate(robot, inputs), _ANY)
         for fault in faults:
             (place, value), instead = _refused(leaf, fault), ""
-            known = isinstance(fault, SkillError) and fault.location
-            if value and known and (near := _in_smaller_unit(leaf, robot, inputs, fault)):
+            if value and (near := _in_smaller_unit(leaf, robot, inputs, fault)):
                 fault.args = (f"{fault}; did you mean {near}?",)
                 instead = _with_unit(value, near.split()[1])
             self._refuse(leaf.skill, kind, [(fault, place)], instead)
@@ -235,13 +234,15 @@ def _in_smaller_unit(leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], error:
     kind, (_, value) = type(leaf.skill), _refused(leaf, error)
     if value is None or not isinstance(error, SkillError):
         return ""
-    port, *within = map(str, error.location)
+    port = str(error.location[0])
     first = value.value[0] if isinstance(value.value, list) and value.value else value
     for text, factor in in_smaller_units(first.value, declaration(kind.input_ports()[port]).unit):
-        scaled = {**inputs, port: _scaled(inputs.get(port), within, factor)}
+        scaled = {**inputs, port: _scaled(inputs.get(port), factor)}
         _, faults = _result(kind, "validate", partial(kind.validate, robot, scaled), _ANY)
-        same = (f for f in faults if isinstance(f, SkillError) and f.location == error.location)
-        if not any(isinstance(fault, SkillBroken) for fault in faults) and not any(same):
+        if not any(
+            isinstance(fault, SkillBroken) or getattr(fault, "location", ()) == error.location
+            for fault in faults
+        ):
             return text
     return ""
 
@@ -255,12 +256,12 @@ def _with_unit(value: Located, unit: str) -> str:
     return value.place.replaced(str(value.value), texts[0])
 
 
-def _scaled(value: Any, within: Sequence[str], factor: float) -> Any:
-    """Return a value in which the numbers at a location are multiplied."""
-    if isinstance(value, Mapping) and within and within[0] in value:
-        changed: Any = copy(value)
-        changed[within[0]] = value[within[0]] * factor
+def _scaled(value: Any, factor: float) -> Any:
+    """Return a value with all its numbers multiplied."""
+    if isinstance(value, Mapping):
+        changed: Any = copy(value)  # keeps the joints whose positions are not known
+        changed.update((key, _scaled(each, factor)) for key, each in value.items())
         return changed
-    if isinstance(value, list) and not within:
-        return [_scaled(item, within, factor) for item in value]
+    if isinstance(value, list):
+        return [_scaled(item, factor) for item in value]
     return value * factor if isinstance(value, float) else value

@@ -35,12 +35,12 @@ def by_port(
     if "" not in given and (named_ports or len(ports) != 1 or not _fits(whole, declared[ports[0]])):
         return given
     value = given.get("", whole)
-    written = f"${short_name(value)}" if isinstance(value, Key) else value.as_yaml()
     nothing = isinstance(value, Located) and value.value is None
+    written = f"${short_name(value)}" if isinstance(value, Key) else value.as_yaml()
     values = ["…" if nothing else written, *["…"] * len(ports)]
-    wanted = ", ".join(f"{port}: {each}" for port, each in zip(ports, values, strict=False))
-    name = "name of its port" if len(ports) == 1 else "names of its ports"
-    why = f"{what} needs the {name}: write {key}: {{{wanted}}}"
+    wanted = "{" + ", ".join(map("{}: {}".format, ports, values)) + "}"
+    names = "name of its port" if len(ports) == 1 else "names of its ports"
+    why = f"{what} needs the {names}: write {key}: {wanted}"
     if nothing and not any(declared[port].needed for port in ports):
         why = f"{key} has no value: leave out the colon"
     elif not ports:
@@ -48,21 +48,19 @@ def by_port(
     if len(ports) != 1 or nothing:
         wrong(value.place, why)
         return {port: Located(value.place, REFUSED, value.label) for port in ports}
-    if "" in given:
-        wrong(value.place, why, value.place.replaced(written, f"{{{wanted}}}"))
-    else:
-        bracket = replace(value.label, column=value.label.column - 1)
-        wrong(value.label, why, bracket.replaced(bracket.brackets, f"{{{wanted}}}"))
+    place = value.place
+    if "" not in given:  # the place of the bracket before the first key
+        place = replace(value.label, column=value.label.column - 1)
+        written = place.brackets
+    wrong(value.label if "" not in given else place, why, place.replaced(written, wanted))
     return {ports[0]: value}
 
 
 def as_mapping(given: Mapping[str, Value]) -> Located:
     """Return values by port as one value. Its label is the place of the first one's key."""
     items = {
-        port: Located(value.place, f"${value.name}", value.label)
-        if isinstance(value, Key)
-        else value
-        for port, value in given.items()
+        port: Located(each.place, f"${each.name}", each.label) if isinstance(each, Key) else each
+        for port, each in given.items()
     }
     label = next((value.label for value in items.values()), MISSING)
     return Located(label, dict(items), label)
