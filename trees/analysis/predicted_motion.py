@@ -204,8 +204,8 @@ class _Walk:
             least[leaf.skill] = min(least.get(leaf.skill, math.inf), self._time or 0.0)
             self._time = None
         now = self._written(leaf, now)
-        if self._reach and kind.tool_output in leaf.keys:
-            now = self._reached(leaf, inputs, self._reach, now)
+        if kind.tool_output in leaf.keys:
+            now = self._reached(leaf, inputs, now)
         if kind.plans_goal:
             self._pass(leaf, inputs)
         if kind.world_change:
@@ -222,19 +222,13 @@ class _Walk:
             keys[key] = Positions(zip(names, now.pose, strict=True))
         return replace(now, keys=keys)
 
-    def _reached(
-        self,
-        leaf: Leaf,
-        inputs: Mapping[str, Any],
-        reach: Callable[[ToolQuery], Reached],
-        now: _State,
-    ) -> _State:
+    def _reached(self, leaf: Leaf, inputs: Mapping[str, Any], now: _State) -> _State:
         """Return the state with the target that brings the tool to a known point."""
-        query = self._hooks.tool_query(leaf, self._robot, inputs)
-        if not query:
+        query = self._reach and self._hooks.tool_query(leaf, self._robot, inputs)
+        if not self._reach or not query:
             return now
         try:
-            answer = reach(replace(query, world=now.world))
+            answer = self._reach(replace(query, world=now.world))
         except MotionError as error:
             self._why = str(error)
             if isinstance(error, Unreachable):

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from py_trees.behaviour import Behaviour
 
 from trees.compile.compiler import CompiledTree
-from trees.nodes.kind import Control, PossibleOutcomes
+from trees.nodes.kind import PossibleOutcomes
 
 
 def check_outcomes(tree: CompiledTree, least: Mapping[Behaviour, float] | None = None) -> None:
@@ -34,7 +34,7 @@ def _outcomes(
     """
     control = tree.controls.get(node)
     if control and node not in tree.hooks.doubtful:
-        return control.kind.possible_outcomes(_Node(tree, node, control, least, halted))
+        return control.kind.possible_outcomes(_Node(tree, node, least, halted))
     if control:
         for child in node.children:
             _outcomes(tree, child, least, halted or control.kind.may_halt)
@@ -51,15 +51,11 @@ class _Node:
     """A node, with the interface `trees.nodes.kind.Outcomes` that its kind uses."""
 
     def __init__(
-        self,
-        tree: CompiledTree,
-        node: Behaviour,
-        control: Control,
-        least: Mapping[Behaviour, float],
-        halted: bool,
+        self, tree: CompiledTree, node: Behaviour, least: Mapping[Behaviour, float], halted: bool
     ) -> None:
         self._tree, self._node, self._least = tree, node, least
-        self.options, self.halted, self.count = control.options, halted, len(node.children)
+        self.options, self.halted = tree.controls[node].options, halted
+        self.count = len(node.children)
 
     def child(self, number: int, halted: bool) -> PossibleOutcomes:
         """Return the possible outcomes of a child."""

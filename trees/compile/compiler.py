@@ -210,10 +210,7 @@ class TreeCompiler:
 
     def _control(self, spec: ControlNode, scope: Scope, shown: str) -> Behaviour:
         kind = KINDS.get(spec.kind, _UNKNOWN)
-        given = {
-            option: self._option(spec, option, declared, kind, scope)
-            for option, declared in kind.options.items()
-        }
+        given = {option: self._option(spec, option, kind, scope) for option in kind.options}
         wrong = {option for option, value in given.items() if value is REFUSED}
         options = given | {option: _placeholder_value(kind, option) for option in wrong}
         specs = list(spec.children)
@@ -230,15 +227,9 @@ class TreeCompiler:
         kind.check(children, options, _Child(self, node, spec, scope))
         return node
 
-    def _option(
-        self,
-        spec: ControlNode,
-        option: str,
-        declared: Declaration,
-        kind: ControlNodeKind,
-        scope: Scope,
-    ) -> Any:
+    def _option(self, spec: ControlNode, option: str, kind: ControlNodeKind, scope: Scope) -> Any:
         """Return the value of an option, or REFUSED if it is wrong."""
+        declared = kind.options[option]
         value = self._resolve(spec.options.get(option), scope)
         if isinstance(value, Key) and value.name in scope.stand_ins:
             stand_in = Located(value.place, scope.stand_ins[value.name], value.label)
@@ -295,8 +286,7 @@ class TreeCompiler:
     def _check_condition(self, child: "_Child") -> None:
         if name := child.action():
             there = [name for name, kind in self._skills.items() if kind.condition]
-            why = f"{name} acts, and cannot be a condition; there are {choices(name, there)}"
-            child.wrong(why)
+            child.wrong(f"{name} acts, and cannot be a condition; there are {choices(name, there)}")
 
     # Files
 

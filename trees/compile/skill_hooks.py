@@ -80,7 +80,8 @@ class SkillHooks:
         if made is not None:
             return made
         node = Dummy(name)
-        self._refuse(node, kind, [(fault, place) for fault in faults])
+        for fault in faults:
+            self._refuse(Refusal(node, kind.__name__, fault, place))
         return node
 
     def validate(self, leaf: Leaf, robot: Robot) -> None:
@@ -93,7 +94,7 @@ class SkillHooks:
             if value and (near := _in_smaller_unit(leaf, robot, inputs, fault)):
                 fault.args = (f"{fault}; did you mean {near}?",)
                 instead = _with_unit(value, near.split()[1])
-            self._refuse(leaf.skill, kind, [(fault, place)], instead)
+            self._refuse(Refusal(leaf.skill, kind.__name__, fault, place, instead))
 
     def min_duration(self, leaf: Leaf) -> float:
         """Return the least time that a skill takes [s]."""
@@ -127,20 +128,13 @@ class SkillHooks:
         """Return what a hook returns; None if it fails."""
         kind = type(leaf.skill)
         answer, faults = _result(kind, hook, lambda: getattr(kind, hook)(*arguments), wanted)
-        self._refuse(leaf.skill, kind, [(each, _refused(leaf, each)[0]) for each in faults])
+        for fault in faults:
+            self._refuse(Refusal(leaf.skill, kind.__name__, fault, _refused(leaf, fault)[0]))
         return answer
 
-    def _refuse(
-        self,
-        node: Behaviour,
-        kind: type[Skill],
-        faults: Iterable[tuple[Fault, Place]],
-        instead: str = "",
-    ) -> None:
-        for fault, place in faults:
-            self.doubtful.add(node)
-            refusal = Refusal(node, kind.__name__, fault, place, instead)
-            self._refused.setdefault((place, str(fault)), refusal)
+    def _refuse(self, refusal: Refusal) -> None:
+        self.doubtful.add(refusal.node)
+        self._refused.setdefault((refusal.place, str(refusal.error)), refusal)
 
 
 @dataclass(frozen=True)
