@@ -125,6 +125,7 @@ def test_stops_that_come_together_share_one(serve: Serve, monkeypatch: pytest.Mo
         assert all(b"HTTP/1.1 200" in answer(each) for each in others)
     assert len(calls) == 2
     monkeypatch.undo()
+    served.executive.result(goal)
     goal = served.executive.send(10).identity
     assert goal in served.ask("POST", "/api/stop", token=False)[1]["goals"]
 
