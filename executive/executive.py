@@ -304,9 +304,8 @@ class Executive:
             self.start_pose.activate(self._arm, pose)
             return self._arm.state
         if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
-            self._interrupt(
-                NotActive(_LEAVES)
-            )  # first, or the goal would report the stop as its cause
+            # First, or the goal would report the stop as its cause.
+            self._interrupt(NotActive(_LEAVES))
         getattr(self._arm, transition)()
         return self._arm.state
 

@@ -77,9 +77,8 @@ def _seed(plan: Plan, goals: Sequence[Goal]) -> str:
 
 
 def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
-    for joint, value in zip(
-        plan.joints, plan.goal, strict=False
-    ):  # a goal of wrong length is recorded, too
+    # A goal of wrong length is recorded, too.
+    for joint, value in zip(plan.joints, plan.goal, strict=False):
         if joint in targets and value not in targets[joint]:
             spelled = ", ".join(f"{target:g}" for target in sorted(targets[joint]))
             return f"task: it sends {joint} to {spelled}, the plan to {value:g}"

@@ -238,9 +238,8 @@ def _listen(address: str, port: int) -> socket.socket:
 
 
 def _config(app: Any) -> uvicorn.Config:
-    logging.getLogger("uvicorn.error").setLevel(
-        logging.ERROR
-    )  # clients without the token must not fill the log
+    # Clients without the token must not fill the log.
+    logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     return uvicorn.Config(
         app,
         loop="asyncio",

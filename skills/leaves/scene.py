@@ -94,10 +94,7 @@ class _Add(Skill, register=False):
 class AddBox(_Add):
     """Add a box to the world."""
 
-    INPUT_PORTS = {
-        **_PLACE,
-        "size": vector("edges along x, y and z [m]", "m", least=_LEAST),
-    }
+    INPUT_PORTS = {**_PLACE, "size": vector("edges along x, y and z [m]", "m", least=_LEAST)}
 
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Box:
@@ -119,11 +116,7 @@ class AddSphere(_Add):
 class AddCylinder(_Add):
     """Add a cylinder to the world. Its axis is z before the rotation."""
 
-    INPUT_PORTS = {
-        **_PLACE,
-        "radius": _length("radius"),
-        "length": _length("length"),
-    }
+    INPUT_PORTS = {**_PLACE, "radius": _length("radius"), "length": _length("length")}
 
     @classmethod
     def shape(cls, given: Mapping[str, Any]) -> Cylinder:

@@ -77,13 +77,8 @@ def wanted_at(
     like = types.get(info.like) if isinstance(info, Port) else None
     typed = like or any(isinstance(each, Port) and each.like == port for each in ports)
     unit = measured(value) if typed and isinstance(value, Located) else ""
-    if unit and like in (
-        None,
-        "",
-        ANY,
-        "number",
-        "integer",
-    ):  # a plain number is accepted as any quantity
+    # A plain number is accepted as any quantity.
+    if unit and like in (None, "", ANY, "number", "integer"):
         like = unit
     return Declaration(like, wanted.default, wanted.optional) if like else wanted
 

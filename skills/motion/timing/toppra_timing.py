@@ -188,10 +188,8 @@ class _Limits(LinearConstraint):  # type: ignore[misc]
         # Coefficient of u at the upper end, because x there is x + 2 step u.
         ahead = upper + 2.0 * np.diff(grid)[:, None] * second
         a, b = np.hstack((lower, ahead)), np.hstack((second, second))
-        a, b = (
-            np.vstack((a, a[-1:])),
-            np.vstack((b, b[-1:])),
-        )  # the last grid point begins no interval
+        # The last grid point begins no interval.
+        a, b = np.vstack((a, a[-1:])), np.vstack((b, b[-1:]))
         both = np.concatenate((self._acceleration, self._acceleration))
         signs = np.vstack((np.eye(len(both)), -np.eye(len(both))))
         bounds = np.column_stack((np.zeros(len(grid)), self._max_squares(lower, upper)))
