@@ -92,7 +92,8 @@ class SkillHooks:
         for fault in faults:
             (place, value), instead = _refused(leaf, fault), ""
             if value and (near := _in_smaller_unit(leaf, robot, inputs, fault)):
-                fault.args = (f"{fault}; did you mean {near}?",)
+                words = str(fault).removesuffix(meant := f"; did you mean {near}?")
+                fault.args = (words + meant,)  # a skill may raise the same object again
                 instead = _with_unit(value, near.split()[1])
             self._refuse(Refusal(leaf.skill, kind.__name__, fault, place, instead))
 

@@ -1,17 +1,18 @@
 """What breaks in the code of a skill before the run: a mistake at its node, and nowhere else."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
 from py_trees.common import Status
+from py_trees.ports import PortInformation
 
 from executive.cli.main import cli
 from hardware import Robot
-from skills import BadTarget, Skill
+from skills import BadTarget, Positions, Skill
 from trees.check import check
 
 HEAD = "task: {}\nname: {}\ndescription: d\ntree:\n  sequence:\n    - {}\n"
@@ -124,3 +125,27 @@ def test_plan_refuses_poses_that_break(tmp_path: Path, answer: Any) -> None:
     (tmp_path / "3_x.yaml").write_text(HEAD.format(3, "x", "Frail"))
     result = CliRunner().invoke(cli, ["plan", "3", "--trees", str(tmp_path)])
     assert RAISED.format("poses") in str(result.exception)
+
+
+class Farsighted(Skill):
+    """Refuses far positions, always with the same exception object."""
+
+    INPUT_PORTS = {"joints": PortInformation(Positions, description="targets [rad]")}
+    far = BadTarget("too far").at("joints", "joint_1")
+
+    @classmethod
+    def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        if inputs.get("joints", {}).get("joint_1", 0.0) > 2.0:
+            raise cls.far
+
+    def on_start(self) -> Status:
+        return Status.SUCCESS
+
+
+def test_an_error_that_is_raised_again_suggests_a_unit_once(robot: Robot, tmp_path: Path) -> None:
+    file = tmp_path / "7_near.yaml"
+    file.write_text(HEAD.format(7, "near", "Farsighted: {joints: {joint_1: 70}}"))
+    for _ in range(2):
+        (mistake,) = check(robot, None, [file]).mistakes
+        assert mistake.message == "Farsighted: too far; did you mean 70 deg?"
+        assert mistake.instead.strip() == "- Farsighted: {joints: {joint_1: 70 deg}}"
