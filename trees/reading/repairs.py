@@ -183,11 +183,12 @@ def _edits(version: _Version) -> Iterator[_Edit]:
     for row, _ in version.spots:
         rows |= {row: None, _before(row, lines): None}
     yield from _whole(lines)
+    last = max(rows) if version.left is None else 0  # in YAML, all brackets are closed
     for row in rows:
         content, comment = _split_comment(lines[row])
         for column, why, line in _slips(content):
             yield _Edit((row, column), "slip", why, _with(lines, row, line + comment))
-        yield from _closers(lines, row, max(rows))
+        yield from _closers(lines, row, last)
     for row, column in version.spots:
         for at, why, line in _at(lines[row], column):
             yield _Edit((row, at), "sign", why, _with(lines, row, line))
