@@ -159,7 +159,8 @@ def test_a_write_that_does_not_return_blocks_no_thread_forever_and_no_later_moti
     assert isinstance(playback.error, PortStalled)
     stuck = link.writer
     if act is not Arm.shutdown:
-        arm.configure()
+        if arm.state is State.UNCONFIGURED:  # inactive if the deactivation was first
+            arm.configure()
         arm.activate()
     link.leave.set()
     stuck.join(5)
