@@ -184,7 +184,9 @@ def _jobs(folder: Path | None, files: Sequence[Path]) -> Iterator[tuple[Path, Li
         if named := [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]:
             yield file, library, FileError(named)
         elif file.resolve() not in libraries[parent]:
-            wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"
+            wrong = "does not exist; give a file, such as trees/3_wave.yaml"
+            if file.exists():
+                wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"
             yield file, library, FileError([Mistake(Place(file, 1, 1), wrong)])
         else:
             yield file, *libraries[parent][file.resolve()]

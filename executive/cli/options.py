@@ -156,8 +156,8 @@ run_options = _together(
         default=5.0,
         show_default=True,
         metavar="SECONDS",
-        help="How long a frame waits for the recording of the one before it, on a busy computer or "
-        "a slow disk [s]. Then the motion ends.",
+        help="Longest time that a frame waits until the one before it is recorded [s]. Then the "
+        "motion ends.",
     ),
     click.option(
         "--keep-days",

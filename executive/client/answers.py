@@ -75,7 +75,7 @@ class Events:
     """
 
     def __init__(self, url: str) -> None:
-        self._url, self._rest = url, b""
+        self._url, self._rest = url, bytearray()
 
     def read(self, piece: bytes) -> Iterator[Event]:
         """Add a piece of the stream, and yield the events that it completes.
@@ -83,7 +83,12 @@ class Events:
         Raises:
             WrongAnswer: It is not a stream of armtree's events.
         """
-        *lines, self._rest = (self._rest + piece).split(b"\n")
+        complete, newline, rest = piece.rpartition(b"\n")
+        lines = list[bytes]()
+        if newline:
+            lines = bytes(self._rest + complete).split(b"\n")
+            self._rest = bytearray()
+        self._rest += rest
         if len(self._rest) > MAX_BYTES:
             raise WrongAnswer(self._url, f"an event has more than {MAX_BYTES >> 20} MiB")
         for line in lines:

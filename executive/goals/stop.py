@@ -1,4 +1,4 @@
-"""The end of the goal under way: its stop, the deadline, and the outcome."""
+"""Stops the running goal, enforces its deadline and decides its outcome."""
 
 import logging
 import sys

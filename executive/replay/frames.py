@@ -184,7 +184,7 @@ def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) 
     for number, (due, frame) in enumerate(zip(schedule.times, moving, strict=False), 1):
         first, scheduled = moving[0].scheduled, frame.scheduled
         if first is None or scheduled is None:
-            return f"frame {number}: {frame.text} is recorded without the time it was due"
+            return f"frame {number}: {frame.text} has no due time in the recording"
         if first < schedule.time - _TOLERANCE:
             return f"frame 1: {moving[0].text} was due before its schedule was compiled"
         passed = due - schedule.times[0]

@@ -69,7 +69,7 @@ def plans_difference(
             if before and record.resumed is not None:
                 planned |= _remaining(planner, robot, record, before, record.resumed)
             if missing := [group for group in record.groups if group not in planned]:
-                return f"a schedule moves the {missing[0]}, for which no motion is recorded"
+                return f"a schedule moves the group {missing[0]}, but no plan for it is recorded"
             start = tuple(record.start[joint.name] for joint in robot.actuated)
             plans = [planned[group] for group in record.groups]
             before = MergedMotion(robot, start, plans, record.together)

@@ -51,7 +51,7 @@ class Replay(Execute):
         _setpoints(Path(inputs["recording"]), robot.path)
 
     def compile_motion(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
-        """Return the recorded frames. They come from no plan of this run."""
+        """Return the recorded frames. Nothing is planned."""
         path, speed = Path(self.get_input("recording")), self.get_input("speed")
         recorded = _setpoints(path, self.context.robot.path)
         setpoints = tuple(replace(setpoint, time=setpoint.time / speed) for setpoint in recorded)

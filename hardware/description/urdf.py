@@ -146,7 +146,7 @@ def _root(source: BytesIO | StringIO) -> Element:
 
 def _links_and_joints(root: Element) -> Urdf:
     if root.tag != "robot":
-        raise UrdfError(f"is no URDF: it is a <{root.tag}>; give it a <robot>")
+        raise UrdfError(f"is no URDF: its root element is <{root.tag}>, not <robot>")
     joints = root.findall("joint")
     links = tuple(link.get("name", "") for link in root.findall("link"))
     if len(links) > _MAX_LINKS:

@@ -110,7 +110,7 @@ class _Body(BytesIO):
         """Return exactly so many bytes."""
         data = super().read(size)
         if len(data) != size:
-            raise BadRecord(f"{len(data)} bytes in place of {size}")
+            raise BadRecord(f"a record that ends after {len(data)} of {size} bytes")
         return data
 
 
@@ -118,7 +118,7 @@ def _checked(attachment: "Attachment", body: bytes) -> "Attachment":
     """Return an attachment if its checksum is right; mcap does not check it."""
     expected = int.from_bytes(body[-_CRC_BYTES:], "little")
     if expected not in (0, crc32(body[:-_CRC_BYTES])):
-        raise BadRecord("checksum of an attachment")
+        raise BadRecord("wrong checksum of an attachment")
     return attachment
 
 
@@ -128,7 +128,7 @@ def _unpacked(chunk: "Chunk") -> bytes:
         raise BadRecord(f"a chunk of {size} bytes")
     data = _UNPACK[chunk.compression](chunk.data, size)
     if len(data) != size or chunk.uncompressed_crc not in (0, crc32(data)):
-        raise BadRecord("checksum of a chunk")
+        raise BadRecord("wrong checksum of a chunk")
     return data
 
 

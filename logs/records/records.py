@@ -21,7 +21,7 @@ class Description:
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """A frame that was written to the port, or a setting of the board, which commands no joint.
+    """A frame or a board setting that was written to the port. A setting commands no joint.
 
     Attributes:
         time: When it was written [s].

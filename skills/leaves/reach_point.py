@@ -43,7 +43,8 @@ class ReachPoint(PlanningSkill):
             description="link with the tool; empty for the robot's own tool",
         ),
         "offset": vector(
-            "position of the tool on `tool`; else offset from the robot's own tool [m]",
+            "position of the tool in the frame of link `tool`; "
+            "without `tool`, offset from the robot's own tool [m]",
             "m",
             ORIGIN,
         ),

@@ -106,7 +106,8 @@ class ToolQuery:
         direction: Direction of the tool's axis in that frame. Default: any.
         link: Link that carries the tool. Default: that of the robot's own tool if the group moves
             it, else the last link that the group moves.
-        offset: Position of the tool in the link's frame, or from the robot's own tool [m].
+        offset: Position of the tool in the frame of `link`; without `link`, relative to the
+            robot's own tool [m].
         axis: Axis of the tool in that frame. Default: that of the robot's own tool, or z.
         relative: True if `point` is relative to the tool's position at the start.
         seed: Seed of the search.

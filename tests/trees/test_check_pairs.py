@@ -129,7 +129,7 @@ AROUND = [
     ("{sequence: [X], memory: off}", "'off' is not true or false"),
     ("{sequnce: [X]}", "did you mean sequence?"),
     ("{squence: [X, {Say: {txt: a}}]}", "txt is no port of Say"),
-    ("{foo: [X]}", "foo has no list of nodes"),
+    ("{foo: [X]}", "foo takes no list of nodes"),
     ("{sequence: X}", "sequence needs a list of nodes"),
     ("{sequence: [X], parallel: [Succeed]}", "sequence and parallel are several nodes"),
     ("{inverter: [X]}", "a list of nodes needs a node above"),

@@ -53,7 +53,7 @@ WRONG = [
     (f"- subtree: move_joints\n      {MOVE}", "- MoveJoints: {joints: {joint_1: 20 deg}}",
      "8:7 no skill MoveJoints, but a subtree move_joints: write subtree: move_joints",
      f"    - subtree: move_joints\n      {MOVE}"),
-    ("  sequence:", "  Sequence:", "5:3 Sequence has no list of nodes; these have: parallel, "
+    ("  sequence:", "  Sequence:", "5:3 Sequence takes no list of nodes; these do: parallel, "
      "selector, sequence; did you mean sequence?", ""),
     ("tree:\n  sequence:\n    - subtree: reach", "sequence:\n    - subtree: reach",
      "4:1 sequence must be below the key tree", "tree:\n  sequence:"),

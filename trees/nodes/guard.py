@@ -86,8 +86,8 @@ class GuardKind(ControlNodeKind):
         """Report a condition that may take several ticks."""
         for below in children[1].lasting():
             below.wrong(
-                f"{below.name} may take several ticks, but the condition of while must end in one; "
-                "the guard repeats it anyway"
+                f"{below.name} may take several ticks, but the condition of while must end in one. "
+                "The guard already repeats it"
             )
 
     def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:

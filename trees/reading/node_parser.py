@@ -120,7 +120,7 @@ class NodeParser:
         if isinstance(inner.value, list):
             lists = [name for name, kind in _kinds().items() if kind.many]
             there = choices(skill, lists)
-            self._wrong(inner.label, f"{skill} has no list of nodes; these have: {there}")
+            self._wrong(inner.label, f"{skill} takes no list of nodes; these do: {there}")
             kind = corrections((skill,), lists).get(skill, "")
             return ControlNode(place, kind, self._items(inner.value))
         name = self.name(Located(inner.label, skill, inner.label), "a node")

@@ -21,7 +21,7 @@ def check_memory() -> None:
 
 
 def limit_memory() -> None:
-    """Limit this process to what a planner may use, or to less if less is allowed."""
+    """Limit this process's memory to the planner's bound, or to the system's if that is lower."""
     limit = _limit()
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 

@@ -174,7 +174,7 @@ class WorkerProcess:
             number, answer = message
             if number == self._number:
                 return answer
-            raise InvalidMessage(f"request {number} instead of {self._number}")
+            raise InvalidMessage(f"request {number}, not {self._number}")
         raise InvalidMessage(f"{type(message).__name__} without a number")
 
     def _invalid(self, what: str) -> WorkerDied:

@@ -191,7 +191,11 @@ def test_a_frame_that_is_missing(rig: RigMaker) -> None:
     [
         (["/"], [False, True], "nothing is recorded"),
         (["/goal", "/result"], [False, True], "no goal is recorded"),
-        (["/plan/arm"], [True, False], "a schedule moves the arm, for which no motion is recorded"),
+        (
+            ["/plan/arm"],
+            [True, False],
+            "a schedule moves the group arm, but no plan for it is recorded",
+        ),
         (["/schedule"], [False, True], "was sent without a schedule"),
     ],
 )
@@ -217,7 +221,11 @@ def field(*places: Any, to: Any) -> Callable[[dict[str, Any]], None]:
 @pytest.mark.parametrize(
     ("change", "held", "words"),
     [
-        (retold("/plan/arm", field("code", to="plan.timeout")), [True, False], "no motion is reco"),
+        (
+            retold("/plan/arm", field("code", to="plan.timeout")),
+            [True, False],
+            "no plan for it is reco",
+        ),
         (
             retold("/plan/arm", field("duration", to=9.0)),
             [True, False],

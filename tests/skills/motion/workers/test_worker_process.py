@@ -158,7 +158,7 @@ def test_a_worker_that_answers_twice(
     assert isinstance(worker.call(PICK), PlanTimeout)
     died = worker.call(PICK)
     assert isinstance(died, WorkerDied)
-    assert died.why == "it answered request 1 instead of 2"
+    assert died.why == "it answered request 1, not 2"
     assert not worker.alive
     worker.close()
 
