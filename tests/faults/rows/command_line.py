@@ -124,7 +124,8 @@ def memory(command: Command) -> float:
 @row(
     "reader-ends",
     "the reader of a command's output ends after some lines, as in `armtree tasks | head -1`",
-    "a command that only prints is quiet and ends with 141; a run goes on, and has its own status",
+    "a command that only prints is quiet and ends with 141, or 0 if all was printed before; "
+    "a run goes on, and has its own status",
     times=6,
     quick=1,
 )
