@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, settings
 from py_trees.blackboard import Blackboard
 
 import logs
-from executive.cli.sequence import TaskSequence
+from executive.cli.support.run_tasks import TaskSequence
 from executive.executive import Executive
 from executive.goals.events import Event, QuestionStatus
 from executive.goals.outcome import GoalStatus, Outcome

@@ -18,7 +18,7 @@ BELOW = {
 # Folders that may hold more, and why.
 CROWDED = {
     "skills/leaves": "one file per skill",
-    "executive/cli": "one file per group of commands",
+    "executive/cli": "one file per group of commands; their helpers are in support/ and terminal/",
     "tests": "one folder per room and per kind of test",
 }
 SIBLINGS = 14  # about a dozen

@@ -10,8 +10,8 @@ from click.core import ParameterSource
 
 from executive.codes import look_up
 
-from .options import port_option, recordings_option, robot_option, trees_option
-from .streams import echo
+from .support.options import port_option, recordings_option, robot_option, trees_option
+from .terminal.streams import echo
 
 _MARKS = {True: "ok", False: "NO", None: "?"}
 
@@ -41,7 +41,7 @@ def doctor(
     """
     from hardware import serial_ports
 
-    from .readiness import check_readiness
+    from .support.readiness import check_readiness
 
     failures = []
     for check in check_readiness(robot, port, trees, recordings, opens_port):

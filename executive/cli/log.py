@@ -8,9 +8,9 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
-from .failures import for_each, print_incomplete
-from .options import AT_LEAST_0, DRAWING, PATH
-from .streams import echo
+from .support.failures import for_each, print_incomplete
+from .support.options import AT_LEAST_0, DRAWING, PATH
+from .terminal.streams import echo
 
 if TYPE_CHECKING:
     from logs.views.narrative import Overview

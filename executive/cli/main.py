@@ -3,23 +3,24 @@
 import io
 import logging
 import sys
-from typing import Any
 
 import click
 
-from executive.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT, look_up
-from executive.server import PORT
+from executive.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 
-from .client import COMMANDS as CLIENT_COMMANDS
 from .doctor import doctor
-from .failures import print_error
 from .log import log
-from .options import Finite, run_options, set_option, source_options
 from .plan import plan
-from .process_end import forbid_exit
 from .replay import replay
-from .streams import LogFormatter, echo, open_closed_streams
-from .tasks import COMMANDS as TASK_COMMANDS, task_number
+from .run import run
+from .serve import serve
+from .server_commands import COMMANDS as SERVER_COMMANDS
+from .support.failures import print_error
+from .support.process_end import forbid_exit
+from .tasks import COMMANDS as TASK_COMMANDS
+from .terminal.streams import LogFormatter, echo, open_closed_streams
+
+COMMANDS = (run, serve, doctor, plan, replay, log, *TASK_COMMANDS, *SERVER_COMMANDS)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -53,118 +54,7 @@ def cli(verbose: bool, debug: bool) -> None:
     logging.getLogger("transitions").setLevel(logging.WARNING)
 
 
-@cli.command()
-@click.argument("tasks", metavar="TASK...", nargs=-1, required=True)
-@source_options
-@set_option
-@run_options
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event.")
-def run(
-    tasks: tuple[str, ...],
-    settings: tuple[str, ...],
-    as_json: bool,
-    **options: Any,
-) -> None:
-    """Run tasks, one after the other, and record each run.
-
-    A TASK is the number or the name of a task. The first Ctrl-C cancels the task and stops the arm,
-    the second one exits at once. The exit status is that of the last task that ran.
-
-    \b
-    Examples:
-      armtree run pick --port virtual
-      armtree run 3 --port /dev/ttyACM0 --set swing="30 deg"
-    """  # noqa: D301
-    from executive.setup import Setup
-
-    from .run import execute
-
-    numbers = [task_number(task, options["trees"]) for task in tasks]
-    setup = Setup(**options, reload=False, single_user=True)
-    verbose = click.get_current_context().find_root().params["verbose"]
-    outcomes = execute(setup, numbers, settings, as_json, verbose)
-    sys.exit(look_up(outcomes[-1].code).exit_status)
-
-
-@cli.command()
-@source_options
-@click.option("--activate", is_flag=True, help="Activate the arm at once. This may move it.")
-@click.option(
-    "--policy",
-    type=click.Choice(["reject", "queue", "preempt"]),
-    default="reject",
-    show_default=True,
-    help="What happens to a goal while another one runs.",
-)
-@click.option(
-    "--bind", "address", default="127.0.0.1", show_default=True, help="Address to listen on."
-)
-@click.option(
-    "--tcp-port",
-    type=click.IntRange(0, 65535),
-    envvar="ARMTREE_TCP_PORT",
-    default=PORT,
-    show_default=True,
-    help="Port to listen on; 0 for any free one.",
-)
-@click.option(
-    "--result-timeout",
-    type=Finite(-1),
-    default=900.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="How long a result is kept [s]; -1: until there are 1000 newer ones.",
-)
-@click.option(
-    "--host", "hosts", multiple=True, help="Further name of this server: NAME or NAME:PORT."
-)
-@click.option(
-    "--origin", "origins", multiple=True, help="Web page that may connect: http://NAME:PORT."
-)
-@click.option(
-    "--expose",
-    is_flag=True,
-    help="Accept other machines. Everything but a stop needs the token.",
-)
-@click.option("--rosbridge", is_flag=True, help="Accept rosbridge clients too, without a token.")
-@run_options
-def serve(
-    address: str,
-    tcp_port: int,
-    hosts: tuple[str, ...],
-    origins: tuple[str, ...],
-    expose: bool,
-    rosbridge: bool,
-    policy: str,
-    **options: Any,
-) -> None:
-    """Run a server that executes goals of other programs, until Ctrl-C.
-
-    The arm is inactive until --activate is given or a client activates it.
-
-    \b
-    Examples:
-      armtree serve --port virtual --activate
-      armtree serve --bind 0.0.0.0 --expose --policy queue
-    """  # noqa: D301
-    from executive.goals.queue import Policy
-    from executive.server.server import ListenOptions
-    from executive.setup import Setup
-
-    from .serve import serve as run_server
-
-    listen = ListenOptions(
-        address=address,
-        port=tcp_port,
-        hosts=hosts,
-        origins=origins,
-        expose=expose,
-        rosbridge=rosbridge,
-    )
-    run_server(Setup(policy=Policy(policy), **options), listen)
-
-
-for command in (doctor, plan, replay, log, *TASK_COMMANDS, *CLIENT_COMMANDS):
+for command in COMMANDS:
     cli.add_command(command)
 
 

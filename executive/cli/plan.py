@@ -4,8 +4,8 @@ from pathlib import Path
 
 import click
 
-from .options import DRAWING, PATH, robot_option, seed_option, trees_option
-from .streams import echo
+from .support.options import DRAWING, PATH, robot_option, seed_option, trees_option
+from .terminal.streams import echo
 
 
 @click.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number

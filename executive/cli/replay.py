@@ -9,9 +9,9 @@ import click
 
 from executive.codes import DIFFERS, look_up
 
-from .failures import print_incomplete
-from .options import ABOVE_0, AT_LEAST_0, PATH
-from .streams import echo
+from .support.failures import print_incomplete
+from .support.options import ABOVE_0, AT_LEAST_0, PATH
+from .terminal.streams import echo
 
 
 @click.command()
@@ -90,8 +90,8 @@ def replay(
         raise click.UsageError("--watch and --on need exactly one recording")
     verbose = click.get_current_context().find_root().params["verbose"]
     if port is None:
-        from .player import play
-        from .view import view_for
+        from .terminal.player import play
+        from .terminal.view import view_for
 
         play(recordings[0], speed, at, view_for(as_json, verbose))
         sys.exit(print_incomplete(recordings[0]))
@@ -103,7 +103,7 @@ def replay(
     from executive.replay.send_again import write_replay_task
     from executive.setup import Setup
 
-    from .run import execute
+    from .support.run_tasks import execute
 
     with TemporaryDirectory() as trees:
         setup = Setup(

@@ -1,73 +1,44 @@
-"""Runs tasks for `armtree run` and `armtree replay --on`, on their own executive."""
+"""`armtree run`."""
 
 import sys
-from collections.abc import Sequence
-from contextlib import ExitStack
-from functools import partial
+from typing import Any
 
-from executive.goals.events import Event
-from executive.goals.outcome import GoalState, GoalStatus, Outcome, cause_of
-from executive.session import open_executive, port_line
-from executive.setup import Setup
-from hardware import HardwareError
-from trees import TreeError
-from trees.compile.arguments import read_arguments
+import click
 
-from .interrupts import Interrupts
-from .log_handler import recorded_log
-from .sequence import TaskSequence
-from .streams import LastingStream
-from .terminal import Terminal
-from .view import View, view_for
+from executive.codes import look_up
+
+from .support.options import run_options, set_option, source_options
+from .tasks import task_number
 
 
-def execute(
-    setup: Setup,
-    numbers: Sequence[int],
-    settings: Sequence[str] = (),
-    as_json: bool = False,
-    verbose: bool = False,
-) -> list[Outcome]:
-    """Run tasks from the command line.
+@click.command()
+@click.argument("tasks", metavar="TASK...", nargs=-1, required=True)
+@source_options
+@set_option
+@run_options
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event.")
+def run(
+    tasks: tuple[str, ...],
+    settings: tuple[str, ...],
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Run tasks, one after the other, and record each run.
 
-    Args:
-        setup: Set-up of the executive.
-        numbers: Numbers of the tasks.
-        settings: Parameters of the tasks, each as NAME=VALUE.
-        as_json: True to print JSON.
-        verbose: True if the log is printed, so that lines are printed instead of a live picture.
+    A TASK is the number or the name of a task. The first Ctrl-C cancels the task and stops the arm,
+    the second one exits at once. The exit status is that of the last task that ran.
 
-    Returns:
-        The outcomes of the tasks that ran, at least one.
-    """
-    with Interrupts() as interrupts, view_for(as_json, verbose) as view, ExitStack() as stack:
-        try:
-            arguments = read_arguments(settings, numbers)
-            executive = stack.enter_context(
-                open_executive(
-                    setup,
-                    operator=Terminal(_to_errors if as_json else view.say),
-                    subscriber=partial(_show, view),
-                    report=view.say,
-                )
-            )
-        except (HardwareError, TreeError) as error:
-            outcome = Outcome.of(numbers[0], GoalState.ABORTED, cause_of(error))
-            view.report(outcome)
-            return [outcome]
-        view.say(port_line(executive))
-        sequence = TaskSequence(executive)
-        interrupts.on_cancel(sequence.stop)
-        with recorded_log(executive):
-            return interrupts.run(lambda: sequence.run(numbers, view.report, arguments))
+    \b
+    Examples:
+      armtree run pick --port virtual
+      armtree run 3 --port /dev/ttyACM0 --set swing="30 deg"
+    """  # noqa: D301
+    from executive.setup import Setup
 
+    from .support.run_tasks import execute
 
-def _show(view: View, event: Event) -> None:
-    if not isinstance(event, GoalStatus):
-        view.watch(event)
-
-
-def _to_errors(text: str) -> None:
-    errors = LastingStream(sys.stderr)
-    errors.write(f"{text}\n")
-    errors.flush()
+    numbers = [task_number(task, options["trees"]) for task in tasks]
+    setup = Setup(**options, reload=False, single_user=True)
+    verbose = click.get_current_context().find_root().params["verbose"]
+    outcomes = execute(setup, numbers, settings, as_json, verbose)
+    sys.exit(look_up(outcomes[-1].code).exit_status)

@@ -1,122 +1,87 @@
-"""`armtree serve`: an executive and its server, until a signal comes."""
+"""`armtree serve`."""
 
-import gc
-import logging
-import logging.handlers
-import queue
-import sys
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from typing import Any
 
-from executive.errors import PoseUnconfirmed
-from executive.executive import Executive
-from executive.goals.questions import Questions
+import click
+
 from executive.server import PORT
-from executive.server.server import ListenOptions, Server
-from executive.session import open_executive, port_line
-from executive.setup import Setup
-from hardware import HardwareError, RealClock, TransitionRefused
-from logs import LogError
 
-from .interrupts import Interrupts
-from .log_handler import recorded_log
-from .streams import LogFormatter
-
-logger = logging.getLogger(__name__)
-
-# Longest time that a busy thread keeps the interpreter from the streamer and from a stop [s].
-_SWITCH = 0.0005
+from .support.options import Finite, run_options, source_options
 
 
-def serve(setup: Setup, listen: ListenOptions) -> None:
-    """Run the server until a signal arrives; then stop the arm, cancel the goals and exit.
+@click.command()
+@source_options
+@click.option("--activate", is_flag=True, help="Activate the arm at once. This may move it.")
+@click.option(
+    "--policy",
+    type=click.Choice(["reject", "queue", "preempt"]),
+    default="reject",
+    show_default=True,
+    help="What happens to a goal while another one runs.",
+)
+@click.option(
+    "--bind", "address", default="127.0.0.1", show_default=True, help="Address to listen on."
+)
+@click.option(
+    "--tcp-port",
+    type=click.IntRange(0, 65535),
+    envvar="ARMTREE_TCP_PORT",
+    default=PORT,
+    show_default=True,
+    help="Port to listen on; 0 for any free one.",
+)
+@click.option(
+    "--result-timeout",
+    type=Finite(-1),
+    default=900.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="How long a result is kept [s]; -1: until there are 1000 newer ones.",
+)
+@click.option(
+    "--host", "hosts", multiple=True, help="Further name of this server: NAME or NAME:PORT."
+)
+@click.option(
+    "--origin", "origins", multiple=True, help="Web page that may connect: http://NAME:PORT."
+)
+@click.option(
+    "--expose",
+    is_flag=True,
+    help="Accept other machines. Everything but a stop needs the token.",
+)
+@click.option("--rosbridge", is_flag=True, help="Accept rosbridge clients too, without a token.")
+@run_options
+def serve(
+    address: str,
+    tcp_port: int,
+    hosts: tuple[str, ...],
+    origins: tuple[str, ...],
+    expose: bool,
+    rosbridge: bool,
+    policy: str,
+    **options: Any,
+) -> None:
+    """Run a server that executes goals of other programs, until Ctrl-C.
 
-    Raises:
-        HardwareError: The robot file is wrong or names no driver, or the start pose is unconfirmed.
-        TreeError: The folder of tasks cannot be read.
-        ServerError: The server cannot listen as configured.
-        LogError: A recording cannot be made, or could not be finished.
-    """
-    sys.setswitchinterval(_SWITCH)
-    clock = RealClock()
-    questions = Questions(clock)
-    with (
-        Interrupts() as interrupts,
-        _log(),
-        open_executive(setup, clock=clock, operator=questions) as executive,
-        Server(executive, listen, questions) as server,
-    ):
-        logger.info("Token for requests that change something: %s", server.token)
-        with recorded_log(executive):  # everything but the token
-            logger.info("%s", port_line(executive))
-            _announce(server, executive, listen)
-            executive.start()
-            with closing(executive):
-                server.start()
-                clock.spawn(lambda: prepare(executive), "prepare")
-                interrupts.on_cancel(lambda: _leave(executive, interrupts))
-                interrupts.wait()
-                logger.info("Ending: the arm is stopped, goals are canceled")
+    The arm is inactive until --activate is given or a client activates it.
 
+    \b
+    Examples:
+      armtree serve --port virtual --activate
+      armtree serve --bind 0.0.0.0 --expose --policy queue
+    """  # noqa: D301
+    from executive.goals.queue import Policy
+    from executive.server.server import ListenOptions
+    from executive.setup import Setup
 
-def _leave(executive: Executive, interrupts: Interrupts) -> None:
-    executive.cancel()
-    interrupts.end()
+    from .support.run_server import serve as run_server
 
-
-def prepare(executive: Executive) -> None:
-    """Configure the arm, and activate it if the set-up says so. Errors are logged."""
-    try:
-        executive.arm_to("configure")
-        if executive.setup.activate:
-            executive.arm_to("activate")
-    except (PoseUnconfirmed, TransitionRefused, LogError) as error:
-        logger.error("%s", error)
-    except HardwareError as error:
-        logger.debug("%s", error)  # the arm has logged it
-    # Objects that exist by now stay. Each garbage collection of them would delay the streamer, and
-    # a stop, by 30 ms.
-    gc.freeze()
-
-
-def _announce(server: Server, executive: Executive, listen: ListenOptions) -> None:
-    elsewhere = "" if server.port == PORT else f"; clients need --server {server.url}"
-    logger.info(
-        "Listening on %s; a second goal is handled by: %s%s",
-        server.url,
-        executive.setup.policy.value,
-        elsewhere,
+    listen = ListenOptions(
+        address=address,
+        port=tcp_port,
+        hosts=hosts,
+        origins=origins,
+        expose=expose,
+        rosbridge=rosbridge,
     )
-    if listen.expose:
-        logger.warning(
-            "EXPOSED: a machine that reaches %s port %d can stop this arm, and move it if it knows "
-            "the token; nothing is encrypted",
-            listen.address,
-            server.port,
-        )
-    if listen.rosbridge:
-        logger.warning(
-            "ROSBRIDGE: any program on this machine can move the arm through "
-            "ws://%s, without a token",
-            server.url.removeprefix("http://"),
-        )
-    if not executive.setup.activate:
-        logger.info("The arm is not active, so goals fail; type: armtree arm activate")
-
-
-@contextmanager
-def _log() -> Iterator[None]:
-    """Print the log on its own thread, so that a slow or closed pipe cannot block the server."""
-    lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
-    printer = logging.StreamHandler(sys.stderr)
-    printer.setFormatter(LogFormatter("%(asctime)s %(levelname)-7s %(message)s"))
-    listener = logging.handlers.QueueListener(lines, printer)
-    root, put = logging.getLogger(), logging.handlers.QueueHandler(lines)
-    before = root.handlers[:]
-    root.handlers[:] = [put]
-    listener.start()
-    try:
-        yield
-    finally:
-        listener.stop()
-        root.handlers[:] = before
+    run_server(Setup(policy=Policy(policy), **options), listen)

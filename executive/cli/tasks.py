@@ -12,9 +12,9 @@ import click
 from hardware.printable import printable
 from hardware.suggestions import plural
 
-from .failures import print_incomplete
-from .options import PATH, recordings_option, robot_option, skills_option, trees_option
-from .streams import echo
+from .support.failures import print_incomplete
+from .support.options import PATH, recordings_option, robot_option, skills_option, trees_option
+from .terminal.streams import echo
 
 if TYPE_CHECKING:
     from trees import Declaration

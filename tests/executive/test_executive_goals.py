@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.cli.log_handler import LogHandler
-from executive.cli.serve import prepare
+from executive.cli.support.log_handler import LogHandler
+from executive.cli.support.run_server import prepare
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goals.outcome import Acceptance, GoalState, GoalStatus
 from executive.goals.queue import Policy

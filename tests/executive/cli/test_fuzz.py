@@ -16,8 +16,8 @@ import pytest
 from click.testing import CliRunner
 from hypothesis import HealthCheck, Phase, given, seed, settings, strategies as st
 
-from executive.cli.failures import print_error
 from executive.cli.main import cli
+from executive.cli.support.failures import print_error
 from tests.support.paths import ROBOT_FILE
 
 pytestmark = pytest.mark.slow

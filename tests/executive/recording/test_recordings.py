@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import logs
-from executive.cli.log_handler import LogHandler
+from executive.cli.support.log_handler import LogHandler
 from executive.goals.goal import Goal
 from executive.goals.mailbox import Mailbox
 from executive.goals.outcome import GoalState, Outcome

@@ -13,8 +13,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import logs
-from executive.cli import player as keyboard
-from executive.cli.player import Player
+from executive.cli.terminal import player as keyboard
+from executive.cli.terminal.player import Player
 from executive.replay.verification import verify
 from logs.reading.file_state import locked
 from logs.records.ros_types import ros_types

@@ -10,7 +10,7 @@ import fastjsonschema
 import pytest
 
 import executive.server as server
-from executive.cli.client import arm
+from executive.cli.server_commands import arm
 from executive.codes import all_codes
 from executive.server.http.answers import Answers
 from executive.server.http.operations import OPERATIONS, Operation

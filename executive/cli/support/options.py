@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from .streams import echo
+from executive.cli.terminal.streams import echo
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -11,6 +11,8 @@ from contextlib import contextmanager, nullcontext
 import click
 
 import logs
+from executive.cli.terminal.streams import echo
+from executive.cli.terminal.view import View, view_for
 from executive.client.synchronous import Client
 from executive.codes import CLOSING
 from executive.errors import ClientError, Refused
@@ -20,8 +22,6 @@ from trees import TreeError
 from trees.compile.arguments import read_arguments
 
 from .interrupts import Interrupts
-from .streams import echo
-from .view import View, view_for
 
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
 _NO_QUESTION = "there is no open question"

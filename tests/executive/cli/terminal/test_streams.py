@@ -66,7 +66,7 @@ def test_closed_streams_change_nothing(arguments: str, redirections: str, tmp_pa
 def test_no_file_gets_the_number_of_a_closed_stream(tmp_path: Path) -> None:
     """What a library prints must not reach the port of the arm."""
     code = (
-        "from executive.cli.streams import open_closed_streams as fill; fill(); import os\n"
+        "from executive.cli.terminal.streams import open_closed_streams as f; f(); import os\n"
         "handle = os.open('there', os.O_CREAT | os.O_WRONLY)\n"
         "os.write(1, b'to nobody')\n"
         "raise SystemExit(handle)"

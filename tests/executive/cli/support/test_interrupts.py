@@ -12,7 +12,7 @@ pytestmark = pytest.mark.slow
 
 PROGRAM = """
 import ctypes, sys
-from executive.cli.interrupts import Interrupts
+from executive.cli.support.interrupts import Interrupts
 
 mutex = ctypes.create_string_buffer(64)
 

@@ -11,8 +11,8 @@ import pytest
 from rich.console import Console
 
 import logs
-from executive.cli.live_view import LiveView
-from executive.cli.streams import LogFormatter
+from executive.cli.terminal.live_view import LiveView
+from executive.cli.terminal.streams import LogFormatter
 from executive.goals.outcome import Cause, GoalState, Outcome
 from tests.support.servers.serving import Served, Typed
 

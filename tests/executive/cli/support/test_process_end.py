@@ -7,7 +7,7 @@ from tests.support.paths import ROOT
 
 PROGRAM = """
 import os
-from executive.cli.process_end import end_process, forbid_exit
+from executive.cli.support.process_end import end_process, forbid_exit
 forbid_exit()
 try:
     os._exit(0)

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from armtree import Client
-from executive.cli.log_handler import LogHandler
+from executive.cli.support.log_handler import LogHandler
 from logs import LogLine, Recording
 from tests.logs.writing.test_compaction import run_journal
 from tests.support.paths import ROBOT_FILE

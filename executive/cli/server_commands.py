@@ -11,8 +11,8 @@ import click
 
 from executive.codes import look_up
 
-from .options import pose_option, set_option
-from .streams import echo
+from .support.options import pose_option, set_option
+from .terminal.streams import echo
 
 if TYPE_CHECKING:
     from executive.client.synchronous import Client
@@ -55,7 +55,7 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
     def command(server: str | None, as_json: bool, **options: Any) -> None:
         from executive.client.synchronous import Client
 
-        from .remote import errors_as_json
+        from .support.server_requests import errors_as_json
 
         with errors_as_json(as_json), Client(server) as client:
             function(client, as_json, **options)
@@ -89,7 +89,7 @@ def send(
 
     Prints the id of the goal, or with --wait the same as `armtree run`.
     """
-    from .remote import parameters, send_and_wait
+    from .support.server_requests import parameters, send_and_wait
 
     if wait or deadman:
         outcome = send_and_wait(client, number, settings, deadman, as_json, _verbose())
@@ -115,7 +115,7 @@ def cancel(client: "Client", as_json: bool, goal_id: str, stamp_ns: int | None) 
     """
     from executive.errors import GoalError
 
-    from .remote import CANCEL_MESSAGES
+    from .support.server_requests import CANCEL_MESSAGES
 
     some = goal_id or stamp_ns
     answer = client.cancel(goal_id, stamp_ns or 0) if some else client.stop()
@@ -131,7 +131,7 @@ def cancel(client: "Client", as_json: bool, goal_id: str, stamp_ns: int | None) 
 @_with_client
 def status(client: "Client", as_json: bool) -> None:
     """Print the state of a server: its arm, goals and breakpoints."""
-    from .remote import status_lines
+    from .support.server_requests import status_lines
 
     found = client.status()
     echo(json.dumps(found.to_json()) if as_json else "\n".join(status_lines(found)))
@@ -141,7 +141,7 @@ def status(client: "Client", as_json: bool) -> None:
 @_with_client
 def watch(client: "Client", as_json: bool) -> None:
     """Show everything that a server does, until Ctrl-C. Goals are not affected."""
-    from .remote import watch as watch_server
+    from .support.server_requests import watch as watch_server
 
     watch_server(client, as_json, _verbose())
 
@@ -225,7 +225,7 @@ def answer(client: "Client", as_json: bool, words: tuple[str, ...]) -> None:
 
     ID is needed if there are several open questions. Without WORDS, list them.
     """
-    from .remote import answer_question
+    from .support.server_requests import answer_question
 
     echo(answer_question(client, words, as_json))
 

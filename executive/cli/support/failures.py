@@ -4,9 +4,8 @@ import errno
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from executive.cli.terminal.streams import echo
 from executive.codes import INTERNAL, look_up
-
-from .streams import echo
 
 
 def print_error(error: Exception) -> int:

@@ -1,0 +1,122 @@
+"""`armtree serve`: an executive and its server, until a signal comes."""
+
+import gc
+import logging
+import logging.handlers
+import queue
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+
+from executive.cli.terminal.streams import LogFormatter
+from executive.errors import PoseUnconfirmed
+from executive.executive import Executive
+from executive.goals.questions import Questions
+from executive.server import PORT
+from executive.server.server import ListenOptions, Server
+from executive.session import open_executive, port_line
+from executive.setup import Setup
+from hardware import HardwareError, RealClock, TransitionRefused
+from logs import LogError
+
+from .interrupts import Interrupts
+from .log_handler import recorded_log
+
+logger = logging.getLogger(__name__)
+
+# Longest time that a busy thread keeps the interpreter from the streamer and from a stop [s].
+_SWITCH = 0.0005
+
+
+def serve(setup: Setup, listen: ListenOptions) -> None:
+    """Run the server until a signal arrives; then stop the arm, cancel the goals and exit.
+
+    Raises:
+        HardwareError: The robot file is wrong or names no driver, or the start pose is unconfirmed.
+        TreeError: The folder of tasks cannot be read.
+        ServerError: The server cannot listen as configured.
+        LogError: A recording cannot be made, or could not be finished.
+    """
+    sys.setswitchinterval(_SWITCH)
+    clock = RealClock()
+    questions = Questions(clock)
+    with (
+        Interrupts() as interrupts,
+        _log(),
+        open_executive(setup, clock=clock, operator=questions) as executive,
+        Server(executive, listen, questions) as server,
+    ):
+        logger.info("Token for requests that change something: %s", server.token)
+        with recorded_log(executive):  # everything but the token
+            logger.info("%s", port_line(executive))
+            _announce(server, executive, listen)
+            executive.start()
+            with closing(executive):
+                server.start()
+                clock.spawn(lambda: prepare(executive), "prepare")
+                interrupts.on_cancel(lambda: _leave(executive, interrupts))
+                interrupts.wait()
+                logger.info("Ending: the arm is stopped, goals are canceled")
+
+
+def _leave(executive: Executive, interrupts: Interrupts) -> None:
+    executive.cancel()
+    interrupts.end()
+
+
+def prepare(executive: Executive) -> None:
+    """Configure the arm, and activate it if the set-up says so. Errors are logged."""
+    try:
+        executive.arm_to("configure")
+        if executive.setup.activate:
+            executive.arm_to("activate")
+    except (PoseUnconfirmed, TransitionRefused, LogError) as error:
+        logger.error("%s", error)
+    except HardwareError as error:
+        logger.debug("%s", error)  # the arm has logged it
+    # Objects that exist by now stay. Each garbage collection of them would delay the streamer, and
+    # a stop, by 30 ms.
+    gc.freeze()
+
+
+def _announce(server: Server, executive: Executive, listen: ListenOptions) -> None:
+    elsewhere = "" if server.port == PORT else f"; clients need --server {server.url}"
+    logger.info(
+        "Listening on %s; a second goal is handled by: %s%s",
+        server.url,
+        executive.setup.policy.value,
+        elsewhere,
+    )
+    if listen.expose:
+        logger.warning(
+            "EXPOSED: a machine that reaches %s port %d can stop this arm, and move it if it knows "
+            "the token; nothing is encrypted",
+            listen.address,
+            server.port,
+        )
+    if listen.rosbridge:
+        logger.warning(
+            "ROSBRIDGE: any program on this machine can move the arm through "
+            "ws://%s, without a token",
+            server.url.removeprefix("http://"),
+        )
+    if not executive.setup.activate:
+        logger.info("The arm is not active, so goals fail; type: armtree arm activate")
+
+
+@contextmanager
+def _log() -> Iterator[None]:
+    """Print the log on its own thread, so that a slow or closed pipe cannot block the server."""
+    lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
+    printer = logging.StreamHandler(sys.stderr)
+    printer.setFormatter(LogFormatter("%(asctime)s %(levelname)-7s %(message)s"))
+    listener = logging.handlers.QueueListener(lines, printer)
+    root, put = logging.getLogger(), logging.handlers.QueueHandler(lines)
+    before = root.handlers[:]
+    root.handlers[:] = [put]
+    listener.start()
+    try:
+        yield
+    finally:
+        listener.stop()
+        root.handlers[:] = before

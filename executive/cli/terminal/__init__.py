@@ -1,0 +1,1 @@
+"""The terminal: standard streams, questions to the operator, and how a run is shown."""
