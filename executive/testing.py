@@ -142,6 +142,5 @@ class SimulatedArm:
 
     @property
     def frames(self) -> list[str]:
-        """The frames that were sent, as text."""
-        sent = [record for record in self.records if isinstance(record, logs.Sent)]
-        return [record.data.decode() for record in sent]
+        """The frames that were sent, as text; binary frames in hexadecimal digits."""
+        return [record.text for record in self.records if isinstance(record, logs.Sent)]

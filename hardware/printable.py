@@ -1,4 +1,7 @@
-"""Texts from outside, such as files, servers and names of ports, on a terminal or in a log."""
+"""Texts and bytes from outside, such as files, servers and boards, on a terminal or in a log."""
+
+_HEX = "0x"
+_SPACE = "\n\r\t"  # kept in a text
 
 
 def printable(text: str) -> str:
@@ -12,3 +15,23 @@ def printable(text: str) -> str:
         each if each.isprintable() or each in "\n\t" else each.encode("unicode_escape").decode()
         for each in text
     )
+
+
+def wire_text(data: bytes) -> str:
+    """Return the bytes of a wire for people: a text as it is, other bytes as `0xff ff 01 04`.
+
+    Bytes are a text if all are printable ASCII characters, line ends or tabs. Different bytes give
+    different results.
+    """
+    text = data.decode("latin-1")
+    plain = data.isascii() and all(each.isprintable() or each in _SPACE for each in text)
+    return text if plain and not text.startswith(_HEX) else _HEX + data.hex(" ")
+
+
+def wire_bytes(text: str) -> bytes:
+    """Return the bytes of which this is the `wire_text`.
+
+    Raises:
+        ValueError: It is the text of no bytes.
+    """
+    return bytes.fromhex(text[2:]) if text.startswith(_HEX) else text.encode("ascii")

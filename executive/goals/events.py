@@ -13,6 +13,7 @@ from typing import Any, cast
 
 import logs
 from hardware import State
+from hardware.printable import wire_bytes, wire_text
 from logs.records.field_types import frozen
 
 from .outcome import Cause, GoalStatus, from_fields
@@ -175,7 +176,7 @@ def event_to_json(event: Event) -> dict[str, Any]:
     fields = {UNITS.get(key, key): value for key, value in dataclasses.asdict(event).items()}
     for key, value in fields.items():
         if isinstance(value, bytes):
-            fields[key] = value.decode("ascii", "backslashreplace")
+            fields[key] = wire_text(value)
     return {"event": EVENTS[type(event)], **fields}
 
 
@@ -189,5 +190,5 @@ def event_from_json(plain: Mapping[str, Any]) -> Event:
         return GoalStatus.from_json(plain)
     values = {_FIELDS.get(key, key): frozen(value) for key, value in plain.items()}
     if "data" in values:
-        values["data"] = values["data"].encode()
+        values["data"] = wire_bytes(values["data"])
     return cast("Event", from_fields(_RECORDS[plain["event"]], values))

@@ -9,6 +9,7 @@ from itertools import pairwise, takewhile, zip_longest
 from executive.codes import CANCELED, OK
 from executive.goals.outcome import GoalState
 from hardware import HardwareError, Robot, Schedule as Compiled, compile_schedule
+from hardware.printable import wire_text
 from logs import Goal, NodeStatus, Record, Result, Schedule, Sent
 
 # Rounding of a clock that has run for months [s].
@@ -88,7 +89,7 @@ def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
         except HardwareError as error:
             return f"{frame.text} was sent for positions that cannot be encoded: {error}"
         if encoded != frame.data:
-            return f"{frame.text} was sent for positions that encode to {encoded.decode()}"
+            return f"{frame.text} was sent for positions that encode to {wire_text(encoded)}"
     return ""
 
 
@@ -107,7 +108,7 @@ def _holds_difference(records: Iterable[Record], last: bytes | None) -> str:
             case Sent() if record.joints:
                 if record.hold and last not in (None, record.data):
                     assert last
-                    return f"the hold {record.text} does not repeat {last.decode()}"
+                    return f"the hold {record.text} does not repeat {wire_text(last)}"
                 last = record.data
     return ""
 

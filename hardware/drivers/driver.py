@@ -14,6 +14,7 @@ from typing import Protocol
 
 from hardware.joints import Joint
 from hardware.link.link import Link
+from hardware.printable import wire_text
 from hardware.toml_table import TomlTable
 
 from .firmware_profile import Firmware
@@ -34,7 +35,7 @@ class Frame:
     data: bytes
 
     def __str__(self) -> str:
-        return self.data.decode()
+        return wire_text(self.data)
 
 
 class WireFormat(Protocol):

@@ -11,6 +11,7 @@ import serial
 
 from hardware.clock import RealClock
 from hardware.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing, PortStalled
+from hardware.printable import wire_text
 
 from .serial_ports import group_of, owner_of, serial_ports
 
@@ -66,8 +67,8 @@ class SerialLink:
             PortLost: The port disappeared.
             PortStalled: The other end accepts no more bytes. The bytes may or may not arrive.
         """
-        text = data.decode("ascii", "replace")
-        why = f"Something went wrong while sending the message {text} to the port {self.port}"
+        what = wire_text(data)
+        why = f"Something went wrong while sending the message {what} to the port {self.port}"
         try:
             with self._writing:
                 if self._serial is None:

@@ -8,6 +8,7 @@ from uuid import UUID
 import numpy as np
 
 from hardware.description.kinematics import ForwardKinematics, LinkTransform
+from hardware.printable import wire_text
 
 from .records import Description, Feedback, LogLine, Plan, Received, Record, Sent, Transition
 from .ros_types import RosTypes
@@ -206,7 +207,7 @@ def _serial_frame(data: bytes, direction: int, stamp: Stamp, ros: RosTypes) -> A
         seq=stamp.sequence,
         direction=direction,
         data=np.frombuffer(data, np.uint8),
-        text=_text(data.decode("ascii", "backslashreplace")),
+        text=wire_text(data),
     )
 
 

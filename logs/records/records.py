@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from hardware.printable import wire_text
+
 _AT_ONCE = 0.1  # a goal that starts within this time did not wait [s]
 
 
@@ -41,8 +43,8 @@ class Sent:
 
     @property
     def text(self) -> str:
-        """The bytes as text."""
-        return self.data.decode("ascii", "backslashreplace")
+        """The bytes as text, or in hexadecimal digits if they are no text."""
+        return wire_text(self.data)
 
 
 @dataclass(frozen=True, slots=True)

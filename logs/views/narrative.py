@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hardware.printable import wire_text
 from logs.reading.file_state import being_written
 from logs.reading.recording import Recording
 from logs.records.conversions import LATE
@@ -178,7 +179,7 @@ def line(record: RunRecord) -> str:  # noqa: C901, a table of words
             late = (record.time - (record.scheduled or 0.0)) * 1e3
             return f"sent: {record.text} {late:.1f} ms late"
         case Received():
-            return f"received: {record.data!r}"
+            return f"received: {wire_text(record.data)!r}"
         case Feedback():
             share = "" if record.percentage is None else f"{record.percentage} % "
             return f"progress: {share}{record.phase} {record.node}"

@@ -1,8 +1,9 @@
-"""Texts from outside cannot control a terminal."""
+"""Texts from outside cannot control a terminal, and bytes are shown without a doubt."""
 
 import pytest
+from hypothesis import example, given, strategies as st
 
-from hardware.printable import printable
+from hardware.printable import printable, wire_bytes, wire_text
 
 
 @pytest.mark.parametrize(
@@ -25,3 +26,24 @@ def test_other_characters_are_escaped(text: str, shown: str) -> None:
 def test_every_character_is_harmless() -> None:
     shown = printable("".join(map(chr, range(0x3000))))
     assert {each for each in shown if not each.isprintable()} == {"\n", "\t"}
+
+
+@pytest.mark.parametrize(
+    ("data", "shown"),
+    [
+        (b"b090,s090,", "b090,s090,"),
+        (b"k0001,00,00,1021\n", "k0001,00,00,1021\n"),
+        (b"\xff\xff\x01\x04", "0xff ff 01 04"),
+        (b"AB\x00", "0x41 42 00"),
+        (b"gr\xc3\xbcn", "0x67 72 c3 bc 6e"),
+        (b"", ""),
+    ],
+)
+def test_bytes_of_a_wire_are_a_text_or_in_hex(data: bytes, shown: str) -> None:
+    assert wire_text(data) == shown
+
+
+@given(st.binary() | st.text(alphabet="0x aAfF1,", max_size=8).map(str.encode))
+@example(b"0xff")
+def test_the_bytes_of_a_wire_can_be_read_from_their_text(data: bytes) -> None:
+    assert wire_bytes(wire_text(data)) == data

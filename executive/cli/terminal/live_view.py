@@ -71,7 +71,7 @@ class LiveView:
                 case logs.Feedback():
                     self._percentage, self._phase = record.percentage, printable(record.phase)
                 case logs.Sent():
-                    self._frame = printable(record.data.decode("ascii", "replace"))
+                    self._frame = printable(record.text)
                 case logs.Transition():
                     self._arm = printable(record.goal)
                 case logs.Result():

@@ -2,6 +2,7 @@
 
 from hardware.clock import Clock
 from hardware.errors import PortLost
+from hardware.printable import wire_text
 
 from .board import Board
 
@@ -38,8 +39,8 @@ class BoardLink:
         """
         with self._changed:
             if self._lost or not self._open:
-                text = data.decode("ascii", "replace")
-                why = f"Something went wrong while sending the message {text} to the port"
+                what = wire_text(data)
+                why = f"Something went wrong while sending the message {what} to the port"
                 raise PortLost(self.port, f"{why} {self.port}")
             self.board.receive(data, self._clock.now())
             self._changed.notify()  # a waiting `read` computes anew when an answer may come
