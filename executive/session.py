@@ -156,6 +156,8 @@ def load_own_skills(folder: Path | None) -> None:
 def port_line(executive: Executive) -> str:
     """Return a line that names the port in use."""
     robot, port = executive.robot, executive.port
+    if port == VIRTUAL and not robot.has_driver:
+        return "Port virtual: the robot file names no driver; nothing real moves"
     if port == VIRTUAL:
         return (
             f"Port virtual: the virtual Arduino, firmware {robot.firmware.name}; nothing real moves"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import logs
-from hardware import BoardLink, SimulatedClock, load_robot, virtual_board
+from hardware import SimulatedClock, load_robot, simulated_link
 from skills import Question
 from skills.motion import Pool
 from trees.compile.port_types import known_skills
@@ -114,7 +114,7 @@ class SimulatedArm:
         Raises:
             UnknownTask: No task has that name.
         """
-        link = BoardLink(virtual_board(self._setup.load_robot()), self.clock)
+        link = simulated_link(self._setup.load_robot(), self.clock)
         with (
             self.clock.working(),
             open_executive(

@@ -39,13 +39,12 @@ from .errors import (
     WriteRefused as WriteRefused,
 )
 from .joints import Joint as Joint, Mimic as Mimic, check_position as check_position
-from .link.link import Link as Link
+from .link.link import VIRTUAL as VIRTUAL, Link as Link
 
 if typing.TYPE_CHECKING:
     from .arm.arm import Arm as Arm
     from .arm.streamer import Playback as Playback, PlaybackState as PlaybackState
     from .description.robot_file import load_robot as load_robot
-    from .drivers.arduino.serial_servo import VIRTUAL as VIRTUAL
     from .drivers.arduino.virtual.link import BoardLink as BoardLink
     from .link.serial_link import SerialLink as SerialLink
     from .link.serial_ports import (
@@ -53,7 +52,7 @@ if typing.TYPE_CHECKING:
         check_port as check_port,
         serial_ports as serial_ports,
     )
-    from .simulation import virtual_board as virtual_board
+    from .simulation import simulated_link as simulated_link, virtual_board as virtual_board
 
 # Loaded at their first use, because their libraries are slow to import.
 _LAZY = {
@@ -61,12 +60,12 @@ _LAZY = {
     "Playback": "arm.streamer",
     "PlaybackState": "arm.streamer",
     "load_robot": "description.robot_file",
-    "VIRTUAL": "drivers.arduino.serial_servo",
     "BoardLink": "drivers.arduino.virtual.link",
     "SerialLink": "link.serial_link",
     "Check": "link.serial_ports",
     "check_port": "link.serial_ports",
     "serial_ports": "link.serial_ports",
+    "simulated_link": "simulation",
     "virtual_board": "simulation",
 }
 

@@ -2,7 +2,7 @@
 
     HardwareError
     ├── DescriptionError          the robot file or its URDF is wrong
-    ├── NoDriver                  the robot file names no driver, so the arm cannot move
+    ├── NoDriver                  the robot file names no driver, so no real arm can move
     ├── LinkError                 the serial port
     │   ├── PortNotGiven          no port is configured
     │   ├── PortMissing           the port does not exist
@@ -64,7 +64,7 @@ class DescriptionError(HardwareError):
 
 
 class NoDriver(HardwareError):
-    """The robot file names no driver. The arm can be planned for but not moved.
+    """The robot file names no driver. The arm moves on the port `virtual` only.
 
     Attributes:
         path: The file.
@@ -72,14 +72,14 @@ class NoDriver(HardwareError):
 
     code = "hw.no_driver"
     exit_status = 3
-    hint = "add a driver to the robot file, or only plan"
+    hint = "add a driver to the robot file, or use --port virtual"
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, port: str) -> None:
         self.path = path
         super().__init__(
-            f"{path} names no driver, so this arm can be planned for but not moved, not even on "
-            "the virtual board. To move it, add driver, [serial], and a wire for each joint; "
-            "hardware/README.md explains them. `armtree plan`, `check` and `show` need no driver"
+            f"{path} names no driver, so nothing can be sent to the port {port}. Add driver, "
+            "[serial], and a wire for each joint; hardware/README.md explains them. Without a "
+            "driver the arm moves on the port virtual only, and nothing real moves"
         )
 
 

@@ -16,6 +16,7 @@ _SCHEDULING = (
     "arm/schedule.py",
     "drivers/firmware_profile.py",
     "drivers/pacing.py",
+    "drivers/null_driver.py",
     "drivers/arduino/frames.py",
     "drivers/arduino/serial_servo.py",
 )

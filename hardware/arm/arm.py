@@ -14,7 +14,6 @@ from hardware.description.robot import Robot
 from hardware.errors import (
     ActivationStopped,
     HardwareError,
-    NoDriver,
     NotActive,
     PortLost,
     PortNotGiven,
@@ -143,7 +142,6 @@ class Arm:
 
         Raises:
             PortNotGiven: No port is configured. The arm stays unconfigured.
-            NoDriver: The robot file names no driver. The arm stays unconfigured.
             TransitionRefused: The transition is not legal now.
         """
         self._request("configure", State.INACTIVE)
@@ -343,7 +341,7 @@ class Arm:
     def _configure(self) -> Result:
         self._stop_reconnect()
         if self._link is None:
-            self._refusal = PortNotGiven() if self.robot.has_driver else NoDriver(self.robot.path)
+            self._refusal = PortNotGiven()
             logger.error("%s", self._refusal)
             return Result.FAILURE
         return Result.SUCCESS

@@ -102,16 +102,12 @@ class Robot:
 
     @property
     def has_driver(self) -> bool:
-        """Whether the robot file names a driver, so that the arm can move."""
+        """Whether the robot file names a driver. Without one only the port `virtual` exists."""
         return not isinstance(self.driver, NullDriver)
 
     @cached_property
     def wire_format(self) -> WireFormat:
-        """The conversion of joint positions to frames and back.
-
-        Raises:
-            NoDriver: The robot file names no driver.
-        """
+        """The conversion of joint positions to frames and back."""
         return self.driver.wire_format(self.actuated)
 
     @property
@@ -128,7 +124,7 @@ class Robot:
         """Return a link to the board on a port.
 
         Raises:
-            NoDriver: The robot file names no driver.
+            NoDriver: The robot file names no driver, and the port is not `virtual`.
         """
         return self.driver.link(self.actuated, self.firmware, self.serial.baud, port)
 

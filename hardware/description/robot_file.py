@@ -4,9 +4,10 @@ from pathlib import Path
 
 from hardware.drivers.driver import Driver, load_driver
 from hardware.drivers.firmware_profile import Firmware
-from hardware.drivers.null_driver import NO_FIRMWARE, NullDriver
+from hardware.drivers.null_driver import NO_BAUD, NO_FIRMWARE, NullDriver
 from hardware.errors import DescriptionError
 from hardware.joints import Joint
+from hardware.link.link import VIRTUAL
 from hardware.toml_table import TomlTable
 
 from .robot import CollisionRules, Robot, Serial, Tool
@@ -70,7 +71,7 @@ def _urdf(root: TomlTable, path: Path) -> Urdf:
 def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmware]:
     """Return the serial line and the firmware of the board."""
     if isinstance(driver, NullDriver):
-        return Serial(port="", baud=0, boot_wait=0.0), NO_FIRMWARE
+        return Serial(port=VIRTUAL, baud=NO_BAUD, boot_wait=0.0), NO_FIRMWARE
     table = root.table("serial")
     firmware = driver.firmwares[table.choice("firmware", driver.firmwares)]
     serial = Serial(

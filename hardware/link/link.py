@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+VIRTUAL = "virtual"  # name of the port that needs no hardware
 BITS_PER_BYTE = 10  # 8N1: start bit, eight data bits, stop bit
 
 

@@ -1,13 +1,13 @@
 """What a robot file without a driver is good for on the command line, and what it refuses."""
 
-import json
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from executive.cli.main import cli
-from executive.codes import look_up
+from executive.replay.verification import verify
+from executive.testing import SimulatedArm
 from hardware import NoDriver
 from tests.support.paths import DATA
 
@@ -51,26 +51,40 @@ def test_plan(trees: Path) -> None:
     assert "finger_1 = 1000 mm is outside its limits, 0 mm to 40 mm" in str(result.exception)
 
 
-@pytest.mark.parametrize("port", [(), ("--port", "virtual")], ids=["no port", "virtual"])
-def test_run_refuses(trees: Path, port: tuple[str, ...]) -> None:
+def test_it_moves_on_the_virtual_port_and_the_recording_proves_it(trees: Path) -> None:
+    with SimulatedArm(trees=trees, robot=Path(ARM)) as arm:
+        outcome = arm.run(7)
+        assert outcome.success, outcome.message
+        assert arm.frames[-1].startswith("+001000000,+000000000,+000000000,-001570796,")
+        verified = verify(Path(outcome.recording))
+    assert verified.holds, verified.text()
+
+
+@pytest.mark.slow
+def test_run_says_that_nothing_real_moves(trees: Path) -> None:
     folders = ("--trees", str(trees), "--recordings", str(trees / "recordings"))
-    arguments = ["run", "7", "--robot", ARM, *folders, "--json", *port]
+    result = CliRunner().invoke(cli, ["run", "7", "--robot", ARM, *folders])
+    assert result.exit_code == 0, result.output
+    assert "Port virtual: the robot file names no driver; nothing real moves" in result.output
+
+
+@pytest.mark.parametrize("command", [["run", "7"], ["serve"]], ids=["run", "serve"])
+def test_a_real_port_is_refused(trees: Path, command: list[str]) -> None:
+    folders = ("--trees", str(trees), "--recordings", str(trees / "recordings"))
+    arguments = [*command, "--robot", ARM, *folders, "--port", "/dev/ttyACM0"]
     result = CliRunner().invoke(cli, arguments)
-    assert result.exit_code == look_up(NoDriver.code).exit_status
-    outcome = [json.loads(line) for line in result.output.splitlines()][-1]
-    assert "names no driver" in str(outcome)
-    assert NoDriver.code in str(outcome)
-
-
-def test_serve_refuses(trees: Path) -> None:
-    result = CliRunner().invoke(cli, ["serve", "--robot", ARM, "--port", "virtual"])
-    assert isinstance(result.exception, NoDriver)
+    assert result.exit_code == NoDriver.exit_status or isinstance(result.exception, NoDriver)
+    words = f"{result.output}{result.exception}"
+    assert "names no driver, so nothing can be sent to the port /dev/ttyACM0" in words
 
 
 def test_doctor_says_so(trees: Path) -> None:
-    result = CliRunner().invoke(cli, ["doctor", "--robot", ARM, "--recordings", str(trees)])
-    assert "NO  driver" in result.output
-    assert "port " not in result.output
+    arguments = ["doctor", "--robot", ARM, "--recordings", str(trees)]
+    result = CliRunner().invoke(cli, arguments)
+    assert "?   driver      none is named" in result.output
+    assert "ok  port        virtual: nothing real moves" in result.output
+    result = CliRunner().invoke(cli, [*arguments, "--port", "/dev/ttyACM0"])
+    assert "NO  port" in result.output
 
 
 def test_what_turns_without_end_is_moved_as_the_skill_does(tmp_path: Path) -> None:

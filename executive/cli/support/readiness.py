@@ -51,12 +51,11 @@ def check_readiness(
         yield _pose(robot, port)
         yield _boot_wait(robot)
     else:
-        yield Check("driver", False, str(NoDriver(robot.path)), code=NoDriver.code)
+        yield Check("driver", None, "none is named, so the arm moves on the port virtual only")
     yield _tasks(trees)
     yield _planner(robot)
     yield from _recordings(recordings)
-    if robot.has_driver:
-        yield from _port(robot, port, opens_port)
+    yield from _port(robot, port, opens_port)
 
 
 def _resets(robot: Robot, port: str) -> bool:
@@ -136,6 +135,11 @@ def _port(robot: Robot, port: str, opens_port: bool) -> Iterator[Check]:
         return
     if port == VIRTUAL:
         yield Check("port", True, "virtual: nothing real moves")
+        if not robot.has_driver:
+            return
+    elif not robot.has_driver:
+        yield Check("port", False, str(NoDriver(robot.path, port)), code=NoDriver.code)
+        return
     elif not isinstance(robot.link(port), SerialLink):
         yield Check("port", True, f"{port}: the driver checks it on opening")
     else:

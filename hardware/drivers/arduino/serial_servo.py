@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from hardware.drivers.firmware_profile import Firmware
 from hardware.drivers.pacing import unread_bytes
 from hardware.joints import Joint
-from hardware.link.link import Link
+from hardware.link.link import VIRTUAL, Link
 from hardware.link.serial_link import SerialLink
 from hardware.toml_table import TomlTable
 
 from .frames import ANGLE_MAX, Codec, WireField, servo_angle
 from .virtual.arduino import VirtualLink
-
-VIRTUAL = "virtual"
 
 # The published sketch turns one servo after the other in steps of one degree, a first step of zero
 # degrees included, waits about 5 ms after each, and reads nothing meanwhile. Built by avr-gcc 5.4.0

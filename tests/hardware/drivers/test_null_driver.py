@@ -1,11 +1,22 @@
-"""Robot files without a driver: an arm that can be planned for but not moved."""
+"""Robot files without a driver: an arm that moves on the virtual port only."""
 
 import re
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis.strategies import DataObject, data, floats, sampled_from
 
-from hardware import Arm, DescriptionError, NoDriver, RealClock, compile_schedule, load_robot
+from hardware import (
+    VIRTUAL,
+    Clock,
+    DescriptionError,
+    NoDriver,
+    RealClock,
+    SimulatedClock,
+    load_robot,
+    simulated_link,
+)
 from tests.support.arms.robots import ARMS, foreign
 from tests.support.paths import DATA
 
@@ -13,7 +24,8 @@ from tests.support.paths import DATA
 @pytest.mark.parametrize("name", ARMS)
 def test_a_robot_file_may_leave_out_the_board(name: str) -> None:
     robot = foreign(name)
-    assert robot.serial.port == ""
+    assert robot.serial.port == VIRTUAL
+    assert robot.link(VIRTUAL).port == VIRTUAL
     assert [joint.mimic for joint in robot.actuated] == [None] * len(robot.actuated)
 
 
@@ -24,15 +36,42 @@ def test_prismatic_joints_are_in_metres_and_continuous_joints_have_no_limits() -
     assert not any(joint.continuous for joint in load_robot().joints)
 
 
-def test_it_cannot_be_moved_and_the_error_explains_why() -> None:
+def test_a_real_port_is_refused_and_the_error_explains_why() -> None:
     robot = foreign("seven_axes")
-    why = re.escape(f"{robot.path} names no driver")
-    with pytest.raises(NoDriver, match=why):
-        robot.link("virtual")
-    with pytest.raises(NoDriver, match=why):
-        compile_schedule(robot, robot.boot_pose, lambda times: [], 1.0)
-    with pytest.raises(NoDriver, match=why):
-        Arm(robot, None, RealClock()).configure()
+    with pytest.raises(NoDriver, match=re.escape(f"{robot.path} names no driver")):
+        robot.link("/dev/ttyACM0")
+
+
+@given(data())
+def test_frames_are_positions_in_millionths(data: DataObject) -> None:
+    robot = foreign(data.draw(sampled_from(ARMS)))
+    limits = [(max(j.lower, -10.0), min(j.upper, 10.0)) for j in robot.actuated]
+    positions = [data.draw(floats(*each)) for each in limits]
+    wire = robot.wire_format
+    frame = wire.encode(positions)
+    assert wire.parse(frame.data) == frame
+    assert wire.decode(frame) == pytest.approx(positions, abs=1e-6)
+    assert wire.encode(wire.decode(frame)) == frame or not all(
+        low < q < high for q, (low, high) in zip(positions, limits, strict=True)
+    )
+
+
+@pytest.mark.parametrize("bytes_", [b"", b"+00000000,", b"b090,", b"+000000000," * 9])
+def test_other_bytes_are_no_frame(bytes_: bytes) -> None:
+    with pytest.raises(ValueError, match="is no frame such as"):
+        foreign("seven_axes").wire_format.parse(bytes_)
+
+
+@pytest.mark.parametrize("clock", [RealClock(), SimulatedClock()], ids=["real", "simulated"])
+def test_a_closed_link_ends_its_reader(clock: Clock) -> None:
+    link = simulated_link(foreign("endless"), clock)
+    link.open()
+    read = list[bytes]()
+    reader = clock.spawn(lambda: read.append(link.read()), "reader")
+    link.write(b"any bytes")
+    link.close()
+    reader.join()
+    assert read == [b""]
 
 
 FINGER = "velocity = 0.2\nacceleration = 2.0\nboot = "
