@@ -8,6 +8,7 @@ import importlib
 import typing
 
 if typing.TYPE_CHECKING:
+    from executive.api.outcome import Cause as Cause, Outcome as Outcome
     from executive.arm import Arm as Arm
     from executive.client.asynchronous import AsyncClient as AsyncClient
     from executive.client.synchronous import Client as Client
@@ -18,7 +19,6 @@ if typing.TYPE_CHECKING:
         Refused as Refused,
         ServerUnreachable as ServerUnreachable,
     )
-    from executive.goals.outcome import Cause as Cause, Outcome as Outcome
     from executive.testing import SimulatedArm as SimulatedArm
     from hardware import HardwareError as HardwareError
     from logs import LogError as LogError
@@ -45,7 +45,7 @@ _MODULES = {
     "executive.client.asynchronous": ("AsyncClient",),
     "executive.client.synchronous": ("Client",),
     "executive.errors": ("ClientError", "GoalError", "GoalFailed", "Refused", "ServerUnreachable"),
-    "executive.goals.outcome": ("Cause", "Outcome"),
+    "executive.api.outcome": ("Cause", "Outcome"),
     "executive.testing": ("SimulatedArm",),
     "hardware": ("HardwareError",),
     "logs": ("LogError",),

@@ -10,7 +10,7 @@ def main() -> None:
 
         cli.main()
     except KeyboardInterrupt:
-        from .codes import INTERRUPTED_EXIT
+        from .api.codes import INTERRUPTED_EXIT
 
         sys.exit(INTERRUPTED_EXIT)
 

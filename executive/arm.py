@@ -13,9 +13,9 @@ from typing import Any, Self
 from hardware import VIRTUAL, SerialLink, load_robot
 from skills import Operator
 
-from .codes import OK
+from .api.codes import OK
+from .api.outcome import Outcome
 from .errors import GoalFailed
-from .goals.outcome import Outcome
 from .session import load_own_skills, open_executive, run_task
 from .setup import Setup
 

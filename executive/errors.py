@@ -45,7 +45,7 @@ from typing import Any
 from hardware import HardwareError, WriteRefused
 from trees import FileError
 
-from .goals.outcome import Cause, Outcome
+from .api.outcome import Cause, Outcome
 
 _LONGEST = 300  # characters of a refusal: it may quote what the client sent
 

@@ -27,13 +27,14 @@ from skills.motion import Pool
 from trees import Library, Located
 from trees.live_library import LiveLibrary
 
+from .api.events import Event, Policy, Status
+from .api.outcome import Acceptance, CancelResult, GoalState, GoalStatus, Outcome, cause_of
 from .errors import NotExecuting, NotPaused, TooManyBreakpoints
-from .goals.events import Event, EventSubscribers, Status
+from .goals.event_subscribers import EventSubscribers
 from .goals.executor import GoalExecutor
 from .goals.history import load_goal_history
 from .goals.mailbox import Mailbox
-from .goals.outcome import Acceptance, CancelResult, GoalState, GoalStatus, Outcome, cause_of
-from .goals.queue import GoalQueue, Policy
+from .goals.queue import GoalQueue
 from .goals.start_pose import StartPose
 from .goals.stop import GoalStopper
 from .recording.recorded_link import RecordedLink

@@ -18,10 +18,10 @@ from trees import Library
 from trees.compile.plugins import load_skills
 from trees.live_library import LiveLibrary
 
+from .api.events import Event
+from .api.outcome import GoalState, Outcome
 from .errors import ResultTimeout, UnknownGoal
 from .executive import Executive
-from .goals.events import Event
-from .goals.outcome import GoalState, Outcome
 from .setup import Setup
 
 logger = logging.getLogger(__name__)

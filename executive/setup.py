@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hardware import Robot, load_robot
 
-from .goals.queue import Policy
+from .api.events import Policy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,8 +18,8 @@ from skills import Question
 from skills.motion import Pool
 from trees.compile.port_types import known_skills
 
-from .goals.events import Event, QuestionStatus
-from .goals.outcome import GoalStatus, Outcome
+from .api.events import Event, QuestionStatus
+from .api.outcome import GoalStatus, Outcome
 from .session import load_own_skills, open_executive, run_task
 from .setup import Setup
 

@@ -11,10 +11,10 @@ from hypothesis import HealthCheck, settings
 from py_trees.blackboard import Blackboard
 
 import logs
+from executive.api.events import Event, QuestionStatus
+from executive.api.outcome import GoalStatus, Outcome
 from executive.cli.support.run_tasks import TaskSequence
 from executive.executive import Executive
-from executive.goals.events import Event, QuestionStatus
-from executive.goals.outcome import GoalStatus, Outcome
 from executive.setup import Setup
 from executive.testing import SharedPool
 from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board

@@ -14,9 +14,9 @@ import pytest
 
 import armtree
 import logs
+from executive.api.events import Event
 from executive.arm import Arm
 from executive.executive import Executive
-from executive.goals.events import Event
 from executive.session import open_executive
 from executive.setup import Setup
 from hardware import BoardLink, Robot, SimulatedClock, virtual_board

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from armtree import Client
-from executive.codes import look_up
-from executive.goals.outcome import Cause, GoalState, Outcome
-from executive.server.http import schemas
+from executive.api import schemas
+from executive.api.codes import look_up
+from executive.api.operations import OPERATIONS, Access, Operation
+from executive.api.outcome import Cause, GoalState, Outcome
 from executive.server.http.answers import Answers
-from executive.server.http.operations import OPERATIONS, Access, Operation
 from executive.testing import SimulatedArm
 from tests.support.paths import ROOT
 from tests.support.servers.serving import Serve

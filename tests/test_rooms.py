@@ -13,9 +13,9 @@ import pytest
 from py_trees.ports import get_ports_registry
 
 import skills  # noqa: F401  registers the skills
+from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT, all_codes
+from executive.api.events import EVENTS, UNITS
 from executive.cli.main import cli
-from executive.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT, all_codes
-from executive.goals.events import EVENTS, UNITS
 from tests.support.paths import ROBOT_FILE, ROOT
 
 ROOMS = ("executive", "skills", "hardware", "trees", "logs")

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
-from executive.codes import look_up
+from executive.api.codes import look_up
 
 from .support.options import port_option, recordings_option, robot_option, trees_option
 from .terminal.streams import echo

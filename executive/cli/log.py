@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from executive.codes import DIFFERS, look_up
+from executive.api.codes import DIFFERS, look_up
 
 from .support.failures import for_each, print_incomplete
 from .support.options import AT_LEAST_0, DRAWING, PATH

@@ -6,7 +6,7 @@ import sys
 
 import click
 
-from executive.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
+from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 
 from .doctor import doctor
 from .log import log

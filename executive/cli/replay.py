@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from executive.codes import DIFFERS, look_up
+from executive.api.codes import DIFFERS, look_up
 
 from .support.failures import print_incomplete
 from .support.options import ABOVE_0, AT_LEAST_0, PATH

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from executive.codes import look_up
+from executive.api.codes import look_up
 
 from .support.options import run_options, set_option, source_options
 from .tasks import task_number

@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from executive.server import PORT
+from executive.api import PORT
 
 from .support.options import Finite, run_options, source_options
 
@@ -70,7 +70,7 @@ def serve(
       armtree serve --port virtual --activate
       armtree serve --bind 0.0.0.0 --expose --policy queue
     """  # noqa: D301
-    from executive.goals.queue import Policy
+    from executive.api.events import Policy
     from executive.server.server import ListenOptions
     from executive.setup import Setup
 

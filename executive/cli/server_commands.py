@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from executive.codes import look_up
+from executive.api.codes import look_up
 
 from .support.options import pose_option, set_option
 from .terminal.streams import echo

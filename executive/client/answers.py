@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
+from executive.api import strict_json
+from executive.api.events import Event, event_from_json
+from executive.api.operations import OPERATIONS
+from executive.api.schemas import ERROR, inlined
 from executive.errors import Refused, WrongAnswer
-from executive.goals.events import Event, event_from_json
-from executive.server.http import strict_json
-from executive.server.http.operations import OPERATIONS
-from executive.server.http.schemas import ERROR, inlined
 from hardware import RealClock
 from logs.records.field_types import has_type
 

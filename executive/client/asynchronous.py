@@ -8,11 +8,11 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
+from executive.api.events import Event, Status
+from executive.api.operations import OPERATIONS
+from executive.api.outcome import CancelResult, GoalStatus, Outcome, cause_of
+from executive.api.token_file import KEEPALIVE
 from executive.errors import GoalFailed, Refused, ResultTimeout, ServerUnreachable
-from executive.goals.events import Event, Status
-from executive.goals.outcome import CancelResult, GoalStatus, Outcome, cause_of
-from executive.server.http.operations import OPERATIONS
-from executive.server.token_file import KEEPALIVE
 
 from . import transport
 from .answers import Answer, Events

@@ -10,8 +10,8 @@ from contextlib import asynccontextmanager, contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
+from executive.api import PORT, token_file
 from executive.errors import ServerUnreachable
-from executive.server import PORT, token_file
 
 ANSWER_TIMEOUT = 10.0  # longest time for an answer that does not wait for anything [s]
 SILENCE_TIMEOUT = 45.0  # longest silence of an event stream [s]; the server sends every 15 s

@@ -187,7 +187,7 @@ class GoalExecutor:
     def _open(self, attempt: _Attempt) -> None:
         """Open the recording of a goal."""
         goal, name = attempt.goal, attempt.task.name if attempt.task else ""
-        self._recordings.open(goal, name, self._context.seed, attempt.tree)
+        self._recordings.open(goal.status, name, self._context.seed, attempt.tree)
         # After that, so that the lines are in its recording and follow its first event.
         logger.info("Executing the goal for task %d (%s)", *goal.name)
         if attempt.warning:

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from executive.api.outcome import GoalState, GoalStatus, Outcome
 from trees import Located
 
 from .mailbox import Mailbox
-from .outcome import GoalState, GoalStatus, Outcome
 
 _S = GoalState
 

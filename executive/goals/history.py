@@ -5,10 +5,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import logs
+from executive.api.outcome import GoalState, Outcome, cause_of
 from executive.errors import ServerRestarted
 from executive.recording.recordings import is_server_recording
-
-from .outcome import GoalState, Outcome, cause_of
 
 
 class _RecordedGoal:

@@ -4,11 +4,10 @@ import threading
 import uuid
 from collections.abc import Callable
 
+from executive.api.events import QuestionStatus
 from executive.errors import BadAnswer, UnknownQuestion
 from hardware import Clock
 from skills import Question
-
-from .events import QuestionStatus
 
 
 def ignore(_: QuestionStatus) -> None:

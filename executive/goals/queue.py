@@ -5,17 +5,11 @@ import re
 import uuid
 from collections import deque
 from collections.abc import Callable, Mapping
-from enum import StrEnum
 from itertools import islice
 
-from executive.codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, QUEUE_FULL
-from executive.errors import ExecutorBlocked, GoalPreempted, ResultTimeout, UnknownGoal
-from hardware import Clock
-from trees import Located
-
-from .goal import Goal
-from .mailbox import Mailbox
-from .outcome import (
+from executive.api.codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, QUEUE_FULL
+from executive.api.events import Policy
+from executive.api.outcome import (
     CANCELED_CAUSE,
     Acceptance,
     CancelCode,
@@ -27,19 +21,17 @@ from .outcome import (
     cause_for,
     cause_of,
 )
+from executive.errors import ExecutorBlocked, GoalPreempted, ResultTimeout, UnknownGoal
+from hardware import Clock
+from trees import Located
+
+from .goal import Goal
+from .mailbox import Mailbox
 
 _IDENTITY = re.compile("[0-9a-f]{32}")
 WAITING = 100  # longest queue of goals
 KEPT = 1000  # number of ended goals that are kept, so that the memory of a server is bounded
 NO_GOAL = "0" * 32  # identity that names no goal in a cancel, as in ROS 2
-
-
-class Policy(StrEnum):
-    """What happens to a goal that arrives while another one is under way."""
-
-    REJECT = "reject"
-    QUEUE = "queue"
-    PREEMPT = "preempt"
 
 
 class GoalQueue:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from executive.api.outcome import CANCELED_CAUSE, Cause, GoalState, cause_of
 from hardware import ActivationStopped, Arm, Clock
 from logs import Feedback, NodeStatus, Record
 from skills import Skill, SkillBroken, TaskFailed
@@ -15,7 +16,6 @@ from trees.compile.node_paths import paths
 from trees.nodes.loops import Loop
 
 from .goal import Goal
-from .outcome import CANCELED_CAUSE, Cause, GoalState, cause_of
 from .stop import GoalStopper
 
 logger = logging.getLogger(__name__)

@@ -10,13 +10,13 @@ from functools import partial
 
 from py_trees.behaviour import Behaviour
 
+from executive.api.outcome import CancelResult, Cause, GoalState, Outcome, cause_of
 from executive.errors import ExecutorBlocked
 from executive.recording.recordings import Recordings
 from hardware import Arm, CancelTimeout, Clock
 from trees.compile.node_paths import paths
 
 from .goal import Goal
-from .outcome import CancelResult, Cause, GoalState, Outcome, cause_of
 from .queue import GoalQueue
 
 logger = logging.getLogger(__name__)

@@ -10,8 +10,7 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import logs
-from executive.goals.goal import Goal
-from executive.goals.outcome import GoalState, GoalStatus, Outcome
+from executive.api.outcome import GoalState, GoalStatus, Outcome
 from hardware import ArmEvent, Clock, Robot, State
 from logs.writing.compactor import Compactor, compactor
 from skills import Planned, SkillEvent
@@ -91,11 +90,11 @@ class Recordings:
         self._recorder = self._server = recorder = self._create(_SERVER)
         recorder.put(*self._setup(None), *self._early_lines(), self._arm_state(self._clock.now()))
 
-    def open(self, goal: Goal, name: str, seed: int, tree: Tree | None) -> None:
+    def open(self, goal: GoalStatus, name: str, seed: int, tree: Tree | None) -> None:
         """Open the recording of a goal, and record the goal.
 
         Args:
-            goal: The goal.
+            goal: Status of the goal.
             name: Name of its task.
             seed: Seed of the planners.
             tree: The goal's tree, whose files are attached; None if it could not be built.

@@ -6,8 +6,8 @@ Each function returns the first difference in words, or an empty string if there
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise, takewhile, zip_longest
 
-from executive.codes import CANCELED, OK
-from executive.goals.outcome import GoalState
+from executive.api.codes import CANCELED, OK
+from executive.api.outcome import GoalState
 from hardware import HardwareError, Robot, Schedule as Compiled, compile_schedule
 from hardware.printable import wire_text
 from logs import Goal, NodeStatus, Record, Result, Schedule, Sent

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
-from executive.codes import DIFFERS
+from executive.api.codes import DIFFERS
 from executive.recording.archive import restore_robot
 from hardware import HardwareError, Robot
 from logs import (

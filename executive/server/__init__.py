@@ -1,3 +1,1 @@
 """The network: goals, events and the arm's lifecycle over HTTP, and rosbridge on a WebSocket."""
-
-PORT = 8765  # default TCP port

@@ -7,8 +7,8 @@ from collections import deque
 from collections.abc import Callable
 
 import logs
-from executive.goals.events import Event, QuestionStatus, event_to_json, kind_of
-from executive.goals.outcome import GoalStatus
+from executive.api.events import Event, QuestionStatus, event_to_json, kind_of
+from executive.api.outcome import GoalStatus
 
 HEARTBEAT = 15.0  # a subscriber receives a comment after this time without an event [s]
 MAX_BACKLOG = 4 * 1024 * 1024  # unread bytes after which a subscriber is dropped

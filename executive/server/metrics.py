@@ -7,8 +7,8 @@ from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 import logs
-from executive.goals.events import Event, Status
-from executive.goals.outcome import GoalStatus
+from executive.api.events import Event, Status
+from executive.api.outcome import GoalStatus
 from hardware import State
 
 _LATENESS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)  # upper bounds of the buckets [s]

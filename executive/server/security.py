@@ -10,9 +10,8 @@ from typing import Any
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import Message, Scope, Send
 
+from executive.api.token_file import HTTP_PORT
 from executive.errors import Unauthorized, WrongHost, WrongOrigin
-
-from .token_file import HTTP_PORT
 
 _HAS_TOKEN = "has_token"  # key in a request's state
 _HAS_PORT = re.compile(r"[^:]:\d+$")

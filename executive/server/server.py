@@ -11,17 +11,16 @@ from typing import Any, Self
 
 import uvicorn
 
+from executive.api import PORT, token_file
+from executive.api.strict_json import MAX_BYTES
 from executive.errors import AddressInUse, ServerError, TooFewFiles
 from executive.executive import Executive
 from executive.goals.questions import Questions, ignore
-from executive.server import PORT
 from trees.live_library import LiveLibrary
 
-from . import token_file
 from .event_hub import EventHub
 from .http.answers import Answers
 from .http.app import App
-from .http.strict_json import MAX_BYTES
 from .limits.cancel_thread import CancelThread
 from .limits.connections import MAX_HEAD, HttpConnection, SharedState, WebSocketConnection
 from .limits.descriptors import max_connections

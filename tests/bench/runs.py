@@ -30,10 +30,9 @@ from py_trees.common import Status
 
 import executive.goals.executor
 import logs
+from executive.api.events import Event, Policy
+from executive.api.outcome import GoalState
 from executive.executive import Executive
-from executive.goals.events import Event
-from executive.goals.outcome import GoalState
-from executive.goals.queue import Policy
 from executive.goals.run import Run
 from executive.setup import Setup
 from hardware import (

@@ -17,9 +17,10 @@ from typing import Any
 # Python puts a script's folder first, where this file would pass for the room of its name.
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
+from executive.api.events import Policy
 from executive.goals.goal import Goal
 from executive.goals.mailbox import Mailbox
-from executive.goals.queue import GoalQueue, Policy
+from executive.goals.queue import GoalQueue
 from executive.goals.run import Run
 from executive.goals.stop import GoalStopper
 from hardware import Arm, RealClock, Robot, load_robot

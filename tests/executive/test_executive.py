@@ -9,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 
 import logs
-from executive.goals.outcome import GoalState
+from executive.api.outcome import GoalState
 from hardware import Robot, SimulatedClock
 from hardware.drivers.arduino.serial_servo import FIRMWARES
 from skills.motion import NoPath, Pool, Query, Result

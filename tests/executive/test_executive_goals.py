@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 import logs
+from executive.api.events import Policy
+from executive.api.outcome import Acceptance, GoalState, GoalStatus
 from executive.cli.support.log_handler import LogHandler
 from executive.cli.support.run_server import prepare
 from executive.errors import ResultTimeout, UnknownGoal
-from executive.goals.outcome import Acceptance, GoalState, GoalStatus
-from executive.goals.queue import Policy
 from executive.replay.verification import verify
 from hardware import NotActive, State, TransitionRefused
 from hardware.errors import PortMissing

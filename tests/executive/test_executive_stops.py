@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.goals.outcome import GoalState
+from executive.api.outcome import GoalState
 from hardware import Robot, SimulatedClock, State
 from skills import Skill
 from skills.leaves.execute import Execute

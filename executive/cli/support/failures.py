@@ -4,8 +4,8 @@ import errno
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from executive.api.codes import INTERNAL, look_up
 from executive.cli.terminal.streams import echo
-from executive.codes import INTERNAL, look_up
 
 
 def print_error(error: Exception) -> int:

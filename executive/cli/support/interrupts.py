@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from types import FrameType
 from typing import Any, Self, TypeVar
 
-from executive.codes import INTERRUPTED_EXIT
+from executive.api.codes import INTERRUPTED_EXIT
 from hardware import RealClock
 
 from .process_end import end_process

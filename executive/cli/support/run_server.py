@@ -8,11 +8,11 @@ import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 
+from executive.api import PORT
 from executive.cli.terminal.streams import LogFormatter
 from executive.errors import PoseUnconfirmed
 from executive.executive import Executive
 from executive.goals.questions import Questions
-from executive.server import PORT
 from executive.server.server import ListenOptions, Server
 from executive.session import open_executive, port_line
 from executive.setup import Setup

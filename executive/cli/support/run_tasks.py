@@ -5,13 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 
+from executive.api.codes import OK
+from executive.api.events import Event
+from executive.api.outcome import CANCELED_CAUSE, GoalState, GoalStatus, Outcome, cause_of
 from executive.cli.terminal.operator import Terminal
 from executive.cli.terminal.streams import LastingStream
 from executive.cli.terminal.view import View, view_for
-from executive.codes import OK
 from executive.executive import Executive
-from executive.goals.events import Event
-from executive.goals.outcome import CANCELED_CAUSE, GoalState, GoalStatus, Outcome, cause_of
 from executive.session import finish_recording, open_executive, port_line
 from executive.setup import Setup
 from hardware import HardwareError, State

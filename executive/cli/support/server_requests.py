@@ -11,13 +11,13 @@ from contextlib import contextmanager, nullcontext
 import click
 
 import logs
+from executive.api.codes import CLOSING
+from executive.api.events import Event, QuestionStatus, Status
+from executive.api.outcome import CancelCode, GoalState, GoalStatus, Outcome, cause_of
 from executive.cli.terminal.streams import echo
 from executive.cli.terminal.view import View, view_for
 from executive.client.synchronous import Client
-from executive.codes import CLOSING
 from executive.errors import ClientError, Refused
-from executive.goals.events import Event, QuestionStatus, Status
-from executive.goals.outcome import CancelCode, GoalState, GoalStatus, Outcome, cause_of
 from trees import TreeError
 from trees.compile.arguments import read_arguments
 

@@ -13,8 +13,8 @@ from rich.text import Text
 from rich.tree import Tree as Branch
 
 import logs
-from executive.goals.events import QuestionStatus
-from executive.goals.outcome import Outcome
+from executive.api.events import QuestionStatus
+from executive.api.outcome import Outcome
 from hardware.printable import printable
 
 from .streams import LastingStream

@@ -10,7 +10,7 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 
-from executive.goals.outcome import Outcome
+from executive.api.outcome import Outcome
 from hardware import RealClock
 from logs import Record, Recording, Result
 

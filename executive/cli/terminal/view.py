@@ -8,8 +8,8 @@ from queue import SimpleQueue
 from typing import Protocol, Self
 
 import logs
-from executive.goals.events import QuestionStatus, event_to_json
-from executive.goals.outcome import Outcome
+from executive.api.events import QuestionStatus, event_to_json
+from executive.api.outcome import Outcome
 from hardware.printable import printable
 
 from .streams import LastingStream

@@ -10,11 +10,13 @@ from typing import Any
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
+from executive.api.events import KINDS, Event
+from executive.api.operations import OPERATIONS
+from executive.api.outcome import GoalStatus, Outcome
+from executive.api.schemas import MAX_LISTED
 from executive.errors import BadRequest, NotHeld, ResultTimeout, TooMuch
 from executive.executive import Executive
 from executive.goals.breakpoints import check_node
-from executive.goals.events import KINDS, Event
-from executive.goals.outcome import GoalStatus, Outcome
 from executive.goals.questions import Questions
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
@@ -24,8 +26,6 @@ from trees.live_library import LiveLibrary
 
 from .errors import http_status
 from .openapi import document
-from .operations import OPERATIONS
-from .schemas import MAX_LISTED
 
 MAX_SUBSCRIBERS = 16  # limit for clients with the token, and again for those without
 HOLD_SECONDS = 1.0  # a hold ends after this time without data [s]

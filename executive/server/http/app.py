@@ -18,7 +18,11 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from executive.codes import INTERNAL
+from executive.api import strict_json
+from executive.api.codes import INTERNAL
+from executive.api.operations import OPERATIONS, Access, Operation
+from executive.api.outcome import cause_of
+from executive.api.schemas import Schema
 from executive.errors import (
     BadMethod,
     BadRequest,
@@ -29,7 +33,6 @@ from executive.errors import (
     TooMuch,
     TooSlow,
 )
-from executive.goals.outcome import cause_of
 from executive.server.limits.token_bucket import TokenBucket
 from executive.server.security import (
     AccessRules,
@@ -39,11 +42,8 @@ from executive.server.security import (
 )
 from hardware import Clock
 
-from . import strict_json
 from .answers import Answers
 from .errors import http_status
-from .operations import OPERATIONS, Access, Operation
-from .schemas import Schema
 
 logger = logging.getLogger(__name__)
 

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from typing import Any
 
-from .operations import Access, Operation
-from .schemas import ERROR, TEXT, Component
+from executive.api.operations import Access, Operation
+from executive.api.schemas import ERROR, TEXT, Component
 
 
 def document(operations: Iterable[Operation]) -> dict[str, Any]:

@@ -4,8 +4,8 @@ import asyncio
 import logging
 from concurrent.futures import Future, ThreadPoolExecutor
 
+from executive.api.outcome import CancelResult
 from executive.executive import Executive
-from executive.goals.outcome import CancelResult
 
 from .token_bucket import TokenBucket
 

@@ -17,9 +17,9 @@ from uvicorn.server import ServerState
 from websockets.frames import CloseCode
 from websockets.utils import apply_mask
 
+from executive.api.operations import OPERATIONS, Operation
+from executive.api.outcome import cause_of
 from executive.errors import BadRequest, Forbidden
-from executive.goals.outcome import cause_of
-from executive.server.http.operations import OPERATIONS, Operation
 from executive.server.security import AccessRules, is_authenticated
 
 from .fair_queue import CHUNK, FairQueue

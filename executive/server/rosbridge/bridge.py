@@ -13,10 +13,10 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 import logs
+from executive.api.events import Event
+from executive.api.outcome import GoalStatus
 from executive.errors import UnknownGoal
 from executive.executive import Executive
-from executive.goals.events import Event
-from executive.goals.outcome import GoalStatus
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.limits.token_bucket import TokenBucket

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from executive.server.http import strict_json
+from executive.api import strict_json
 
 ACTION = "/task_server"
 ACTION_TYPE = "arduinobot_msgs/action/ArduinobotTask"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from executive.goals.outcome import GoalState
+from executive.api.outcome import GoalState
 from hardware.arm.connection import Connection
 from tests.conftest import RigMaker
 from tests.support.servers.server_acts import at_frame, run

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from armtree import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
+from executive.api import token_file
 from executive.client import transport
 from executive.errors import WrongAnswer
-from executive.server import token_file
 from tests.support.generated.sync_client import TARGET, synchronous
 from tests.support.servers.serving import Serve
 

@@ -7,8 +7,8 @@ import pytest
 from py_trees.common import Status
 
 import logs
-from executive.goals.outcome import GoalState
-from executive.goals.queue import Policy
+from executive.api.events import Policy
+from executive.api.outcome import GoalState
 from hardware import Clock, RealClock, State
 from skills import Skill, skill
 from tests.conftest import RigMaker

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.goals.outcome import CancelCode, GoalState, Outcome
-from executive.goals.queue import Policy
+from executive.api.events import Policy
+from executive.api.outcome import CancelCode, GoalState, Outcome
 from hardware import State
 from skills import Skill
 from skills.leaves.plan_group import PlanGripper

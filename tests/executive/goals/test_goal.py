@@ -6,9 +6,9 @@ import pytest
 from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
+from executive.api.outcome import GoalState, Outcome
 from executive.goals.goal import NEXT, Goal
 from executive.goals.mailbox import Mailbox
-from executive.goals.outcome import GoalState, Outcome
 from hardware import SimulatedClock
 
 TERMINAL = {GoalState.SUCCEEDED, GoalState.CANCELED, GoalState.ABORTED}

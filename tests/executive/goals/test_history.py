@@ -8,10 +8,10 @@ import pytest
 from click.testing import CliRunner
 
 import logs
+from executive.api.events import Policy
+from executive.api.outcome import GoalState
 from executive.cli.main import cli
 from executive.errors import PoseUnconfirmed
-from executive.goals.outcome import GoalState
-from executive.goals.queue import Policy
 from executive.goals.start_pose import StartPose
 from hardware import DescriptionError, Robot, State, load_robot
 from tests.conftest import Rig, RigMaker

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 import logs
+from executive.api.events import Policy
+from executive.api.outcome import GoalState
 from executive.errors import NotExecuting, NotPaused, TooManyBreakpoints, UnknownGoal
 from executive.executive import BREAKPOINTS
-from executive.goals.outcome import GoalState
-from executive.goals.queue import Policy
 from executive.replay.verification import verify
 from hardware import Robot, SimulatedClock
 from logs.views.narrative import narrative

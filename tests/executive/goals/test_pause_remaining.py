@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.goals.outcome import GoalState
+from executive.api.outcome import GoalState
 from executive.replay.send_again import Replay, _setpoints
 from executive.replay.verification import verify
 from hardware import compile_schedule

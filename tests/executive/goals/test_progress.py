@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.goals.outcome import GoalState
+from executive.api.outcome import GoalState
 from hardware import Robot
 from hardware.drivers.arduino.serial_servo import FIRMWARES
 from tests.conftest import Rig, RigMaker

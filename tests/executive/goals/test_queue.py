@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from executive.api.events import Policy
+from executive.api.outcome import Acceptance, CancelCode, GoalState, Outcome
 from executive.errors import ResultTimeout, UnknownGoal
-from executive.goals.outcome import Acceptance, CancelCode, GoalState, Outcome
-from executive.goals.queue import KEPT, WAITING, Policy
+from executive.goals.queue import KEPT, WAITING
 from tests.conftest import RigMaker
 from tests.support.generated.goals_table import Table
 from tests.support.servers.server_acts import at_frame

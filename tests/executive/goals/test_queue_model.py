@@ -6,9 +6,9 @@ import pytest
 from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from executive.api.events import Policy
+from executive.api.outcome import CancelCode, GoalState
 from executive.errors import ResultTimeout
-from executive.goals.outcome import CancelCode, GoalState
-from executive.goals.queue import Policy
 from tests.support.generated.goals_table import Table
 
 S, C = GoalState, CancelCode

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 import logs
+from executive.api.events import Policy
+from executive.api.outcome import GoalState, Outcome
 from executive.cli.support.log_handler import LogHandler
 from executive.goals.goal import Goal
 from executive.goals.mailbox import Mailbox
-from executive.goals.outcome import GoalState, Outcome
-from executive.goals.queue import Policy
 from executive.recording import recordings
 from executive.replay.frames import result_difference
 from executive.replay.verification import verify
@@ -268,7 +268,7 @@ def test_a_result_counts_the_frames_before_it_whenever_they_come(
     paths = []
     for number in range(5):
         goal = Goal(f"{number:032x}", 1, {}, clock.now(), 0, Mailbox(clock))
-        found.open(goal, "pick", 1, None)
+        found.open(goal.status, "pick", 1, None)
         paths.append(Path(found.path))
         found.record_result(goal.identity, outcome)
         found.goal_ended()

@@ -9,9 +9,9 @@ import threading
 import pytest
 
 import logs
+from executive.api.events import Event
+from executive.api.outcome import CancelResult
 from executive.errors import TooFewFiles
-from executive.goals.events import Event
-from executive.goals.outcome import CancelResult
 from executive.server import event_hub
 from executive.server.http import answers as api, app
 from executive.server.limits import connections, descriptors, fair_queue

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 from websockets.frames import Close, Frame, Opcode
 
+from executive.api import token_file
+from executive.api.operations import OPERATIONS
 from executive.client import transport
 from executive.errors import AddressInUse, ServerError
-from executive.server import token_file
 from executive.server.http import app
-from executive.server.http.operations import OPERATIONS
 from executive.server.limits import connections
 from tests.support.servers.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
 from tests.support.servers.serving import Serve

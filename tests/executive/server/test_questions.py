@@ -7,9 +7,9 @@ import sys
 import pytest
 
 from armtree import Client
+from executive.api.events import QuestionStatus
 from executive.client.values import OpenQuestion
 from executive.errors import Refused
-from executive.goals.events import QuestionStatus
 from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import logs
-from executive.goals.outcome import Outcome
+from executive.api.outcome import Outcome
 from hardware import Robot
 from skills import Skill
 from skills.leaves.scene import AddBox, Attach, Detach

@@ -1,8 +1,9 @@
 """A queue of goals, and an executor that a test controls."""
 
+from executive.api.events import Policy
+from executive.api.outcome import Acceptance, CancelCode, GoalState, GoalStatus, Outcome
 from executive.goals.goal import Goal
-from executive.goals.outcome import Acceptance, CancelCode, GoalState, GoalStatus, Outcome
-from executive.goals.queue import GoalQueue, Policy
+from executive.goals.queue import GoalQueue
 from hardware import SimulatedClock
 
 

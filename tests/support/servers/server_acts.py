@@ -1,7 +1,7 @@
 """Steps that tests of the server's executive share."""
 
 import logs
-from executive.goals.outcome import Outcome
+from executive.api.outcome import Outcome
 from tests.conftest import Rig
 
 

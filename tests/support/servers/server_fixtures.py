@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from executive.api import token_file
+from executive.api.events import Policy
 from executive.cli.main import main
-from executive.goals.queue import Policy
-from executive.server import token_file
 from executive.testing import SharedPool
 from hardware import RealClock, load_robot
 from skills.motion import Pool

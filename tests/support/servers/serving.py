@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from armtree import Client
+from executive.api.events import Policy
+from executive.api.operations import OPERATIONS
 from executive.executive import Executive
 from executive.goals.questions import Questions
-from executive.goals.queue import Policy
-from executive.server.http.operations import OPERATIONS
 from executive.server.server import ListenOptions, Server
 from executive.setup import Setup
 from hardware import BoardLink, RealClock, Robot, virtual_board

@@ -11,9 +11,9 @@ import pytest
 from rich.console import Console
 
 import logs
+from executive.api.outcome import Cause, GoalState, Outcome
 from executive.cli.terminal.live_view import LiveView
 from executive.cli.terminal.streams import LogFormatter
-from executive.goals.outcome import Cause, GoalState, Outcome
 from tests.support.servers.serving import Served, Typed
 
 pytestmark = pytest.mark.slow

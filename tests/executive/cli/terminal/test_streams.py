@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.codes import READER_ENDED_EXIT
+from executive.api.codes import READER_ENDED_EXIT
 
 pytestmark = pytest.mark.slow
 

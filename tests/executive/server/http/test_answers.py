@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 import logs
-from executive.goals.outcome import Acceptance, GoalStatus
-from executive.goals.queue import Policy
+from executive.api.events import Policy
+from executive.api.operations import OPERATIONS
+from executive.api.outcome import Acceptance, GoalStatus
 from executive.server.http import answers as api
-from executive.server.http.operations import OPERATIONS
 from hardware import State
 from logs.writing import recorder
 from skills.leaves.wait import Wait

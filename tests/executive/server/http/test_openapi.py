@@ -10,10 +10,10 @@ import fastjsonschema
 import pytest
 
 import executive.server as server
+from executive.api.codes import all_codes
+from executive.api.operations import OPERATIONS, Operation
 from executive.cli.server_commands import arm
-from executive.codes import all_codes
 from executive.server.http.answers import Answers
-from executive.server.http.operations import OPERATIONS, Operation
 from hardware import TRANSITIONS
 from tests.executive.server.rosbridge.test_bridge import GOAL, heard, say, websocket
 from tests.support.servers.serving import Serve

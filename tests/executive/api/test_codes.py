@@ -10,7 +10,7 @@ import hardware
 import logs
 import skills
 import trees
-from executive.codes import INTERNAL, all_codes, look_up
+from executive.api.codes import INTERNAL, all_codes, look_up
 from hardware import HardwareError
 from tests.support.paths import ROOT
 

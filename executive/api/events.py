@@ -4,11 +4,9 @@
 """
 
 import dataclasses
-import logging
-import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from enum import StrEnum
 from typing import Any, cast
 
 import logs
@@ -17,9 +15,6 @@ from hardware.printable import wire_bytes, wire_text
 from logs.records.field_types import frozen
 
 from .outcome import Cause, GoalStatus, from_fields
-from .queue import Policy
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +42,6 @@ class QuestionStatus:
 
 
 Event = logs.Record | GoalStatus | QuestionStatus
-Subscriber = Callable[[Event], None]
 
 EVENTS: dict[type, str] = {
     logs.Goal: "goal",
@@ -70,36 +64,12 @@ _RECORDS = {name: kind for kind, name in EVENTS.items()}
 _FIELDS = {unit: name for name, unit in UNITS.items()}
 
 
-class EventSubscribers:
-    """Passes every event to all subscribers. Any thread may call."""
+class Policy(StrEnum):
+    """What happens to a goal that arrives while another one is under way."""
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._subscribers: tuple[Subscriber, ...] = ()
-
-    def add(self, subscriber: Subscriber) -> Callable[[], None]:
-        """Add a subscriber.
-
-        Returns:
-            Function that removes the subscriber.
-        """
-        with self._lock:
-            self._subscribers = (*self._subscribers, subscriber)
-        return partial(self._remove, subscriber)
-
-    def publish(self, event: Event) -> None:
-        """Pass an event to all subscribers; one that raises an exception is removed."""
-        for subscriber in self._subscribers:
-            try:
-                subscriber(event)
-            except Exception:  # users' code, which must not stop the arm's threads
-                self._remove(subscriber)  # first, because the log is an event, too
-                logger.exception("a subscriber of events failed, and was removed")
-
-    def _remove(self, subscriber: Subscriber) -> None:
-        with self._lock:
-            left = (each for each in self._subscribers if each is not subscriber)
-            self._subscribers = tuple(left)
+    REJECT = "reject"
+    QUEUE = "queue"
+    PREEMPT = "preempt"
 
 
 @dataclass(frozen=True, slots=True)

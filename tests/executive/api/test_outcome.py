@@ -8,7 +8,7 @@ from py_trees.common import Status
 from py_trees.composites import Sequence
 from py_trees.decorators import FailureIsSuccess
 
-from executive.goals.outcome import GoalState, cause_of
+from executive.api.outcome import GoalState, cause_of
 from executive.goals.run import decide_outcome
 from hardware import ActivationStopped, BadPosition, NotActive, PortNotGiven
 from skills import OutOfBounds

@@ -11,7 +11,8 @@ from enum import Enum
 from typing import Any, TypeVar
 
 import logs
-from executive.codes import CANCELED, INTERNAL, OK, look_up
+
+from .codes import CANCELED, INTERNAL, OK, look_up
 
 T = TypeVar("T")
 
@@ -302,7 +303,7 @@ def cause_for(code: str, message: str = "") -> Cause:
     """Return the cause with a code that no exception carries.
 
     Args:
-        code: One of `executive.codes`.
+        code: One of `executive.api.codes`.
         message: Description for people; default: the heading of the code.
     """
     known = look_up(code)

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from executive.goals.events import UNITS
-from executive.goals.outcome import CancelCode, Cause, GoalState, Outcome
-from executive.goals.queue import Policy
 from hardware import State
+
+from .events import UNITS, Policy
+from .outcome import CancelCode, Cause, GoalState, Outcome
 
 Schema = Mapping[str, Any]
 
