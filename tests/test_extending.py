@@ -14,7 +14,7 @@ from executive.api import schemas
 from executive.api.codes import look_up
 from executive.api.operations import OPERATIONS, Access, Operation
 from executive.api.outcome import Cause, GoalState, Outcome
-from executive.server.http.answers import Answers
+from executive.server.http.endpoints import Endpoints
 from executive.testing import SimulatedArm
 from tests.support.paths import ROOT
 from tests.support.servers.serving import Serve
@@ -173,11 +173,11 @@ def test_a_server_operation_is_a_row_and_an_answer(
         schemas.body("times", times=schemas.COUNT),
     )
 
-    async def echo(_: Answers, text: str, times: int) -> dict[str, Any]:
+    async def echo(_: Endpoints, text: str, times: int) -> dict[str, Any]:
         return {"text": text * times}
 
     monkeypatch.setitem(OPERATIONS, "echo", row)
-    monkeypatch.setattr(Answers, "echo", echo, raising=False)
+    monkeypatch.setattr(Endpoints, "echo", echo, raising=False)
     served = serve(active=False)
     assert served.ask("POST", "/api/echo/ha", {"times": 2})[1] == {"text": "haha"}
     assert served.ask("POST", "/api/echo/ha", {})[0] == 422

@@ -1,7 +1,7 @@
 """Every operation of the HTTP interface, one row each.
 
 The routes, the checks of a request, the OpenAPI document and the requests of the clients are made
-from these rows. The method of `Answers` with the name of a row answers it.
+from these rows. The method of `Endpoints` with the name of a row answers it.
 """
 
 from collections.abc import Mapping

@@ -15,7 +15,7 @@ from executive.api.token_file import KEEPALIVE
 from executive.errors import GoalFailed, Refused, ResultTimeout, ServerUnreachable
 
 from . import transport
-from .answers import Answer, Events
+from .responses import EventReader, ResponseBody
 from .values import OpenQuestion, Task
 
 if TYPE_CHECKING:
@@ -269,7 +269,7 @@ class AsyncClient:
             yield
 
     async def _read_events(self, piece: bytes, more: AsyncIterator[bytes]) -> AsyncIterator[Event]:
-        events = Events(self.url)
+        events = EventReader(self.url)
         with transport.transport_errors(self.url, transport.SILENCE_TIMEOUT):
             while piece:
                 for event in events.read(piece):
@@ -305,7 +305,7 @@ class AsyncClient:
             name: Name of the operation.
             timeout: Longest time for the body [s].
         """
-        answer = Answer(response, timeout)
+        body = ResponseBody(response, timeout)
         async for piece in response.aiter_raw():
-            answer.add(piece)
-        return answer.value(name)
+            body.add(piece)
+        return body.value(name)

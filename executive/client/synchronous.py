@@ -15,7 +15,7 @@ from executive.api.token_file import KEEPALIVE
 from executive.errors import GoalFailed, Refused, ResultTimeout, ServerUnreachable
 
 from . import transport
-from .answers import Answer, Events
+from .responses import EventReader, ResponseBody
 from .values import OpenQuestion, Task
 
 if TYPE_CHECKING:
@@ -265,7 +265,7 @@ class Client:
             yield
 
     def _read_events(self, piece: bytes, more: Iterator[bytes]) -> Iterator[Event]:
-        events = Events(self.url)
+        events = EventReader(self.url)
         with transport.transport_errors(self.url, transport.SILENCE_TIMEOUT):
             while piece:
                 yield from events.read(piece)
@@ -300,7 +300,7 @@ class Client:
             name: Name of the operation.
             timeout: Longest time for the body [s].
         """
-        answer = Answer(response, timeout)
+        body = ResponseBody(response, timeout)
         for piece in response.iter_raw():
-            answer.add(piece)
-        return answer.value(name)
+            body.add(piece)
+        return body.value(name)

@@ -19,8 +19,8 @@ from executive.goals.questions import Questions, ignore
 from trees.live_library import LiveLibrary
 
 from .event_hub import EventHub
-from .http.answers import Answers
 from .http.app import App
+from .http.endpoints import Endpoints
 from .limits.cancel_thread import CancelThread
 from .limits.connections import MAX_HEAD, HttpConnection, SharedState, WebSocketConnection
 from .limits.descriptors import max_connections
@@ -187,11 +187,11 @@ class Server:
         self._unsubscribe = self._executive.subscribe(self._hub.publish)
         self._questions.changed = self._hub.publish
         self._canceler = canceler = CancelThread(self._executive)
-        answers = Answers(self._executive, canceler, self._library, self._hub, self._questions)
+        endpoints = Endpoints(self._executive, canceler, self._library, self._hub, self._questions)
         bridge = Bridge(self._executive, canceler, self._hub)
         serve_rosbridge = bridge.serve if self._options.rosbridge else None
         rules = self._options.rules(self.port, self.token)
-        app = App(answers, rules, self._clock, serve_rosbridge)
+        app = App(endpoints, rules, self._clock, serve_rosbridge)
         state = SharedState(FairQueue(self._loop), rules, self._max_connections)
         self._server = _Uvicorn(_config(app), state)
         self._thread = self._clock.spawn(self._run, "network")

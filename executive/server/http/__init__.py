@@ -1,1 +1,1 @@
-"""The HTTP interface: operations, answers and OpenAPI."""
+"""The HTTP interface: the application, its endpoints and the OpenAPI document."""

@@ -42,7 +42,7 @@ from executive.server.security import (
 )
 from hardware import Clock
 
-from .answers import Answers
+from .endpoints import Endpoints
 from .errors import http_status
 
 logger = logging.getLogger(__name__)
@@ -65,7 +65,7 @@ class App:
     up what the others need.
 
     Args:
-        answers: Answers the requests.
+        endpoints: Answer the requests.
         rules: Who may call.
         clock: Time source.
         rosbridge: Serves a WebSocket at `/`; None to serve none.
@@ -73,12 +73,12 @@ class App:
 
     def __init__(
         self,
-        answers: Answers,
+        endpoints: Endpoints,
         rules: AccessRules,
         clock: Clock,
         rosbridge: Callable[[WebSocket], Awaitable[None]] | None,
     ) -> None:
-        self._answers, self._rules = answers, rules
+        self._endpoints, self._rules = endpoints, rules
         self._buckets = {
             known: TokenBucket(*rate, clock.now) for known, rate in RATE_LIMITS.items()
         }
@@ -136,7 +136,7 @@ class App:
 
     def _endpoint(self, operation: Operation) -> Callable[[Request], Awaitable[Response]]:
         arguments = _Arguments(operation)
-        answer = getattr(self._answers, operation.name)
+        answer = getattr(self._endpoints, operation.name)
 
         async def endpoint(request: Request) -> Response:
             try:

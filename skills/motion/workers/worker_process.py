@@ -15,7 +15,7 @@ from hardware import Robot
 from skills.motion.errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
 from skills.motion.query import Query, Request, Result, check_types
 
-from .answers import AnswerChecker
+from .answer_checker import AnswerChecker
 from .messages import InvalidMessage, encode, receive, send
 
 _PROGRAM = "skills.motion.workers.worker_main"

@@ -11,7 +11,7 @@ from contextlib import suppress
 import pytest
 
 from armtree import AsyncClient, Client
-from executive.client import answers
+from executive.client import responses
 from executive.errors import ClientError, Refused, ServerUnreachable, WrongAnswer
 
 Say = Callable[[bytes], str]
@@ -80,7 +80,7 @@ WRONG = {
     "an error without JSON": http(b"no", "404 Not Found"),
     "an error of another program": http(b'{"detail": "no"}', "404 Not Found"),
     "compressed": http(gzip.compress(bytes(10_000_000)), "200 OK", "content-encoding: gzip"),
-    "too long": http(b" " * (answers.MAX_BYTES + 1)),
+    "too long": http(b" " * (responses.MAX_BYTES + 1)),
 }
 
 
@@ -106,7 +106,7 @@ EVENTS = {
     "other types": b'data: {"event": "node", "time_s": "x", "path": 1, "name": [], "status": {}, '
     b'"message": null}\n\n',
     "deep": b"data: " + DEEP + b"\n\n",
-    "too long": b"data: " + b" " * (answers.MAX_BYTES + 1),
+    "too long": b"data: " + b" " * (responses.MAX_BYTES + 1),
 }
 
 

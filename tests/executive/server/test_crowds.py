@@ -13,7 +13,7 @@ from executive.api.events import Event
 from executive.api.outcome import CancelResult
 from executive.errors import TooFewFiles
 from executive.server import event_hub
-from executive.server.http import answers as api, app
+from executive.server.http import app, endpoints as api
 from executive.server.limits import connections, descriptors, fair_queue
 from tests.support.servers.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
 from tests.support.servers.serving import Serve

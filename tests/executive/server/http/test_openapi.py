@@ -13,7 +13,7 @@ import executive.server as server
 from executive.api.codes import all_codes
 from executive.api.operations import OPERATIONS, Operation
 from executive.cli.server_commands import arm
-from executive.server.http.answers import Answers
+from executive.server.http.endpoints import Endpoints
 from hardware import TRANSITIONS
 from tests.executive.server.rosbridge.test_bridge import GOAL, heard, say, websocket
 from tests.support.servers.serving import Serve
@@ -67,7 +67,7 @@ def test_the_readme_lists_every_operation() -> None:
 
 @pytest.mark.parametrize("operation", OPERATIONS.values(), ids=OPERATIONS)
 def test_an_answer_takes_what_its_row_says(operation: Operation) -> None:
-    method = inspect.signature(getattr(Answers, operation.name))
+    method = inspect.signature(getattr(Endpoints, operation.name))
     taken = set(method.parameters) - {"self", "request"}
     keys = operation.body["properties"] if operation.body else {}
     assert taken == {*operation.parameters, *keys}

@@ -1,4 +1,4 @@
-"""What a server answers: bounded, and checked before it is used. Another program may answer."""
+"""What a server sends: bounded, and checked before it is used. Another program may answer."""
 
 import json
 from collections.abc import Iterator
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 MAX_BYTES = 4 * 1024 * 1024  # of an answer, or of an event
 
 
-class Answer:
-    """Collects the body of an answer.
+class ResponseBody:
+    """Collects and checks the body of a response.
 
     Args:
         response: The answer, whose body is not read yet.
@@ -67,7 +67,7 @@ class Answer:
         return value
 
 
-class Events:
+class EventReader:
     """Reads events from a stream.
 
     Args:

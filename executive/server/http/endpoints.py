@@ -1,4 +1,4 @@
-"""The answers of the HTTP interface: one method per row of `operations`, with the row's name."""
+"""The endpoints of the HTTP interface: one method per row of `operations`, with the row's name."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping
@@ -34,7 +34,7 @@ Json = Mapping[str, Any]
 _NO_ARGUMENTS: Json = MappingProxyType({})
 
 
-class Answers:
+class Endpoints:
     """Answers requests by calling the executive.
 
     A method receives the checked parameters and body of its row as arguments. A row that streams

@@ -1,4 +1,4 @@
-"""The answers of the HTTP interface, over a real socket."""
+"""The endpoints of the HTTP interface, over a real socket."""
 
 import http.client
 import json
@@ -11,7 +11,7 @@ import logs
 from executive.api.events import Policy
 from executive.api.operations import OPERATIONS
 from executive.api.outcome import Acceptance, GoalStatus
-from executive.server.http import answers as api
+from executive.server.http import endpoints as api
 from hardware import State
 from logs.writing import recorder
 from skills.leaves.wait import Wait
