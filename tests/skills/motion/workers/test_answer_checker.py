@@ -8,7 +8,6 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from skills.motion.workers.answers import AnswerChecker
 
 from hardware import Robot, load_robot
 from skills.motion import (
@@ -29,6 +28,7 @@ from skills.motion import (
 from skills.motion.path.curve import Curve
 from skills.motion.planner import Planner
 from skills.motion.timing.time_law import TimeLaw
+from skills.motion.workers.answer_checker import AnswerChecker
 from skills.motion.workers.messages import InvalidMessage
 from tests.support.arms.robots import ARMS, foreign
 
