@@ -35,6 +35,7 @@ ClientError             a client of a server
 PoseUnconfirmed         HardwareError: the position of the arm is unknown
 RecordingBehind         WriteRefused: the last frame is not recorded yet
 BadWorldFile            FileError: a file of obstacles is wrong
+BadConfiguration        a file of settings is wrong
 
 Every error carries a stable `code`, and its message says what to do next.
 """
@@ -355,6 +356,14 @@ class BadWorldFile(FileError):
 
     code = "file.world"
     hint = "correct it at the line that the message names"
+
+
+class BadConfiguration(Exception):
+    """A file of settings is wrong."""
+
+    code = "file.settings"
+    exit_status = 3
+    hint = "correct it at the line that the message names; `armtree config` lists the settings"
 
 
 class ClientError(Exception):

@@ -59,7 +59,7 @@ class TomlTable:
 
     def fail(self, key: str, message: str) -> NoReturn:
         """Reject the value of a key."""
-        raise DescriptionError(self._path, self._line(key), f"{self._full(key)}: {message}")
+        raise DescriptionError(self._path, self.line(key), f"{self._full(key)}: {message}")
 
     def text(self, key: str, default: str | None = None) -> str:
         """Return a text, or the default if the key is absent."""
@@ -180,8 +180,8 @@ class TomlTable:
     def _full(self, key: str) -> str:
         return f"{self._name}.{key}" if self._name else key
 
-    def _line(self, key: str) -> int:
-        """Return the line of the key, or of the nearest table around it; 0 if unknown."""
+    def line(self, key: str) -> int:
+        """Return the line of a key, or of the nearest table around it; 0 if unknown."""
         full = self._full(key)
         while full not in self._lines and "." in full:
             full = full.rpartition(".")[0]

@@ -7,6 +7,7 @@ from .errors import (
     DiskFull as DiskFull,
     LogError as LogError,
     NoSpace as NoSpace,
+    NoSuchRecording as NoSuchRecording,
     RecordingCut as RecordingCut,
     RecordingError as RecordingError,
     RecordingExists as RecordingExists,
@@ -17,6 +18,7 @@ from .errors import (
 )
 from .folder import check_space as check_space, recording_path as recording_path
 from .reading.file_state import closed_recordings as closed_recordings
+from .reading.find import find_recording as find_recording
 from .reading.reader import Message as Message, read as read
 from .reading.recording import Recording as Recording
 from .records.records import (

@@ -8,6 +8,7 @@
     ├── RecordingIncomplete        something of a run could not be written
     ├── RecordingInUse             it is still being written
     └── RecordingError             ValueError: a file cannot be read
+        ├── NoSuchRecording        no recording, or several, have the given name
         ├── RecordingTruncated     its end is missing; the valid part was read
         └── RecordingCut           it was recovered after a crash; the end of the run is missing
 
@@ -134,6 +135,18 @@ class RecordingError(LogError, ValueError):
     code = "log.unreadable"
     exit_status = 3
     hint = "give another file"
+
+
+class NoSuchRecording(RecordingError):
+    """No recording has the given name, or several do."""
+
+    code = "log.no_such"
+    hint = "`armtree log ls` lists them"
+
+    def __init__(self, folder: Path, why: str) -> None:
+        super().__init__(
+            folder, f"{why}. `armtree log ls` lists them; in another folder, give FOLDER/latest"
+        )
 
 
 class RecordingTruncated(RecordingError):

@@ -27,6 +27,7 @@ from trees.compile.arguments import read_arguments
 # start, too; some tests want them to count.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
+os.environ["XDG_CONFIG_HOME"] = os.devnull  # no settings of the person who runs the tests
 
 # How long an example takes says how busy the machine is.
 settings.register_profile("suite", deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -142,7 +142,7 @@ _ROWS = (
         s.answer("Accepted", goal_id=s.GOAL_ID, stamp_ns=s.COUNT),
         body=s.body(
             "task",
-            task=s.TASK_NUMBER,
+            task=s.TASK_OR_NAME,
             arguments=s.ARGUMENTS,
             goal_id={**s.GOAL_ID, "description": "Id of the new goal; default a random one."},
             deadman={

@@ -109,6 +109,14 @@ TASK_NUMBER = {
     "maximum": 2**31 - 1,
     "description": "Number of the task.",
 }
+TASK_OR_NAME = {
+    "title": "the number or the name of a task",
+    "anyOf": [
+        TASK_NUMBER,
+        {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_-]*$", "maxLength": 250},
+    ],
+    "description": "Number or name of the task.",
+}
 ARGUMENTS = {
     "type": "object",
     "maxProperties": 64,

@@ -9,7 +9,9 @@ import click
 from executive.api.codes import DIFFERS, look_up
 
 from .support.failures import for_each, print_incomplete
-from .support.options import AT_LEAST_0, DRAWING, PATH
+from .support.names import RECORDING
+from .support.options import DRAWING
+from .support.settings import AT_LEAST_0, PATH, find_setting
 from .terminal.streams import echo
 
 if TYPE_CHECKING:
@@ -19,11 +21,12 @@ if TYPE_CHECKING:
 _FOLDER = click.argument(
     "folder",
     type=click.Path(path_type=Path, file_okay=False),
-    envvar="ARMTREE_RECORDINGS",
-    default=Path("recordings"),
+    default=lambda: find_setting(click.get_current_context(), "recordings")[0],
 )
-_FILE = click.argument("recording", type=PATH)
-_FILES = click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
+_FILE = click.argument("recording", type=RECORDING)
+_FILES = click.argument(
+    "recordings", metavar="RECORDING...", nargs=-1, required=True, type=RECORDING
+)
 
 
 @click.group()
@@ -36,7 +39,7 @@ def log() -> None:
 def ls(folder: Path) -> None:
     """List the recordings of FOLDER, with task, outcome, duration and size.
 
-    The default of FOLDER is ARMTREE_RECORDINGS, then ./recordings.
+    The default of FOLDER is the setting `recordings`, which is ./recordings by default.
     """
     from logs import LogError
     from logs.views.narrative import overview
@@ -144,8 +147,8 @@ def export(recording: Path, output: Path) -> None:
 
 
 @log.command()
-@click.argument("one", type=PATH)
-@click.argument("other", type=PATH)
+@click.argument("one", type=RECORDING)
+@click.argument("other", type=RECORDING)
 @click.option("-o", "--output", type=DRAWING, help="Drawing to write: PNG, SVG or PDF.")
 def diff(one: Path, other: Path, output: Path | None) -> None:
     """Compare the frames and joint positions of two runs.
@@ -247,7 +250,7 @@ def pin(recordings: tuple[Path, ...], off: bool) -> None:
 def prune(folder: Path, days: float | None, mb: float | None) -> None:
     """Delete old recordings of FOLDER, but never a pinned or an unfinished one.
 
-    The default of FOLDER is ARMTREE_RECORDINGS, then ./recordings.
+    The default of FOLDER is the setting `recordings`, which is ./recordings by default.
 
     \b
     Example:

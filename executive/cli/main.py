@@ -8,6 +8,7 @@ import click
 
 from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 
+from .config import config
 from .doctor import doctor
 from .log import log
 from .plan import plan
@@ -20,7 +21,7 @@ from .support.process_end import forbid_exit
 from .tasks import COMMANDS as TASK_COMMANDS
 from .terminal.streams import LogFormatter, echo, open_closed_streams
 
-COMMANDS = (run, serve, doctor, plan, replay, log, *TASK_COMMANDS, *SERVER_COMMANDS)
+COMMANDS = (run, serve, doctor, config, plan, replay, log, *TASK_COMMANDS, *SERVER_COMMANDS)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from .support.options import DRAWING, PATH, robot_option, seed_option, trees_option
+from .support.options import DRAWING, robot_option, trees_option
+from .support.settings import option
 from .terminal.streams import echo
 
 
@@ -27,11 +28,11 @@ from .terminal.streams import echo
 @click.option("--tool", metavar="LINK", help="Link with the tool. Default: the robot file's tool.")
 @click.option("--offset", nargs=3, metavar="X Y Z", help="Position of the tool on its link [m].")
 @click.option("--axis", nargs=3, metavar="X Y Z", help="Axis of the tool on its link.")
-@click.option("--world", type=PATH, help="JSON file with bodies around the arm; see the example.")
+@option("world")
 @click.option(
     "--group", help="Group that moves. Default: the group of the named joints, else the arm."
 )
-@seed_option
+@option("seed")
 @click.option(
     "-o",
     "--output",
@@ -64,9 +65,10 @@ def plan(
       JOINT=VALUE, JOINT+=CHANGE   joints; the others do not move
       POSE                         a pose of poses.yaml
       X Y Z                        a point for the tool
-      N                            a task: all motions that are known before a run
+      TASK                         a task: all motions that are known before a run
 
-    Numbers without a unit are in rad and m. Joints and poses can be combined.
+    Numbers without a unit are in rad and m. Joints and poses can be combined. A word that names a
+    pose and a task is the pose.
 
     \b
     Examples:

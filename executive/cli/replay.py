@@ -10,12 +10,13 @@ import click
 from executive.api.codes import DIFFERS, look_up
 
 from .support.failures import print_incomplete
-from .support.options import ABOVE_0, AT_LEAST_0, PATH
+from .support.names import RECORDING
+from .support.settings import ABOVE_0, AT_LEAST_0, option
 from .terminal.streams import echo
 
 
 @click.command()
-@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)
+@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=RECORDING)
 @click.option(
     "--verify", is_flag=True, help="Plan and compile again, and compare. Accepts folders too."
 )
@@ -38,16 +39,8 @@ from .terminal.streams import echo
     type=click.IntRange(1),
     help="With --verify: number of processes. Default: one per core.",
 )
-@click.option("--robot", type=PATH, envvar="ARMTREE_ROBOT", help="With --on: robot file.")
-@click.option(
-    "--recordings",
-    "folder",
-    type=PATH,
-    envvar="ARMTREE_RECORDINGS",
-    default=Path("recordings"),
-    show_default=True,
-    help="With --on: folder for the new recording.",
-)
+@option("robot", help="With --on: robot file.")
+@option("recordings", "folder", help="With --on: folder for the new recording.")
 @click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON object per event, or per recording."
 )

@@ -7,18 +7,19 @@ import click
 
 from executive.api.codes import look_up
 
+from .support.names import TASK
 from .support.options import run_options, set_option, source_options
 from .tasks import task_number
 
 
 @click.command()
-@click.argument("tasks", metavar="TASK...", nargs=-1, required=True)
+@click.argument("tasks", metavar="TASK...", nargs=-1, required=True, type=TASK)
 @source_options
 @set_option
 @run_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event.")
 def run(
-    tasks: tuple[str, ...],
+    tasks: tuple[int | str, ...],
     settings: tuple[str, ...],
     as_json: bool,
     **options: Any,

@@ -4,40 +4,19 @@ from typing import Any
 
 import click
 
-from executive.api import PORT
-
-from .support.options import Finite, run_options, source_options
+from .support.options import run_options, source_options
+from .support.settings import option
 
 
 @click.command()
 @source_options
 @click.option("--activate", is_flag=True, help="Activate the arm at once. This may move it.")
-@click.option(
-    "--policy",
-    type=click.Choice(["reject", "queue", "preempt"]),
-    default="reject",
-    show_default=True,
-    help="What happens to a goal while another one runs.",
-)
+@option("policy")
 @click.option(
     "--bind", "address", default="127.0.0.1", show_default=True, help="Address to listen on."
 )
-@click.option(
-    "--tcp-port",
-    type=click.IntRange(0, 65535),
-    envvar="ARMTREE_TCP_PORT",
-    default=PORT,
-    show_default=True,
-    help="Port to listen on; 0 for any free one.",
-)
-@click.option(
-    "--result-timeout",
-    type=Finite(-1),
-    default=900.0,
-    show_default=True,
-    metavar="SECONDS",
-    help="How long a result is kept [s]; -1: until there are 1000 newer ones.",
-)
+@option("tcp_port")
+@option("result_timeout")
 @click.option(
     "--host", "hosts", multiple=True, help="Further name of this server: NAME or NAME:PORT."
 )

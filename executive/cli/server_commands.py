@@ -11,17 +11,13 @@ import click
 
 from executive.api.codes import look_up
 
+from .support.names import TASK
 from .support.options import pose_option, set_option
+from .support.settings import find_setting, option
 from .terminal.streams import echo
 
 if TYPE_CHECKING:
     from executive.client.synchronous import Client
-
-
-def _url(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    if value and not value.startswith(("http://", "https://")):
-        raise click.BadParameter(f"{value!r} is not the URL of a server, such as http://arm:8765")
-    return value
 
 
 def _goal_id(context: click.Context, parameter: click.Parameter, value: str) -> str:
@@ -33,14 +29,11 @@ def _goal_id(context: click.Context, parameter: click.Parameter, value: str) -> 
 
 
 _goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callback=_goal_id)
-_server_option = click.option(
-    "--server",
-    metavar="URL",
-    callback=_url,
-    envvar="ARMTREE_SERVER",
-    show_envvar=True,
-    help="URL of the server. Default: this machine, port ARMTREE_TCP_PORT.",
-)
+
+
+def _local_server() -> str:
+    port, _ = find_setting(click.get_current_context(), "tcp_port")
+    return f"http://localhost:{port}"
 
 
 def _with_client(function: Callable[..., None]) -> Callable[..., None]:
@@ -50,9 +43,9 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
     """
 
     @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-    @_server_option
+    @option("server", default=_local_server, show_envvar=True)
     @functools.wraps(function)
-    def command(server: str | None, as_json: bool, **options: Any) -> None:
+    def command(server: str, as_json: bool, **options: Any) -> None:
         from executive.client.synchronous import Client
 
         from .support.server_requests import errors_as_json
@@ -68,7 +61,7 @@ def _verbose() -> bool:
 
 
 @click.command()
-@click.argument("number", metavar="N", type=click.IntRange(0, 2**31 - 1))
+@click.argument("task", type=TASK)
 @click.option("--wait", is_flag=True, help="Show the run until it ends. Ctrl-C cancels it.")
 @click.option(
     "--deadman",
@@ -80,21 +73,21 @@ def _verbose() -> bool:
 def send(
     client: "Client",
     as_json: bool,
-    number: int,
+    task: int | str,
     wait: bool,
     deadman: bool,
     settings: tuple[str, ...],
 ) -> None:
-    """Send a goal to a server: run task N.
+    """Send a goal to a server: run TASK, given by its number or name.
 
     Prints the id of the goal, or with --wait the same as `armtree run`.
     """
     from .support.server_requests import parameters, send_and_wait
 
     if wait or deadman:
-        outcome = send_and_wait(client, number, settings, deadman, as_json, _verbose())
+        outcome = send_and_wait(client, task, settings, deadman, as_json, _verbose())
         sys.exit(look_up(outcome.code).exit_status)
-    goal_id = client.send(number, parameters(settings, number))
+    goal_id = client.send(task, parameters(settings))
     echo(json.dumps({"goal_id": goal_id}) if as_json else goal_id)
 
 

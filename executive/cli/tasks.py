@@ -1,7 +1,6 @@
 """`armtree tasks`, `check`, `show`, `new`, `skills` and `schema`: commands for task files."""
 
 import json
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,14 +12,15 @@ from hardware.printable import printable
 from hardware.suggestions import plural
 
 from .support.failures import print_incomplete
-from .support.options import PATH, recordings_option, robot_option, skills_option, trees_option
+from .support.names import TASK_OR_RECORDING
+from .support.options import recordings_option, robot_option, skills_option, trees_option
+from .support.settings import PATH, option
 from .terminal.streams import echo
 
 if TYPE_CHECKING:
     from trees import Declaration
     from trees.check import Findings
 
-_RECORDING_NAME = re.compile(r"(\d{8}T\d{6}\.\d{3}Z)-(\d+)\.mcap")
 _MOST_RECORDINGS = 200  # that `armtree tasks` opens, so that it does not take long
 
 _output_option = click.option(
@@ -84,12 +84,12 @@ def _declared(declared: "Declaration") -> str:
 
 def _last_outcomes(folder: Path) -> dict[int, str]:
     """Return the outcome of the last recorded run of each task, by task number."""
+    from logs.reading.find import runs
+
     latest: dict[int, tuple[str, Path]] = {}
-    for path in folder.iterdir() if folder.is_dir() else ():
-        if found := _RECORDING_NAME.fullmatch(path.name):
-            number = int(found[2])
-            latest[number] = max(latest.get(number, ("", path)), (found[1], path))
-    newest = sorted(latest.items(), key=lambda item: item[1], reverse=True)[:_MOST_RECORDINGS]
+    for time, number, path in runs(folder):
+        latest.setdefault(number, (time, path))
+    newest = list(latest.items())[:_MOST_RECORDINGS]
     return {number: _outcome(time, path) for number, (time, path) in newest}
 
 
@@ -210,7 +210,7 @@ def skills(as_json: bool) -> None:
 
 
 @click.command()
-@click.argument("task", metavar="TASK|RECORDING")
+@click.argument("subject", metavar="TASK|RECORDING", type=TASK_OR_RECORDING)
 @trees_option
 @skills_option
 @robot_option
@@ -225,7 +225,7 @@ def skills(as_json: bool) -> None:
 )
 @_output_option
 def show(
-    task: str,
+    subject: int | str | Path,
     trees: Path | None,
     robot: Path | None,
     ports: bool,
@@ -234,8 +234,9 @@ def show(
 ) -> None:
     """Draw the tree of a task or of a recorded run.
 
-    A task is given by its number or name. In the tree of a recording, colours show how each node
-    ended, and when.
+    A task is given by its number or name; a recording by its file, by `latest`, `latest:TASK` or
+    the beginning of its name. In the tree of a recording, colours show how each node ended, and
+    when.
     """
     from hardware import load_robot
     from trees import Library
@@ -244,8 +245,8 @@ def show(
     from trees.export.groot import as_groot
     from trees.export.outline import outline
 
-    number = None if _is_recording(task) else task_number(task, trees)
-    if number is not None:
+    if not isinstance(subject, Path):
+        number = task_number(subject, trees)
         root = outline(compile_task(load_robot(robot), Library(trees), number))
         text = as_groot(root, number) if form == "groot" else DRAWINGS[form](root, ports)
     elif ports or form == "groot":
@@ -253,21 +254,17 @@ def show(
     else:
         from executive.replay.replayed_run import tree_of
 
-        text = DRAWINGS[form](tree_of(Path(task)), False)
+        text = DRAWINGS[form](tree_of(subject), False)
     if output:
         output.write_text(click.unstyle(text) + "\n")
         echo(output)
     else:
         click.echo(text if form == "text" else printable(text))  # noqa: TID251, it has colours
-    if number is None:
-        sys.exit(print_incomplete(Path(task)))
+    if isinstance(subject, Path):
+        sys.exit(print_incomplete(subject))
 
 
-def _is_recording(task: str) -> bool:
-    return Path(task).suffix == ".mcap" or "/" in task or Path(task).is_file()
-
-
-def task_number(task: str, trees: Path | None) -> int:
+def task_number(task: int | str, trees: Path | None) -> int:
     """Return the number of a task that is given by its number or name.
 
     Args:
@@ -280,16 +277,14 @@ def task_number(task: str, trees: Path | None) -> int:
     """
     from trees import Library
 
-    return int(task) if task.isdecimal() else Library(trees).number(task)
+    return task if isinstance(task, int) else Library(trees).number(task)
 
 
 @click.command()
 @click.argument("number", type=click.IntRange(0, 2**31 - 1))
 @click.argument("name")
-@click.option(
-    "--trees",
-    type=PATH,
-    envvar="ARMTREE_TREES",
+@option(
+    "trees",
     default=Path("trees"),
     show_default=True,
     help="Folder to write to. It is created if it does not exist.",

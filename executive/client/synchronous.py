@@ -53,11 +53,11 @@ class Client:
         """Close the connections. Goals continue."""
         self._http.close()
 
-    def run(self, task: int, deadman: bool = False, **arguments: Any) -> Outcome:
+    def run(self, task: int | str, deadman: bool = False, **arguments: Any) -> Outcome:
         """Run a task and wait for its end.
 
         Args:
-            task: Number of the task.
+            task: Number or name of the task.
             deadman: True to cancel the goal if this program dies or stops answering.
             arguments: Values of the task's parameters, by name.
 
@@ -80,7 +80,7 @@ class Client:
 
     def send(
         self,
-        task: int,
+        task: int | str,
         arguments: Mapping[str, Any] | None = None,
         goal_id: str = "",
         deadman: bool = False,
@@ -88,7 +88,7 @@ class Client:
         """Send a goal, without waiting for its end.
 
         Args:
-            task: Number of the task.
+            task: Number or name of the task.
             arguments: Values of the task's parameters, by name.
             goal_id: 32 hexadecimal digits; empty to let the server choose.
             deadman: True to cancel the goal when its hold ends; see `hold`.

@@ -50,8 +50,8 @@ class PlanRequest:
         robot: Description of the robot.
         library: Tasks and poses.
         words: The goal. One of: `JOINT=VALUE`, `JOINT+=CHANGE` and names of poses, applied in
-            order, each joint at most once; x, y, z of the tool; the number of a task, for all
-            motions that are known before a run. Joints that are not named stay at the start.
+            order, each joint at most once; x, y, z of the tool; the number or name of a task, for
+            all motions that are known before a run. Joints that are not named stay at the start.
         group: Group that moves; None for the group of the named joints, else the arm.
         seed: Seed of the planner.
         start: Start, in the form of `words`, but not a task. Joints that are not named are in the
@@ -83,16 +83,19 @@ class PlanRequest:
             groups = ", ".join(self.robot.groups)
             raise BadTarget(f"the robot has no group {self.group}; it has {groups}")
         boot = {joint.name: joint.boot for joint in self.robot.actuated}
-        reader = _Reader(planner, self.robot, self.library.poses()[0], "arm", self.seed, world)
+        poses = self.library.poses()[0]
+        reader = _Reader(planner, self.robot, poses, "arm", self.seed, world)
         with _errors_name("--start"):
             start = boot | reader.positions(self.start, boot, {}, goal=False)
         if self.tool and not reader.is_point(self.words):
             options = ", ".join(f"--{port}" for port in self.tool)
             raise BadTarget(f"{options} needs a point for the tool; give x y z")
-        if len(self.words) == 1 and self.words[0].isdecimal():
+        word = self.words[0] if len(self.words) == 1 else ""
+        number = int(word) if word.isdecimal() else self.library.names().get(word)
+        if number is not None and word not in poses:
             if self.via:
                 raise BadTarget("a task defines its own path; leave out --via")
-            return self._motions_of_task(planner, tuple(start.values()), world)
+            return self._motions_of_task(number, planner, tuple(start.values()), world)
         reader.group = self.group or "arm"
         named = reader.positions(self.words, start, self.tool)
         group = reader.group = self.group or self._group_of(named)
@@ -104,10 +107,9 @@ class PlanRequest:
         return [Motion(query)], []
 
     def _motions_of_task(
-        self, planner: Planner, position: tuple[float, ...], world: World
+        self, number: int, planner: Planner, position: tuple[float, ...], world: World
     ) -> tuple[list[Motion], list[str]]:
         """Return the motions of a task. As in a run, the gripper moves after the arm."""
-        number = int(self.words[0])
 
         def reach(query: ToolQuery) -> Reached:
             return planner.reach(replace(query, seed=self.seed))
@@ -286,7 +288,7 @@ def _no_pose(word: str, poses: Mapping[str, object], goal: bool) -> str:
         return f"{why}; plan one task at a time, or give x y z of the tool"
     why = f"{word!r} is no pose; there are {', '.join(poses)}. Or give JOINT=VALUE or JOINT+=CHANGE"
     if goal:
-        return f"{why}, x y z of the tool, or the number of a task"
+        return f"{why}, x y z of the tool, or the number or name of a task"
     return f"{why} or x y z of the tool, all of it in one pair of quotes"
 
 

@@ -12,12 +12,12 @@ FILE = "arguments.yaml"  # name of the file with the arguments in a recording
 MISSING = Place(Path("arguments"), 0, 0)  # place of an argument that is not given
 
 
-def read_arguments(settings: Sequence[str], tasks: Sequence[int]) -> dict[str, Located]:
+def read_arguments(settings: Sequence[str], tasks: Sequence[int] = ()) -> dict[str, Located]:
     """Read NAME=VALUE, the value in YAML as in a task file.
 
     Args:
         settings: Texts of the form NAME=VALUE.
-        tasks: Numbers of the tasks to run.
+        tasks: Numbers of the tasks to run; a setting is for one.
 
     Raises:
         BadArguments: A setting is wrong, or there are several tasks that it may be for.

@@ -1,36 +1,15 @@
 """Options of several commands."""
 
-import math
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 
 from executive.cli.terminal.streams import echo
 
-F = TypeVar("F", bound=Callable[..., Any])
-
-PATH = click.Path(path_type=Path)
-OWN_TREES = Path("trees")
-
-
-class Finite(click.FloatRange):
-    """A number in a range. NaN, which no comparison excludes, and infinity are rejected."""
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float:
-        """Return the number; raise a usage error for anything else."""
-        number: float = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{value} is no finite number", param, ctx)
-        return number
-
-
-AT_LEAST_0 = Finite(0)
-ABOVE_0 = Finite(0, min_open=True)
+from .settings import F, option
 
 
 class Drawing(click.Path):
@@ -60,48 +39,20 @@ class Drawing(click.Path):
 DRAWING = Drawing()
 
 
-def _own_trees() -> Path | None:
-    return OWN_TREES if OWN_TREES.is_dir() else None
-
-
-robot_option = click.option(
-    "--robot", type=PATH, envvar="ARMTREE_ROBOT", help="Robot file. Default: the Arduinobot."
-)
-port_option = click.option(
-    "--port",
-    envvar="ARMTREE_PORT",
-    help="Serial port, or virtual. Default: the port of the robot file.",
-)
+robot_option, port_option = option("robot"), option("port")
 pose_option = click.option(
     "--pose",
     type=click.Choice(["boot", "last"]),
     help="Confirm the pose of the arm: the boot pose, or the last commanded one. Needed if opening "
     "the port does not reset the board.",
 )
-recordings_option = click.option(
-    "--recordings",
-    type=PATH,
-    envvar="ARMTREE_RECORDINGS",
-    default=Path("recordings"),
-    show_default=True,
-    help="Folder for recordings.",
-)
+recordings_option, trees_option = option("recordings"), option("trees")
 set_option = click.option(
     "--set",
     "settings",
     metavar="NAME=VALUE",
     multiple=True,
     help="Value of a parameter of the task. May be repeated.",
-)
-seed_option = click.option(
-    "--seed", type=click.IntRange(1), default=1, show_default=True, help="Seed of the planner."
-)
-trees_option = click.option(
-    "--trees",
-    type=PATH,
-    envvar="ARMTREE_TREES",
-    default=_own_trees,
-    help="Folder with your own task files. Default: ./trees, if it exists.",
 )
 
 
@@ -115,22 +66,15 @@ def _load(_context: click.Context, _option: click.Parameter, folder: Path | None
         echo(f"Broken skills are left out: {wrong}", err=True)
 
 
-skills_option = click.option(
-    "--skills",
-    type=PATH,
-    envvar="ARMTREE_SKILLS",
-    callback=_load,
-    expose_value=False,
-    help="Folder with your own skills: Python files.",
-)
+skills_option = option("skills", callback=_load, expose_value=False)
 
 
 def _together(*options: Callable[[F], F]) -> Callable[[F], F]:
     """Return a decorator that adds several options, in this order."""
 
     def add(command: F) -> F:
-        for option in reversed(options):
-            command = option(command)
+        for each in reversed(options):
+            command = each(command)
         return command
 
     return add
@@ -140,36 +84,5 @@ source_options = _together(
     port_option, robot_option, trees_option, skills_option, recordings_option
 )
 run_options = _together(
-    seed_option,
-    click.option(
-        "--workers",
-        type=click.IntRange(1),
-        envvar="ARMTREE_WORKERS",
-        default=1,
-        show_default=True,
-        help="Number of planner processes.",
-    ),
-    click.option(
-        "--recording-timeout",
-        type=ABOVE_0,
-        envvar="ARMTREE_RECORDING_TIMEOUT",
-        default=5.0,
-        show_default=True,
-        metavar="SECONDS",
-        help="Longest time that a frame waits until the one before it is recorded [s]. Then the "
-        "motion ends.",
-    ),
-    click.option(
-        "--keep-days",
-        type=AT_LEAST_0,
-        envvar="ARMTREE_KEEP_DAYS",
-        help="Delete recordings older than this [days].",
-    ),
-    click.option(
-        "--keep-mb",
-        type=AT_LEAST_0,
-        envvar="ARMTREE_KEEP_MB",
-        help="Delete the oldest recordings beyond this total size [MB].",
-    ),
-    pose_option,
+    *map(option, ("seed", "workers", "recording_timeout", "keep_days", "keep_mb")), pose_option
 )

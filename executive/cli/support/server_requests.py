@@ -30,13 +30,18 @@ logger = logging.getLogger(__name__)
 
 
 def send_and_wait(
-    client: Client, task: int, settings: Sequence[str], deadman: bool, as_json: bool, verbose: bool
+    client: Client,
+    task: int | str,
+    settings: Sequence[str],
+    deadman: bool,
+    as_json: bool,
+    verbose: bool,
 ) -> Outcome:
     """Run a task on a server, and show it as `armtree run` does. Ctrl-C cancels it.
 
     Args:
         client: Client of the server.
-        task: Number of the task.
+        task: Number or name of the task.
         settings: Values of its parameters, each as NAME=VALUE.
         deadman: True to cancel the goal if this process dies.
         as_json: True to print JSON. A rejected goal is then an outcome, as in `armtree run`.
@@ -45,7 +50,7 @@ def send_and_wait(
     Raises:
         ClientError: The server cannot be reached, or it rejects the goal and `as_json` is false.
     """
-    arguments, goal_id = parameters(settings, task), uuid.uuid4().hex
+    arguments, goal_id = parameters(settings), uuid.uuid4().hex
     with Interrupts() as interrupts, view_for(as_json, verbose) as view:
 
         def work() -> Outcome:
@@ -56,7 +61,11 @@ def send_and_wait(
                 except Refused as error:
                     if not as_json:
                         raise
-                    outcome = Outcome.of(task, GoalState.ABORTED, error.cause)
+                    numbers = {each.name: each.number for each in client.tasks()}
+                    if isinstance(task, str) and task not in numbers:
+                        raise
+                    number = numbers[task] if isinstance(task, str) else task
+                    outcome = Outcome.of(number, GoalState.ABORTED, error.cause)
                     view.report(outcome)
                     return outcome
                 interrupts.on_cancel(lambda: _cancel(client, goal_id))
@@ -78,13 +87,13 @@ def errors_as_json(as_json: bool) -> Iterator[None]:
         raise
 
 
-def parameters(settings: Sequence[str], task: int) -> dict[str, str]:
+def parameters(settings: Sequence[str]) -> dict[str, str]:
     """Return the values of parameters as texts. The server reads them as `armtree run` does.
 
     Raises:
         FileError: A setting is invalid.
     """
-    read_arguments(settings, (task,))
+    read_arguments(settings)
     return dict(setting.split("=", 1) for setting in settings)
 
 

@@ -88,12 +88,18 @@ class Endpoints:
         return {"goals": [goal.to_json() for goal in found]}
 
     async def send(
-        self, task: float, arguments: Json = _NO_ARGUMENTS, goal_id: str = "", deadman: bool = False
+        self,
+        task: float | str,
+        arguments: Json = _NO_ARGUMENTS,
+        goal_id: str = "",
+        deadman: bool = False,
     ) -> Json | Response:
         """Accept or refuse a goal."""
         if deadman and not await self._is_held(goal_id):
             raise NotHeld(goal_id)
         texts = {name: _as_text(value) for name, value in arguments.items()}
+        if isinstance(task, str):
+            task = await asyncio.to_thread(self._library.number, task)
         acceptance = await asyncio.to_thread(
             self._executive.send_and_record, int(task), texts, goal_id
         )

@@ -256,3 +256,12 @@ def test_refusals(tmp_path: Path, goal: tuple[str, ...], error: type[Exception])
     result = plan(tmp_path, *goal)
     assert isinstance(result.exception, error)
     assert not (tmp_path / "plan.png").exists()
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_task_by_its_name(tmp_path: Path) -> None:
+    by_name, by_number = plan(tmp_path, "pick"), plan(tmp_path, "1")
+    assert by_name.exit_code == 0, by_name.exception
+    goals = re.findall("^Goal .*", by_number.output, re.MULTILINE)
+    assert goals
+    assert re.findall("^Goal .*", by_name.output, re.MULTILINE) == goals

@@ -123,6 +123,18 @@ def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
     assert {"goal", "node", "feedback"} <= {event["event"] for event in events}
 
 
+def test_a_task_by_its_name(typed: tuple[Served, Typed]) -> None:
+    served, type_in = typed
+    served.executive.arm_to("activate")
+    assert type_in("send", "nothing", "--wait")[0] == 0
+    last = type_in("send", "say", "--set", "often=9", "--json", "--wait")[1].splitlines()[-1]
+    assert json.loads(last).items() >= {"event": "result", "task": 12, "success": False}.items()
+    status, out, error = type_in("send", "nothin", "--json", "--wait")
+    assert (status, json.loads(out)["code"]) == (4, "goal.unknown_task")
+    assert "did you mean nothing?" in error
+    assert type_in("send", "-1")[0] == type_in("send", "9" * 5000)[0] == 2
+
+
 def test_in_json_too(typed: tuple[Served, Typed]) -> None:
     _, type_in = typed
 

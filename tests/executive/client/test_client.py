@@ -22,7 +22,7 @@ def test_the_synchronous_client(serve: Serve) -> None:
     served = serve()
     with Client(served.server.url) as arm:
         assert arm.run(11).success
-        assert arm.run(12, what="hello").success
+        assert arm.run("say", what="hello").success
         with pytest.raises(GoalFailed, match="task 13 ABORTED") as failed:
             arm.run(13)
         assert failed.value.code == failed.value.outcome.code == "task.failed"

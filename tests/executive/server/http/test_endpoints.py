@@ -24,7 +24,7 @@ pytest_plugins = ["tests.support.servers.server_fixtures"]
 UNKNOWN_ID = "0123456789abcdef" * 2
 
 
-def send(served: Served, task: int, **body: Any) -> str:
+def send(served: Served, task: int | str, **body: Any) -> str:
     status, reported = served.ask("POST", "/api/goals", {"task": task, **body})
     assert status == 201, reported
     return str(reported["goal_id"])
@@ -40,6 +40,20 @@ def test_a_goal_from_its_start_to_its_result(serve: Serve) -> None:
     assert served.ask("GET", f"/api/goals/{goal}/result?timeout=0")[1] == result
     assert served.ask("GET", f"/api/goals/{goal}")[1]["result"] == result
     assert [each["goal_id"] for each in served.ask("GET", "/api/goals")[1]["goals"]] == [goal]
+
+
+def test_a_task_by_its_name(serve: Serve) -> None:
+    served = serve()
+    goal = send(served, "nothing")
+    result = served.ask("GET", f"/api/goals/{goal}/result")[1]
+    assert (result["task"], result["code"]) == (11, "ok")
+    status, error = served.ask("POST", "/api/goals", {"task": "nothin"})
+    assert (status, error["code"]) == (404, "goal.unknown_task")
+    assert "did you mean nothing?" in error["message"]
+    for wrong in ("", "1", "-1", None, True, [1]):
+        status, error = served.ask("POST", "/api/goals", {"task": wrong})
+        words = "task must be the number or the name of a task"
+        assert (status, error["message"]) == (422, words)
 
 
 def test_a_goal_that_moves_the_arm_reports_progress(serve: Serve) -> None:

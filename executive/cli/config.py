@@ -1,0 +1,39 @@
+"""`armtree config`."""
+
+import json
+
+import click
+
+from .support.settings import FILE, SETTINGS, environment_name, files, find_setting, user_file
+from .terminal.streams import echo
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per setting.")
+@click.pass_context
+def config(context: click.Context, as_json: bool) -> None:
+    """Show each setting, its value, and where the value comes from.
+
+    A setting is given by an option of a command, such as --recording-timeout, by an environment
+    variable, such as ARMTREE_RECORDING_TIMEOUT, or by a key of a file, such as recording_timeout.
+    Precedence: option, environment, the nearest armtree.toml in the working directory or above it,
+    armtree/armtree.toml in the user's folder for configuration, default.
+
+    Relative paths in a file are in the folder of that file. An unknown key is an error.
+
+    \b
+    Example of an armtree.toml:
+      port = "/dev/ttyACM0"
+      trees = "tasks"
+      recording_timeout = 2.0
+    """  # noqa: D301
+    rows = {name: find_setting(context, name) for name in SETTINGS}
+    for name, (value, source) in rows.items():
+        shown = value if value is None or isinstance(value, int | float) else str(value)
+        if as_json:
+            row = {"setting": name, "value": shown, "source": source or "default"}
+            echo(json.dumps({**row, "environment": environment_name(name)}))
+        else:
+            echo(f"{name:<18} {'-' if value is None else shown!s:<30} {source or 'default'}")
+    if not as_json and not files():
+        echo(f"\nThere is no {FILE} here, above, or at {user_file()}.")

@@ -1,0 +1,88 @@
+"""Recordings by name: `latest`, `latest:TASK`, or the beginning of a file's name."""
+
+import re
+from pathlib import Path
+
+from hardware.suggestions import choices
+from logs.errors import LogError, NoSuchRecording
+
+from .reader import read
+
+LATEST = "latest"
+_RUN = re.compile(r"(\d{8}T\d{6}\.\d{3}Z)-(\d+)\.mcap")  # as `recording_path` makes it
+
+
+def runs(folder: Path) -> list[tuple[str, int, Path]]:
+    """Return the recordings of goals in a folder, the newest first.
+
+    Recordings of a server, and renamed ones, are left out.
+
+    Returns:
+        When each began, as in its name, such as `20261121T103155.123Z`; the number of its task; and
+        its path.
+    """
+    paths = folder.iterdir() if folder.is_dir() else ()
+    found = ((_RUN.fullmatch(path.name), path) for path in paths)
+    return sorted(((m[1], int(m[2]), path) for m, path in found if m), reverse=True)
+
+
+def is_recording_name(text: str) -> bool:
+    """Return whether a text names a recording, and not a task."""
+    begins = text[:1].isdecimal() and not text.isdecimal()
+    named = text.partition(":")[0] == LATEST or Path(text).suffix == ".mcap"
+    return begins or named or "/" in text or Path(text).is_file()
+
+
+def find_recording(given: str, folder: Path) -> Path:
+    """Return the recording that a text names.
+
+    Args:
+        given: A path; or `latest`, `latest:TASK` with the number or name of a task, or a beginning
+            that only one recording has. A folder may come before these, such as `runs/latest`.
+        folder: Folder of recordings, if the text names none.
+
+    Returns:
+        Its path. A path that ends in `.mcap` need not exist.
+
+    Raises:
+        NoSuchRecording: There is none, or there are several of that beginning.
+    """
+    path = Path(given)
+    if path.exists():
+        return path
+    folder, begin = (path.parent if "/" in given else folder), path.name
+    latest, _, task = begin.partition(":")
+    if latest == LATEST:
+        return _latest(folder, task)
+    if path.suffix == ".mcap":
+        return here if (here := folder / begin).exists() else path
+    there = sorted(each.name for each in folder.glob("*.mcap"))
+    match [name for name in there if name.startswith(begin)]:
+        case [name]:
+            return folder / name
+        case []:
+            why = f"no recording here begins with {begin}; there are {choices(begin, there)}"
+        case names:
+            why = f"{len(names)} recordings here begin with {begin}: {choices(begin, names)}"
+    raise NoSuchRecording(folder, why)
+
+
+def _latest(folder: Path, task: str) -> Path:
+    found = runs(folder)
+    for _, number, path in found:
+        if not task or (number == int(task) if task.isdecimal() else task == _task_name(path)):
+            return path
+    if not found:
+        raise NoSuchRecording(folder, "no recording of a run is here")
+    numbers = ", ".join(str(number) for number in sorted({number for _, number, _ in found}))
+    raise NoSuchRecording(folder, f"no recording here is of task {task}; they are of {numbers}")
+
+
+def _task_name(path: Path) -> str:
+    """Return the name of the task of a run; empty if it cannot be read."""
+    try:
+        for message in read(path, ["/goal"]):
+            return str(message.fields().get("name", ""))
+    except (LogError, OSError):
+        pass  # a file of another program, or one that was deleted
+    return ""

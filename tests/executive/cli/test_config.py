@@ -1,0 +1,145 @@
+"""`armtree config`, and the files that it shows."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from executive.cli.main import cli
+from executive.cli.support import settings
+
+
+@pytest.fixture
+def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder below which commands are typed; the user's files are beside it."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "own"))
+    below = tmp_path / "project" / "a" / "b"
+    below.mkdir(parents=True)
+    monkeypatch.chdir(below)
+    return tmp_path / "project"
+
+
+def configure(folder: Path, text: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "armtree.toml"
+    path.write_text(text)
+    return path
+
+
+def armtree(*words: str, **environment: str) -> Result:
+    return CliRunner().invoke(cli, words, env=environment)
+
+
+def shown(**environment: str) -> dict[str, tuple[Any, str]]:
+    result = armtree("config", "--json", **environment)
+    assert result.exit_code == 0, result.exception
+    rows = [json.loads(line) for line in result.output.splitlines()]
+    return {row["setting"]: (row["value"], row["source"]) for row in rows}
+
+
+def test_the_nearest_source_counts(project: Path) -> None:
+    assert shown()["workers"] == (1, "default")
+    own = configure(project.parent / "own" / "armtree", "workers = 2\nseed = 2\nkeep_mb = 2\n")
+    configure(project, "workers = 9\n")
+    near = configure(project / "a", "# nearer\nworkers = 3\nseed = 3")
+    found = shown(ARMTREE_WORKERS="4")
+    assert found["workers"] == (4, "ARMTREE_WORKERS")
+    assert found["seed"] == (3, f"{near}:3")
+    assert found["keep_mb"] == (2.0, f"{own}:3")
+    assert found["keep_days"] == (None, "default")
+    assert set(found) == set(settings.SETTINGS)
+
+
+def test_every_setting_can_be_given_in_every_way(project: Path) -> None:
+    values = {
+        "port": "virtual",
+        "server": "http://arm:1",
+        "policy": "queue",
+        **dict.fromkeys(("robot", "trees", "skills", "world", "recordings"), str(project)),
+    }
+    numbers = {name: 7 for name in settings.SETTINGS if name not in values}
+    everything: dict[str, str | int] = {**values, **numbers}
+    file = configure(project, "".join(f"{k} = {json.dumps(v)}\n" for k, v in everything.items()))
+    assert {name: value for name, (value, _) in shown().items()} == everything
+    assert {source.rpartition(":")[0] for _, source in shown().values()} == {str(file)}
+    given = {f"ARMTREE_{name.upper()}": str(value) for name, value in everything.items()}
+    assert shown(**given) == {
+        name: (value, f"ARMTREE_{name.upper()}") for name, value in everything.items()
+    }
+
+
+def test_a_relative_path_is_in_the_folder_of_its_file(project: Path) -> None:
+    configure(project, 'recordings = "runs"\ntrees = "~/tasks"\n')
+    found = shown(HOME="/home/ada")
+    assert found["recordings"][0] == str(project / "runs")
+    assert found["trees"][0] == "/home/ada/tasks"
+    assert "runs: there are no recordings here" in armtree("log", "ls").stderr
+
+
+def test_commands_use_the_files(project: Path) -> None:
+    configure(project, 'robot = "mine.toml"\nserver = "http://localhost:1"\n')
+    result = armtree("check")
+    assert str(project / "mine.toml") in str(result.exception)
+    result = armtree("check", "--robot", "other.toml")
+    assert "project" not in str(result.exception)
+    assert "http://localhost:1" in str(armtree("status").exception)
+    configure(project, "tcp_port = 2\n")
+    assert "http://localhost:2" in str(armtree("status").exception)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("seed = 1\nprot = 1", ":2: prot: unknown key; there are "),
+        ("prot = 1", "did you mean port?"),
+        ("[serial]\nport = 1", ":1: serial: unknown key"),
+        ("port = 1", ":1: port: 1 is not a text"),
+        ("seed = 0", ":1: seed: 0 is not from 1 to "),
+        ("seed = 1.5", ":1: seed: 1.5 is not a whole number"),
+        ("recording_timeout = 0", ":1: recording_timeout: 0.0 is not in the range"),
+        ("recording_timeout = nan", ":1: recording_timeout: nan is not allowed"),
+        ('policy = "quue"', ":1: policy: 'quue' is not one of "),
+        ('\nserver = "arm"', ":2: server: 'arm' is not the URL of a server"),
+        ("port = ", "armtree.toml: Invalid value"),
+        ("port = '\xff'".encode("latin-1"), "armtree.toml: is not UTF-8 text"),
+    ],
+)
+def test_a_wrong_file_is_reported_with_its_line(project: Path, text: str | bytes, why: str) -> None:
+    path = configure(project, "")
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    for command in ("config", "tasks"):
+        error = armtree(command).exception
+        assert str(error).startswith(str(path))
+        assert why in str(error)
+        assert getattr(error, "code", "") == "file.settings"
+    assert armtree("tasks", "--help").exit_code == 0
+
+
+def test_a_file_of_another_user_in_a_shared_folder_is_not_read(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = configure(project, 'skills = "theirs"')
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    assert shown()["skills"][1] != "default"  # the folder is theirs, too
+    stat = os.stat(path)
+    theirs = os.stat_result((*stat[:4], 54321, *stat[5:]))
+    found = Path.stat
+    monkeypatch.setattr(
+        Path, "stat", lambda self, **o: theirs if self == path else found(self, **o)
+    )
+    error = armtree("tasks").exception
+    assert "belongs to another user" in str(error)
+
+
+def test_without_a_file(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "There is no armtree.toml here" in armtree("config").output
+    monkeypatch.setenv("XDG_CONFIG_HOME", "relative")  # not valid, by the XDG specification
+    assert str(settings.user_file()).endswith("/.config/armtree/armtree.toml")
+    gone = project / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert armtree("config").exit_code == 0

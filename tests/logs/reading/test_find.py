@@ -1,0 +1,74 @@
+"""Recordings by name."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from logs import Goal, NoSuchRecording, find_recording
+from tests.logs.test_run import GOAL_ID, record
+
+TASKS = {
+    "20261121T103155.123Z-1": "pick",
+    "20261121T103156.123Z-0": "home",
+    "20261122T103155.123Z-1": "other",
+}
+NEWEST, OLDEST = "20261122T103155.123Z-1.mcap", "20261121T103155.123Z-1.mcap"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for stem, task in TASKS.items():
+        record(tmp_path / f"{stem}.mcap", [Goal(0.0, GOAL_ID, int(stem[-1]), task, 1)])
+    for name in ("20261123T103155.123Z-server.mcap", "renamed.mcap", "20261124T0Z-1.txt"):
+        (tmp_path / name).touch()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("given", "name"),
+    [
+        ("latest", NEWEST),
+        ("latest:1", NEWEST),
+        ("latest:0", "20261121T103156.123Z-0.mcap"),
+        ("latest:pick", OLDEST),
+        ("latest:other", NEWEST),
+        ("20261122", NEWEST),
+        ("20261121T103155", OLDEST),
+        (OLDEST, OLDEST),
+        ("ren", "renamed.mcap"),
+    ],
+)
+def test_a_recording_by_its_name(
+    folder: Path, given: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert find_recording(given, folder) == folder / name
+    monkeypatch.chdir(folder.parent)
+    relative = Path(folder.name)
+    assert find_recording(f"{relative}/{given}", Path("elsewhere")) == relative / name
+
+
+def test_a_path_is_itself(folder: Path) -> None:
+    for given in (folder, folder / OLDEST, Path("gone.mcap"), folder / "gone.mcap"):
+        assert find_recording(str(given), folder) == given
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ("20261121", f"2 recordings here begin with 20261121: {OLDEST}, 20261121T103156.123Z-0"),
+        ("x", "no recording here begins with x; there are "),
+        ("latest:7", "no recording here is of task 7; they are of 0, 1"),
+        ("latest:rest", "no recording here is of task rest; they are of 0, 1"),
+    ],
+)
+def test_a_wrong_name_is_reported_with_the_right_ones(folder: Path, given: str, why: str) -> None:
+    with pytest.raises(NoSuchRecording, match=re.escape(f"{folder}: {why}")):
+        find_recording(given, folder)
+
+
+@pytest.mark.parametrize("given", ["latest", "latest:pick", "20261121"])
+def test_a_folder_without_recordings(tmp_path: Path, given: str) -> None:
+    for folder in (tmp_path, tmp_path / "gone"):
+        with pytest.raises(NoSuchRecording, match="armtree log ls"):
+            find_recording(given, folder)
