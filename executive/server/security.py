@@ -15,7 +15,7 @@ from executive.errors import Unauthorized, WrongHost, WrongOrigin
 
 _HAS_TOKEN = "has_token"  # key in a request's state
 _HAS_PORT = re.compile(r"[^:]:\d+$")
-_SECURITY_HEADERS = {
+SECURITY_HEADERS = {
     "cache-control": "no-store",
     "content-security-policy": "default-src 'none'; frame-ancestors 'none'",
     "cross-origin-resource-policy": "same-origin",
@@ -130,7 +130,7 @@ def with_security_headers(send: Send) -> Send:
     async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
-            for name, value in _SECURITY_HEADERS.items():
+            for name, value in SECURITY_HEADERS.items():
                 headers.setdefault(name, value)
         await send(message)
 

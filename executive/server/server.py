@@ -192,7 +192,8 @@ class Server:
         serve_rosbridge = bridge.serve if self._options.rosbridge else None
         rules = self._options.rules(self.port, self.token)
         app = App(endpoints, rules, self._clock, serve_rosbridge)
-        state = SharedState(FairQueue(self._loop), rules, self._max_connections)
+        queue = FairQueue(self._loop)
+        state = SharedState(queue, rules, self._max_connections, canceler.stop)
         self._server = _Uvicorn(_config(app), state)
         self._thread = self._clock.spawn(self._run, "network")
         self._server.ready.wait()

@@ -19,7 +19,6 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from executive.api import strict_json
-from executive.api.codes import INTERNAL
 from executive.api.operations import OPERATIONS, Access, Operation
 from executive.api.outcome import cause_of
 from executive.api.schemas import Schema
@@ -33,6 +32,7 @@ from executive.errors import (
     TooMuch,
     TooSlow,
 )
+from executive.server.errors import failure
 from executive.server.limits.token_bucket import TokenBucket
 from executive.server.security import (
     AccessRules,
@@ -43,7 +43,6 @@ from executive.server.security import (
 from hardware import Clock
 
 from .endpoints import Endpoints
-from .errors import http_status
 
 logger = logging.getLogger(__name__)
 
@@ -157,10 +156,7 @@ class App:
                 return _refusal(error)
             except Exception as error:
                 # The outermost place of a request: a bug costs its answer, not the connection.
-                fields = cause_of(error).to_json()
-                if fields["code"] == INTERNAL:
-                    logger.exception("Bug in armtree while answering %s", operation.path)
-                return JSONResponse(fields, http_status(fields["code"]))
+                return failure(error, operation.path)
 
         return endpoint
 

@@ -18,13 +18,13 @@ from executive.errors import BadRequest, NotHeld, ResultTimeout, TooMuch
 from executive.executive import Executive
 from executive.goals.breakpoints import check_node
 from executive.goals.questions import Questions
+from executive.server.errors import http_status
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.metrics import Metrics
 from executive.server.security import is_authenticated
 from trees.live_library import LiveLibrary
 
-from .errors import http_status
 from .openapi import document
 
 MAX_SUBSCRIBERS = 16  # limit for clients with the token, and again for those without

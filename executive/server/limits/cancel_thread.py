@@ -25,21 +25,30 @@ class CancelThread:
         self._log_bucket = TokenBucket(0.1, 3.0, executive.clock.now)
         self._thread = ThreadPoolExecutor(1, "stop")
         self._stop: Future[CancelResult] | None = None
+        self._stopped: asyncio.Future[CancelResult]
+
+    def stop(self) -> asyncio.Future[CancelResult]:
+        """Stop the arm and cancel all goals. Must be called in the event loop.
+
+        Stops that arrive before the previous one has begun share its result, so do not cancel it.
+        """
+        if self._stop is None or self._stop.running() or self._stop.done():
+            self._stop = self._thread.submit(self._executive.cancel, "", 0)
+            self._stopped = asyncio.wrap_future(self._stop)
+            self._stopped.add_done_callback(self._log)
+        return self._stopped
 
     async def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelResult:
-        """Cancel goals, as `Executive.cancel` does.
+        """Cancel goals, as `Executive.cancel` does."""
+        if not (identity or stamp_ns):
+            return await asyncio.shield(self.stop())
+        pending = self._thread.submit(self._executive.cancel, identity, stamp_ns)
+        return await asyncio.shield(asyncio.wrap_future(pending))
 
-        Stops of the arm that arrive before the previous one has begun share its result.
-        """
-        stops = not (identity or stamp_ns)
-        pending = self._stop if stops else None
-        if pending is None or pending.running() or pending.done():
-            pending = self._thread.submit(self._executive.cancel, identity, stamp_ns)
-            self._stop = pending if stops else self._stop
-        answer = await asyncio.shield(asyncio.wrap_future(pending))
-        if stops and not answer.goals and self._log_bucket.take():
+    def _log(self, stopped: asyncio.Future[CancelResult]) -> None:
+        idle = not (stopped.cancelled() or stopped.exception() or stopped.result().goals)
+        if idle and self._log_bucket.take():
             logger.info("Received a stop of the arm; no goal was under way")
-        return answer
 
     def close(self) -> None:
         """End the thread."""

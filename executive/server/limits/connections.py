@@ -7,10 +7,11 @@ processes all data as soon as it arrives.
 import asyncio
 import json
 import re
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import h11
-from starlette.datastructures import Headers
 from uvicorn.protocols.http.h11_impl import STATUS_PHRASES, H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import ServerState
@@ -18,15 +19,15 @@ from websockets.frames import CloseCode
 from websockets.utils import apply_mask
 
 from executive.api.operations import OPERATIONS, Operation
-from executive.api.outcome import cause_of
-from executive.errors import BadRequest, Forbidden
+from executive.api.outcome import CancelResult, cause_of
+from executive.errors import BadRequest
 from executive.server.security import AccessRules, is_authenticated
 
 from .fair_queue import CHUNK, FairQueue
+from .quick_stop import QuickStop
 
 MAX_HEAD = 8 * 1024  # bytes of a request's head
 MAX_HEAD_LINES = 100  # parsing a line takes 5 us
-MAX_STOP_HEAD = 2 * 1024  # bytes of the head of a stop that is not queued
 HEAD_SECONDS = 5.0  # longest time for the head of a request, counted from the last answer [s]
 STALL_SECONDS = 5.0  # a client that does not read for this time is disconnected [s]
 
@@ -35,13 +36,10 @@ def _request_line(operation: Operation) -> str:
     path = operation.path
     for name, schema in operation.parameters.items():
         path = path.replace(f"{{{name}}}", schema["pattern"].strip("^$"))
-    ends = "[/? ]" if operation.ignores_input else "[? ]"
-    return f"{operation.method} {path}{ends}"
+    return f"{operation.method} {path}[/? ]"
 
 
-_STOPS = [operation for operation in OPERATIONS.values() if operation.stops]
-_STOP = re.compile("|".join(_request_line(o) for o in _STOPS if o.ignores_input).encode())
-_CANCEL = re.compile("|".join(_request_line(o) for o in _STOPS if not o.ignores_input).encode())
+_STOP = re.compile("|".join(_request_line(o) for o in OPERATIONS.values() if o.stops).encode())
 _HEAD_END = re.compile(rb"\n\r?\n")
 _ROSBRIDGE_CANCEL = re.compile(rb"cancel_action_goal|_action/cancel_goal")
 _TEXT_FRAME = 0x81  # first byte of a WebSocket frame with a whole text message
@@ -54,31 +52,38 @@ class SharedState(ServerState):
         queue: Queue of received data.
         rules: Who may call.
         max_connections: Most connections; if there are more, one is closed.
+        stop: Stops the arm.
     """
 
-    def __init__(self, queue: FairQueue, rules: AccessRules, max_connections: int) -> None:
+    def __init__(
+        self,
+        queue: FairQueue,
+        rules: AccessRules,
+        max_connections: int,
+        stop: Callable[[], asyncio.Future[CancelResult]],
+    ) -> None:
         super().__init__()
         self.fair_queue, self.rules, self.max_connections = queue, rules, max_connections
+        self.stop = stop
 
 
 class _QueuedProtocol(asyncio.Protocol):
     """Queues received data, and disconnects a client that does not read."""
 
     transport: asyncio.Transport
-    idle_since = 0.0  # when it was accepted or last answered [s]
+    idle_since: float  # when it was accepted, last answered, or last sent a message [s]
     _stall_timer: asyncio.TimerHandle | None = None
 
     def __init__(self, *, server_state: SharedState, **more: Any) -> None:
         super().__init__(server_state=server_state, **more)  # type: ignore[call-arg]
         self.fair_queue, self._rules = server_state.fair_queue, server_state.rules
+        self._stop = server_state.stop
         self._max_connections = server_state.max_connections
 
     def data_received(self, data: bytes) -> None:
         """Process a stop at once, unless other data is queued before it; queue all other data."""
-        stop = 0 if self.fair_queue.has(self) else self.stop_length(data)
-        if stop:
-            self.process(data[:stop])
-        if more := data[stop:]:
+        taken = 0 if self.fair_queue.has(self) else self.take_stop(data)
+        if more := data[taken:]:
             self.transport.pause_reading()
             self.fair_queue.put(self, more, self.has_priority(more))
 
@@ -92,8 +97,8 @@ class _QueuedProtocol(asyncio.Protocol):
         """Return True if data is queued in the line with fewer connections."""
         return False
 
-    def stop_length(self, data: bytes) -> int:
-        """Return the length of the stop at the start of data [bytes], or 0 if there is none."""
+    def take_stop(self, data: bytes) -> int:
+        """Carry out a stop at the start of data. Return how many bytes need no more processing."""
         raise NotImplementedError
 
     @property
@@ -142,14 +147,23 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
         super().connection_made(transport)
         # asyncio reads this much at once, so that few messages are processed together.
         self.transport.max_size = CHUNK  # type: ignore[attr-defined]
+        self.idle_since = self.loop.time()
 
-    def stop_length(self, data: bytes) -> int:
-        """Return the length of the first message if it cancels goals, else 0.
+    def process(self, data: bytes) -> None:
+        """Process queued data."""
+        self.idle_since = self.loop.time()
+        super().process(data)
+
+    def take_stop(self, data: bytes) -> int:
+        """Process the first message if it cancels goals.
 
         Data inside a longer message may look like a cancel. Then only this data is processed early.
         """
         length, message = _first_message(data)
-        return length if _ROSBRIDGE_CANCEL.search(message) else 0
+        if not _ROSBRIDGE_CANCEL.search(message):
+            return 0
+        self.process(data[:length])
+        return length
 
     def send_receive_event_to_app(self) -> None:
         """Pass on a whole message, or close the connection if its text is not UTF-8.
@@ -177,6 +191,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
     """
 
     _head_timer: asyncio.TimerHandle | None = None
+    _stopping = False  # a stop is carried out, and not answered yet
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start to wait for a request, and close another connection if there are too many."""
@@ -200,27 +215,38 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         if self.transport.get_protocol() is self:  # not a WebSocket by now
             self._update_head_timer()
 
-    def stop_length(self, data: bytes) -> int:
-        """Return the length of the head at the start of data, if it is that of a stop, else 0.
+    def take_stop(self, data: bytes) -> int:
+        """Carry out a whole stop of a client that may stop the arm, and then answer it.
 
-        Host and Origin must be accepted: only a client that can stop the arm is not queued.
+        Data that follows it is dropped: it was sent before the answer.
         """
-        end = data.find(b"\r\n\r\n", 0, MAX_STOP_HEAD) + 4
-        begins = self.conn.their_state is h11.IDLE and not self.conn.trailing_data[0]
-        if end < 4 or not begins or not _STOP.match(data):
+        if self.conn.their_state is not h11.IDLE or self.conn.trailing_data[0]:
             return 0
-        lines = (line.partition(b":") for line in data[:end].lower().split(b"\r\n")[1:-2])
-        try:
-            self._rules.check_source(
-                Headers(raw=[(name, value.strip()) for name, _, value in lines])
-            )
-        except Forbidden:
+        stop = QuickStop.find(data, self._rules)
+        if not stop:
             return 0
-        return end
+        self._stopping = True
+        self._end_head_timer()
+        self._unset_keepalive_if_required()
+        self.transport.pause_reading()
+        self._stop().add_done_callback(partial(self._answer_stop, stop))
+        return len(data)
+
+    def _answer_stop(self, stop: QuickStop, stopped: asyncio.Future[CancelResult]) -> None:
+        self._stopping = False
+        if self.transport.is_closing():
+            return
+        self.transport.write(stop.answer(stopped))
+        if not stop.keeps:
+            self.transport.close()
+            return
+        self.idle_since = self.loop.time()
+        self._update_head_timer()
+        self.transport.resume_reading()
 
     def has_priority(self, data: bytes) -> bool:
-        """True for a cancel, and for a client that has sent the token."""
-        return self.has_token or bool(_CANCEL.match(data))
+        """True for a stop or a cancel, and for a client that has sent the token."""
+        return self.has_token or bool(_STOP.match(data))
 
     @property
     def is_full(self) -> bool:
@@ -257,7 +283,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
     @property
     def awaits_answer(self) -> bool:
         """True if a request has arrived completely and is not answered yet."""
-        return self._is_answering and not self.cycle.more_body
+        return self._stopping or (self._is_answering and not self.cycle.more_body)
 
     @property
     def has_token(self) -> bool:

@@ -7,6 +7,7 @@ import resource
 import threading
 
 import pytest
+from websockets.frames import Frame, Opcode
 
 import logs
 from executive.api.events import Event
@@ -145,6 +146,30 @@ def test_a_stop_is_answered_if_streams_take_all_connections(
             assert b" 200 " in newer.recv(1000)
             assert stops(served)
             assert served.server.connections <= 2
+
+
+def test_the_websocket_that_is_idle_for_longest_makes_room(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 4)
+    served = serve(rosbridge=True)
+    subscribe = Frame(Opcode.TEXT, b'{"op": "subscribe", "topic": "/joint_states"}').serialize(
+        mask=True
+    )
+    lines = ("GET / HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", *UPGRADE, "")
+    with contextlib.ExitStack() as stack:
+        sockets = []
+        for _ in range(4):
+            sockets.append(stack.enter_context(raw(served, *lines)))
+            assert b" 101 " in sockets[-1].recv(1000)
+        for each in (sockets[0], sockets[3], sockets[1]):  # the third is idle for longest
+            each.sendall(subscribe)
+            assert each.recv(1000)
+        assert stops(served)
+        assert sockets[2].recv(1000) == b""
+        for each in (sockets[0], sockets[1], sockets[3]):
+            each.sendall(subscribe)
+            assert each.recv(1000)
 
 
 def test_the_limit_of_open_files_is_checked_at_the_start(serve: Serve) -> None:

@@ -1,4 +1,13 @@
-"""The HTTP status of each code."""
+"""The HTTP status of each code, and the answer after an error."""
+
+import logging
+
+from starlette.responses import JSONResponse
+
+from executive.api.codes import INTERNAL
+from executive.api.outcome import cause_of
+
+logger = logging.getLogger(__name__)
 
 # The whole code is looked up first, then its family: the part before the dot.
 HTTP_STATUS = {
@@ -26,3 +35,11 @@ HTTP_STATUS = {
 def http_status(code: str) -> int:
     """Return the HTTP status for a code of the executive."""
     return HTTP_STATUS.get(code) or HTTP_STATUS.get(code.partition(".")[0]) or 500
+
+
+def failure(error: Exception, path: str) -> JSONResponse:
+    """Return the answer to a request for a path that failed, and log a bug."""
+    cause = cause_of(error)
+    if cause.code == INTERNAL:
+        logger.error("Bug in armtree while answering %s", path, exc_info=error)
+    return JSONResponse(cause.to_json(), http_status(cause.code))
