@@ -60,7 +60,7 @@ def open_executive(
         LogError: At the end: a recording could not be finished.
     """
     robot, clock = setup.load_robot(), clock or RealClock()
-    library = LiveLibrary(setup.trees, robot) if setup.reload else Library(setup.trees)
+    library = LiveLibrary(setup.trees, robot) if setup.reload else Library(setup.trees, robot.name)
     port = robot.serial.port if setup.port is None else setup.port
     if link is None and port:
         link = robot.link(port)

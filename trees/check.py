@@ -55,7 +55,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     findings = Findings()
     collisions = CollisionChecks(robot, context.pool)
     try:
-        jobs = list(_jobs(folder, files))
+        jobs = list(_jobs(robot.name, folder, files))
     except TreeError as error:
         findings.mistakes = _mistakes(error)
         return findings
@@ -168,19 +168,24 @@ def motions_of(
     return found.motions, [f"{nodes[node]}: {why}" for node, why in found.unknown.items()]
 
 
-def _jobs(folder: Path | None, files: Sequence[Path]) -> Iterator[tuple[Path, Library, Named]]:
+def _jobs(
+    robot: str, folder: Path | None, files: Sequence[Path]
+) -> Iterator[tuple[Path, Library, Named]]:
     if not files:
-        yield from _all(Library(folder))
+        yield from _all(Library(folder, robot))
         return
     libraries: dict[Path, dict[Path, tuple[Library, Named]]] = {}
     for file in files:
         parent = file.resolve().parent
+        if parent.name == robot:
+            parent = parent.parent
         if parent not in libraries:
+            folder = file.parent if parent == file.resolve().parent else file.parent.parent
             libraries[parent] = {
                 path.resolve(): (library, name)
-                for path, library, name in _all(Library(file.parent))
+                for path, library, name in _all(Library(folder, robot))
             }
-        library = next(iter(libraries[parent].values()))[0]  # not empty, because poses ship
+        library = next(iter(libraries[parent].values()))[0]  # not empty, because subtrees ship
         if named := [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]:
             yield file, library, FileError(named)
         elif file.resolve() not in libraries[parent]:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from hardware.suggestions import choices
 
+SHIPPED_ROBOT = "arduinobot"  # name of the robot that the shipped tasks and examples are for
 EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks
 
 _SHOWN = 20  # mistakes in a message
@@ -205,19 +206,25 @@ class UnknownTask(TreeError):
     Attributes:
         task: Number or name.
         known: The numbers or names of all tasks.
+        robot: Name of the robot that they are for.
     """
 
     code = "goal.unknown_task"
     exit_status = 4
     hint = "`armtree tasks` lists them"
 
-    def __init__(self, task: int | str, known: Iterable[int | str]) -> None:
-        self.task, self.known = task, tuple(known)
+    def __init__(
+        self, task: int | str, known: Iterable[int | str], robot: str = SHIPPED_ROBOT
+    ) -> None:
+        self.task, self.known, self.robot = task, tuple(known), robot
         if isinstance(task, str):
             words = f"Invalid task name {task}; there are {choices(task, map(str, self.known))}"
         else:
             there = ", ".join(map(str, self.known)) or "none"
             words = f"Invalid task number {task}; there are {there}"
-        if any(str(task) in path.stem.split("_", 1) for path in EXAMPLES.glob("*.yaml")):
+        if robot != SHIPPED_ROBOT:
+            words += f". Shipped tasks are for the {SHIPPED_ROBOT}; `armtree new` writes one for "
+            words += f"{robot}, and `armtree move` moves it without a task"
+        elif any(str(task) in path.stem.split("_", 1) for path in EXAMPLES.glob("*.yaml")):
             words += f". {task} is an example: give {EXAMPLES} as the folder of tasks"
         super().__init__(words)

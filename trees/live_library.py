@@ -3,6 +3,7 @@
 import os
 import threading
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from .check import check_task, compile_task
 from .compile.node_paths import paths
 from .errors import FileError, TreeError, UnknownTask
 from .reading.document import read_text
-from .reading.library import Library
+from .reading.library import Library, with_robot
 
 KEPT = 16  # snapshots; older ones are dropped
 
@@ -23,12 +24,20 @@ class _Snapshot:
     """The texts of all files at one moment.
 
     Args:
-        folders: Folders of the files.
-        own: The user's folder, one of them; None if there is none.
+        shipped: Folders of the files that ship.
+        own: The user's folder; None if there is none.
+        robot: Name of the robot.
         before: The last snapshot. Files that have not changed since are not read again.
     """
 
-    def __init__(self, folders: list[Path], own: Path | None, before: "_Snapshot | None") -> None:
+    def __init__(
+        self,
+        shipped: Sequence[Path],
+        own: Path | None,
+        robot: str,
+        before: "_Snapshot | None" = None,
+    ) -> None:
+        folders = [*shipped, *(with_robot(own, robot) if own else ())]
         self._stamps = {folder: _stamp(folder) for folder in folders}
         self._texts: dict[Path, str | FileError] = {}
         self._errors: dict[tuple[int, bool], TreeError | None] = {}
@@ -40,7 +49,7 @@ class _Snapshot:
                 self._texts[path] = _text(path)
         self._library: Library | FileError
         try:
-            self._library = Library(own, self._read)
+            self._library = Library(own, robot, self._read)
         except FileError as error:
             self._library = error
 
@@ -100,10 +109,10 @@ class LiveLibrary:
     """
 
     def __init__(self, folder: Path | None, robot: Robot) -> None:
-        library = Library(folder)
-        self._robot, self._own, self._lock = robot, library.folder, threading.Lock()
-        self._folders = [*library.shipped, *filter(None, (self._own,))]
-        self._snapshots = deque([_Snapshot(self._folders, self._own, None)], KEPT)  # newest first
+        library = Library(folder, robot.name)
+        self._robot, self._lock = robot, threading.Lock()
+        self._files = library.shipped, library.folder, robot.name
+        self._snapshots = deque([_Snapshot(*self._files)], KEPT)  # newest first
         self._rows: tuple[_Snapshot, list[dict[str, Any]]] | None = None
 
     def for_task(self, number: int) -> tuple[Library, str]:
@@ -172,7 +181,7 @@ class LiveLibrary:
     def _updated(self) -> deque[_Snapshot]:
         """Return the snapshots, the first of which is current."""
         if not self._snapshots[0].is_current:
-            now = _Snapshot(self._folders, self._own, self._snapshots[0])
+            now = _Snapshot(*self._files, self._snapshots[0])
             self._snapshots.appendleft(now)
         return self._snapshots
 

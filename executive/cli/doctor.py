@@ -10,7 +10,13 @@ from click.core import ParameterSource
 
 from executive.api.codes import look_up
 
-from .support.options import port_option, recordings_option, robot_option, trees_option
+from .support.options import (
+    load_library,
+    port_option,
+    recordings_option,
+    robot_option,
+    trees_option,
+)
 from .terminal.streams import echo
 
 _MARKS = {True: "ok", False: "NO", None: "?"}
@@ -53,9 +59,17 @@ def doctor(
     echo(f"\nSerial ports: {'' if found else 'none'}")
     for each in found:
         echo("  " + "  ".join(filter(None, (each.device, each.usb, each.name, each.by_id))))
-    command = ["armtree", "run", "0", *_given(context, "port", "robot", "trees", "recordings")]
-    echo("\nFix what says NO." if failures else f"\nNext, type: {shlex.join(command)}")
-    sys.exit(look_up(failures[0]).exit_status if failures else 0)
+    if failures:
+        echo("\nFix what says NO.")
+        sys.exit(look_up(failures[0]).exit_status)
+    loaded, library = load_library(trees, robot)
+    if numbers := library.numbers():
+        command = ["run", f"{numbers[0]}", *_given(context, "port", "robot", "trees", "recordings")]
+    else:
+        joint = loaded.actuated[0]
+        command = ["plan", f"{joint.name}+={joint.words(0.05)}", *_given(context, "robot", "trees")]
+    command.insert(0, "armtree")
+    echo(f"\nNext, type: {shlex.join(command)}")
 
 
 def _given(context: click.Context, *names: str) -> Iterator[str]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from .support.options import DRAWING, robot_option, trees_option
+from .support.options import DRAWING, load_library, robot_option, trees_option
 from .support.settings import option
 from .terminal.streams import echo
 
@@ -84,14 +84,12 @@ def plan(
     """  # noqa: D301
     from executive.planning.explanation import explain
     from executive.planning.plan_request import PlanRequest
-    from hardware import load_robot
-    from trees import Library
 
     vectors = {"direction": direction, "offset": offset, "axis": axis}
     tool_inputs = {port: f"[{', '.join(words)}]" for port, words in vectors.items() if words}
     tool_inputs |= ({"relative": "true"} if relative else {}) | ({"tool": tool} if tool else {})
     words = " ".join(start).split()
-    library = Library(trees)
-    request = PlanRequest(load_robot(robot), library, goal, group, seed, words, via, tool_inputs)
+    loaded, library = load_library(trees, robot)
+    request = PlanRequest(loaded, library, goal, group, seed, words, via, tool_inputs)
     for line in explain(request, world, output):
         echo(line)

@@ -8,8 +8,7 @@ import click
 from executive.api.codes import look_up
 
 from .support.names import TASK
-from .support.options import run_options, set_option, source_options
-from .tasks import task_number
+from .support.options import load_library, run_options, set_option, source_options
 
 
 @click.command()
@@ -38,8 +37,9 @@ def run(
 
     from .support.run_tasks import execute
 
-    numbers = [task_number(task, options["trees"]) for task in tasks]
-    setup = Setup(**options, reload=False, single_user=True)
+    robot, library = load_library(options["trees"], options.pop("robot"))
+    numbers = [library.number(task) for task in tasks]
+    setup = Setup(**options, robot=robot, reload=False, single_user=True)
     verbose = click.get_current_context().find_root().params["verbose"]
     outcomes = execute(setup, numbers, settings, as_json, verbose)
     sys.exit(look_up(outcomes[-1].code).exit_status)

@@ -13,7 +13,13 @@ from hardware.suggestions import plural
 
 from .support.failures import print_incomplete
 from .support.names import TASK_OR_RECORDING
-from .support.options import recordings_option, robot_option, skills_option, trees_option
+from .support.options import (
+    load_library,
+    recordings_option,
+    robot_option,
+    skills_option,
+    trees_option,
+)
 from .support.settings import PATH, option
 from .terminal.streams import echo
 
@@ -30,13 +36,14 @@ _output_option = click.option(
 
 @click.command()
 @trees_option
+@robot_option
 @recordings_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per task.")
-def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
-    """List the tasks, their parameters and their last outcomes."""
-    from trees import FileError, Library
+def tasks(trees: Path | None, robot: Path | None, recordings: Path, as_json: bool) -> None:
+    """List the tasks of a robot, their parameters and their last outcomes."""
+    from trees import FileError
 
-    library = Library(trees)
+    _, library = load_library(trees, robot)
     mistakes = list(library.mistakes)
     outcomes = _last_outcomes(recordings)
     for number in library.numbers():
@@ -56,6 +63,8 @@ def tasks(trees: Path | None, recordings: Path, as_json: bool) -> None:
             "last_outcome": outcomes.get(number, ""),
         }
         echo(json.dumps(row) if as_json else _task_lines(row))
+    if not library.numbers():
+        echo(f"no task is for {library.robot}; armtree new 0 NAME writes one", err=True)
     if mistakes:
         raise FileError(mistakes)
 
@@ -162,17 +171,17 @@ def _findings(findings: "Findings") -> dict[str, Any]:
 
 @click.command()
 @trees_option
+@robot_option
 @skills_option
 @_output_option
-def schema(trees: Path | None, output: Path | None) -> None:
+def schema(trees: Path | None, robot: Path | None, output: Path | None) -> None:
     """Print the JSON Schema of task files. Editors use it to complete and check them.
 
     It includes your own skills and subtrees.
     """
-    from trees import Library
     from trees.export.schema import schema_text
 
-    text = schema_text(Library(trees))
+    text = schema_text(load_library(trees, robot)[1])
     if output:
         output.write_text(text)
         echo(output)
@@ -238,16 +247,15 @@ def show(
     the beginning of its name. In the tree of a recording, colours show how each node ended, and
     when.
     """
-    from hardware import load_robot
-    from trees import Library
     from trees.check import compile_task
     from trees.export.drawings import DRAWINGS
     from trees.export.groot import as_groot
     from trees.export.outline import outline
 
     if not isinstance(subject, Path):
-        number = task_number(subject, trees)
-        root = outline(compile_task(load_robot(robot), Library(trees), number))
+        loaded, library = load_library(trees, robot)
+        number = library.number(subject)
+        root = outline(compile_task(loaded, library, number))
         text = as_groot(root, number) if form == "groot" else DRAWINGS[form](root, ports)
     elif ports or form == "groot":
         raise click.UsageError("--ports and --format groot need a task")
@@ -264,22 +272,6 @@ def show(
         sys.exit(print_incomplete(subject))
 
 
-def task_number(task: int | str, trees: Path | None) -> int:
-    """Return the number of a task that is given by its number or name.
-
-    Args:
-        task: Number or name.
-        trees: Folder with further tasks, or None.
-
-    Raises:
-        UnknownTask: No task has that name.
-        TreeError: The folder of tasks cannot be read.
-    """
-    from trees import Library
-
-    return task if isinstance(task, int) else Library(trees).number(task)
-
-
 @click.command()
 @click.argument("number", type=click.IntRange(0, 2**31 - 1))
 @click.argument("name")
@@ -289,18 +281,23 @@ def task_number(task: int | str, trees: Path | None) -> int:
     show_default=True,
     help="Folder to write to. It is created if it does not exist.",
 )
+@robot_option
 @skills_option
-def new(number: int, name: str, trees: Path) -> None:
+def new(number: int, name: str, trees: Path, robot: Path | None) -> None:
     """Write a new task file: a commented example that runs.
+
+    A task of another robot than the Arduinobot is written to the folder of its name in --trees.
 
     \b
     Example:
       armtree new 3 wave
     """  # noqa: D301
+    from hardware import load_robot
     from trees.export.new_task import write_task
 
-    path = write_task(trees, number, name)
+    path = write_task(load_robot(robot), trees, number, name)
     given = "" if trees == Path("trees") else f" --trees {trees}"
+    given += f" --robot {robot}" if robot else ""
     echo(f"{path}\nNext, type: armtree check{given}, then armtree run {number}{given}")
 
 

@@ -1,9 +1,12 @@
 """Writes a new task file: a commented example that runs."""
 
+import json
 import re
 from pathlib import Path
 
-from trees.errors import FileError, Mistake, Place
+from hardware import Robot
+from hardware.joints import DISPLAY_UNITS
+from trees.errors import SHIPPED_ROBOT, FileError, Mistake, Place
 from trees.reading.library import Library
 
 from .schema import NAME, schema_text
@@ -13,34 +16,38 @@ _TEXT = """\
 # trees/README.md describes everything that a task can contain. `armtree check` finds mistakes.
 task: {number}
 name: {name}
-description: Turn the arm to and fro.
+description: Move a joint to and fro.
 
-# Parameters, given when the task is run: armtree run {number} --set swing="30 deg"
+# Parameters, given when the task is run: armtree run {number} --set swing="{most}"
 parameters:
-  swing: {{type: angle, default: 20 deg, min: 1 deg, max: 60 deg, description: angle of the turn}}
+  swing: {{type: {kind}, default: {default}, min: {least}, max: {most}, description: how far}}
 
 # The tree. `armtree skills` lists the skills, `armtree show {number}` draws this tree.
 tree:
   sequence:
-    - subtree: reach                # a target for arm and gripper
-      with: {{arm: upright, gripper: open}}
+    - subtree: move_joints          # some joints, to a position in {unit}, or with a unit
+      with: {{joints: {{{all}}}}}
     - repeat:
         sequence:
-          - subtree: move_joints    # some joints; the others do not move
-            with: {{joints: {{joint_1: $swing}}}}   # in rad, or with a unit
+          - subtree: move_relative  # some joints, by a distance; the others do not move
+            with: {{by: {{{joint}: $swing}}}}
           - Wait: {{duration: 200 ms}}
           - subtree: move_joints
-            with: {{joints: {{joint_1: 0}}}}
+            with: {{joints: {{{joint}: {start}}}}}
       times: 2
     - Say: {{text: "{name}: done"}}
 """
+_MOST = 60.0  # largest swing [deg or mm]
 
 
-def write_task(folder: Path, number: int, name: str) -> Path:
+def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
     """Write a task file, and the JSON Schema that editors use to complete it.
 
+    A task of another robot than the shipped one is written to the folder of its name.
+
     Args:
-        folder: Folder to write to. It is created if it does not exist.
+        robot: The robot.
+        folder: Folder of the user's files. It is created if it does not exist.
         number: Number of the task.
         name: Name of the task.
 
@@ -50,21 +57,42 @@ def write_task(folder: Path, number: int, name: str) -> Path:
     Raises:
         FileError: The number is in use, the name is invalid, or the file cannot be written.
     """
-    path = folder / f"{number}_{name}.yaml"
+    own = folder if robot.name == SHIPPED_ROBOT else folder / robot.name
+    path = own / f"{number}_{name}.yaml"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        library = Library(folder)
+        own.mkdir(parents=True, exist_ok=True)
+        library = Library(folder, robot.name)
         if number in library.numbers():
             raise _wrong(path, f"task {number} is in {library.path(number)} already")
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
             raise _wrong(
                 path, f"{name!r} is not a name; use a letter, then letters, digits, _ or -"
             )
-        (folder / NAME).write_text(schema_text(library))
-        path.write_text(_TEXT.format(number=number, name=name, schema=NAME))
+        (own / NAME).write_text(schema_text(library))
+        path.write_text(_TEXT.format(number=number, name=name, schema=NAME, **_values(robot)))
     except OSError as error:
         raise _wrong(path, f"cannot be written: {error.strerror}") from error
     return path
+
+
+def _values(robot: Robot) -> dict[str, str]:
+    """Return the parts of the text that depend on the robot."""
+    joint = max(robot.actuated_in("arm"), key=lambda joint: joint.upper - joint.boot)
+    scale, unit = DISPLAY_UNITS[joint.unit]
+    most = min(_MOST, scale * (joint.upper - joint.boot))
+    swings = {"least": most / 60.0, "default": most / 3.0, "most": most}
+    return {
+        "kind": "length" if joint.unit == "m" else "angle",
+        "unit": joint.unit,
+        "joint": _quoted(joint.name),
+        "start": f"{joint.boot:g}",
+        "all": ", ".join(f"{_quoted(each.name)}: {each.boot:g}" for each in robot.actuated),
+        **{name: f"{swing:.4g} {unit}" for name, swing in swings.items()},
+    }
+
+
+def _quoted(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z_][\w.-]*", name) else json.dumps(name)
 
 
 def _wrong(path: Path, message: str) -> FileError:

@@ -1,4 +1,7 @@
-"""The library of task files: those that ship, and those in the user's folder.
+"""The library of task files for a robot: those that ship, and those in the user's folder.
+
+Files in one of these folders itself are for every robot. Files in its folder `NAME` are for the
+robot of that name only.
 
 The name of a task's file contains its number and name, such as `1_pick.yaml`, so a task is found
 without reading the other files. `poses.yaml` contains poses. Any other `.yaml` file is a subtree.
@@ -13,7 +16,7 @@ from importlib import resources
 from pathlib import Path
 
 from hardware.suggestions import choices
-from trees.errors import DuplicateTask, FileError, Mistake, Place, UnknownTask
+from trees.errors import SHIPPED_ROBOT, DuplicateTask, FileError, Mistake, Place, UnknownTask
 
 from .document import read_text
 from .grammar import (
@@ -33,16 +36,25 @@ _ALMOST_TASK = re.compile(r"[0-9].*\.ya?ml")
 _POSES = "poses.yaml"
 
 
+def with_robot(folder: Path, robot: str) -> tuple[Path, ...]:
+    """Return a folder of task files, and the folder in it for a robot, if there is one."""
+    own = folder / robot
+    return (folder, own) if own.parent == folder and os.path.isdir(own) else (folder,)
+
+
 class Library:
     """Tasks, subtrees and poses. Each file is read when it is needed, and parsed once.
 
     Args:
         folder: Folder of the user's files; None for only those that ship.
+        robot: Name of the robot. Default: that of the shipped one.
         read: Returns the text of a file.
 
     Attributes:
         shipped: Folders of the files that ship.
         folder: Folder of the user's files, or None.
+        folders: All folders.
+        robot: Name of the robot.
         read: Returns the text of a file.
         mistakes: Mistakes of file names, and files with the same number or name. Only the tasks and
             subtrees of these files cannot be used.
@@ -52,19 +64,24 @@ class Library:
         FileError: The folder does not exist or cannot be read.
     """
 
-    def __init__(self, folder: Path | None = None, read: Callable[[Path], str] = read_text) -> None:
-        self.read = read
+    def __init__(
+        self,
+        folder: Path | None = None,
+        robot: str = SHIPPED_ROBOT,
+        read: Callable[[Path], str] = read_text,
+    ) -> None:
+        self.robot, self.read = robot, read
         self.draft = cache(self.draft)  # type: ignore[method-assign]
         self.subtree = cache(self.subtree)  # type: ignore[method-assign]
         self.draft_poses = cache(self.draft_poses)  # type: ignore[method-assign]
-        tasks = Path(str(resources.files("trees"))) / "tasks"
-        self.shipped = (tasks, tasks / "arduinobot")
+        self.shipped = with_robot(Path(str(resources.files("trees"))) / "tasks", robot)
         if folder is not None:
             if not folder.is_dir():
                 raise _no_folder(folder, "there is no such folder")
             if any(map(folder.samefile, self.shipped)):
                 folder = None
         self.folder = folder
+        self.folders = (*self.shipped, *(with_robot(folder, robot) if folder else ()))
         self._tasks: dict[int, Path] = {}
         self._subtrees: dict[str, Path] = {}
         self._poses: list[Path] = []
@@ -74,7 +91,7 @@ class Library:
         self._replaced: dict[Path, Path] = {}
         self.mistakes: list[Mistake] = []
         self.notes: list[Mistake] = []
-        for each in filter(None, (*self.shipped, folder)):
+        for each in self.folders:
             for name in _files(each):
                 try:
                     self._add(each, name)
@@ -179,7 +196,7 @@ class Library:
             return task
         names = self.names()
         if task not in names:
-            raise UnknownTask(task, names)
+            raise UnknownTask(task, names, self.robot)
         return names[task]
 
     def subtrees(self) -> list[str]:
@@ -208,7 +225,7 @@ class Library:
             called = re.compile(rf"0*{number}(?![0-9])")
             if meant := [m for m in self.mistakes if called.match(m.place.path.name)]:
                 raise FileError(meant)
-            raise UnknownTask(number, self.numbers())
+            raise UnknownTask(number, self.numbers(), self.robot)
         return self._tasks[number]
 
     def task(self, number: int) -> TaskFile:

@@ -3,13 +3,17 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from executive.cli.terminal.streams import echo
 
 from .settings import F, option
+
+if TYPE_CHECKING:
+    from hardware import Robot
+    from trees import Library
 
 
 class Drawing(click.Path):
@@ -54,6 +58,20 @@ set_option = click.option(
     multiple=True,
     help="Value of a parameter of the task. May be repeated.",
 )
+
+
+def load_library(trees: Path | None, robot: Path | None) -> "tuple[Robot, Library]":
+    """Return the robot of a robot file, and the library of its tasks.
+
+    Raises:
+        DescriptionError: The robot file or its URDF is wrong.
+        FileError: The folder of tasks cannot be read.
+    """
+    from hardware import load_robot
+    from trees import Library
+
+    loaded = load_robot(robot)
+    return loaded, Library(trees, loaded.name)
 
 
 def _load(_context: click.Context, _option: click.Parameter, folder: Path | None) -> None:

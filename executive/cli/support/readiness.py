@@ -52,7 +52,7 @@ def check_readiness(
         yield _boot_wait(robot)
     else:
         yield Check("driver", None, "none is named, so the arm moves on the port virtual only")
-    yield _tasks(trees)
+    yield _tasks(trees, robot)
     yield _planner(robot)
     yield from _recordings(recordings)
     yield from _port(robot, port, opens_port)
@@ -78,16 +78,17 @@ def _boot_wait(robot: Robot) -> Check:
     return Check("boot wait", True, what)
 
 
-def _tasks(trees: Path | None) -> Check:
+def _tasks(trees: Path | None, robot: Robot) -> Check:
     try:
-        library = Library(trees)
+        library = Library(trees, robot.name)
         for number in library.numbers():
             library.task(number)
         if library.mistakes:
             raise FileError(library.mistakes)
     except TreeError as error:
         return Check("tasks", False, str(error), "correct that file", error.code)
-    return Check("tasks", True, f"{', '.join(map(str, library.numbers()))} can be read")
+    there = ", ".join(map(str, library.numbers()))
+    return Check("tasks", True, f"{there} can be read" if there else f"none is for {robot.name}")
 
 
 def _planner(robot: Robot) -> Check:

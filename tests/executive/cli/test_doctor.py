@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 from executive.cli.main import cli
 from hardware import SerialLink, load_robot
 from tests.support.arms.hardware_rigs import Pty
+from tests.support.paths import DATA
 
 pytestmark = pytest.mark.slow
 
@@ -52,6 +53,18 @@ def test_it_ends_with_what_to_type_next_with_every_option_that_was_given(
     assert result.exit_code == 0
     command = result.output.splitlines()[-1].removeprefix("Next, type: ")
     assert shlex.split(command) == ["armtree", "run", "0", *given]
+
+
+def test_with_another_arm_it_ends_with_what_runs_without_a_task(tmp_path: Path) -> None:
+    arm = ["--robot", str(DATA / "endless.toml")]
+    result = doctor(tmp_path, *arm)
+    assert result.exit_code == 0, result.output
+    assert lines(result)["tasks"] == "none is for endless"
+    command = shlex.split(result.output.splitlines()[-1].removeprefix("Next, type: "))
+    assert command[0] == "armtree"
+    assert command[-2:] == arm
+    run = CliRunner().invoke(cli, [*command[1:], "-o", str(tmp_path / "plan.png")])
+    assert run.exit_code == 0, run.exception
 
 
 def test_a_boot_pose_in_collision(tmp_path: Path, robot: Path) -> None:

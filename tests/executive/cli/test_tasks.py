@@ -9,8 +9,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from executive.cli.main import cli
+from executive.testing import SimulatedArm
 from tests.logs.test_run import RUNS, record
-from tests.support.paths import EXAMPLES, TASKS
+from tests.support.paths import DATA, EXAMPLES, TASKS
 from trees import FileError, UnknownTask
 from trees.compile.port_types import known_skills
 from trees.nodes import KINDS
@@ -107,6 +108,20 @@ def test_new_writes_a_task_that_is_right(tmp_path: Path) -> None:
     again = armtree("new", "3", "again", "--trees", str(folder))
     assert isinstance(again.exception, FileError)
     assert "task 3 is in" in str(again.exception)
+
+
+@pytest.mark.parametrize("name", ["seven_axes", "endless"])
+def test_new_writes_a_task_that_runs_on_any_arm(tmp_path: Path, name: str) -> None:
+    robot = ("--robot", str(DATA / f"{name}.toml"), "--trees", str(tmp_path))
+    assert armtree("new", "3", "wave", *robot).exit_code == 0
+    assert (tmp_path / name / "3_wave.yaml").exists()
+    listed = armtree("tasks", *robot)
+    assert [line.split()[0] for line in listed.output.splitlines() if line[:4].strip()] == ["3"]
+    checked = armtree("check", *robot)
+    assert checked.exit_code == 0, checked.output
+    with SimulatedArm(trees=tmp_path, robot=DATA / f"{name}.toml") as arm:
+        outcome = arm.run("wave")
+    assert outcome.success, outcome.message
 
 
 def test_check_as_json(tmp_path: Path) -> None:

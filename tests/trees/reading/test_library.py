@@ -39,6 +39,30 @@ def test_the_shipped_folder_counts_once(tmp_path: Path) -> None:
         assert Library(shipped).numbers() == [0, 1, 2]
 
 
+def test_tasks_and_poses_belong_to_a_robot(tmp_path: Path) -> None:
+    (tmp_path / "lift").mkdir()
+    (tmp_path / "other").mkdir()
+    write(tmp_path, "4_x.yaml", TASK.format(number=4))
+    write(tmp_path / "lift", "5_x.yaml", TASK.format(number=5))
+    write(tmp_path / "lift", "poses.yaml", "poses: {low: {height: 0}}\n")
+    write(tmp_path / "other", "6_x.yaml", "no YAML: [")
+    lift = Library(tmp_path, "lift")
+    assert (lift.numbers(), list(lift.poses()[0]), lift.mistakes) == ([4, 5], ["low"], [])
+    assert "open_gripper" not in lift.subtrees()
+    assert Library(None, "lift").numbers() == []
+    assert Library(tmp_path).numbers() == [0, 1, 2, 4]
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "../tasks", "a/b", "x" * 1000, "\0"])
+def test_a_robot_of_any_name_has_no_tasks_elsewhere(tmp_path: Path, name: str) -> None:
+    assert Library(tmp_path, name).numbers() == []
+
+
+def test_a_shipped_task_is_unknown_to_another_robot() -> None:
+    with pytest.raises(UnknownTask, match=r"none\. Shipped tasks are for the arduinobot"):
+        Library(None, "lift").task(0)
+
+
 def test_an_unknown_number() -> None:
     for number in (3, -1, 10**30):
         with pytest.raises(UnknownTask, match=f"Invalid task number {number}; there are 0, 1, 2"):
