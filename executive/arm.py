@@ -26,7 +26,7 @@ class Arm:
     """An arm that runs tasks. The first task activates it; `close` shuts it down.
 
     Args:
-        port: Serial port such as `/dev/ttyACM0`; default: a virtual Arduino, which moves nothing.
+        port: Serial port such as `/dev/ttyACM0`; default: `virtual`, a simulated board.
         robot: Robot file; default: the shipped Arduinobot.
         trees: Folder with task files of your own; default: `./trees`, if it exists.
         skills: Folder with Python files of skills of your own.

@@ -159,9 +159,8 @@ def port_line(executive: Executive) -> str:
     if port == VIRTUAL and not robot.has_driver:
         return "Port virtual: the robot file names no driver; nothing real moves"
     if port == VIRTUAL:
-        return (
-            f"Port virtual: the virtual Arduino, firmware {robot.firmware.name}; nothing real moves"
-        )
+        board = f"the virtual {robot.firmware.words.board}, firmware {robot.firmware.name}"
+        return f"Port virtual: {board}; nothing real moves"
     if not port:
         return "Port: none"
     return f"Port {port}: firmware {robot.firmware.name}, {robot.serial.baud} baud"

@@ -23,8 +23,9 @@ from .arm.schedule import (
 )
 from .clock import Clock as Clock, RealClock as RealClock, SimulatedClock as SimulatedClock
 from .description.robot import CollisionRules as CollisionRules, Robot as Robot, Tool as Tool
-from .drivers.driver import Frame as Frame
-from .drivers.firmware_profile import Firmware as Firmware
+from .drivers.board_protocol import BoardProtocol as BoardProtocol
+from .drivers.firmware_profile import Firmware as Firmware, Words as Words
+from .drivers.wire_format import Frame as Frame
 from .errors import (
     ActivationStopped as ActivationStopped,
     BadPosition as BadPosition,
@@ -38,7 +39,12 @@ from .errors import (
     TransitionRefused as TransitionRefused,
     WriteRefused as WriteRefused,
 )
-from .joints import Joint as Joint, Mimic as Mimic, check_position as check_position
+from .joints import (
+    Joint as Joint,
+    Mimic as Mimic,
+    check_position as check_position,
+    check_positions as check_positions,
+)
 from .link.link import VIRTUAL as VIRTUAL, Link as Link
 
 if typing.TYPE_CHECKING:

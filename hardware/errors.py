@@ -226,14 +226,13 @@ class PoseOutsideLimits(BoardError):
     """The board holds a servo outside its joint's limits. A frame would make it jump."""
 
     code = "hw.pose_outside"
-    hint = "switch the board off and on"
+    hint = "move the joint inside its limits, as the message says"
 
-    def __init__(self, joint: str, lower: float, upper: float, angle: int, nearest: int) -> None:
+    def __init__(self, joint: str, angle: int, nearest: int, unit: str, advice: str) -> None:
         super().__init__(
-            f"The board holds the servo of {joint} at {angle} degrees. Its limits "
-            f"[{lower:g}, {upper:g}] rad end at {nearest} degrees, and the first frame "
-            "would make it jump there. Clear the space around the arm and switch the board off "
-            "and on, so that it goes to its boot pose; or widen the limits in the URDF"
+            f"The board holds the servo of {joint} at {angle} {unit}. The limits of the joint end "
+            f"at {nearest} {unit}, and the first frame would make it jump there. To move it, "
+            f"{advice}; or widen the limits in the URDF"
         )
 
 

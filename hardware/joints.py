@@ -5,6 +5,7 @@ unit [rad] for a joint, read [m] for such a joint.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
 
@@ -43,7 +44,7 @@ class Joint:
         upper: Largest position [rad].
         velocity: Velocity limit [rad/s].
         acceleration: Acceleration limit [rad/s2].
-        boot: Position after a reset of the board [rad].
+        boot: Position in the start pose: where a plan begins, and after a reset of the board [rad].
         mimic: How it follows another joint, or None if it moves independently.
         wire: How its driver encodes it in a frame, or None if it has no servo of its own or the
             robot file names no driver.
@@ -101,3 +102,16 @@ def check_position(joint: Joint, q: object) -> float:
             limit,
         )
     return value
+
+
+def check_positions(joints: Sequence[Joint], positions: Sequence[object]) -> tuple[float, ...]:
+    """Check positions, one per joint [rad], and return them as floats. See `check_position`.
+
+    Raises:
+        BadPosition: A position is missing, not a number, not finite or outside its limits.
+    """
+    if len(positions) != len(joints):
+        names = ", ".join(joint.name for joint in joints)
+        raise BadPosition(f"{len(positions)} values for {len(joints)} joints: {names}")
+    pairs = zip(joints, positions, strict=True)
+    return tuple(check_position(joint, q) for joint, q in pairs)

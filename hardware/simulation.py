@@ -2,6 +2,7 @@
 
 from .clock import Clock
 from .description.robot import Robot
+from .drivers.arduino.firmware_profile import ArduinoFirmware
 from .drivers.arduino.frames import Codec
 from .drivers.arduino.virtual.board import Board
 from .drivers.arduino.virtual.link import BoardLink
@@ -12,6 +13,7 @@ from .link.link import Link
 def virtual_board(robot: Robot) -> Board:
     """Return a model of the board that a robot file describes. It is in its boot pose."""
     codec = Codec(robot.actuated)
+    assert isinstance(robot.firmware, ArduinoFirmware)
     angles = codec.encode(robot.boot_pose).servos
     return Board(codec.letters, angles, robot.firmware, robot.serial.baud)
 

@@ -35,7 +35,7 @@ class Findings:
         files: Files that were checked.
         mistakes: Mistakes, ordered by file and line.
         notes: Files that were ignored, and tasks whose first motion starts in collision if the arm
-            is in its boot pose.
+            is in its start pose.
     """
 
     files: list[Path] = field(default_factory=list)

@@ -127,7 +127,7 @@ START_POSE = {
     "type": "string",
     "enum": ["boot", "last"],
     "description": "Pose of the arm when it is activated and its board does not reset: "
-    "the boot pose, or the last commanded pose.",
+    "that of the robot file, or the last commanded pose.",
 }
 
 

@@ -1,4 +1,4 @@
-"""The start pose of an activation: the boot pose after a reset, else the one a person confirms."""
+"""The start pose of an activation: that of the robot file, or the one that a person confirms."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,11 +50,15 @@ class StartPose:
                 the confirmed pose is unknown or impossible.
         """
         robot, confirmed = self._robot, confirmed or self._confirmed
-        if robot.serial.resets or self._port == VIRTUAL:
+        reported = robot.firmware.reports_pose
+        if robot.serial.resets or reported or self._port == VIRTUAL:
             if confirmed == "last":
+                does = "reports the pose of the arm"
+                if not reported:
+                    does = f"is reset when the port opens, and the arm {robot.open_effect}"
                 raise PoseUnconfirmed(
-                    f"Opening the port {self._port} resets the board, which moves the arm to its "
-                    'boot pose; the pose "last" is for robots whose file says reset_on_open = false'
+                    f"The board on port {self._port} {does}; "
+                    'the pose "last" is for robots whose file says reset_on_open = false'
                 )
             return robot.boot_pose
         if confirmed == "boot":
@@ -65,7 +69,7 @@ class StartPose:
         if last is None:
             raise PoseUnconfirmed(
                 f"No recording in {self._recordings} holds a commanded pose; move the arm to its "
-                'boot pose, then confirm the pose "boot"'
+                f'{robot.firmware.words.start_pose}, then confirm the pose "boot"'
             )
         return last.positions
 
@@ -111,7 +115,7 @@ def _possible(robot: Robot, positions: tuple[float, ...]) -> bool:
 
 def _offer(robot: Robot, last: LastCommand | None) -> str:
     reason = "Opening the port does not reset this board, so armtree does not know the pose."
-    boot = 'the pose "boot" if the arm is in its boot pose'
+    boot = f'the pose "boot" if the arm is in its {robot.firmware.words.start_pose}'
     if last is None:
         return f"{reason} Confirm {boot}; no recording holds a commanded pose"
     pose = ", ".join(

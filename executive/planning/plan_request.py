@@ -54,8 +54,8 @@ class PlanRequest:
             all motions that are known before a run. Joints that are not named stay at the start.
         group: Group that moves; None for the group of the named joints, else the arm.
         seed: Seed of the planner.
-        start: Start, in the form of `words`, but not a task. Joints that are not named are in the
-            boot pose.
+        start: Start, in the form of `words`, but not a task. Joints that are not named are in
+            the start pose of the robot file.
         via: Points on the way, each as `start`. Joints that are not named are as at the start.
         tool: Further inputs for a point of the tool: values of TOOL_PORTS, by port.
     """

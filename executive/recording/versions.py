@@ -17,6 +17,7 @@ _SCHEDULING = (
     "drivers/firmware_profile.py",
     "drivers/pacing.py",
     "drivers/null_driver.py",
+    "drivers/arduino/firmware_profile.py",
     "drivers/arduino/frames.py",
     "drivers/arduino/serial_servo.py",
 )

@@ -151,7 +151,7 @@ class Arm:
 
         Args:
             start_pose: Pose of the arm when the port opens, one position per actuated joint [rad];
-                default: the boot pose of the robot file.
+                default: the start pose of the robot file.
 
         Raises:
             LinkError: The port cannot be opened, and the arm stays inactive; or it was lost during
@@ -165,7 +165,7 @@ class Arm:
         self._start_pose = start_pose or self.robot.boot_pose
         self._request("activate", State.ACTIVE)
         if connection := self._connection:
-            connection.enable_acknowledgements()
+            connection.send_start_commands()
         if self._failure:  # a fault during the transition, when raise_error was refused
             with contextlib.suppress(TransitionRefused):
                 self._transition("raise_error")
@@ -326,7 +326,7 @@ class Arm:
 
     def _guard(self) -> WriteGuard:
         connection = self._connection
-        if self.state is not State.ACTIVE or connection is None or connection.guard is None:
+        if self.state is not State.ACTIVE or connection is None:
             raise self._not_active()
         return connection.guard
 
@@ -354,6 +354,7 @@ class Arm:
         logger.info("Starting the arm on port %s: it %s", port, self.robot.open_effect)
         self._connection = connection = Connection(
             self.robot,
+            self._start_pose,
             self._link,
             self._clock,
             _weakly(self._publish, None),
@@ -383,15 +384,17 @@ class Arm:
         return Result.SUCCESS
 
     def _boot(self, connection: Connection) -> None:
-        """Wait until the board has booted: until its banner comes, or for the boot wait."""
-        until = self._clock.now() + self.robot.serial.boot_wait
-        with self._signal:
-            while self._clock.now() < until:
-                if self._activation_ended or connection.acknowledgements.boot_frame:
+        """Wait until the board has booted: until it reports that, or for the boot wait."""
+        session, until = connection.session, self._clock.now() + self.robot.serial.boot_wait
+        while True:
+            connection.guard.poll()  # without the lock, because an observer is called
+            with self._signal:
+                booted = session.boot_frame or self._clock.now() >= until
+                if booted or self._activation_ended:
                     break
-                self._signal.wait(until)
+                self._signal.wait(min(until, session.next_poll))
         if not self._activation_ended:
-            connection.start(self._start_pose)
+            connection.start(self.robot.serial.boot_wait)
         if error := self._activation_ended:
             raise error
 

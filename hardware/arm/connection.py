@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
-from hardware.errors import BoardSilent, FrameLost, HardwareError, NotActive, PoseOutsideLimits
+from hardware.errors import HardwareError, NotActive, PoseOutsideLimits
 from hardware.link.link import Link
 from hardware.link.timed_link import TimedLink
 
-from .acknowledgements import Acknowledgements
+from .board_session import BoardSession
 from .events import OBSERVER_TIMEOUT, BytesReceived, Observer
 from .streamer import Streamer
 from .write_guard import WriteGuard
@@ -19,10 +19,12 @@ logger = logging.getLogger(__name__)
 
 
 class Connection:
-    """An open link, the thread that reads from it and, after the boot, guard and streamer.
+    """An open link with its guard, the thread that reads from it and, after the boot, a streamer.
 
     Args:
         robot: The robot.
+        start_pose: Pose of the arm, unless the board reports another one; one position per
+            actuated joint [rad].
         link: Link to the board.
         clock: Time source.
         observe: Callback for all bytes in both directions.
@@ -32,14 +34,15 @@ class Connection:
         ready: Returns whether the next frame may be sent; see `Streamer`.
 
     Attributes:
-        acknowledgements: What the board has acknowledged.
-        guard: The write guard, or None before `start`.
+        session: The protocol of the board.
+        guard: The write guard.
         streamer: The streamer, or None before `start`.
     """
 
     def __init__(
         self,
         robot: Robot,
+        start_pose: tuple[float, ...],
         link: Link,
         clock: Clock,
         observe: Observer,
@@ -49,12 +52,14 @@ class Connection:
         ready: Callable[[float], bool],
     ) -> None:
         self._robot, self._link, self._clock = robot, TimedLink(link), clock
-        self._observe, self._is_active = observe, is_active
+        self._observe, self._start_pose = observe, start_pose
         self._on_fault, self._on_receive, self._ready = on_fault, on_receive, ready
         self._closed = False
         self._reader: threading.Thread | None = None
-        self.acknowledgements = Acknowledgements(robot)
-        self.guard: WriteGuard | None = None
+        self.session = BoardSession(robot.protocol())
+        self.guard = WriteGuard(
+            robot, self._link, clock, is_active, observe, self.session, start_pose
+        )
         self.streamer: Streamer | None = None
 
     def open(self) -> None:
@@ -66,39 +71,27 @@ class Connection:
         self._link.open()
         self._reader = self._clock.spawn(self._read, "listener")
 
-    def start(self, start_pose: tuple[float, ...]) -> None:
-        """Create the guard and the streamer of a booted board.
+    def start(self, waited: float) -> None:
+        """Create the streamer of a booted board.
 
         Args:
-            start_pose: Pose of the arm, unless the board reports another one; one position per
-                actuated joint [rad].
+            waited: Time since the port was opened [s].
 
         Raises:
-            BoardSilent: The board did not report that it has booted, as its firmware does.
+            BoardError: The board has not reported what it must, such as that it has booted.
             PoseOutsideLimits: The board holds a servo outside the limits of its joint.
         """
-        robot, acknowledgements = self._robot, self.acknowledgements
-        if robot.firmware.banner and not acknowledgements.boot_frame:
-            raise BoardSilent(self._link.port, robot.firmware.name, robot.serial.boot_wait)
-        self.guard = WriteGuard(
-            robot,
-            self._link,
-            self._clock,
-            self._is_active,
-            self._observe,
-            acknowledgements,
-            self._held_pose(start_pose),
-        )
-        period = 1 / robot.firmware.rate
+        self.session.check_booted(self._link.port, waited)
+        self.guard.start_from(self._held_pose())
+        period = 1 / self._robot.firmware.rate
         self.streamer = Streamer(
-            self.guard, acknowledgements, self._clock, period, self._fault, self._ready
+            self.guard, self.session, self._clock, period, self._fault, self._ready
         )
 
-    def enable_acknowledgements(self) -> None:
-        """Make a booted board acknowledge frames, if its firmware can."""
+    def send_start_commands(self) -> None:
+        """Send what the board must receive when the arm becomes active."""
         try:
-            if self.guard:
-                self.guard.enable_acknowledgements()
+            self.guard.send_start_commands()
         except NotActive:
             return  # a fault came first
         except Exception as error:  # a driver may raise any exception
@@ -118,14 +111,10 @@ class Connection:
 
     def stop_and_settle(self) -> None:
         """Hold a moving arm, and wait until the board has acknowledged all frames."""
-        if not self.streamer:
-            return
-        if self.streamer.playing:
-            self.hold()
-        try:
+        if self.streamer:
+            if self.streamer.playing:
+                self.hold()
             self.streamer.wait_until_acknowledged()
-        except FrameLost as error:
-            self._fault(error)
 
     def close(self, error: HardwareError | None = None) -> None:
         """Close the port and wait for the threads that used it.
@@ -144,17 +133,18 @@ class Connection:
         if self._reader:
             _join(self._reader)
 
-    def _held_pose(self, start_pose: tuple[float, ...]) -> tuple[float, ...]:
+    def _held_pose(self) -> tuple[float, ...]:
         """Return the pose that the board reports, or the start pose if it reports none [rad]."""
-        robot, held = self._robot, self.acknowledgements.boot_frame
+        robot, held = self._robot, self.session.boot_frame
         wire_format = robot.wire_format
-        if held is None or held == wire_format.encode(start_pose):
-            return start_pose
+        if held is None or held == wire_format.encode(self._start_pose):
+            return self._start_pose
         pose = wire_format.decode(held)  # moved inside the limits
         nearest = wire_format.encode(pose).servos
         for joint, angle, near in zip(robot.actuated, held.servos, nearest, strict=True):
             if angle != near:
-                raise PoseOutsideLimits(joint.name, joint.lower, joint.upper, angle, near)
+                words = robot.firmware.words
+                raise PoseOutsideLimits(joint.name, angle, near, words.unit, words.advice_outside)
         return pose
 
     def _read(self) -> None:
@@ -171,7 +161,7 @@ class Connection:
                 if not data:
                     raise EOFError(f"its read ended while the port {self._link.port} was open")
                 self._observe(BytesReceived(self._clock.now(), data))
-                self.acknowledgements.receive(data)
+                self.session.receive(data, self._clock.now())
                 if self.streamer:
                     self.streamer.on_received()
                 self._on_receive()

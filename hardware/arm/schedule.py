@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from hardware.description.robot import Robot
-from hardware.drivers.driver import Frame, WireFormat
 from hardware.drivers.pacing import PacingModel
+from hardware.drivers.wire_format import Frame, WireFormat
 from hardware.errors import TooFast, TooLong
 
 # Returns the joint positions at the given times [s], one row per time [rad].
@@ -112,7 +112,7 @@ def servo_path(
         The time of each waypoint's frame [s], and the waypoints, one position per actuated joint
         [rad].
     """
-    codec, one_by_one = robot.wire_format, robot.firmware.degree_time > 0
+    codec, one_by_one = robot.wire_format, robot.firmware.unit_time > 0
     angles = list(codec.encode(start).servos)
     times, waypoints = [0.0], [codec.decode(codec.frame(angles))]
     for setpoint in schedule.setpoints:
@@ -146,7 +146,7 @@ def _steps(
             if step < _SHORTEST_STEP:
                 raise TooFast(
                     f"the motion jumps between {before_time:.3f} and {time:.3f} s: it turns the "
-                    f"servos by more than {max_step} degrees in total within "
+                    f"servos by more than {max_step} {robot.firmware.words.unit} in total within "
                     f"{_SHORTEST_STEP * 1000:g} ms. It must begin at the commanded positions and "
                     "be continuous"
                 )

@@ -8,7 +8,7 @@ from enum import Enum
 from hardware.clock import Clock
 from hardware.errors import HardwareError, NotActive, StaleGeneration, WriteRefused
 
-from .acknowledgements import Acknowledgements
+from .board_session import BoardSession
 from .events import OBSERVER_TIMEOUT
 from .interfaces import Claim
 from .schedule import Schedule
@@ -97,7 +97,7 @@ class Streamer:
 
     Args:
         guard: The write guard.
-        acknowledgements: What the board has acknowledged.
+        session: The protocol of the board. The thread polls it.
         clock: Time source.
         period: Period of frames [s]. A frame that is later than this shifts the rest of the motion.
         on_fault: Callback for errors. It must close this streamer.
@@ -111,13 +111,13 @@ class Streamer:
     def __init__(
         self,
         guard: WriteGuard,
-        acknowledgements: Acknowledgements,
+        session: BoardSession,
         clock: Clock,
         period: float,
         on_fault: Callable[[BaseException], None],
         ready: Callable[[float], bool],
     ) -> None:
-        self._guard, self._acknowledgements, self._clock = guard, acknowledgements, clock
+        self._guard, self._session, self._clock = guard, session, clock
         self._period, self._on_fault, self._ready = period, on_fault, ready
         self._signal = clock.signal()
         self._playback: Playback | None = None
@@ -147,7 +147,7 @@ class Streamer:
             if self._closing:
                 raise NotActive("the arm left the active state; configure and activate it first")
             claim = self._guard.claim(owner, self._guard.interfaces, generation)
-            self._playback = Playback(schedule, claim, self._acknowledgements.sent, on_change)
+            self._playback = Playback(schedule, claim, self._session.sent, on_change)
             self._braking = None
             self._signal.notify()
             return self._playback
@@ -156,20 +156,16 @@ class Streamer:
         """Process new acknowledgements."""
         with self._signal:
             if playback := self._playback:
-                playback.note_acknowledged(self._acknowledgements.acknowledged)
+                playback.note_acknowledged(self._session.acknowledged)
             self._signal.notify()
         if playback:
             playback.notify()
 
     def wait_until_acknowledged(self) -> None:
-        """Wait until the board has acknowledged all frames, or this streamer is closed.
-
-        Raises:
-            FrameLost: The board does not acknowledge a frame in time.
-        """
+        """Wait until the board has acknowledged all frames, or this streamer is closed."""
         with self._signal:
-            while not self._closing and self._acknowledgements.next_check is not None:
-                self._wait()
+            while not (self._closing or self._session.all_acknowledged()):
+                self._signal.wait(None)
 
     def stop(self, brake: float = 0.0) -> None:
         """Drop the rest of the schedule and hold.
@@ -262,11 +258,12 @@ class Streamer:
         playback.notify()
 
     def _next(self) -> Playback | None:
-        """Wait for a playback, and check acknowledgements meanwhile. Return None when closing."""
-        with self._signal:
-            while not (self._closing or self.playing):
-                self._wait()
-            return None if self._closing else self._playback
+        """Wait for a playback. Return None when closing."""
+        while True:
+            self._wait(lambda: not (self._closing or self.playing), lambda: math.inf)
+            with self._signal:
+                if self._closing or self.playing:
+                    return None if self._closing else self._playback
 
     def _play(self, playback: Playback) -> None:
         origin = self._clock.now()
@@ -280,26 +277,26 @@ class Streamer:
             late = self._clock.now() - due
             if late > self._period:
                 origin += late
-            self._acknowledgements.check(self._clock.now())
             self._guard.write(setpoint.positions, playback.claim, due)
             with self._signal:
-                playback.note_written(late, self._acknowledgements.acknowledged)
+                playback.note_written(late, self._session.acknowledged)
             playback.notify()
         self._wait_until_ready(playback)
         self._guard.write(playback.schedule.end, playback.claim, self._clock.now())
         if playback.schedule.setpoints:
             self._sleep(playback, max(origin + playback.schedule.duration, self._guard.done))
-            self._sleep(playback, math.inf, self._acknowledgements.all_acknowledged)
+            self._sleep(playback, math.inf, self._session.all_acknowledged)
 
     def _wait_for_frame(self, playback: Playback, planned: float) -> None:
         """Wait until a frame with this planned time [s] is due. Braking may shift it meanwhile."""
-        with self._signal:
-            while playback is self._playback:
-                until = max(self._due(planned), self._guard.earliest)
-                if until == math.inf or self._clock.now() >= until:
-                    return
-                self._wait(until)
-        raise StaleGeneration("stopped")
+
+        def due() -> float:
+            until = max(self._due(planned), self._guard.earliest)
+            return until if until < math.inf else -math.inf  # braking ends before it
+
+        self._wait(lambda: playback is self._playback, due)
+        if playback is not self._playback:
+            raise StaleGeneration("stopped")
 
     def _wait_until_ready(self, playback: Playback) -> None:
         """Wait until the next frame may be sent. No lock is held, because a stop may come."""
@@ -324,16 +321,20 @@ class Streamer:
             return math.inf
         return since + brake * (1 - math.sqrt(1 - 2 * ahead / brake))
 
-    def _wait(self, until: float = math.inf) -> None:
-        """Wait until a time [s], a notification, or the next check of acknowledgements.
+    def _wait(self, waiting: Callable[[], bool], until: Callable[[], float]) -> None:
+        """Wait while a condition holds, at most until a time [s], and poll the board meanwhile.
 
         Raises:
-            FrameLost: The board did not acknowledge a frame in time.
+            BoardError: The board does not answer in time.
         """
-        self._acknowledgements.check(self._clock.now())
-        next_check = self._acknowledgements.next_check
-        first = until if next_check is None else min(until, next_check)
-        self._signal.wait(None if first == math.inf else first)
+        while True:
+            self._guard.poll()  # without the lock, because an observer is called
+            with self._signal:
+                end = until()
+                if not waiting() or self._clock.now() >= end:
+                    return
+                first = min(end, self._session.next_poll)
+                self._signal.wait(None if first == math.inf else first)
 
     def _sleep(
         self, playback: Playback, until: float, is_over: Callable[[], bool] = lambda: False
@@ -342,10 +343,8 @@ class Streamer:
 
         Raises:
             StaleGeneration: The playback was stopped meanwhile.
-            FrameLost: The board did not acknowledge a frame in time.
+            BoardError: The board does not answer in time.
         """
-        with self._signal:
-            while playback is self._playback and not is_over() and self._clock.now() < until:
-                self._wait(until)
-            if playback is not self._playback:
-                raise StaleGeneration("stopped")
+        self._wait(lambda: playback is self._playback and not is_over(), lambda: until)
+        if playback is not self._playback:
+            raise StaleGeneration("stopped")

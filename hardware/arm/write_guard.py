@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterable, Sequence
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
-from hardware.drivers.driver import Frame
 from hardware.drivers.pacing import PacingModel
+from hardware.drivers.wire_format import Frame
 from hardware.errors import BadPosition, DriverFailed, JointTooFast, LinkError, NotActive, TooFast
-from hardware.joints import DISPLAY_UNITS, check_position
+from hardware.joints import DISPLAY_UNITS, check_positions
 from hardware.link.link import Link
 
-from .acknowledgements import Acknowledgements
+from .board_session import BoardSession
 from .events import OBSERVER_TIMEOUT, CommandSent, FrameSent, Observer, Outbox
 from .interfaces import Claim, Claims, command_interfaces
 
@@ -37,8 +37,8 @@ class WriteGuard:
         clock: Time source.
         is_active: Returns whether the lifecycle is *active*.
         observe: Callback for every write, in order. No lock is held during the call.
-        acknowledgements: Counts the frames that are sent.
-        positions: Current positions, one per actuated joint [rad].
+        session: The protocol of the board.
+        positions: Pose of the arm, one position per actuated joint [rad].
 
     Attributes:
         interfaces: The command interfaces, in the order of the fields in a frame.
@@ -51,20 +51,25 @@ class WriteGuard:
         clock: Clock,
         is_active: Callable[[], bool],
         observe: Observer,
-        acknowledgements: Acknowledgements,
+        session: BoardSession,
         positions: tuple[float, ...],
     ) -> None:
         self._robot, self._link, self._clock = robot, link, clock
         self._is_active, self._outbox = is_active, Outbox(observe)
-        self._acknowledgements = acknowledgements
+        self._session = session
         self._codec = robot.wire_format
         self._lock = threading.RLock()  # a signal handler may hold the arm
         self.interfaces = command_interfaces(robot)
         self._claims = Claims(self.interfaces)
         self._arrivals = [-math.inf] * len(positions)
         self._closed = self._hold_due = False
+        self.start_from(positions)
+
+    def start_from(self, positions: tuple[float, ...]) -> None:
+        """Set the pose of the arm before its first frame, one position per actuated joint [rad]."""
+        robot = self._robot
         self._commanded = positions
-        self._last_frame = self._codec.encode(self._commanded)
+        self._last_frame = self._codec.encode(positions)
         self._pacing = PacingModel(robot.firmware, robot.serial.baud, self._last_frame)
 
     @property
@@ -75,7 +80,7 @@ class WriteGuard:
     @property
     def earliest(self) -> float:
         """Earliest time at which the board can receive the next frame [s]."""
-        return self._pacing.earliest
+        return max(self._pacing.earliest, self._session.free_at)
 
     @property
     def done(self) -> float:
@@ -106,8 +111,8 @@ class WriteGuard:
         with self._lock:
             self._claims.release(claim)
 
-    def enable_acknowledgements(self) -> None:
-        """Make a booted board acknowledge frames, if its firmware can.
+    def send_start_commands(self) -> None:
+        """Send what the board must receive when the arm becomes active.
 
         Raises:
             NotActive: The arm is not active.
@@ -115,9 +120,21 @@ class WriteGuard:
         """
         with self._lock:
             self._check_active()
-            if command := self._acknowledgements.enable_command:
-                self._put(command)
-                self._outbox.put(CommandSent(self._clock.now(), command))
+            self._send_command(self._session.start_commands())
+        self._outbox.deliver()
+
+    def poll(self) -> None:
+        """Send the request that is due, if any. It commands no joint, so any state allows it.
+
+        Raises:
+            LinkError: The port failed.
+            BoardError: The board does not answer in time.
+        """
+        if self._clock.now() < self._session.next_poll:
+            return
+        with self._lock:
+            if not self._closed:
+                self._send_command(self._session.poll(self._clock.now()))
         self._outbox.deliver()
 
     def close(self) -> None:
@@ -195,8 +212,7 @@ class WriteGuard:
             raise BadPosition(f"{len(positions)} values for {len(claim.interfaces)}: {names}")
         commanded = dict(zip(self.interfaces, self._commanded, strict=True))
         commanded.update(zip(claim.interfaces, positions, strict=True))
-        joints = zip(self._robot.actuated, commanded.values(), strict=True)
-        return tuple(check_position(joint, q) for joint, q in joints)
+        return check_positions(self._robot.actuated, tuple(commanded.values()))
 
     def _check_velocity(self, target: tuple[float, ...]) -> list[float]:
         """Return when each joint reaches its target if it moves at its velocity limit [s]."""
@@ -216,20 +232,26 @@ class WriteGuard:
         step, most = self._pacing.step(frame), self._robot.firmware.max_step
         if step > most:
             raise TooFast(
-                f"{frame} turns the servos by {step} degrees in total; the limit is {most}"
+                f"{frame} turns the servos by {step} {self._robot.firmware.words.unit} in total; "
+                f"the limit is {most}"
             )
-        early = self._pacing.earliest - self._clock.now()
+        early = self.earliest - self._clock.now()
         if early > 0:
             raise TooFast(f"{frame} comes {early * 1000:.1f} ms before the board has room for it")
 
     def _send(self, frame: Frame, positions: tuple[float, ...], scheduled: float | None) -> None:
         began = self._clock.now()
         self._hold_due = scheduled is not None
-        self._acknowledgements.note_sent(frame, began)
+        self._session.note_sent(frame, began)
         self._put(frame.data)
         self._pacing.note_sent(frame, self._clock.now())  # after the write, which may have waited
         self._last_frame = frame
         self._outbox.put(FrameSent(began, frame.data, positions, scheduled))
+
+    def _send_command(self, data: bytes) -> None:
+        if data:
+            self._put(data)
+            self._outbox.put(CommandSent(self._clock.now(), data))
 
     def _put(self, data: bytes) -> None:
         try:

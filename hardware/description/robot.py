@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from hardware.drivers.driver import Driver, WireFormat
+from hardware.drivers.board_protocol import BoardProtocol
+from hardware.drivers.driver import Driver
 from hardware.drivers.firmware_profile import Firmware
 from hardware.drivers.null_driver import NullDriver
+from hardware.drivers.wire_format import WireFormat
 from hardware.joints import Joint
 from hardware.link.link import Link
 
@@ -112,13 +114,17 @@ class Robot:
 
     @property
     def boot_pose(self) -> tuple[float, ...]:
-        """Positions after a reset, one per actuated joint [rad]."""
+        """Positions in the start pose, one per actuated joint [rad]."""
         return tuple(joint.boot for joint in self.actuated)
 
     @property
     def open_effect(self) -> str:
         """What the arm does when its port is opened, for messages."""
-        return self.firmware.reset_effect if self.serial.resets else "stays where it is"
+        return self.firmware.words.reset_effect if self.serial.resets else "stays where it is"
+
+    def protocol(self) -> BoardProtocol:
+        """Return the protocol of a connection to the board that is about to be opened."""
+        return self.driver.protocol(self.actuated, self.firmware, self.path)
 
     def link(self, port: str) -> Link:
         """Return a link to the board on a port.

@@ -78,7 +78,7 @@ def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmwa
         port=table.text("port", default=""),
         baud=table.integer("baud", BAUD_RATES),
         boot_wait=table.number("boot_wait_s", least=0, most=MAX_BOOT_WAIT),
-        resets=table.boolean("reset_on_open") if "reset_on_open" in table else True,
+        resets=table.boolean("reset_on_open") if "reset_on_open" in table else firmware.resets,
     )
     table.done()
     return serial, firmware
@@ -89,9 +89,11 @@ def _check_serial(table: TomlTable, robot: Robot) -> None:
     firmware, wait, baud = robot.firmware, robot.serial.boot_wait, robot.serial.baud
     if firmware.baud not in (0, baud):
         table.fail("baud", f"{baud} is not {firmware.baud}, the speed of {firmware.name}")
-    if firmware.banner and not robot.serial.resets:
-        why = f"{firmware.name} reports the pose of the arm only after a reset"
-        table.fail("reset_on_open", f"false is not allowed: {why}")
+    fixed = firmware.reports_pose or not firmware.resets
+    if fixed and robot.serial.resets is not firmware.resets:
+        does = "resets" if firmware.resets else "does not reset"
+        why = f"opening the port {does} a board with {firmware.name}"
+        table.fail("reset_on_open", f"{str(robot.serial.resets).lower()} is not allowed: {why}")
     if wait < firmware.boot_time:
         needs = f"{firmware.name} needs {firmware.boot_time:g} s from reset to its first byte"
         table.fail("boot_wait_s", f"{wait:g} s is too short: {needs}")

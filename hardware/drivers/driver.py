@@ -3,63 +3,23 @@
 A robot file names its driver, which is found among the entry points `armtree.hardware`, so an
 installed package may add one. Limits, lifecycle, pacing and stop are the same for every driver.
 
-A firmware with a `banner` speaks the protocol of `arduino/firmware/README.md`, acknowledgements
-included. A board with another protocol must leave `banner` empty: its bytes are recorded but not
-interpreted.
+A driver has three parts: the wire format (joint positions to frames and back), the protocol (what
+the board and armtree tell each other beside frames), and the link (a byte stream).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from hardware.joints import Joint
 from hardware.link.link import Link
-from hardware.printable import wire_text
 from hardware.toml_table import TomlTable
 
+from .board_protocol import BoardProtocol
 from .firmware_profile import Firmware
+from .wire_format import WireFormat
 
 GROUP = "armtree.hardware"
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """One command to all servos.
-
-    Attributes:
-        servos: Servo angles in the order of the fields, in the unit of the servos.
-        data: Bytes that are sent.
-    """
-
-    servos: tuple[int, ...]
-    data: bytes
-
-    def __str__(self) -> str:
-        return wire_text(self.data)
-
-
-class WireFormat(Protocol):
-    """Converts joint positions to frames and back."""
-
-    def encode(self, positions: Sequence[float]) -> Frame:
-        """Return the frame for joint positions, one per actuated joint [rad].
-
-        Raises:
-            BadPosition: A position is missing, not a number, not finite or outside its limits.
-        """
-
-    def frame(self, servos: Sequence[int]) -> Frame:
-        """Return the frame for servo angles, in the unit of the servos."""
-
-    def parse(self, data: bytes) -> Frame:
-        """Return the frame with these bytes.
-
-        Raises:
-            ValueError: They are not a frame of this robot.
-        """
-
-    def decode(self, frame: Frame) -> tuple[float, ...]:
-        """Return the joint positions of a frame, within their limits [rad]."""
 
 
 class Driver(Protocol):
@@ -95,6 +55,17 @@ class Driver(Protocol):
 
     def wire_format(self, joints: Sequence[Joint]) -> WireFormat:
         """Return the wire format of the actuated joints."""
+
+    def protocol(
+        self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
+    ) -> BoardProtocol:
+        """Return the protocol of a connection that is about to be opened.
+
+        Args:
+            joints: The actuated joints.
+            firmware: Firmware of the board.
+            robot_file: The robot file, for messages.
+        """
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
         """Return a link to a board that drives the actuated joints.

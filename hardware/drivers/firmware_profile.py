@@ -1,52 +1,66 @@
 """The profile of a firmware: what the host must know of the program on a board."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
+class Words:
+    """How messages name what a driver drives.
+
+    Attributes:
+        board: Kind of board.
+        unit: Unit of the servo angles in a frame, in the plural.
+        start_pose: Pose of the arm after the port opens, if the board reports none.
+        reset_effect: What the arm does when the board is reset.
+        advice_outside: What a person does if a servo is outside the limits of its joint.
+    """
+
+    board: str = "board"
+    unit: str = "units"
+    start_pose: str = "start pose"
+    reset_effect: str = "may move"
+    advice_outside: str = "move the joint back inside its limits by hand"
+
+
+@dataclass(frozen=True, slots=True)
 class Firmware:
-    """The profile of a firmware.
+    """The profile of a firmware. Servo angles are in the unit of the servos.
 
     Attributes:
         name: Name in a robot file.
         rate: Rate at which motions are sampled into frames [Hz].
-        degree_time: Time for which one degree of one servo blocks the board [s]; 0 if it does not
-            block.
-        max_step: Largest change of one frame, total of all servos [deg].
-        ring: Size of the receive buffer for unread bytes [bytes].
-        boot_time: Time from a reset until the board reads from its line [s].
-        banner: First bytes of the line that the board sends after booting. The line ends with the
-            frame that the board holds, which a reset does not change. A firmware with a banner also
-            acknowledges frames, as `arduino/firmware/README.md` describes. Empty if the board
-            sends no such line.
-        turn_time: Time for which a servo blocks the board in addition to its degrees [s].
-        letters: Letters of its frames' fields, in order; empty if they depend on the robot.
+        max_step: Largest change of one frame, total of all servos.
+        boot_time: Time from opening the port until the board reads from its line [s].
         baud: Speed of its line [bit/s]; 0 if any speed is possible.
+        ring: Size of the receive buffer for unread bytes [bytes].
+        unit_time: Time for which one unit of one servo blocks the board [s]; 0 if it does not
+            block.
+        turn_time: Time for which a servo blocks the board in addition to its units [s].
+        resets: Whether opening the port resets the board, unless the robot file denies it.
+        reports_pose: Whether the board reports the pose of the arm after the port opens.
+        words: How messages name what the driver drives.
     """
 
     name: str
     rate: float
-    degree_time: float
     max_step: int
-    ring: int
-    boot_time: float
-    banner: bytes
-    turn_time: float = 0.0
-    letters: str = ""
+    boot_time: float = 0.0
     baud: int = 0
-
-    @property
-    def reset_effect(self) -> str:
-        """What the arm does when the board is reset, for messages."""
-        return "stays where it is" if self.banner else "moves to its boot pose"
+    ring: float = math.inf
+    unit_time: float = 0.0
+    turn_time: float = 0.0
+    resets: bool = True
+    reports_pose: bool = False
+    words: Words = Words()
 
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:
         """Return for how long a frame blocks the board [s].
 
         Args:
-            before: Servo angles before the frame [deg].
-            after: Servo angles of the frame [deg].
+            before: Servo angles before the frame.
+            after: Servo angles of the frame.
         """
         steps = [abs(b - a) + 1 for a, b in zip(before, after, strict=True)]
-        return self.degree_time * sum(steps) + self.turn_time * len(steps)
+        return self.unit_time * sum(steps) + self.turn_time * len(steps)

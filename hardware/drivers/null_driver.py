@@ -4,24 +4,23 @@ Its frames are the positions in millionths of a radian or metre, so that every a
 for, moved and recorded before its board is known.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.clock import Clock, RealClock
-from hardware.errors import BadPosition, NoDriver
-from hardware.joints import Joint, check_position
+from hardware.errors import NoDriver
+from hardware.joints import Joint, check_positions
 from hardware.link.link import VIRTUAL
 from hardware.toml_table import TomlTable
 
-from .driver import Frame
+from .board_protocol import BoardProtocol
 from .firmware_profile import Firmware
+from .wire_format import Frame
 
-NO_FIRMWARE = Firmware("none", 50.0, 0.0, 10**9, 10**6, 0.0, b"")  # no limit of steps and buffer
+NO_FIRMWARE = Firmware("none", rate=50.0, max_step=10**9)  # no limit of steps
 NO_BAUD = 4_000_000  # [bit/s]
 _RESOLUTION = 1e-6  # [rad or m]
-_FIELD = re.compile(rb"([+-][0-9]{9,}),")
 
 
 class NullWireFormat:
@@ -40,26 +39,12 @@ class NullWireFormat:
         Raises:
             BadPosition: A position is missing, not a number, not finite or outside its limits.
         """
-        if len(positions) != len(self._joints):
-            names = ", ".join(joint.name for joint in self._joints)
-            raise BadPosition(f"{len(positions)} values for {len(self._joints)} joints: {names}")
-        pairs = zip(self._joints, positions, strict=True)
-        return self.frame([round(check_position(joint, q) / _RESOLUTION) for joint, q in pairs])
+        checked = check_positions(self._joints, positions)
+        return self.frame([round(q / _RESOLUTION) for q in checked])
 
     def frame(self, servos: Sequence[int]) -> Frame:
         """Return the frame for positions in millionths of a radian or metre."""
         return Frame(tuple(servos), "".join(f"{servo:+010d}," for servo in servos).encode())
-
-    def parse(self, data: bytes) -> Frame:
-        """Return the frame with these bytes.
-
-        Raises:
-            ValueError: They are not a frame of this robot.
-        """
-        frame = self.frame([int(field) for field in _FIELD.findall(data)])
-        if frame.data != data or len(frame.servos) != len(self._joints):
-            raise ValueError(f"{data!r} is no frame such as {self.frame([0] * len(self._joints))}")
-        return frame
 
     def decode(self, frame: Frame) -> tuple[float, ...]:
         """Return the joint positions of a frame, within their limits [rad]."""
@@ -128,6 +113,12 @@ class NullDriver:
     def wire_format(self, joints: Sequence[Joint]) -> NullWireFormat:
         """Return the conversion of positions to frames that no board reads."""
         return NullWireFormat(joints)
+
+    def protocol(
+        self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
+    ) -> BoardProtocol:
+        """Return the protocol of a board that sends nothing."""
+        return BoardProtocol()
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> NullLink:
         """Return a link to nothing.

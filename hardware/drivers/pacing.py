@@ -4,8 +4,8 @@ import math
 
 from hardware.link.link import BITS_PER_BYTE
 
-from .driver import Frame
 from .firmware_profile import Firmware
+from .wire_format import Frame
 
 
 class PacingModel:

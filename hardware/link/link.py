@@ -1,4 +1,4 @@
-"""The link interface: a serial port, the virtual Arduino, or a board in this process."""
+"""The link interface: a serial port, a virtual board, or a board in this process."""
 
 from typing import Protocol
 

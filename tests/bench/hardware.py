@@ -41,7 +41,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import ARMTREE, FIRMWARES
 from logs import Recorder, Sent
 from skills.motion import Pool, Query
 from tests.avr import rig
@@ -134,7 +134,7 @@ def unplug_times(count: int, streaming: bool) -> list[float]:
     times = []
     robot = robot_with()
     serial = dataclasses.replace(robot.serial, boot_wait=0.0)
-    silent = dataclasses.replace(robot.firmware, banner=b"")  # no board is at the other end
+    silent = dataclasses.replace(ARMTREE, banner=b"")  # no board is at the other end
     robot = dataclasses.replace(robot, serial=serial, firmware=silent)
     for _ in range(count):
         master, slave = pty.openpty()

@@ -46,7 +46,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import ARMTREE, FIRMWARES
 from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
@@ -189,7 +189,7 @@ def directly(arm: Executive, robot: Robot, folder: Path) -> Iterator[Callable[[]
 def cancel_times(count: int, way: Way = directly) -> list[float]:
     """From a cancel to the hold frame at the other end, streaming at full rate [ms]."""
     robot, rng, times = quick_robot(), random.Random(1), list[float]()
-    silent = dataclasses.replace(robot.firmware, banner=b"")  # no board answers on that line
+    silent = dataclasses.replace(ARMTREE, banner=b"")  # no board answers on that line
     serial = dataclasses.replace(robot.serial, boot_wait=0.1)
     robot = dataclasses.replace(
         robot, firmware=dataclasses.replace(silent, boot_time=0.0), serial=serial

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow
 
 SHIPPED = load_robot()
 # A board that never blocks and boots at once, so that a thousand of them take no time.
-QUICK = dataclasses.replace(SHIPPED.firmware, rate=50.0, degree_time=0.0, boot_time=0.0)
+QUICK = dataclasses.replace(SHIPPED.firmware, rate=50.0, unit_time=0.0, boot_time=0.0)
 ROBOT = dataclasses.replace(
     SHIPPED, firmware=QUICK, serial=dataclasses.replace(SHIPPED.serial, boot_wait=0.0)
 )

@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 import logs
 from executive.api.outcome import GoalState
 from hardware import Robot, SimulatedClock
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from skills.motion import NoPath, Pool, Query, Result
 from tests.conftest import Rig, RigMaker
 

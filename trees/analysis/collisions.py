@@ -43,7 +43,7 @@ class CollisionChecks:
         poses: Configurations to check in an empty world [rad], and their places.
         trees: Compiled tasks and subtrees.
         tasks: The tasks among them.
-        notes: Tasks whose first motion starts in collision if the arm is in its boot pose.
+        notes: Tasks whose first motion starts in collision if the arm is in its start pose.
         absent: Places of bodies that a task uses and does not add, and their names.
     """
 
@@ -75,7 +75,8 @@ class CollisionChecks:
             for world, place in self._first_worlds().items():
                 new = (boot, world) not in configurations and broken.isdisjoint(world.bodies)
                 if new and (hit := self._collision(boot, world)):
-                    why = "in its boot pose, before this motion, the arm is in collision"
+                    named = self.robot.firmware.words.start_pose
+                    why = f"in its {named}, before this motion, the arm is in collision"
                     self.notes.append(Mistake(place, f"{why}: {hit}"))
 
     def _load_error(self, body: Body) -> BadWorld | WorkerDied | None:

@@ -63,11 +63,11 @@ def _resets(robot: Robot, port: str) -> bool:
 
 
 def _pose(robot: Robot, port: str) -> Check:
+    if robot.firmware.reports_pose:
+        return Check("pose", True, "the board reports the pose of the arm")
     if not _resets(robot, port):
         what = "nothing resets the board: a run needs --pose"
         return Check("pose", True, what)
-    if robot.firmware.banner:
-        return Check("pose", True, "the board reports its pose, and a reset does not change it")
     frame = robot.wire_format.encode(robot.boot_pose)
     return Check("pose", True, f"after a reset the board is at {frame}")
 
@@ -92,14 +92,14 @@ def _tasks(trees: Path | None, robot: Robot) -> Check:
 
 
 def _planner(robot: Robot) -> Check:
-    answer = _boot_pose_verified(robot)
+    answer, pose = _boot_pose_verified(robot), robot.firmware.words.start_pose
     if isinstance(answer, MotionCollides):
-        remedy = "choose another boot pose in the robot file, or correct its URDF"
-        why = f"in its boot pose, {answer.contact}"
+        remedy = f"choose another {pose} in the robot file, or correct its URDF"
+        why = f"in its {pose}, {answer.contact}"
         return Check("planner", False, why, remedy, answer.code)
     if isinstance(answer, MotionError):
         return Check("planner", False, str(answer), code=answer.code)
-    free = "a worker has loaded the robot; the boot pose is free of collisions"
+    free = f"a worker has loaded the robot; the {pose} is free of collisions"
     return Check("planner", True, free)
 
 
@@ -162,7 +162,7 @@ def _open(robot: Robot, port: str) -> Check:
             positions = ", ".join(f"{name} {q:.3f}" for name, q in arm.read().items())
     except HardwareError as error:
         return Check("board", False, str(error), code=error.code)
-    if not robot.firmware.banner:
+    if not robot.firmware.reports_pose:
         silent = f"opened; {robot.firmware.name} never answers, so armtree cannot see a board"
         known = f"assumed: {positions} rad" if _resets(robot, port) else "known only to a person"
         return Check("board", None, f"{silent}; the pose is {known}")

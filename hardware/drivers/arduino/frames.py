@@ -8,9 +8,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hardware.drivers.driver import Frame
-from hardware.errors import BadPosition
-from hardware.joints import Joint, check_position
+from hardware.drivers.wire_format import Frame
+from hardware.joints import Joint, check_positions
 
 ANGLE_MAX = 180  # largest angle of a servo [deg]
 
@@ -60,11 +59,9 @@ class Codec:
         Raises:
             BadPosition: A position is missing, not a number, not finite or outside its limits.
         """
-        if len(positions) != len(self._fields):
-            names = ", ".join(joint.name for joint, _ in self._fields)
-            raise BadPosition(f"{len(positions)} values for {len(self._fields)} joints: {names}")
-        fields = zip(self._fields, positions, strict=True)
-        return self.frame([servo_angle(w, check_position(joint, q)) for (joint, w), q in fields])
+        checked = check_positions([joint for joint, _ in self._fields], positions)
+        fields = zip(self._fields, checked, strict=True)
+        return self.frame([servo_angle(wire, q) for (_, wire), q in fields])
 
     def frame(self, servos: Sequence[int]) -> Frame:
         """Return the frame for servo angles, each from 0 to 180 [deg]."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from hardware.drivers.firmware_profile import Firmware
 from hardware.drivers.pacing import unread_bytes
@@ -11,24 +12,10 @@ from hardware.link.link import VIRTUAL, Link
 from hardware.link.serial_link import SerialLink
 from hardware.toml_table import TomlTable
 
+from .acknowledgements import Acknowledgements
+from .firmware_profile import FIRMWARES, ArduinoFirmware
 from .frames import ANGLE_MAX, Codec, WireField, servo_angle
 from .virtual.arduino import VirtualLink
-
-# The published sketch turns one servo after the other in steps of one degree, a first step of zero
-# degrees included, waits about 5 ms after each, and reads nothing meanwhile. Built by avr-gcc 5.4.0
-# with Arduino's core and Servo library (as of 2026) and run on simavr, it needs 5.058 ms a degree:
-# delay(5) and Servo.write, which divides. Each turn takes another 0.12 ms (atoi, and Servo.read
-# twice), and reading its five bytes 0.03 ms. The figures here are 0.5 % higher, because the
-# resonator of an Uno may be that slow. 10 Hz leaves 100 ms per frame, enough for 4 servos and 15
-# degrees in total; larger frames are sent at a lower rate.
-STOCK = Firmware("stock", 10.0, 0.0051, 16, 63, 1.0, b"", turn_time=0.00015)
-# It stores a frame, and timers move the servos, so a frame needs only its time on the line. The
-# largest step is the same, because it bounds how far the arm moves after a stop.
-ARMTREE = Firmware(
-    "armtree", 50.0, 0.0, 16, 255, 1.0, b"armtree 1 AVW? ", letters="bseg", baud=115200
-)
-
-FIRMWARES = {firmware.name: firmware for firmware in (STOCK, ARMTREE)}
 
 
 @dataclass(frozen=True)
@@ -64,6 +51,7 @@ class SerialServo:
         """Check that letters are unique and known to the board, and that a stop fits its buffer."""
         _check_letters(root.table("joints"), joints)
         codec = Codec(joints)
+        assert isinstance(firmware, ArduinoFirmware)
         if firmware.letters not in ("", codec.letters):
             knows = f"{firmware.name} has servos {', '.join(firmware.letters)}, in this order"
             what = f"{knows}; the joints here have {', '.join(codec.letters)}"
@@ -79,10 +67,18 @@ class SerialServo:
         """Return the codec of these joints."""
         return Codec(joints)
 
+    def protocol(
+        self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
+    ) -> Acknowledgements:
+        """Return the acknowledgements of a firmware; for the published sketch, its silence."""
+        assert isinstance(firmware, ArduinoFirmware)
+        return Acknowledgements(Codec(joints), firmware, FIRMWARES.values(), robot_file)
+
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
         """Return a serial port, or the virtual Arduino."""
         if port != VIRTUAL:
             return SerialLink(port, baud)
+        assert isinstance(firmware, ArduinoFirmware)
         codec = Codec(joints)
         boot_angles = codec.encode([joint.boot for joint in joints]).servos
         return VirtualLink(codec.letters, boot_angles, firmware, baud)

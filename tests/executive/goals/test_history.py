@@ -186,7 +186,7 @@ def test_there_is_nothing_to_confirm(robot: Robot, tmp_path: Path) -> None:
 def test_a_board_that_resets_starts_in_its_boot_pose(robot: Robot, tmp_path: Path) -> None:
     assert StartPose(robot, "/dev/ttyX", tmp_path, None).find() == robot.boot_pose
     assert StartPose(unreset(robot), "virtual", tmp_path, None).find() == robot.boot_pose
-    with pytest.raises(PoseUnconfirmed, match="resets the board"):
+    with pytest.raises(PoseUnconfirmed, match="is reset when the port opens, and the arm moves"):
         StartPose(robot, "/dev/ttyX", tmp_path, "last").find()
 
 
@@ -204,7 +204,7 @@ def test_the_robot_file_says_it(robot: Robot, tmp_path: Path) -> None:
     assert not load_robot(path).serial.resets
     assert robot.serial.resets
     path.write_text(path.read_text().replace('firmware = "stock"', 'firmware = "armtree"'))
-    with pytest.raises(DescriptionError, match=r"reset_on_open: false is not allowed: armtree"):
+    with pytest.raises(DescriptionError, match=r"reset_on_open: false is not allowed: opening"):
         load_robot(path)
 
 

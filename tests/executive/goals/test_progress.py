@@ -9,7 +9,7 @@ import pytest
 import logs
 from executive.api.outcome import GoalState
 from hardware import Robot
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from tests.conftest import Rig, RigMaker
 
 REPEAT = """\

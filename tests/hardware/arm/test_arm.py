@@ -19,7 +19,7 @@ from hardware import (
     StateChanged,
     virtual_board,
 )
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.errors import InterfaceClaimed, TooFast
 from tests.support.arms.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 

@@ -30,9 +30,9 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from hardware.arm.acknowledgements import ANSWER_TIMEOUT
+from hardware.drivers.arduino.acknowledgements import ANSWER_TIMEOUT
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.frames import Codec
-from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.errors import BoardReset, BoardSilent, FrameLost, PoseOutsideLimits, WrongFirmware
 from tests.support.arms.hardware_rigs import HOME, PICK, motion
 from tests.support.paths import ROOT
@@ -246,8 +246,8 @@ def test_a_board_that_holds_a_servo_outside_the_limits_is_refused(
         rig.arm.configure()
         joint = "joint_1" if letter == "b" else "joint_2"
         why = (
-            f"The board holds the servo of {joint} at {angle} degrees. Its limits "
-            rf"\[-0.785, 0.785\] rad end at {nearest} degrees.* switch the board off and on"
+            f"The board holds the servo of {joint} at {angle} degrees. The limits of the joint end "
+            f"at {nearest} degrees.* switch the board off and on"
         )
         with pytest.raises(PoseOutsideLimits, match=why):
             rig.arm.activate()
@@ -290,7 +290,7 @@ def test_a_board_that_does_not_run_the_firmware_of_the_robot_file_is_refused() -
 STALLED = """
 import dataclasses, os, signal, threading
 from hardware import Arm, PlaybackState, RealClock, load_robot
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from tests.support.arms.hardware_rigs import PICK, motion
 
 robot = dataclasses.replace(load_robot(), firmware=FIRMWARES["armtree"])

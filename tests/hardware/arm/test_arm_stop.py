@@ -113,8 +113,8 @@ def test_a_stop_while_a_board_is_taken_as_booted_ends_the_activation(
 ) -> None:
     start = Connection.start
 
-    def stopped(connection: Connection, pose: tuple[float, ...]) -> None:
-        start(connection, pose)
+    def stopped(connection: Connection, waited: float) -> None:
+        start(connection, waited)
         rig.arm.stop()
 
     rig.arm.configure()

@@ -39,8 +39,9 @@ class Watch:
         self.reported, self.leave = threading.Event(), threading.Event()
 
     def connect(self, line: Line) -> Connection:
+        robot = load_robot()
         reported = self.observe, lambda: True, self.faults.append, lambda: None, lambda _: True
-        connection = Connection(load_robot(), line, RealClock(), *reported)
+        connection = Connection(robot, robot.boot_pose, line, RealClock(), *reported)
         connection.open()
         return connection
 

@@ -19,8 +19,8 @@ from hardware import (
     servo_path,
 )
 from hardware.arm.schedule import Sampler
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.frames import Codec
-from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.drivers.arduino.virtual.board import Board
 from hardware.errors import TooFast, TooLong
 

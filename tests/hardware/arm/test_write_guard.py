@@ -6,10 +6,11 @@ from collections.abc import Sequence
 import pytest
 
 from hardware import BadPosition, CommandSent, FrameSent, Joint, NotActive
-from hardware.arm.acknowledgements import ANSWER_TIMEOUT
+from hardware.drivers.arduino.acknowledgements import ANSWER_TIMEOUT
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.frames import Codec
-from hardware.drivers.arduino.serial_servo import FIRMWARES, SerialServo
-from hardware.drivers.driver import Frame
+from hardware.drivers.arduino.serial_servo import SerialServo
+from hardware.drivers.wire_format import Frame
 from hardware.errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration, TooFast
 from tests.support.arms.write_guard_rig import HOME, Rig, degrees
 
@@ -77,13 +78,13 @@ def test_only_active_may_write() -> None:
 
 def test_only_active_is_greeted() -> None:
     rig = Rig(FIRMWARES["armtree"])
-    rig.acknowledgements.receive(rig.link.read())
+    rig.session.receive(rig.link.read(), rig.clock.now())
     rig.active = False
     with pytest.raises(NotActive):
-        rig.guard.enable_acknowledgements()
+        rig.guard.send_start_commands()
     assert rig.events == []
     rig.active = True
-    rig.guard.enable_acknowledgements()
+    rig.guard.send_start_commands()
     assert rig.events == [CommandSent(2.0, b"bA01;")]
 
 
@@ -139,11 +140,11 @@ def test_a_claim_takes_one_value_per_interface() -> None:
         rig.guard.write([0.0, 0.0, 0.0], jog, 2.0)
 
 
-def test_acknowledgements_know_what_was_sent_and_when() -> None:
+def test_the_session_knows_what_was_sent_and_when() -> None:
     rig = Rig(FIRMWARES["armtree"])
     rig.write(degrees(1))
-    assert rig.acknowledgements.sent == 1
-    assert rig.acknowledgements.next_check == 2.0 + ANSWER_TIMEOUT / 5
+    assert rig.session.sent == 1
+    assert rig.session.next_poll == 2.0 + ANSWER_TIMEOUT / 5
 
 
 def test_a_motion_decided_on_before_another_one_began_or_ended_is_refused() -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from hardware import ArmEvent, FrameSent, NotActive
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.errors import DriverFailed, PortLost, PortStalled, StaleGeneration, WriteRefused
 from hardware.link.timed_link import TimedLink
 from tests.support.arms.write_guard_rig import HOME, Rig, degrees
@@ -147,7 +147,7 @@ def test_an_observer_of_a_frame_may_hold_at_once() -> None:
 @pytest.mark.parametrize(
     "act",
     [Rig.claimed, lambda rig: rig.guard.release(rig.claim),
-     lambda rig: rig.guard.enable_acknowledgements(), lambda rig: rig.guard.close(),
+     lambda rig: rig.guard.send_start_commands(), lambda rig: rig.guard.close(),
      lambda rig: rig.guard.hold(), lambda rig: rig.write(degrees(1))],
     ids=["claim", "release", "enable", "close", "hold", "write"],
 )  # fmt: skip
@@ -175,7 +175,7 @@ def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object
 @pytest.mark.parametrize(
     "act",
     [Rig.claimed, lambda rig: rig.guard.release(rig.claim),
-     lambda rig: rig.guard.enable_acknowledgements(), lambda rig: rig.guard.hold(),
+     lambda rig: rig.guard.send_start_commands(), lambda rig: rig.guard.hold(),
      lambda rig: rig.write(degrees(1))],
     ids=["claim", "release", "enable", "hold", "write"],
 )  # fmt: skip
@@ -246,12 +246,12 @@ def test_slow_writes_overrun_no_board(frames: list[tuple[int, float, float]]) ->
 
 
 @pytest.mark.parametrize("error", [OSError("not ours"), NotActive("not by us"), SystemExit()])
-@pytest.mark.parametrize("act", [Rig.write, lambda rig, _: rig.guard.enable_acknowledgements()])
+@pytest.mark.parametrize("act", [Rig.write, lambda rig, _: rig.guard.send_start_commands()])
 def test_after_whatever_a_driver_raises_nothing_follows(
     act: Callable[[Rig, tuple[float, ...]], object], error: BaseException
 ) -> None:
     rig = Rig(FIRMWARES["armtree"])
-    rig.acknowledgements.receive(rig.link.read())
+    rig.session.receive(rig.link.read(), rig.clock.now())
     rig.write(degrees(1))
 
     def fail() -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings, strategies as st
 
 from hardware import Schedule, compile_schedule
-from hardware.drivers.arduino.serial_servo import ARMTREE, STOCK
+from hardware.drivers.arduino.firmware_profile import ARMTREE, STOCK
 from hardware.drivers.firmware_profile import Firmware
 from hardware.errors import JointTooFast, TooFast
 from tests.support.arms.write_guard_rig import HOME, Rig

@@ -25,14 +25,14 @@ import re
 import threading
 from dataclasses import dataclass
 
-from hardware import Firmware, Frame
+from hardware import BoardProtocol, Firmware, Frame
 
 MIDDLE, PER_RADIAN = 512, 100
 
 
 @dataclass(frozen=True)
 class Ticks:
-    firmwares = {"bus": Firmware("bus", 20.0, 0.0, 90, 1000, 0.0, b"")}
+    firmwares = {"bus": Firmware("bus", rate=20.0, max_step=90)}
 
     def wire(self, joint, lower, upper):
         table = joint.table("wire")
@@ -45,6 +45,9 @@ class Ticks:
 
     def wire_format(self, joints):
         return Format(joints)
+
+    def protocol(self, joints, firmware, robot_file):
+        return BoardProtocol()
 
     def link(self, joints, firmware, baud, port):
         return Bus(port)

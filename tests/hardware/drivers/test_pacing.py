@@ -6,10 +6,10 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.virtual.board import Board
-from hardware.drivers.driver import Frame
 from hardware.drivers.pacing import PacingModel, unread_bytes
+from hardware.drivers.wire_format import Frame
 
 BAUD = 115200
 LETTERS = "bsegtw"
@@ -31,11 +31,11 @@ def test_one_frame_waits_if_the_buffer_then_has_room_for_a_hold(ring: int, one_w
     pacing = PacingModel(firmware, BAUD, frame([90, 90, 90, 0]))
     assert pacing.earliest == pacing.done == -math.inf
     pacing.note_sent(frame([91, 90, 90, 0]), 1.0)
-    done = 1.0 + 20 * 10 / BAUD + 5 * firmware.degree_time + 4 * firmware.turn_time
+    done = 1.0 + 20 * 10 / BAUD + 5 * firmware.unit_time + 4 * firmware.turn_time
     assert pacing.done == pytest.approx(done)
     assert pacing.earliest == (-math.inf if one_waits else pacing.done)
     pacing.note_sent(frame([91, 90, 90, 3]), 1.01)
-    assert pacing.done == pytest.approx(done + 7 * firmware.degree_time + 4 * firmware.turn_time)
+    assert pacing.done == pytest.approx(done + 7 * firmware.unit_time + 4 * firmware.turn_time)
     assert pacing.earliest == (pytest.approx(done) if one_waits else pacing.done)
 
 

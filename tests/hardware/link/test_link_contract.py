@@ -4,7 +4,8 @@ import re
 
 import pytest
 
-from hardware import Firmware, Link
+from hardware import Link
+from hardware.drivers.arduino.firmware_profile import ArduinoFirmware
 from hardware.errors import PortLost
 from tests.support.command_line.virtual_shells import BAUD, BOOT, PATIENCE, Process, Shell
 
@@ -50,7 +51,7 @@ def test_the_line_has_the_speed_of_its_baud_rate(shell: Shell) -> None:
     assert shell.time() - began >= 2005 * 10 / BAUD * 0.99
 
 
-def test_close_and_open_again_resets_again(shell: Shell, firmware: Firmware) -> None:
+def test_close_and_open_again_resets_again(shell: Shell, firmware: ArduinoFirmware) -> None:
     shell.boot()
     shell.link.write(b"b080,s100,e095,g010,")
     shell.until(lambda state: state.servos == (80, 100, 95, 10))
@@ -69,7 +70,7 @@ def test_close_and_open_again_resets_again(shell: Shell, firmware: Firmware) -> 
     shell.until(lambda state: state.servos == (85, 90, 90, 0))
 
 
-def test_only_armtree_firmware_sends_anything(shell: Shell, firmware: Firmware) -> None:
+def test_only_armtree_firmware_sends_anything(shell: Shell, firmware: ArduinoFirmware) -> None:
     shell.open()
     shell.listen()
     shell.booted()

@@ -13,7 +13,7 @@ from hardware import (
     load_robot,
     virtual_board,
 )
-from hardware.arm.acknowledgements import Acknowledgements
+from hardware.arm.board_session import BoardSession
 from hardware.arm.events import Observer
 from hardware.arm.interfaces import Claim
 from hardware.arm.write_guard import WriteGuard
@@ -62,14 +62,14 @@ class Rig:
         self.then: Observer = lambda _: None
         self.events: list[ArmEvent] = []
         self.wait(2.0)
-        self.acknowledgements = Acknowledgements(self.robot)
+        self.session = BoardSession(self.robot.protocol())
         self.guard = WriteGuard(
             self.robot,
             self.link,
             self.clock,
             lambda: self.active,
             self.tell,
-            self.acknowledgements,
+            self.session,
             self.robot.boot_pose,
         )
         self.claim = self.claimed()

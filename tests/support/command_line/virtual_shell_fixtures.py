@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from hardware import Firmware, SimulatedClock
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from tests.avr import rig
 from tests.support.command_line.virtual_shells import Avr, InProcess, Port, Process, Shell, quick
 

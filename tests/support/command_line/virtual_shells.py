@@ -5,7 +5,7 @@ from collections.abc import Callable
 from threading import Thread
 
 from hardware import BoardLink, Clock, Firmware, Link, RealClock, SerialLink, SimulatedClock
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.virtual.arduino import VirtualArduino, VirtualLink
 from hardware.drivers.arduino.virtual.board import Board, BoardState
 from tests.avr.rig import AvrArduino, Built

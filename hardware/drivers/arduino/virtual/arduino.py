@@ -10,6 +10,7 @@ import tty
 from dataclasses import asdict
 from typing import Any
 
+from hardware.drivers.arduino.firmware_profile import ArduinoFirmware
 from hardware.drivers.firmware_profile import Firmware
 from hardware.errors import LinkError, PortLost
 from hardware.link.serial_link import SerialLink
@@ -41,6 +42,7 @@ class VirtualArduino:
         self.port = os.ttyname(slave)
         # The master can detect a client only while no slave is open here.
         os.close(slave)
+        assert isinstance(firmware, ArduinoFirmware)
         profile = {**asdict(firmware), "banner": firmware.banner.decode("latin-1")}
         board = json.dumps([letters, boot_angles, profile, baud])
         # In its own session, so that Ctrl-C at the terminal does not reach it.

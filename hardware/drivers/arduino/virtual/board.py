@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from hardware.drivers.arduino.firmware_profile import ArduinoFirmware
 from hardware.drivers.firmware_profile import Firmware
 from hardware.link.link import BITS_PER_BYTE
 
@@ -81,6 +82,7 @@ class Board:
     def __init__(
         self, letters: str, boot_angles: Sequence[int], firmware: Firmware, baud: int
     ) -> None:
+        assert isinstance(firmware, ArduinoFirmware)
         self._letters, self._boot_angles = letters, tuple(boot_angles)
         self._firmware = firmware
         self._byte_time = BITS_PER_BYTE / baud
@@ -106,7 +108,7 @@ class Board:
         self._ready = ready
         firmware = self._firmware
         self._program: Program
-        if firmware.degree_time:
+        if firmware.unit_time:
             angles = held or self._boot_angles
             self._program = StockSketch(self._letters, angles, firmware, ready)
         else:

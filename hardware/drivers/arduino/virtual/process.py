@@ -13,7 +13,7 @@ import sys
 from dataclasses import asdict
 
 from hardware.clock import RealClock
-from hardware.drivers.firmware_profile import Firmware
+from hardware.drivers.arduino.firmware_profile import ArduinoFirmware
 
 from .board import Board
 
@@ -98,7 +98,8 @@ def main() -> None:
     master, board = sys.argv[1:]
     letters, angles, firmware, baud = json.loads(board)
     firmware["banner"] = firmware["banner"].encode("latin-1")
-    _Server(Board(letters, angles, Firmware(**firmware), baud), int(master)).run()
+    profile = ArduinoFirmware(**firmware)
+    _Server(Board(letters, angles, profile, baud), int(master)).run()
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hardware.drivers.firmware_profile import Firmware
+from hardware.drivers.arduino.firmware_profile import ArduinoFirmware
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class StockSketch:
     held = None
 
     def __init__(
-        self, letters: str, angles: Sequence[int], firmware: Firmware, began: float
+        self, letters: str, angles: Sequence[int], firmware: ArduinoFirmware, began: float
     ) -> None:
         self.lost = 0
         self._firmware = firmware
@@ -76,7 +76,7 @@ class StockSketch:
             if field := self._parser.feed(byte):
                 servo, goal = field
                 began = self._free + self._firmware.turn_time
-                turn = _Turn(servo, self._angles[servo], goal, began, self._firmware.degree_time)
+                turn = _Turn(servo, self._angles[servo], goal, began, self._firmware.unit_time)
                 self._turn, self._free = turn, turn.end
                 self._angles[servo] = _written(goal)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hardware import RealClock, SerialLink
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.virtual.board import Board
 from tests.avr import rig
 from tests.avr.rig import BAUD, BOOT, TASKS, AvrArduino, AvrBoard, Built, MakeBoard, at, frame
@@ -62,11 +62,11 @@ def test_bytes_during_the_boot_are_lost_and_the_pins_are_idle(
 def modelled(
     sent: list[tuple[float, bytes]],
     end: float,
-    degree_time: float = DEGREE_TIME,
+    unit_time: float = DEGREE_TIME,
     turn_time: float = TURN_TIME,
 ) -> tuple[object, ...]:
     profile = dataclasses.replace(
-        FIRMWARES["stock"], boot_time=0.0, degree_time=degree_time, turn_time=turn_time
+        FIRMWARES["stock"], boot_time=0.0, unit_time=unit_time, turn_time=turn_time
     )
     model = Board("bseg", BOOT, profile, BAUD)
     for when, data in sent:

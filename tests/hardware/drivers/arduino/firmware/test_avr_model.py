@@ -8,11 +8,11 @@ import random
 import pytest
 
 from hardware import load_robot
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.frames import Codec
-from hardware.drivers.arduino.serial_servo import FIRMWARES
 from hardware.drivers.arduino.virtual.board import Board
-from hardware.drivers.driver import Frame
 from hardware.drivers.pacing import PacingModel
+from hardware.drivers.wire_format import Frame
 from tests.avr import rig
 from tests.avr.rig import BAUD, BOOT, MakeBoard, frame
 from tests.support.arms.frame_damage import damaged
@@ -113,7 +113,7 @@ def test_no_schedule_and_no_stop_overruns_the_sketch(board: MakeBoard) -> None:
     [
         ({}, 16, False),
         ({}, 1, False),
-        ({"degree_time": 0.005}, 16, True),
+        ({"unit_time": 0.005}, 16, True),
         ({"turn_time": 0}, 1, True),
     ],
 )

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from hardware import Arm, ArmEvent, Faulted, LinkError, RealClock, SerialLink, State, StateChanged
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.virtual.arduino import VirtualArduino, VirtualLink
 from hardware.drivers.arduino.virtual.board import BoardState
 from hardware.errors import PortMissing

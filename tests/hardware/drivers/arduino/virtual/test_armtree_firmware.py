@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from hardware import BoardLink, SimulatedClock
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.virtual.board import Board
 from tests.avr.rig import frame
 from tests.support.arms.frame_damage import CORRUPTIONS, Corruptions, pieces, spelled

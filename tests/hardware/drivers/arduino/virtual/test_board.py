@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 from hypothesis import given, strategies as st
 
-from hardware.drivers.arduino.serial_servo import FIRMWARES
+from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.virtual.board import Board
 
 STOCK, OURS = FIRMWARES["stock"], FIRMWARES["armtree"]
@@ -103,7 +103,7 @@ def test_an_unpadded_frame_keeps_the_board_busy_for_seconds() -> None:
 def test_the_service_time(frame: bytes, servos: tuple[int, ...], steps: int) -> None:
     """A byte after a frame is read when the frame is done, and not before."""
     seconds = STOCK.service_time(BOOT, servos)
-    assert seconds == pytest.approx(steps * STOCK.degree_time + 4 * STOCK.turn_time)
+    assert seconds == pytest.approx(steps * STOCK.unit_time + 4 * STOCK.turn_time)
     done = 5 * BYTE + seconds  # the first servo turns when its comma is there
     board = booted()
     board.receive(frame + b"g180,", 0.0)
@@ -112,7 +112,7 @@ def test_the_service_time(frame: bytes, servos: tuple[int, ...], steps: int) -> 
 
 
 def test_the_worst_service_time() -> None:
-    longest = 724 * STOCK.degree_time + 4 * STOCK.turn_time
+    longest = 724 * STOCK.unit_time + 4 * STOCK.turn_time
     assert STOCK.service_time((0,) * 4, (180,) * 4) == pytest.approx(longest)
     assert OURS.service_time((0,) * 4, (180,) * 4) == 0
 

@@ -1,0 +1,74 @@
+"""The protocol of a board during one connection, shared by the threads of the arm."""
+
+import threading
+
+from hardware.drivers.board_protocol import BoardProtocol
+from hardware.drivers.wire_format import Frame
+
+
+class BoardSession:
+    """The protocol of a board since the port was opened, and the frames sent. Thread-safe.
+
+    Args:
+        protocol: The protocol, which nothing else uses.
+
+    Attributes:
+        sent: Number of frames sent.
+    """
+
+    def __init__(self, protocol: BoardProtocol) -> None:
+        self._protocol = protocol
+        self._lock = threading.RLock()  # a signal handler may stop the arm
+        self.sent = 0
+
+    @property
+    def boot_frame(self) -> Frame | None:
+        """Frame of the pose that the board reported, or None before that."""
+        return self._protocol.boot_frame
+
+    @property
+    def acknowledged(self) -> int:
+        """Number of frames that the board has received; all sent frames if it reports none."""
+        with self._lock:
+            acknowledged = self._protocol.acknowledged
+            return self.sent if acknowledged is None else acknowledged
+
+    def all_acknowledged(self) -> bool:
+        """Return whether the board has received every frame that was sent."""
+        return self.acknowledged == self.sent
+
+    @property
+    def free_at(self) -> float:
+        """Earliest time of the next frame [s]."""
+        return self._protocol.free_at
+
+    @property
+    def next_poll(self) -> float:
+        """Time of the next `poll` [s]; inf for none."""
+        return self._protocol.next_poll
+
+    def check_booted(self, port: str, waited: float) -> None:
+        """Check that the board has reported what it must. See `BoardProtocol`."""
+        with self._lock:
+            self._protocol.check_booted(port, waited)
+
+    def start_commands(self) -> bytes:
+        """Return bytes that are sent once, when the arm becomes active."""
+        with self._lock:
+            return self._protocol.start_commands()
+
+    def note_sent(self, frame: Frame, now: float) -> None:
+        """Count a frame that is about to be sent."""
+        with self._lock:
+            self.sent += 1
+            self._protocol.note_sent(frame, now)
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Process received bytes. Raises what the protocol raises."""
+        with self._lock:
+            self._protocol.receive(data, now)
+
+    def poll(self, now: float) -> bytes:
+        """Return a request to send now, or no bytes. Raises what the protocol raises."""
+        with self._lock:
+            return self._protocol.poll(now) if now >= self._protocol.next_poll else b""
