@@ -117,18 +117,21 @@ class SerialLink:
 
 
 def _send(handle: int, data: bytes) -> None:
-    """Write all bytes. `write` of pyserial would time out on a busy machine after a success."""
+    """Write all bytes. `write` of pyserial would time out on a busy machine after a success.
+
+    After the deadline nothing is tried again, because the arm may be deactivated by then.
+    """
     writable, clock = select.poll(), RealClock()
     writable.register(handle, select.POLLOUT)
-    left, until = memoryview(data), clock.now() + WRITE_TIMEOUT
+    left, patience = memoryview(data), WRITE_TIMEOUT
+    until = clock.now() + patience
     while left:
-        patience, sent = until - clock.now(), 0
-        if writable.poll(max(0.0, 1000 * patience)):
-            with contextlib.suppress(BlockingIOError):
-                sent = os.write(handle, left)
-        if patience <= 0 and not sent:
+        if patience <= 0:
             raise TimeoutError
-        left = left[sent:]
+        if writable.poll(1000 * patience):
+            with contextlib.suppress(BlockingIOError):
+                left = left[os.write(handle, left) :]
+        patience = until - clock.now()
 
 
 def _empty(port: serial.Serial, discard: bool) -> None:

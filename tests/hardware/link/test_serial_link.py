@@ -14,8 +14,9 @@ from pathlib import Path
 import pytest
 import serial
 
-from hardware import LinkError, SerialLink
+from hardware import LinkError, RealClock, SerialLink
 from hardware.errors import PortBusy, PortDenied, PortLost, PortMissing, PortStalled
+from hardware.link import serial_link
 from hardware.link.serial_ports import owner_of
 from tests.support.arms.hardware_rigs import Pty, open_files
 from tests.support.paths import ROOT
@@ -273,6 +274,36 @@ def test_a_write_delayed_after_its_end_is_not_stuck(
     link.write(FRAME)
     link.close()
     assert line.drain() == FRAME
+
+
+@pytest.mark.parametrize("taken", [0, 1])
+def test_a_slow_call_is_not_repeated_after_the_deadline(
+    line: Pty, monkeypatch: pytest.MonkeyPatch, taken: int
+) -> None:
+    """The arm may have been deactivated by then, and nothing may be sent any more."""
+    seconds, begins = 0.0, list[float]()
+
+    class Clock(RealClock):
+        def now(self) -> float:
+            return seconds
+
+    def write(handle: int, data: bytes) -> int:
+        nonlocal seconds
+        begins.append(seconds)
+        seconds += 0.15
+        if not taken:
+            raise BlockingIOError
+        return taken
+
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    with monkeypatch.context() as patch:
+        patch.setattr(serial_link, "RealClock", Clock)
+        patch.setattr(os, "write", write)
+        with pytest.raises(PortStalled):
+            link.write(FRAME)
+    link.close()
+    assert begins == [0.0, 0.15]
 
 
 def write_on(link: SerialLink) -> LinkError:
