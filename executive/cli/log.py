@@ -8,6 +8,7 @@ import click
 
 from executive.api.codes import DIFFERS, look_up
 
+from .support.command_group import CommandGroup
 from .support.failures import for_each, print_incomplete
 from .support.names import RECORDING
 from .support.options import DRAWING
@@ -29,7 +30,7 @@ _FILES = click.argument(
 )
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def log() -> None:
     """List, show, compare, draw, recover and delete recordings."""
 

@@ -16,19 +16,28 @@ from .replay import replay
 from .run import run
 from .serve import serve
 from .server_commands import COMMANDS as SERVER_COMMANDS
+from .support.command_group import CommandGroup, Diagnostics
 from .support.failures import print_error
 from .support.process_end import forbid_exit
 from .tasks import COMMANDS as TASK_COMMANDS
-from .terminal.streams import LogFormatter, echo, open_closed_streams
+from .terminal.streams import echo, open_closed_streams
 
-COMMANDS = (run, serve, doctor, config, plan, replay, log, *TASK_COMMANDS, *SERVER_COMMANDS)
+SECTIONS = {
+    "Run and move": (run, plan),
+    "Tasks": TASK_COMMANDS,
+    "Server": (serve, *SERVER_COMMANDS),
+    "Recordings": (replay, log),
+    "Robot and board": (doctor, config),
+}
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=CommandGroup,
+    sections=SECTIONS,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(package_name="armtree")
-@click.option("-v", "--verbose", is_flag=True, help="Print the log to standard error.")
-@click.option("--debug", is_flag=True, help="Print the traceback of an error.")
-def cli(verbose: bool, debug: bool) -> None:
+def cli() -> None:
     """Run numbered tasks on a small robot arm.
 
     \b
@@ -42,30 +51,25 @@ def cli(verbose: bool, debug: bool) -> None:
       0 done                   8 timed out
       1 a bug in armtree       9 port busy
       2 wrong usage           10 recording incomplete
-      3 invalid file          11 the task failed by its own tree
+      3 invalid file          11 the task's tree failed
       4 goal rejected         12 a replay differs
       5 planning failed       13 no server, or it ended
-      6 hardware fault       130 Ctrl-C before a goal started, or a second Ctrl-C
-      7 canceled             141 the reader of the output ended
+      6 hardware fault       130 ended by Ctrl-C
+      7 canceled             141 its reader ended
     """  # noqa: D301
     root = logging.getLogger()
     root.setLevel(logging.INFO)
-    root.addHandler(logging.StreamHandler(sys.stderr) if verbose else logging.NullHandler())
-    root.handlers[-1].setFormatter(LogFormatter("%(levelname)s %(name)s: %(message)s"))
+    root.addHandler(logging.NullHandler())
     logging.getLogger("transitions").setLevel(logging.WARNING)
-
-
-for command in COMMANDS:
-    cli.add_command(command)
 
 
 def main() -> None:
     """Entry point of `armtree`."""
     open_closed_streams()
     forbid_exit()
-    output = sys.stdout
+    output, wanted = sys.stdout, Diagnostics()
     try:
-        cli.main(prog_name="armtree", standalone_mode=False)
+        cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)
     except click.ClickException as error:
         error.show(shown := io.StringIO())
         echo(shown.getvalue(), err=True, nl=False)
@@ -77,6 +81,6 @@ def main() -> None:
             sys.exit(READER_ENDED_EXIT)
         raise
     except Exception as error:
-        if "--debug" in sys.argv:
+        if wanted.debug:
             raise
         sys.exit(print_error(error))

@@ -62,10 +62,11 @@ def plan(
     The explanation says which limits set the duration. GOAL is one of:
 
     \b
-      JOINT=VALUE, JOINT+=CHANGE   joints; the others do not move
-      POSE                         a pose of poses.yaml
-      X Y Z                        a point for the tool
-      TASK                         a task: all motions that are known before a run
+      JOINT=VALUE     a joint; the others do not move
+      JOINT+=CHANGE   a joint, counted from the start
+      POSE            a pose of poses.yaml
+      X Y Z           a point for the tool
+      TASK            a task: all motions known before a run
 
     Numbers without a unit are in rad and m. Joints and poses can be combined. A word that names a
     pose and a task is the pose.

@@ -9,6 +9,7 @@ import click
 
 from executive.api.codes import DIFFERS, look_up
 
+from .support.command_group import diagnostics
 from .support.failures import print_incomplete
 from .support.names import RECORDING
 from .support.settings import ABOVE_0, AT_LEAST_0, option
@@ -81,12 +82,11 @@ def replay(
         return
     if len(recordings) > 1:
         raise click.UsageError("--watch and --on need exactly one recording")
-    verbose = click.get_current_context().find_root().params["verbose"]
     if port is None:
         from .terminal.player import play
         from .terminal.view import view_for
 
-        play(recordings[0], speed, at, view_for(as_json, verbose))
+        play(recordings[0], speed, at, view_for(as_json, diagnostics().verbose))
         sys.exit(print_incomplete(recordings[0]))
     if speed > 1:
         why = "the motion was timed to the limits of the joints; at most 1, or faster with --watch"
@@ -108,7 +108,7 @@ def replay(
             single_user=True,
         )
         task = write_replay_task(recordings[0], speed, setup.load_robot(), Path(trees))
-        outcomes = execute(setup, [task], as_json=as_json, verbose=verbose)
+        outcomes = execute(setup, [task], as_json=as_json, verbose=diagnostics().verbose)
     sys.exit(look_up(outcomes[-1].code).exit_status)
 
 

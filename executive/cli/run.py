@@ -7,6 +7,7 @@ import click
 
 from executive.api.codes import look_up
 
+from .support.command_group import diagnostics
 from .support.names import TASK
 from .support.options import load_library, run_options, set_option, source_options
 
@@ -40,6 +41,5 @@ def run(
     robot, library = load_library(options["trees"], options.pop("robot"))
     numbers = [library.number(task) for task in tasks]
     setup = Setup(**options, robot=robot, reload=False, single_user=True)
-    verbose = click.get_current_context().find_root().params["verbose"]
-    outcomes = execute(setup, numbers, settings, as_json, verbose)
+    outcomes = execute(setup, numbers, settings, as_json, diagnostics().verbose)
     sys.exit(look_up(outcomes[-1].code).exit_status)

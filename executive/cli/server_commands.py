@@ -11,6 +11,7 @@ import click
 
 from executive.api.codes import look_up
 
+from .support.command_group import diagnostics
 from .support.names import TASK
 from .support.options import pose_option, set_option
 from .support.settings import find_setting, option
@@ -56,10 +57,6 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
     return command
 
 
-def _verbose() -> bool:
-    return bool(click.get_current_context().find_root().params["verbose"])
-
-
 @click.command()
 @click.argument("task", type=TASK)
 @click.option("--wait", is_flag=True, help="Show the run until it ends. Ctrl-C cancels it.")
@@ -85,7 +82,7 @@ def send(
     from .support.server_requests import parameters, send_and_wait
 
     if wait or deadman:
-        outcome = send_and_wait(client, task, settings, deadman, as_json, _verbose())
+        outcome = send_and_wait(client, task, settings, deadman, as_json, diagnostics().verbose)
         sys.exit(look_up(outcome.code).exit_status)
     goal_id = client.send(task, parameters(settings))
     echo(json.dumps({"goal_id": goal_id}) if as_json else goal_id)
@@ -136,7 +133,7 @@ def watch(client: "Client", as_json: bool) -> None:
     """Show everything that a server does, until Ctrl-C. Goals are not affected."""
     from .support.server_requests import watch as watch_server
 
-    watch_server(client, as_json, _verbose())
+    watch_server(client, as_json, diagnostics().verbose)
 
 
 @click.command()

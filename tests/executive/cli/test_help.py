@@ -1,0 +1,79 @@
+"""The help of every command, at every width; and the options that every command takes."""
+
+import logging
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from executive.cli.main import cli
+from tests.support.command_line.typed import typed
+from trees import UnknownTask
+
+
+def commands(group: click.Group, *before: str) -> Iterator[tuple[str, ...]]:
+    """Yield the names of a group's commands, those of groups within it too."""
+    for name, command in group.commands.items():
+        yield (*before, name)
+        if isinstance(command, click.Group):
+            yield from commands(command, *before, name)
+
+
+COMMANDS = [(), *commands(cli)]
+
+
+def help_of(*words: str) -> str:
+    result = CliRunner().invoke(cli, [*words, "--help"])
+    assert result.exit_code == 0
+    return result.output
+
+
+@pytest.mark.parametrize("width", ["60", "80", "200"])
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_no_line_of_the_help_is_cut(
+    words: tuple[str, ...], width: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", width)
+    _, text, _ = typed(tmp_path, *words, "--help")
+    cut = [line for line in text.splitlines() if re.search(r"[a-z]\.\.\.$", line)]
+    assert [line for line in text.splitlines() if len(line) > int(width)] + cut == []
+
+
+def test_every_command_is_in_one_section() -> None:
+    _, *sections = help_of().partition("Options:")[2].split("\n\n")
+    titles = [section.splitlines()[0] for section in sections]
+    assert titles == ["Run and move:", "Tasks:", "Server:", "Recordings:", "Robot and board:"]
+    lines = [line for section in sections for line in section.splitlines()[1:]]
+    assert sorted(re.findall(r"^  (\S+)", "\n".join(lines), re.M)) == sorted(cli.commands)
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_every_command_takes_verbose_and_debug(words: tuple[str, ...]) -> None:
+    text = help_of(*words)
+    assert "--verbose" in text
+    assert "--debug" in text
+
+
+@pytest.mark.parametrize("words", [("--debug", "show", "99"), ("show", "99", "--debug")])
+def test_debug_raises_the_error_wherever_it_is(words: tuple[str, ...], tmp_path: Path) -> None:
+    with pytest.raises(UnknownTask):
+        typed(tmp_path, *words)
+    status, _, errors = typed(tmp_path, "show", "99")
+    assert status == UnknownTask.exit_status
+    assert errors.count("\n") == 1
+
+
+@pytest.mark.parametrize("words", [("-v", "check"), ("check", "--verbose"), ("-v", "check", "-v")])
+def test_the_log_is_printed_wherever_verbose_is(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def load_skills(_: object) -> list[str]:
+        logging.getLogger("armtree").info("a line")
+        return []
+
+    monkeypatch.setattr("trees.compile.plugins.load_skills", load_skills)
+    assert typed(tmp_path, *words, "no.yaml")[2].count("INFO armtree: a line\n") == 1
+    assert "a line" not in typed(tmp_path, "check", "no.yaml")[2]
