@@ -10,8 +10,8 @@ from click.core import ParameterSource
 
 from executive.api.codes import look_up
 
+from .support.names import load_library
 from .support.options import (
-    load_library,
     port_option,
     recordings_option,
     robot_option,

@@ -2,12 +2,14 @@
 
 import io
 import logging
+import os
 import sys
 
 import click
 
 from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 
+from .completion import VARIABLE, completion
 from .config import config
 from .doctor import doctor
 from .log import log
@@ -20,14 +22,15 @@ from .support.command_group import CommandGroup, Diagnostics
 from .support.failures import print_error
 from .support.process_end import forbid_exit
 from .tasks import COMMANDS as TASK_COMMANDS
-from .terminal.streams import echo, open_closed_streams
+from .terminal.streams import discard, echo, open_closed_streams
 
 SECTIONS = {
     "Run and move": (run, plan),
     "Tasks": TASK_COMMANDS,
     "Server": (serve, *SERVER_COMMANDS),
     "Recordings": (replay, log),
-    "Robot and board": (doctor, config),
+    "Robot and board": (doctor,),
+    "Settings": (config, completion),
 }
 
 
@@ -68,6 +71,8 @@ def main() -> None:
     open_closed_streams()
     forbid_exit()
     output, wanted = sys.stdout, Diagnostics()
+    if VARIABLE in os.environ:
+        discard(sys.stderr)  # a shell would print it into the line that is being typed
     try:
         cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)
     except click.ClickException as error:

@@ -4,19 +4,20 @@ from pathlib import Path
 
 import click
 
-from .support.options import DRAWING, load_library, robot_option, trees_option
+from .support.names import complete_goal, load_library
+from .support.options import DRAWING, robot_option, trees_option
 from .support.settings import option
 from .terminal.streams import echo
 
 
 @click.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
-@click.argument("goal", metavar="GOAL...", nargs=-1, required=True)
+@click.argument("goal", metavar="GOAL...", nargs=-1, required=True, shell_complete=complete_goal)
 @robot_option
 @trees_option
 @click.option(
     "--start",
     multiple=True,
-    help="Start, written like GOAL but no task, in quotes. Default: that of the robot file.",
+    help="Start, written like GOAL but no task, in quotes. Default: boot pose.",
 )
 @click.option(
     "--via",

@@ -11,7 +11,7 @@ from executive.api.codes import DIFFERS, look_up
 
 from .support.command_group import diagnostics
 from .support.failures import print_incomplete
-from .support.names import RECORDING
+from .support.names import RECORDING, complete_port
 from .support.settings import ABOVE_0, AT_LEAST_0, option
 from .terminal.streams import echo
 
@@ -23,7 +23,11 @@ from .terminal.streams import echo
 )
 @click.option("--watch", is_flag=True, help="Show the run as it was shown, without an arm.")
 @click.option(
-    "--on", "port", metavar="PORT", help="Send the frames again: a serial port, or virtual."
+    "--on",
+    "port",
+    metavar="PORT",
+    shell_complete=complete_port,
+    help="Send the frames again: a serial port, or virtual.",
 )
 @click.option(
     "--speed",

@@ -8,8 +8,8 @@ import click
 from executive.api.codes import look_up
 
 from .support.command_group import diagnostics
-from .support.names import TASK
-from .support.options import load_library, run_options, set_option, source_options
+from .support.names import TASK, load_library
+from .support.options import run_options, set_option, source_options
 
 
 @click.command()

@@ -12,7 +12,7 @@ import click
 from executive.api.codes import look_up
 
 from .support.command_group import diagnostics
-from .support.names import TASK
+from .support.names import TASK, complete_node
 from .support.options import pose_option, set_option
 from .support.settings import find_setting, option
 from .terminal.streams import echo
@@ -191,7 +191,7 @@ def step(client: "Client", as_json: bool, goal_id: str) -> None:
 
 
 @click.command("break")
-@click.argument("node", required=False)
+@click.argument("node", required=False, shell_complete=complete_node)
 @click.option("--off", is_flag=True, help="Remove the breakpoint.")
 @_with_client
 def break_at(client: "Client", as_json: bool, node: str | None, off: bool) -> None:

@@ -12,9 +12,8 @@ from hardware.printable import printable
 from hardware.suggestions import plural
 
 from .support.failures import print_incomplete
-from .support.names import TASK_OR_RECORDING
+from .support.names import TASK_OR_RECORDING, load_library
 from .support.options import (
-    load_library,
     recordings_option,
     robot_option,
     skills_option,

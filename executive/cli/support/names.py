@@ -1,13 +1,127 @@
 """Arguments that name a task, a recording, a port or a node, and how a shell completes them."""
 
+from collections.abc import Callable, Iterable, Iterator
+from functools import wraps
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from .settings import find_setting
 
+if TYPE_CHECKING:
+    from hardware import Robot
+    from trees import Library
+
 _LARGEST = 2**31 - 1
+_SHOWN = 50  # recordings that are offered
+
+Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
+
+
+def completing(names: Callable[[click.Context, str], Iterable[tuple[str, str]]]) -> Complete:
+    """Return a function that completes a word.
+
+    An error offers nothing: a shell would print it into the line that is being typed.
+
+    Args:
+        names: Returns the names, each with its description, for a context and a word so far.
+    """
+
+    @wraps(names)
+    def complete(
+        context: click.Context, _parameter: click.Parameter, word: str
+    ) -> list[CompletionItem]:
+        try:
+            found = [pair for pair in names(context, word) if pair[0] and pair[0].startswith(word)]
+        except Exception:
+            return []
+        return [CompletionItem(name, help=about or None) for name, about in found]
+
+    return complete
+
+
+def load_library(trees: Path | None, robot: Path | None) -> "tuple[Robot, Library]":
+    """Return the robot of a robot file, and the library of its tasks.
+
+    Raises:
+        DescriptionError: The robot file or its URDF is wrong.
+        FileError: The folder of tasks cannot be read.
+    """
+    from hardware import load_robot
+    from trees import Library
+
+    loaded = load_robot(robot)
+    return loaded, Library(trees, loaded.name)
+
+
+def _chosen(context: click.Context) -> "tuple[Robot, Library]":
+    """Return what `load_library` does for the options before the word, or the settings."""
+    trees, robot = (
+        context.params.get(name) or find_setting(context, name)[0] for name in ("trees", "robot")
+    )
+    return load_library(trees, robot)
+
+
+@completing
+def complete_task(context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
+    """Complete the name of a task."""
+    for name, number in _chosen(context)[1].names().items():
+        yield name, f"task {number}"
+
+
+@completing
+def complete_pose(context: click.Context, _word: str) -> Iterable[tuple[str, str]]:
+    """Complete the name of a pose."""
+    return ((name, "pose") for name in _chosen(context)[1].poses()[0])
+
+
+@completing
+def complete_goal(context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
+    """Complete the name of a pose or of a task."""
+    _, library = _chosen(context)
+    yield from ((name, "pose") for name in library.poses()[0])
+    yield from ((name, f"task {number}") for name, number in library.names().items())
+
+
+@completing
+def complete_node(context: click.Context, word: str) -> Iterator[tuple[str, str]]:
+    """Complete the path of a node: first the name of its task, then what is in that task."""
+    robot, library = _chosen(context)
+    name, slash, _ = word.partition("/")
+    if not slash:
+        yield from ((each, "") for each in library.names())
+        return
+    from trees.check import compile_task
+    from trees.compile.node_paths import paths
+
+    root = compile_task(robot, library, library.number(name)).root
+    yield from ((path, "") for _, path in paths(root))
+
+
+@completing
+def complete_recording(context: click.Context, word: str) -> Iterator[tuple[str, str]]:
+    """Complete the name of a recording in the folder of recordings."""
+    from logs.reading.find import LATEST, runs
+
+    yield LATEST, "the last run"
+    if word.startswith(LATEST):
+        yield from ((f"{LATEST}:{name}", "") for name in _chosen(context)[1].names())
+    folder = find_setting(context, "recordings")[0]
+    yield from ((path.name, f"task {number}") for _, number, path in islice(runs(folder), _SHOWN))
+
+
+@completing
+def complete_port(_context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
+    """Complete the name of a serial port."""
+    from hardware import VIRTUAL, serial_ports
+
+    yield VIRTUAL, "the virtual board"
+    for port in serial_ports():
+        yield port.device, port.name
+        yield port.by_id, port.name
 
 
 class TaskName(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4
@@ -27,6 +141,12 @@ class TaskName(click.ParamType):  # type: ignore[type-arg]  # generic since clic
             self.fail(why, param, ctx)
         return text
 
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete the name of a task."""
+        return complete_task(ctx, param, incomplete)
+
 
 class RecordingName(click.Path):
     """A recording: a file, `latest`, `latest:TASK`, or the beginning of the name of one."""
@@ -45,6 +165,13 @@ class RecordingName(click.Path):
         folder = find_setting(ctx or click.get_current_context(), "recordings")[0]
         return find_recording(str(value), folder)
 
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete a path, or the name of a recording."""
+        files: list[CompletionItem] = super().shell_complete(ctx, param, incomplete)
+        return [*files, *complete_recording(ctx, param, incomplete)]
+
 
 class TaskOrRecording(click.ParamType):  # type: ignore[type-arg]
     """A task or a recording."""
@@ -60,6 +187,13 @@ class TaskOrRecording(click.ParamType):  # type: ignore[type-arg]
         kind = RECORDING if is_recording_name(str(value)) else TASK
         found: int | str | Path = kind.convert(value, param, ctx)
         return found
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Complete the name of a task, a path, or the name of a recording."""
+        tasks = complete_task(ctx, param, incomplete)
+        return [*RECORDING.shell_complete(ctx, param, incomplete), *tasks]
 
 
 TASK_OR_RECORDING = TaskOrRecording()

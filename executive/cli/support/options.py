@@ -3,17 +3,14 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from executive.cli.terminal.streams import echo
 
+from .names import complete_port
 from .settings import F, option
-
-if TYPE_CHECKING:
-    from hardware import Robot
-    from trees import Library
 
 
 class Drawing(click.Path):
@@ -43,12 +40,12 @@ class Drawing(click.Path):
 DRAWING = Drawing()
 
 
-robot_option, port_option = option("robot"), option("port")
+robot_option, port_option = option("robot"), option("port", shell_complete=complete_port)
 pose_option = click.option(
     "--pose",
     type=click.Choice(["boot", "last"]),
-    help="Confirm the pose of the arm: that of the robot file (boot), or the last commanded one. "
-    "Needed if opening the port does not reset the board.",
+    help="Confirm the pose of the arm: the boot pose, or the last commanded one. Needed if opening "
+    "the port does not reset the board.",
 )
 recordings_option, trees_option = option("recordings"), option("trees")
 set_option = click.option(
@@ -60,22 +57,10 @@ set_option = click.option(
 )
 
 
-def load_library(trees: Path | None, robot: Path | None) -> "tuple[Robot, Library]":
-    """Return the robot of a robot file, and the library of its tasks.
-
-    Raises:
-        DescriptionError: The robot file or its URDF is wrong.
-        FileError: The folder of tasks cannot be read.
-    """
-    from hardware import load_robot
-    from trees import Library
-
-    loaded = load_robot(robot)
-    return loaded, Library(trees, loaded.name)
-
-
-def _load(_context: click.Context, _option: click.Parameter, folder: Path | None) -> None:
+def _load(context: click.Context, _option: click.Parameter, folder: Path | None) -> None:
     """Load the skills before the command runs; warn of broken ones."""
+    if context.resilient_parsing:  # a shell completes it
+        return
     from trees.compile.plugins import load_skills
 
     if folder is not None and not folder.is_dir():

@@ -7,6 +7,7 @@ default.
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -229,7 +230,8 @@ def configured(ctx: click.Context) -> Mapping[str, Configured]:
     if __name__ not in ctx.meta:
         ctx.meta[__name__] = dict[str, Configured]()
         for path in reversed(files()):
-            ctx.meta[__name__] |= _read(path)
+            with suppress(BadConfiguration) if ctx.resilient_parsing else nullcontext():
+                ctx.meta[__name__] |= _read(path)
     found: Mapping[str, Configured] = ctx.meta[__name__]
     return found
 
