@@ -17,7 +17,7 @@ from .terminal.streams import echo
 @click.option(
     "--start",
     multiple=True,
-    help="Start, written like GOAL but no task, in quotes. Default: boot pose.",
+    help="Start, written like GOAL but no task, in quotes. Default: that of the robot file.",
 )
 @click.option(
     "--via",

@@ -44,8 +44,8 @@ robot_option, port_option = option("robot"), option("port", shell_complete=compl
 pose_option = click.option(
     "--pose",
     type=click.Choice(["boot", "last"]),
-    help="Confirm the pose of the arm: the boot pose, or the last commanded one. Needed if opening "
-    "the port does not reset the board.",
+    help="Confirm the pose of the arm: that of the robot file (boot), or the last commanded one. "
+    "Needed if opening the port does not reset the board.",
 )
 recordings_option, trees_option = option("recordings"), option("trees")
 set_option = click.option(
