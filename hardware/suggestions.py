@@ -47,6 +47,11 @@ def _folded(name: str) -> str:
     return "".join(filter(str.isalnum, name)).lower() or name
 
 
+def did_you_mean(near: str) -> str:
+    """Return `; did you mean NEAR?`, or "" for an empty text."""
+    return f"; did you mean {near}?" if near else ""
+
+
 def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
     """Return `; did you mean NAME?`, or "" if no known name is similar.
 
@@ -55,8 +60,7 @@ def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> 
         known: The names to choose from.
         given: Names that are used already. They are not suggested.
     """
-    near = closest(word, [name for name in known if name not in given])
-    return f"; did you mean {near}?" if near else ""
+    return did_you_mean(closest(word, [name for name in known if name not in given]))
 
 
 def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from .errors import DescriptionError
 from .files import read_file
-from .suggestions import choices, closest, suggestion
+from .suggestions import choices, closest, did_you_mean, suggestion
 
 _HEADER = re.compile(r"\s*\[([\w.\-]+)\]\s*(?:#.*)?$")
 _MAX_BYTES = 256 * 1024
@@ -174,7 +174,7 @@ class TomlTable:
         """Reject a missing key, at the line of its misspelling if there is one."""
         misspelt = closest(key, [given for given in self._values if given not in self._known])
         if misspelt:
-            self.fail(misspelt, f"unknown key; did you mean {key}?")
+            self.fail(misspelt, "unknown key" + did_you_mean(key))
         self.fail(key, "is missing")
 
     def _full(self, key: str) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 import logs
 from executive.api.outcome import GoalState, GoalStatus, Outcome
 from hardware import ArmEvent, Clock, Robot, State
-from logs.writing.compactor import Compactor, compactor
+from logs.writing.compaction_process import CompactionProcess, shared_process
 from skills import Planned, SkillEvent
 from trees.build import Tree
 
@@ -69,7 +69,7 @@ class Recordings:
         self._configuration = configuration
         self._recorder: logs.Recorder | None = None
         self._server: logs.Recorder | None = None
-        self._compactor: Compactor | None = None
+        self._compaction: CompactionProcess | None = None
         self._finishers = ThreadPoolExecutor(_AT_ONCE, "recording")
         self._unfinished: deque[Future[None]] = deque()
         self._errors: list[logs.LogError] = []
@@ -86,7 +86,7 @@ class Recordings:
         Raises:
             LogError: It cannot be created.
         """
-        self._compactor = compactor()
+        self._compaction = shared_process()
         self._recorder = self._server = recorder = self._create(_SERVER)
         recorder.put(*self._setup(None), *self._early_lines(), self._arm_state(self._clock.now()))
 
@@ -171,7 +171,7 @@ class Recordings:
 
     def _finish(self, recorder: logs.Recorder) -> None:
         try:
-            recorder.close(self._compactor)
+            recorder.close(self._compaction)
         except logs.LogError as error:
             logger.error("%s", error)
             self._errors.append(error)

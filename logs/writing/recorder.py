@@ -26,7 +26,7 @@ from logs.records.records import Item, Sent
 from .compaction import Summary, rewrite
 
 if TYPE_CHECKING:
-    from .compactor import Compactor
+    from .compaction_process import CompactionProcess
     from .journal import Journal
 
 _log = logging.getLogger(__name__)
@@ -132,11 +132,11 @@ class Recorder:
         if cause := self._cause or (None if caught_up else TimeoutError("the disk is too slow")):
             raise RecordingIncomplete(self.path, None, cause)
 
-    def close(self, compactor: "Compactor | None" = None) -> Summary:
+    def close(self, compaction: "CompactionProcess | None" = None) -> Summary:
         """Write what is queued, and make the final recording.
 
         Args:
-            compactor: Process that makes the final recording; None to make it in this process.
+            compaction: Process that makes the final recording; None to make it in this process.
 
         Raises:
             DiskFull: The disk is full, but nothing is missing from the file.
@@ -148,7 +148,7 @@ class Recorder:
             self._ended.wait()
             if self._journal is not None:
                 self._finish(self._journal)
-            self._summary = self._compact(compactor)
+            self._summary = self._compact(compaction)
             with self._syncing:
                 os.close(self._file)
         if self._cause is not None:
@@ -245,10 +245,10 @@ class Recorder:
             return DiskFull(self.path, whole=True)
         return RecordingIncomplete(self.path, self._lost, cause, finished)
 
-    def _compact(self, compactor: "Compactor | None") -> Summary | None:
+    def _compact(self, compaction: "CompactionProcess | None") -> Summary | None:
         try:
-            if compactor:
-                return compactor.rewrite(self.path, self._file)
+            if compaction:
+                return compaction.rewrite(self.path, self._file)
             return rewrite(self.path)
         except (OSError, LogError) as cause:
             self._cause = self._cause or cause

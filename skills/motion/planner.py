@@ -36,9 +36,9 @@ from .path.bend import find_bend
 from .path.blend import blend
 from .path.curve import Curve
 from .path.motion_validator import MotionValidator
+from .path.motion_verification import verify_plan, verify_rows
 from .path.rrt_connect import RRTConnect
 from .path.shortcut import shortcut
-from .path.verify import verify_plan, verify_rows
 from .plan import Plan
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
 from .timing.remaining import check_rest, remaining_plan

@@ -12,6 +12,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
 from hardware import Robot
+from hardware.suggestions import did_you_mean
 from skills import Context, Skill, SkillBroken, SkillError, known_errors
 from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Mistake, Place
@@ -92,7 +93,7 @@ class SkillHooks:
         for fault in faults:
             (place, value), instead = _refused(leaf, fault), ""
             if value and (near := _in_smaller_unit(leaf, robot, inputs, fault)):
-                words = str(fault).removesuffix(meant := f"; did you mean {near}?")
+                words = str(fault).removesuffix(meant := did_you_mean(near))
                 fault.args = (words + meant,)  # a skill may raise the same object again
                 instead = _with_unit(value, near.split()[1])
             self._refuse(Refusal(leaf.skill, kind.__name__, fault, place, instead))

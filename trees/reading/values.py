@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from hardware.joints import DISPLAY_UNITS
-from hardware.suggestions import choices, closest, plural
+from hardware.suggestions import choices, closest, did_you_mean, plural
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
 
 from .document import REFUSED, Located, StandIn
@@ -76,7 +76,7 @@ def fit(
     if fitted is not None and (reason := _violation(fitted, wanted)):
         smaller = list(in_smaller_units(value.value, wanted.unit))
         near = [text for text, factor in smaller if not _violation(fitted * factor, wanted)]
-        meant = f"; did you mean {near[0]}?" if near else ""
+        meant = did_you_mean(near[0]) if near else ""
         wrong(
             value.place, f"{value} {wanted.unit if smaller else ''}".rstrip() + f" {reason}{meant}"
         )
@@ -131,7 +131,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
     elif isinstance(plain, str) and kind in UNITS and (found := _QUANTITY.fullmatch(plain)):
         if found[2] not in UNITS[kind]:
             there, near = ", ".join(sorted(UNITS[kind])), _unit(found[2], UNITS[kind])
-            meant = f"; did you mean {found[1]} {near}?" if near else ""
+            meant = did_you_mean(near and f"{found[1]} {near}")
             wrong(value.place, f"{value}: no unit {found[2]}; there are {there}{meant}")
             return None
         number = float(found[1]) * UNITS[kind][found[2]]

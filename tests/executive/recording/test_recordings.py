@@ -25,7 +25,7 @@ from logs.reading.file_state import being_written, is_complete
 from logs.views.narrative import narrative, overview
 from logs.views.run_figure import _outcome
 from logs.views.timeline import timeline
-from logs.writing.compactor import compactor
+from logs.writing.compaction_process import shared_process
 from logs.writing.journal import Journal
 from tests.conftest import RigMaker
 from tests.logs.test_run import fail
@@ -37,7 +37,7 @@ def test_another_process_finishes_the_recordings(
     server: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("logs.writing.recorder.rewrite", fail)
-    monkeypatch.setattr("logs.writing.compactor.rewrite", fail)
+    monkeypatch.setattr("logs.writing.compaction_process.rewrite", fail)
     arm = server()
     ran = [Path(run(arm, 1).recording) for _ in range(3)]
     arm.executive.close()
@@ -175,7 +175,7 @@ def test_goals_wait_if_too_many_recordings_are_unfinished(
 ) -> None:
     monkeypatch.setattr(recordings, "_UNFINISHED", 2)
     arm = server(policy=Policy.QUEUE)
-    pid = compactor().pid
+    pid = shared_process().pid
     os.kill(pid, signal.SIGSTOP)
     sent = [arm.executive.send(7).identity for _ in range(4)]  # there is no task 7
     third = arm.executive.result(sent[2])

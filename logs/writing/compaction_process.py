@@ -18,7 +18,7 @@ _BEHIND = 10  # niceness
 _PATH_BYTES = 4096
 
 
-class Compactor:
+class CompactionProcess:
     """A process that compacts recordings; it is started now, and again if it dies. Thread-safe.
 
     It has its own session, so Ctrl-C on the terminal does not reach it. It ends when this process
@@ -81,9 +81,9 @@ class Compactor:
 
 
 @cache
-def compactor() -> Compactor:
-    """Return the compactor that this process shares."""
-    return Compactor()
+def shared_process() -> CompactionProcess:
+    """Return the compaction process that everything in this process shares."""
+    return CompactionProcess()
 
 
 def _end(requests: socket.socket, process: "subprocess.Popen[bytes]") -> None:

@@ -1,4 +1,4 @@
-"""The compactor process: if any process dies, a journal or a finished recording is left."""
+"""The compaction process: if any process dies, a journal or a finished recording is left."""
 
 import fcntl
 import os
@@ -12,18 +12,18 @@ from pathlib import Path
 import pytest
 
 import logs
-import logs.writing.compactor
+import logs.writing.compaction_process
 from logs import Recorder, RecordingIncomplete, read
 from logs.reading.file_state import being_written, is_complete
-from logs.writing.compactor import Compactor
+from logs.writing.compaction_process import CompactionProcess
 from tests.logs.test_run import EPOCH_NS, fail
 from tests.logs.writing.test_recorder import sent
 from tests.support.paths import ROOT
 
 
 @pytest.fixture
-def compactor() -> Iterator[Compactor]:
-    made = Compactor()
+def shared_process() -> Iterator[CompactionProcess]:
+    made = CompactionProcess()
     yield made
     made.close()
 
@@ -36,18 +36,18 @@ def recorded(path: Path) -> Recorder:
 
 
 def test_the_recording_is_made_by_another_process(
-    tmp_path: Path, compactor: Compactor, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, compaction: CompactionProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(logs.writing.compactor, "rewrite", fail)
-    summary = recorded(tmp_path / "run.mcap").close(compactor)
+    monkeypatch.setattr(logs.writing.compaction_process, "rewrite", fail)
+    summary = recorded(tmp_path / "run.mcap").close(compaction)
     assert (summary.path, summary.messages, summary.whole) == (tmp_path / "run.mcap", 900, True)
     assert is_complete(summary.path, every_byte=True)
     assert not being_written(summary.path)
 
 
-def test_many_at_once(tmp_path: Path, compactor: Compactor) -> None:
+def test_many_at_once(tmp_path: Path, compaction: CompactionProcess) -> None:
     recorders = [recorded(tmp_path / f"{number}.mcap") for number in range(20)]
-    threads = [threading.Thread(target=each.close, args=(compactor,)) for each in recorders]
+    threads = [threading.Thread(target=each.close, args=(compaction,)) for each in recorders]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -56,29 +56,29 @@ def test_many_at_once(tmp_path: Path, compactor: Compactor) -> None:
 
 
 def test_if_the_process_was_killed_the_caller_compacts_and_a_new_one_starts(
-    tmp_path: Path, compactor: Compactor
+    tmp_path: Path, compaction: CompactionProcess
 ) -> None:
-    first = compactor.pid
+    first = compaction.pid
     os.kill(first, signal.SIGSTOP)
     recorder = recorded(tmp_path / "run.mcap")
-    closing = threading.Thread(target=recorder.close, args=(compactor,))
+    closing = threading.Thread(target=recorder.close, args=(compaction,))
     closing.start()
     os.kill(first, signal.SIGKILL)
     closing.join()
     assert is_complete(recorder.path, every_byte=True)
     after = recorded(tmp_path / "after.mcap")
-    after.close(compactor)
+    after.close(compaction)
     assert is_complete(after.path, every_byte=True)
-    assert compactor.pid != first
+    assert compaction.pid != first
 
 
 def test_a_failed_compaction_is_reported_by_the_caller(
-    tmp_path: Path, compactor: Compactor
+    tmp_path: Path, compaction: CompactionProcess
 ) -> None:
     recorder = recorded(tmp_path / "run.mcap")
     (tmp_path / "run.mcap.part").mkdir()  # the path of the partial copy
     with pytest.raises(RecordingIncomplete, match="Is a directory"):
-        recorder.close(compactor)
+        recorder.close(compaction)
     assert sum(1 for _ in read(recorder.path)) == 900
 
 
@@ -87,10 +87,10 @@ ASKER = """
 import os, signal, socket, sys
 from pathlib import Path
 from logs import Recorder, Sent
-from logs.writing.compactor import Compactor
+from logs.writing.compaction_process import CompactionProcess
 
-compactor = Compactor()
-os.kill(compactor.pid, signal.SIGSTOP)
+compaction = CompactionProcess()
+os.kill(compaction.pid, signal.SIGSTOP)
 recorder = Recorder(Path(sys.argv[1]), 10**18, print)
 for number in range(300):
     recorder.put(Sent(number / 100, b"%d," % number, None, False, (), ()))
@@ -98,10 +98,10 @@ send = socket.send_fds
 
 def reported(*what):
     send(*what)
-    print(compactor.pid, flush=True)
+    print(compaction.pid, flush=True)
 
 socket.send_fds = reported
-recorder.close(compactor)
+recorder.close(compaction)
 """
 
 
